@@ -1,0 +1,56 @@
+# make demo        the main job on built-in runs, and where its report is
+# make test        format, lint, types and all tests but the long ones
+# make test-long   the long tests
+# Everything is installed into .venv, again only when pyproject.toml changed.
+# Another interpreter: make PYTHON=python3.12 demo
+
+PYTHON ?= python3
+BIN := .venv/bin
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+
+.PHONY: demo test test-long lint format clean
+.DELETE_ON_ERROR:
+
+demo: .venv/installed
+	@$(BIN)/zerobeam demo
+
+test: lint
+	@$(BIN)/pytest -n auto --dist worksteal -m "not long"
+
+test-long: .venv/installed-test
+	@$(BIN)/pytest -m long
+
+# mypy wants to find the package under its name, and an editable install hides it: link the rooms.
+lint: .venv/installed-test
+	@$(BIN)/ruff check --quiet .
+	@$(BIN)/ruff format --quiet --check .
+	@rm -rf build/typing && mkdir -p build/typing/zerobeam
+	@for part in *.py py.typed $(dir $(wildcard */__init__.py)); do \
+		ln -s "$(CURDIR)/$${part%/}" build/typing/zerobeam/; done
+	@$(BIN)/mypy --no-error-summary -p zerobeam
+
+format: .venv/installed-test
+	@$(BIN)/ruff check --quiet --fix .
+	@$(BIN)/ruff format --quiet .
+
+clean:
+	rm -rf .venv build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
+
+.venv/bin/python:
+	@command -v "$(PYTHON)" >/dev/null || { \
+		echo "zerobeam needs Python 3.11 or later, but there is no '$(PYTHON)'." \
+		"Say which one: make PYTHON=/path/to/python3.11" >&2; exit 1; }
+	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+		echo "zerobeam needs Python 3.11 or later, but '$(PYTHON)' is $$("$(PYTHON)" --version 2>&1)." \
+		"Say which one: make PYTHON=/path/to/python3.11" >&2; exit 1; }
+	@"$(PYTHON)" -m venv .venv
+
+.venv/installed: pyproject.toml | .venv/bin/python
+	@echo "Installing zerobeam into .venv (once)…"
+	@$(PIP) --editable .
+	@touch $@
+
+.venv/installed-test: pyproject.toml | .venv/bin/python
+	@echo "Installing zerobeam and its test tools into .venv (once)…"
+	@$(PIP) --editable '.[test]'
+	@touch .venv/installed $@

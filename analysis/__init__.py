@@ -1,0 +1,1 @@
+"""What follows from the model: identifiability, fit, covariance, posterior, influence."""

@@ -1,0 +1,1 @@
+"""How shots come about: patterns, procedure, simulated cell, importers, built-in demo runs."""

@@ -1,0 +1,1 @@
+"""What is true: robot, tool, constraint, noise, parameters, plan, run, problem, kernel."""
