@@ -1,0 +1,71 @@
+"""The program's own exceptions: each says what was found, what is allowed and what to do next."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class ZerobeamError(Exception):
+    """Base of all errors that are told to a person in one message; `exit_status` is the command line's."""
+
+    exit_status = 2
+
+
+class BadInput(ZerobeamError):
+    """A file, an option or a value that cannot be used.
+
+    The message has one line a fact: where and what is wrong, what was found, what is allowed,
+    what to do. `file` and `line` (counted from 1) say where, if the input came from a file.
+    """
+
+    def __init__(
+        self,
+        what: str,
+        *,
+        found: object = None,
+        allowed: object = None,
+        remedy: str | None = None,
+        file: Path | str | None = None,
+        line: int | None = None,
+    ) -> None:
+        self.what = what
+        self.found = found
+        self.allowed = allowed
+        self.remedy = remedy
+        self.file = None if file is None else str(file)
+        self.line = line
+        super().__init__(self._message())
+
+    def at(self, file: Path | str, line: int | None) -> BadInput:
+        """The same error, said to stand in `file` at `line` unless it has a place already."""
+        if self.file is not None:
+            return self
+        return BadInput(
+            self.what, found=self.found, allowed=self.allowed, remedy=self.remedy, file=file, line=line
+        )
+
+    def _message(self) -> str:
+        where = ""
+        if self.file is not None:
+            where = self.file if self.line is None else f"{self.file}, line {self.line}"
+            where += ": "
+        parts = [f"{where}{self.what}"]
+        if self.found is not None:
+            parts.append(f"  found:   {self.found}")
+        if self.allowed is not None:
+            parts.append(f"  allowed: {self.allowed}")
+        if self.remedy is not None:
+            parts.append(f"  to do:   {self.remedy}")
+        return "\n".join(parts)
+
+
+class FitFailed(ZerobeamError):
+    """The estimation could not be carried out; nothing that it left behind may be read as a result."""
+
+    exit_status = 3
+
+
+class RigFault(ZerobeamError):
+    """The rig (controller, sensor or simulated cell) did not do what it was asked to."""
+
+    exit_status = 3

@@ -1,0 +1,145 @@
+"""A robot as a chain of fixed transforms and joint axes, and its forward kinematics.
+
+Whatever a robot was written in (standard DH, modified DH, URDF), inside it is one list:
+joint i sits behind the fixed transform `fixed` of the link before it and moves about
+(revolute) or along (prismatic) its unit `axis`; after the last joint comes the fixed
+transform `flange`. Angles are radians and lengths millimetres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+Matrix = NDArray[np.float64]
+JointKind = Literal["revolute", "prismatic"]
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """One joint: `fixed` (4, 4) goes before the motion, `axis` (3,) is its unit axis in its own frame.
+
+    `lower`, `upper` are rad or mm, `speed` is rad/s or mm/s (None where the robot file states none).
+    """
+
+    name: str
+    kind: JointKind
+    fixed: Matrix
+    axis: Matrix
+    lower: float
+    upper: float
+    speed: float | None = None
+
+    @property
+    def display(self) -> float:
+        """What one internal unit is in the unit that people read: degrees for rad, mm for mm."""
+        return float(np.degrees(1.0)) if self.kind == "revolute" else 1.0
+
+    @property
+    def unit(self) -> str:
+        return "deg" if self.kind == "revolute" else "mm"
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A serial arm of n joints from base to flange."""
+
+    name: str
+    joints: tuple[Joint, ...]
+    flange: Matrix
+
+    @property
+    def n(self) -> int:
+        return len(self.joints)
+
+    @property
+    def lower(self) -> Matrix:
+        return np.array([joint.lower for joint in self.joints])
+
+    @property
+    def upper(self) -> Matrix:
+        return np.array([joint.upper for joint in self.joints])
+
+    @property
+    def display(self) -> Matrix:
+        """(n,) degrees per radian for revolute joints, 1 for prismatic ones."""
+        return np.array([joint.display for joint in self.joints])
+
+    def flange_pose(self, theta: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """R (3, 3) and t (3, 1) mm of the flange in the base frame at the true joint positions (eq. 4).
+
+        `theta` is (n, 1), rad or mm: the recorded positions plus the offsets (eq. 3).
+        """
+        rotation, translation = ca.SX.eye(3), ca.SX.zeros(3)
+        for i, joint in enumerate(self.joints):
+            translation = translation + rotation @ joint.fixed[:3, 3]
+            rotation = rotation @ joint.fixed[:3, :3]
+            if joint.kind == "revolute":
+                rotation = rotation @ axis_rotation(joint.axis, theta[i])
+            else:
+                translation = translation + rotation @ (joint.axis * theta[i])
+        translation = translation + rotation @ self.flange[:3, 3]
+        return ca.sparsify(rotation @ self.flange[:3, :3]), translation
+
+
+def axis_rotation(axis: Matrix, angle: ca.SX) -> ca.SX:
+    """Rotation (3, 3) by `angle` (rad) about the unit `axis` (3,): Rodrigues' formula."""
+    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    along = np.outer(axis, axis)
+    return ca.sparsify(ca.SX(along) + ca.cos(angle) * ca.SX(np.eye(3) - along) + ca.sin(angle) * ca.SX(cross))
+
+
+def rotation_about(axis: Literal["x", "y", "z"], angle: float) -> Matrix:
+    """Homogeneous rotation (4, 4) by `angle` (rad) about a coordinate axis."""
+    i = "xyz".index(axis)
+    j, k = (i + 1) % 3, (i + 2) % 3
+    result = np.eye(4)
+    # Exact zeros and ones at multiples of 90 degrees keep the symbolic model free of 1e-17 terms.
+    cosine, sine = (round(v) if abs(v - round(v)) < 1e-12 else v for v in (np.cos(angle), np.sin(angle)))
+    result[j, j] = result[k, k] = cosine
+    result[j, k], result[k, j] = -sine, sine
+    return result
+
+
+def shift(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Matrix:
+    """Homogeneous translation (4, 4) in mm."""
+    result = np.eye(4)
+    result[:3, 3] = x, y, z
+    return result
+
+
+@dataclass(frozen=True)
+class DHRow:
+    """One Denavit-Hartenberg row: a, d in mm, alpha, theta in rad (theta is the joint's zero position)."""
+
+    a: float
+    alpha: float
+    d: float
+    theta: float
+
+
+def dh_chain(
+    rows: Sequence[DHRow], convention: Literal["standard", "modified"]
+) -> tuple[list[Matrix], Matrix]:
+    """Fixed transforms before each joint and the one after the last, all joints moving about or along z.
+
+    standard (eq. 1 of the paper): Rz(theta + q) Tz(d) Tx(a) Rx(alpha).
+    modified (Craig):              Rx(alpha) Tx(a) Rz(theta + q) Tz(d).
+    """
+    fixed: list[Matrix] = []
+    pending = np.eye(4)
+    for row in rows:
+        turn = rotation_about("z", row.theta) @ shift(z=row.d)
+        link = shift(x=row.a) @ rotation_about("x", row.alpha)
+        if convention == "standard":
+            fixed.append(pending)
+            pending = turn @ link
+        else:
+            fixed.append(pending @ link)
+            pending = turn
+    return fixed, pending

@@ -1,0 +1,77 @@
+"""Files that are written whole or not at all, and never over another one."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from pathlib import Path
+
+from .errors import BadInput
+
+
+def refuse_existing(path: Path) -> None:
+    """BadInput if something of this name is there, or if there is no folder to put it in."""
+    if path.exists() or path.is_symlink():
+        raise BadInput(
+            "the file exists already" if not path.is_dir() else "there is a folder of this name",
+            file=path,
+            remedy="choose another name, or move it away first: nothing is overwritten",
+        )
+    if not path.parent.is_dir():
+        raise BadInput(
+            "the folder to write into does not exist", found=path.parent, file=path, remedy="make it first"
+        )
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write text as UTF-8 beside `path`, bring it to the disk, then give it its name."""
+    refuse_existing(path)
+    try:
+        handle, aside = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(text.encode("utf-8"))
+                file.flush()
+                os.fsync(file.fileno())
+            os.chmod(aside, 0o666 & ~_umask())
+            _name(Path(aside), path)
+        finally:
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(aside)
+        sync_folder(path.parent)
+    except FileExistsError:
+        refuse_existing(path)
+        raise
+    except OSError as error:
+        raise BadInput(f"the file cannot be written: {error.strerror}", file=path) from None
+
+
+def _name(aside: Path, path: Path) -> None:
+    if os.name == "nt":
+        os.rename(aside, path)  # refuses a name that is taken
+        return
+    try:
+        os.link(aside, path)  # so does this; POSIX rename would overwrite
+    except FileExistsError:
+        raise
+    except OSError:  # a file system without hard links
+        refuse_existing(path)
+        os.rename(aside, path)
+
+
+def _umask() -> int:
+    mask = os.umask(0o077)
+    os.umask(mask)
+    return mask
+
+
+def sync_folder(folder: Path) -> None:
+    """Bring the folder's list of names to the disk, where the system can (Windows does it by itself)."""
+    if os.name == "nt":
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

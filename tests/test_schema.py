@@ -1,0 +1,58 @@
+import json
+
+import pytest
+
+from zerobeam.model.schema import SCHEMA_NAMES, json_schema
+
+UNITS = {
+    "_mm": "millimetres",
+    "_deg": "degrees",
+    "_s": "second",
+    "_deg_s": "degrees a second",
+    "_mm_s": "millimetres a second",
+}
+
+
+def properties(schema):
+    """(name, property) of every object in the schema."""
+    for part in (schema, *schema.get("$defs", {}).values()):
+        yield from part.get("properties", {}).items()
+
+
+@pytest.mark.parametrize("name", SCHEMA_NAMES)
+def test_every_key_is_described_with_its_unit_and_no_other_is_allowed(name):
+    schema = json_schema(name)
+    json.dumps(schema, allow_nan=False)
+    for part in (schema, *schema.get("$defs", {}).values()):
+        assert part["additionalProperties"] is False
+    for key, content in properties(schema):
+        assert content.get("description"), key
+        suffix = next((end for end in sorted(UNITS, key=len, reverse=True) if key.endswith(end)), None)
+        if suffix:
+            assert UNITS[suffix] in content["description"], key
+
+
+def test_the_kinds_of_file_are_told_by_their_schema_key():
+    assert SCHEMA_NAMES == ("run-header", "run-shot", "plan", "header", "robot")
+    for name, schema in (
+        ("run-header", "zerobeam/run/1"),
+        ("plan", "zerobeam/plan/1"),
+        ("robot", "zerobeam/robot/1"),
+    ):
+        content = json_schema(name)
+        assert content["properties"]["schema"]["const"] == schema
+        assert "schema" in content["required"]
+    assert set(json_schema("header")["required"]) == {"robot", "tool", "noise"}
+    assert json_schema("run-shot")["required"] == ["shot", "target", "joints_deg"]
+
+
+def test_the_examples_of_the_design_have_only_keys_of_the_schema():
+    header = json_schema("run-header")["properties"]
+    wanted = "schema robot tool noise prior targets distances held limits tolerance provenance"
+    assert set(header) == set(wanted.split())
+    assert set(json_schema("plan")["properties"]) == {*header, "postures_deg"}
+    assert set(json_schema("run-shot")["properties"]) == {"shot", "target", "joints_deg", "spot_mm", "time_s"}
+
+
+def test_a_schema_that_is_not_there(refused):
+    assert "did you mean 'plan'?" in refused(json_schema, "plans").remedy
