@@ -1,7 +1,7 @@
 """The header that run and plan files share: which robot and tool, how noisy, what is known beforehand.
 
 Units stand in the names of the keys (degrees and millimetres: this is what people write). The keys
-are those of `docs`' file formats; what is not among them is an error.
+are those of `docs/files.md`; what is not among them is an error.
 """
 
 from __future__ import annotations

@@ -118,7 +118,7 @@ def _only_target(header: Header, posture: int, file: Path | None, line: int | No
     stated = tuple(header.targets)
     if len(stated) > 1:
         raise BadInput(
-            f"posture {posture + 1} does not say which target it is for",
+            f"posture {posture} does not say which target it is for",
             found=f"{len(stated)} targets under `targets`",
             allowed=", ".join(stated),
             remedy=f"write it as {{joints_deg: […], target: {stated[0]}}}",
@@ -139,13 +139,13 @@ def _check_postures(
     for i, row in enumerate(rows):
         if len(row) != robot.n:
             raise BadInput(
-                f"posture {i + 1} has the wrong number of joints",
+                f"posture {i} has the wrong number of joints",
                 found=f"{len(row)} values",
                 allowed=f"{robot.n} ({robot.name} has {robot.n} joints)",
                 file=file,
                 line=lines[i],
             )
-    numbers = [i + 1 for i in range(len(rows))]
+    numbers = list(range(len(rows)))
     values = np.array(rows, dtype=float)
     limits = check_limits(robot, values, "posture", numbers, lines, limits=header.limits, file=file)
     return limits + unknown_targets(header, tuple(dict.fromkeys(targets)))

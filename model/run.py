@@ -72,7 +72,8 @@ class Shot(FileModel):
     )
     spot_mm: Annotated[tuple[float, float] | None, BeforeValidator(_spot_values)] = Field(
         default=None,
-        description="where the spot was, from the centre, millimetres; without it: at the centre",
+        description="where the target's centre stands as seen from the beam, along b1 and b2, millimetres; "
+        "without it: on the beam",
     )
     time_s: float | None = Field(default=None, description="when, seconds since the start of the run")
 
@@ -283,6 +284,13 @@ def _rows(content: bytes, path: Path) -> tuple[list[tuple[int, Any]], tuple[str,
         except BadInput:
             if last:
                 return rows, (_torn(number),)
+            if not rows and b"\0" in content:
+                raise BadInput(
+                    "this is a binary file, not text",
+                    allowed="text in UTF-8",
+                    remedy="give a run file (.jsonl)",
+                    file=path,
+                ) from None
             raise
         try:
             rows.append((number, parse_json(text, file=path, line=number)))

@@ -60,7 +60,7 @@ def test_the_target_of_a_plain_row(plan_file, refused):
     assert read_plan(plan_file(renamed)).targets == ("screen", "screen", "screen")
     two = change("600]}\n", "600]}\n  other: {}\n")
     error = refused(read_plan, plan_file(two))
-    assert "posture 1 does not say which target" in error.what
+    assert "posture 0 does not say which target" in error.what
     assert error.allowed == "psd, other"
     assert error.line == 9
 
@@ -80,13 +80,13 @@ def test_targets_in_the_order_of_their_first_posture(plan_file):
         ("irb1600", "irb9", "no robot of this name", 2),
         ("joint_deg: 0.01", "joint_deg: [1, 1]", "wrong number of values", 4),
         ("postures_deg", "postures", "unknown key 'postures'", 7),
-        ("[0, 10, 20, 30, 40, 50]", "[0, 10, 20, 30, 40]", "posture 1 has the wrong number of joints", 8),
+        ("[0, 10, 20, 30, 40, 50]", "[0, 10, 20, 30, 40]", "posture 0 has the wrong number of joints", 8),
         ("[0, 10, 20, 30, 40, 50]", "[0, 10, 20, '30', 40, 50]", "joint 4 is not a number", 8),
         ("[0, 10, 20, 30, 40, 50]", "[0, 10, 20, .inf, 40, 50]", "not finite", 8),
         ("[0, 10, 20, 30, 40, 50]", "up", "not a list of numbers", 8),
         ("[0, 10, 20, 30, 40, 50]", "{joints_deg: [0, 0, 0, 0, 0, 0]}", "'target' is missing", 8),
         ("target: psd", "targt: psd", "unknown key 'targt' in item 2 of postures_deg", 9),
-        ("    - 42", "    - 142", "posture 3: joint 5 is outside its limits", 10),
+        ("    - 42", "    - 142", "posture 2: joint 5 is outside its limits", 10),
         ("    - 42", "    - null", "joint 5 is not a number", 14),
         (
             "postures_deg:",
@@ -114,7 +114,7 @@ def test_a_plan_without_postures(plan_file, refused):
 def test_limits_warn(plan_file):
     text = change("    - 42", "    - 142", change("robot:", "limits: warn\nrobot:"))
     (warning,) = read_plan(plan_file(text)).warnings
-    assert warning.endswith("up to 142, in 1 of 3 postures: 3")
+    assert warning.endswith("up to 142, in 1 of 3 postures: 2")
 
 
 def header(**changes):

@@ -1,0 +1,162 @@
+"""Everything that is unknown, by name: offsets, targets and what is open of the tool.
+
+Inside, values are rad and mm; `display` turns them into the degrees and millimetres that people read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import BadInput
+from .robot import Matrix, Robot
+from .tool import Tool
+
+if TYPE_CHECKING:
+    from .header import Header
+
+Group = Literal["offset", "target", "tool"]
+
+BASE_FRAME = (
+    "joint 1 defines the base frame: turning it and every target together changes no shot (section 3.3)"
+)
+TOOL_TURN = "the last joint and an uncalibrated laser turn together (section 3.1)"
+_DEGREES = float(np.degrees(1.0))
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One unknown. Prior mean, std and tolerance are in internal units (rad or mm)."""
+
+    name: str
+    group: Group
+    unit: Literal["deg", "mm"]
+    prior_mean: float
+    prior_std: float
+    tolerance: float
+    held: bool
+    held_reason: str | None
+
+    @property
+    def display(self) -> float:
+        """Units that people read per internal unit."""
+        return _DEGREES if self.unit == "deg" else 1.0
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """The unknowns in their one order: offsets 1…n, then each target's x, y, z, then the tool's."""
+
+    items: tuple[Parameter, ...]
+
+    @classmethod
+    def build(cls, robot: Robot, tool: Tool, header: Header, targets: Sequence[str]) -> Parameters:
+        """Name every unknown of these shots; raises BadInput for a held name that is none of them."""
+        open_items: list[Parameter] = []
+
+        def add(
+            name: str, group: Group, unit: Literal["deg", "mm"], mean: float, std: float, tol: float
+        ) -> None:
+            open_items.append(Parameter(name, group, unit, mean, std, tol, False, None))
+
+        tolerance, prior = header.tolerance, header.prior
+        for i, joint in enumerate(robot.joints, start=1):
+            if joint.kind == "revolute":
+                std, tol = np.radians([prior.offset_deg, tolerance.offset_deg])
+                add(f"delta{i}", "offset", "deg", 0.0, float(std), float(tol))
+            else:
+                add(f"delta{i}", "offset", "mm", 0.0, prior.offset_mm, tolerance.length_mm)
+        for target in targets:
+            stated = header.targets.get(target)
+            guess = (0.0, 0.0, 0.0) if stated is None or stated.guess_mm is None else stated.guess_mm
+            sigma = 10_000.0 if stated is None else stated.sigma_mm
+            for axis, value in zip("xyz", guess, strict=True):
+                add(f"{target}.{axis}", "target", "mm", value, sigma, tolerance.length_mm)
+        nominal = dict(zip("xyz", tool.point, strict=True))
+        for name in tool.parameter_names:
+            if ".tilt" in name:
+                add(name, "tool", "deg", 0.0, tool.tilt_std, float(np.radians(tolerance.tilt_deg)))
+            else:
+                mean = float(nominal.get(name[-1], 0.0)) if tool.kind == "probe" else 0.0
+                add(name, "tool", "mm", mean, tool.shift_std, tolerance.length_mm)
+
+        held = _held(header.held, robot, tool, [item.name for item in open_items])
+        return cls(
+            tuple(
+                Parameter(
+                    p.name,
+                    p.group,
+                    p.unit,
+                    p.prior_mean,
+                    p.prior_std,
+                    p.tolerance,
+                    p.name in held,
+                    held.get(p.name),
+                )
+                for p in open_items
+            )
+        )
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        return tuple(item.name for item in self.items)
+
+    @cached_property
+    def free(self) -> NDArray[np.bool_]:
+        """(p,) True where the parameter is estimated."""
+        return np.array([not item.held for item in self.items])
+
+    @cached_property
+    def prior_mean(self) -> Matrix:
+        return np.array([item.prior_mean for item in self.items])
+
+    @cached_property
+    def prior_std(self) -> Matrix:
+        return np.array([item.prior_std for item in self.items])
+
+    @cached_property
+    def tolerance(self) -> Matrix:
+        return np.array([item.tolerance for item in self.items])
+
+    @cached_property
+    def display(self) -> Matrix:
+        return np.array([item.display for item in self.items])
+
+    def group(self, group: Group) -> NDArray[np.bool_]:
+        """(p,) True for the parameters of one group."""
+        return np.array([item.group == group for item in self.items])
+
+    def index(self, name: str) -> int:
+        return self.names.index(name)
+
+    def __len__(self) -> int:
+        return len(self.items)
+
+
+def _held(stated: Sequence[str] | None, robot: Robot, tool: Tool, names: Sequence[str]) -> dict[str, str]:
+    """What is held, with the reason: the method's own choice unless the header states a list."""
+    method = {"delta1": BASE_FRAME}
+    if tool.kind == "laser" and not tool.calibrated:
+        method[f"delta{robot.n}"] = TOOL_TURN
+    if stated is None:
+        return method
+    for name in stated:
+        if name not in names:
+            raise BadInput(
+                "held names a parameter that is not there",
+                found=name,
+                allowed=", ".join(names),
+                remedy="correct the name in `held`, or leave `held` out to hold what the method defines",
+            )
+    if set(stated) == set(names):
+        raise BadInput(
+            "everything is held: there is nothing to estimate",
+            found=", ".join(stated),
+            remedy="leave out of `held` what is to be estimated",
+        )
+    return {name: method.get(name, "held by the header") for name in stated}
