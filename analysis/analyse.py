@@ -1,0 +1,279 @@
+"""The street: a run goes in, the whole answer comes out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy import stats
+from threadpoolctl import threadpool_limits
+
+from ..model.errors import BadInput
+from ..model.problem import Problem
+from ..model.robot import Matrix
+from ..model.run import Run
+from .fit import LikelihoodFit, fit_likelihood, start_at
+from .identifiability import Identified, identify, no_better_than
+from .influence import influence
+from .midpoint import MidpointFit, fit_midpoint
+from .notes import misfit, notes
+from .posterior import sample_posterior
+from .result import (
+    DistanceResult,
+    Draws,
+    FitSummary,
+    Inputs,
+    ParameterResult,
+    PosteriorSummary,
+    Result,
+    ShotResult,
+    Status,
+)
+from .verdict import reason_for, verdict, verdict_sentence
+from .versions import versions
+
+Progress = Callable[[str, float], None]
+
+
+def analyse(
+    run: Run, *, seed: int = 0, ess: float = 1000.0, progress: Progress | None = None
+) -> tuple[Result, Draws | None]:
+    """Everything that a recorded run tells: fits, identifiability, posterior, influence, verdict.
+
+    `ess` is the effective sample size asked of every parameter. `progress` is told the stage and its share.
+    Draws are None where the fit did not converge.
+    """
+    # Small matrices: threads in the linear algebra cost more than they give, and change the last bits.
+    with threadpool_limits(limits=1, user_api="blas"):
+        try:
+            return _analyse(run, seed, ess, progress or (lambda stage, share: None))
+        except BadInput as error:
+            raise error.at(run.path, run.header_line) from error
+
+
+def _analyse(run: Run, seed: int, ess: float, tell: Progress) -> tuple[Result, Draws | None]:
+    run.require_analysable()
+    problem = Problem.from_run(run)
+    require_noise_data(problem)
+    tell("fit", 0.0)
+    fit = fit_likelihood(problem, seed=seed)
+    tell("fit", 0.7)
+    midpoint = fit_midpoint(problem)
+    tell("fit", 1.0)
+    tell("identifiability", 0.0)
+    identified = identify(problem, fit.x, fit.weight)
+    std = np.full(len(problem.parameters), np.nan)
+    std[problem.parameters.free] = fit.std * problem.parameters.prior_std[problem.parameters.free]
+    identified = no_better_than(problem, identified, std)
+    tell("identifiability", 1.0)
+    draws: Draws | None = None
+    if fit.converged:
+        tell("posterior", 0.0)
+        posterior, draws = sample_posterior(
+            problem,
+            fit,
+            identified.status,
+            seed=seed,
+            ess=ess,
+            progress=lambda share: tell("posterior", share),
+        )
+        tell("posterior", 1.0)
+    else:
+        posterior = PosteriorSummary(
+            False, "not sampled: the fit did not converge", 0, 0, 0, None, None, None, 0.0, None
+        )
+    likelihood = _likelihood_summary(problem, fit, identified)
+    shots = _shots(problem, fit)
+    result = Result(
+        verdict=verdict(problem, identified) if fit.converged else "degenerate",
+        headline=_headline(problem, identified, likelihood),
+        parameters=_parameters(problem, identified, fit, std, midpoint, likelihood),
+        identifiability=identified.facts,
+        likelihood=likelihood,
+        midpoint=_midpoint_summary(midpoint),
+        posterior=posterior,
+        shots=shots,
+        distances=_distances(problem, fit),
+        notes=notes(likelihood, posterior, shots, run.warnings),
+        inputs=_inputs(run, problem, seed),
+    )
+    return result, draws
+
+
+def require_noise_data(problem: Problem) -> None:
+    """Raise BadInput where the noise scale is to be estimated from no more numbers than unknowns."""
+    free = int(problem.parameters.free.sum())
+    if problem.noise.estimated and problem.data_size <= free:
+        raise BadInput(
+            "the noise scale cannot be estimated from so few shots",
+            found=f"{problem.data_size} numbers from {problem.shots} shots for {free} unknowns",
+            allowed="more numbers than unknowns",
+            remedy="record more shots, or state noise.scale: known",
+        )
+
+
+def _parameters(
+    problem: Problem,
+    identified: Identified,
+    fit: LikelihoodFit,
+    std: Matrix,
+    midpoint: MidpointFit,
+    summary: FitSummary,
+) -> tuple[ParameterResult, ...]:
+    parameters = problem.parameters
+    quantile = _quantile(problem, summary)
+    rows = []
+    for i, item in enumerate(parameters.items):
+        # A fit that did not converge leaves nothing that could be called identified.
+        status: Status = identified.status[i] if fit.converged or item.held else "unidentifiable"
+        show = item.display
+        estimate = float(fit.x[i]) * show
+        known = status in ("identified", "weak")
+        spread = float(std[i]) * show
+        data_std = float(identified.data_std[i]) * show
+        rows.append(
+            ParameterResult(
+                name=item.name,
+                unit=item.unit,
+                group=item.group,
+                status=status,
+                held=item.held,
+                estimate=estimate if known or item.held else None,
+                std=spread if known else None,
+                data_std=data_std if np.isfinite(data_std) else None,
+                interval95=(estimate - quantile * spread, estimate + quantile * spread) if known else None,
+                prior_std=item.prior_std * show,
+                midpoint=float(midpoint.x[i]) * show
+                if known and midpoint.available and midpoint.converged
+                else None,
+                reason=reason_for(identified, item, status)
+                if fit.converged or item.held
+                else "the fit did not converge",
+            )
+        )
+    return tuple(rows)
+
+
+def _quantile(problem: Problem, summary: FitSummary) -> float:
+    """Half width of a 95 % interval in stds: Student-t where the noise scale is estimated."""
+    if problem.noise.estimated and summary.dof:
+        return float(stats.t.ppf(0.975, summary.dof))
+    return float(stats.norm.ppf(0.975))
+
+
+def _likelihood_summary(problem: Problem, fit: LikelihoodFit, identified: Identified) -> FitSummary:
+    before, _ = problem.linearise(start_at(problem, np.zeros_like(fit.z)))
+    chi2 = float(fit.whitened.residual @ fit.whitened.residual)
+    dof = problem.data_size - identified.facts.rank
+    message = None
+    if dof <= 0:
+        message = "as many unknowns as numbers: the fit cannot be checked against the noise"
+    elif problem.noise.estimated:
+        message = "the noise scale is estimated from these misses, so they cannot contradict it"
+    return FitSummary(
+        available=True,
+        converged=fit.converged,
+        reason=fit.reason,
+        iterations=fit.iterations,
+        cost=chi2 / 2,
+        rms_mm=_rms(fit.whitened.miss),
+        rms_before_mm=_rms(before),
+        chi2=chi2,
+        dof=max(dof, 0),
+        p_value=float(stats.chi2.sf(chi2, dof)) if dof > 0 and not problem.noise.estimated else None,
+        noise_scale=float(1 / np.sqrt(fit.weight)) if problem.noise.estimated else None,
+        other_basins=fit.other_basins,
+        message=message,
+    )
+
+
+def _rms(miss: Matrix) -> float:
+    """Root mean square length of the misses, mm."""
+    return float(np.sqrt((miss**2).sum(axis=1).mean()))
+
+
+def _midpoint_summary(fit: MidpointFit) -> FitSummary:
+    return FitSummary(
+        available=fit.available,
+        converged=fit.converged,
+        reason=fit.reason,
+        iterations=fit.iterations,
+        cost=fit.cost if fit.available else None,
+        rms_mm=fit.rms if fit.available else None,
+        rms_before_mm=None,
+        chi2=None,
+        dof=None,
+        p_value=None,
+        noise_scale=None,
+        other_basins=0,
+        message=fit.message,
+    )
+
+
+def _shots(problem: Problem, fit: LikelihoodFit) -> tuple[ShotResult, ...]:
+    effect = influence(problem, fit)
+    return tuple(
+        ShotResult(
+            shot=number,
+            target=problem.targets[problem.target_index[i]],
+            miss_mm=tuple(float(v) for v in fit.whitened.miss[i]),
+            whitened=float(effect.whitened[i]),
+            leave_one_out=_finite(effect.leave_one_out[i]),
+            cooks=_finite(effect.cooks[i]),
+        )
+        for i, number in enumerate(problem.shot_numbers)
+    )
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _distances(problem: Problem, fit: LikelihoodFit) -> tuple[DistanceResult, ...]:
+    """Each stated distance next to what the fit makes of it, with the std of that."""
+    rows = []
+    _, targets, _ = problem.split(fit.x)
+    parameters = problem.parameters
+    for stated in problem.distances:
+        between = targets[stated.second] - targets[stated.first]
+        length = float(np.linalg.norm(between))
+        along = np.zeros(len(parameters))
+        n = problem.robot.n
+        along[n + 3 * stated.second : n + 3 * stated.second + 3] = between / length
+        along[n + 3 * stated.first : n + 3 * stated.first + 3] = -between / length
+        along = (along * parameters.prior_std)[parameters.free]
+        rows.append(
+            DistanceResult(
+                between=(problem.targets[stated.first], problem.targets[stated.second]),
+                mm=stated.mm,
+                sigma_mm=stated.sigma,
+                estimate=length if fit.converged else None,
+                std=float(np.sqrt(along @ fit.covariance @ along)) if fit.converged else None,
+            )
+        )
+    return tuple(rows)
+
+
+def _headline(problem: Problem, identified: Identified, fit: FitSummary) -> str:
+    if not fit.converged:
+        return f"The fit did not converge ({fit.reason}): no offset is reported."
+    factor = misfit(fit)
+    doubt = (
+        ""
+        if factor is None
+        else f" But the model does not fit: the misses are {factor:.1f} times what the stated noise explains."
+    )
+    return verdict_sentence(problem, identified) + doubt
+
+
+def _inputs(run: Run, problem: Problem, seed: int) -> Inputs:
+    return Inputs(
+        run=run.path.name,
+        sha256=run.sha256,
+        robot=run.robot.name,
+        shots=problem.shots,
+        targets=problem.targets,
+        seed=seed,
+        versions=versions(),
+        header=run.header.model_dump(mode="json", by_alias=True, exclude_none=True),
+    )

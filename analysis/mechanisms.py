@@ -1,0 +1,124 @@
+"""Why data cannot tell a combination of parameters: each mechanism is tested, not guessed.
+
+A mechanism is a set of parameters that can move together without moving the misses. It explains
+a null direction if a direction within that set alone is null (or as nearly null) too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..model.parameters import BASE_FRAME, TOOL_TURN
+from ..model.problem import Problem
+
+_CONSTANT_DEG = 1e-9
+_NEARLY_CONSTANT_DEG = 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanism:
+    """`support` (p,) marks the parameters that move together."""
+
+    support: NDArray[np.bool_]
+    reason: str
+    remedy: str
+
+
+NO_MECHANISM = Mechanism(
+    np.zeros(0, dtype=bool),
+    "no known mechanism",
+    "add shots from postures that differ in every joint, then check again",
+)
+
+
+def mechanisms(problem: Problem) -> Iterator[Mechanism]:
+    """The known mechanisms for these shots, the most special first."""
+    n, parameters, free = problem.robot.n, problem.parameters, problem.parameters.free
+    targets, tool = parameters.group("target"), parameters.group("tool")
+
+    def offset(i: int) -> NDArray[np.bool_]:
+        return np.equal(np.arange(len(parameters)), i)
+
+    for which, name in enumerate(problem.targets):
+        only = np.zeros(len(parameters), dtype=bool)
+        only[n + 3 * which : n + 3 * which + 3] = True
+        yield Mechanism(
+            only,
+            f"the target {name} is seen from too few sides to tell where it is",
+            f"add shots at {name} from other directions",
+        )
+    # Without its own offset among the unknowns a mechanism would explain what others do.
+    if free[0]:
+        yield Mechanism(
+            offset(0) | targets,
+            BASE_FRAME,
+            "hold delta1 (the default): it is a choice of base frame and takes nothing from the accuracy",
+        )
+    what = "beam" if problem.tool.kind == "laser" else "probe tip"
+    yield Mechanism(
+        offset(n - 1),
+        f"the {what} lies on or near the axis of joint {n}: turning that joint hardly moves it",
+        f"mount the tool so that the {what} stands off the axis of joint {n}, or hold delta{n}",
+    )
+    if tool.any() and free[n - 1]:
+        yield Mechanism(
+            offset(n - 1) | tool,
+            TOOL_TURN
+            if problem.tool.kind == "laser"
+            else f"joint {n} and a free probe tip turn together: only their sum moves the tip",
+            f"hold delta{n}, or calibrate the tool on its own and state it as calibrated",
+        )
+    spread = np.ptp(problem.joints, axis=0) * problem.robot.display
+    for k in range(1, n):
+        if free[k]:
+            yield Mechanism(offset(k) | targets, *_common_turn(problem, spread, k))
+    if tool.any():
+        yield Mechanism(
+            tool | targets,
+            "the shots turn the tool too little to tell it from the target",
+            "add shots in which the wrist stands at very different angles",
+        )
+
+
+def _common_turn(problem: Problem, spread: NDArray[np.float64], k: int) -> tuple[str, str]:
+    """Reason and remedy of the turn of everything after joint k (1 … k do not change, or hardly)."""
+    joints = "joint 1" if k == 1 else f"joints 1 to {k}"
+    do = "does" if k == 1 else "do"
+    largest = float(spread[:k].max())
+    turn = f"delta{k + 1} is then a turn of everything after joint {k}, the target included"
+    x_pattern = " (the X-Pattern of section 3.2)" if k == 1 else ""
+    amount = (
+        "30 degrees or more"
+        if all(joint.kind == "revolute" for joint in problem.robot.joints[:k])
+        else "a third of the range or more"
+    )
+    remedy = f"vary {joints} by {amount} between shots"
+    if largest <= _CONSTANT_DEG:
+        return f"{joints} {do} not change over the shots: {turn}{x_pattern}", remedy
+    if largest <= _NEARLY_CONSTANT_DEG:
+        return (
+            f"{joints} {'varies' if k == 1 else 'vary'} by no more than {largest:.2g} degrees over the shots:"
+            f" {turn}, all but the noise{x_pattern}",
+            remedy,
+        )
+    return (
+        f"a turn about joint {k + 1} moves the target nearly the same way in every shot,"
+        f" although {joints} {'varies' if k == 1 else 'vary'} by up to {largest:.0f} degrees",
+        f"add shots in which the axis of joint {k + 1} stands at very different places or angles",
+    )
+
+
+def too_few_shots(problem: Problem, size: int) -> Mechanism | None:
+    """The mechanism of having fewer numbers than unknowns, or None where there are enough."""
+    if problem.data_size >= size:
+        return None
+    needed = -(-size // problem.tool.miss_size)
+    return Mechanism(
+        np.ones(len(problem.parameters), dtype=bool),
+        f"too few shots: {problem.shots} shots give {problem.data_size} numbers for {size} unknowns",
+        f"record at least {needed} shots in varied postures, better twice as many",
+    )

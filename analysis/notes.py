@@ -1,0 +1,67 @@
+"""What a reader must not miss, in plain sentences, the gravest first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from scipy import stats
+
+from .result import FitSummary, PosteriorSummary, ShotResult
+from .verdict import listed
+
+_LACK_OF_FIT = 1e-3  # p-value below which the misfit is not put down to chance
+_OUTLYING = 1e-3  # chance, over all shots together, of a miss as long as an outlying one
+_MOST_NAMED = 10
+
+
+def misfit(fit: FitSummary) -> float | None:
+    """How many times larger than the stated noise the misses are, or None where they agree with it."""
+    if fit.p_value is None or fit.p_value >= _LACK_OF_FIT or not fit.dof or fit.chi2 is None:
+        return None
+    return float(np.sqrt(fit.chi2 / fit.dof))
+
+
+def notes(
+    fit: FitSummary, posterior: PosteriorSummary, shots: Sequence[ShotResult], warnings: Sequence[str]
+) -> tuple[str, ...]:
+    """The notes of a result; `warnings` are those of the run's file."""
+    return (*_on_the_fit(fit, posterior), *_on_shots(fit, shots), *warnings)
+
+
+def _on_the_fit(fit: FitSummary, posterior: PosteriorSummary) -> Iterator[str]:
+    if not fit.converged:
+        yield f"The fit did not converge: {fit.reason}. Nothing here may be used as an estimate"
+    factor = misfit(fit)
+    if factor is not None:
+        yield (
+            f"Lack of fit: chi-squared is {fit.chi2:.0f} for {fit.dof} degrees of freedom; the misses"
+            f" ({fit.rms_mm:.2f} mm rms) are {factor:.1f} times what the stated noise explains. The arm is"
+            " not quite as drawn (geometry, backlash, elasticity), or the noise is understated: the"
+            f" intervals are too narrow by a factor of about {factor:.1f} or more. noise.scale: estimated"
+            " widens them by that factor"
+        )
+    if fit.other_basins:
+        yield (
+            f"Other solutions: {fit.other_basins} more set(s) of offsets fit nearly as well. The one"
+            " reported has the highest posterior; add shots to tell them apart"
+        )
+    if fit.converged and not posterior.converged:
+        yield f"No posterior is shown: {posterior.message}"
+
+
+def _on_shots(fit: FitSummary, shots: Sequence[ShotResult]) -> Iterator[str]:
+    """Single shots that stand out, unless so many do that it is the model that does not fit."""
+    if fit.p_value is None:
+        return
+    whitened = np.array([shot.whitened for shot in shots])
+    chance = stats.chi2.sf(whitened**2, len(shots[0].miss_mm)) * len(shots)
+    outlying = [int(i) for i in np.argsort(-whitened) if chance[i] < _OUTLYING]
+    if not 0 < len(outlying) <= max(3, len(shots) // 10):
+        return
+    named = listed([str(shots[i].shot) for i in outlying[:_MOST_NAMED]])
+    one = len(outlying) == 1
+    yield (
+        f"Outlying: shot{'' if one else 's'} {named} miss{'es' if one else ''} by far more than the stated"
+        " noise. Look into them before you trust the rest"
+    )

@@ -1,0 +1,116 @@
+"""The posterior of the built-in arm once more, in plain numpy: a second opinion for the tests of the fit.
+
+Nothing here comes from the package: Table 1 and eq. 1 to 7 of the paper and the density of section 1 are
+written out, with a geometric Jacobian. Complex numbers go through, so that derivatives come by complex steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+# a, alpha, d, theta of Table 1; the point on the beam, which is along the flange's x axis.
+TABLE_1 = [
+    (150.0, -90.0, 486.5, 0.0),
+    (700.0, 0.0, 0.0, -90.0),
+    (0.0, 90.0, 0.0, 180.0),
+    (0.0, -90.0, 600.0, 0.0),
+    (0.0, 90.0, 0.0, 0.0),
+    (0.0, 0.0, 0.0, 0.0),
+]
+POINT = np.array([0.0, 0.0, 65.0])
+
+
+def frames(theta: np.ndarray) -> list[np.ndarray]:
+    """T_0 … T_6 (4, 4) of the standard DH chain (eq. 1) at the true joint positions (6,), rad."""
+    result = [np.eye(4, dtype=complex)]
+    for (a, alpha_deg, d, zero_deg), turn in zip(TABLE_1, theta, strict=True):
+        angle, alpha = turn + np.radians(zero_deg), np.radians(alpha_deg)
+        c, s, ca, sa = np.cos(angle), np.sin(angle), np.cos(alpha), np.sin(alpha)
+        rows = [[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s], [0, sa, ca, d], [0, 0, 0, 1]]
+        result.append(result[-1] @ np.array(rows))
+    return result
+
+
+def beam(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A point (3,) and the unit direction (3,) of the beam in the base frame (eq. 7)."""
+    last = frames(theta)[-1].real
+    return last[:3, :3] @ POINT + last[:3, 3], last[:3, 0]
+
+
+def misses(
+    joints: np.ndarray, spots: np.ndarray, delta: np.ndarray, target: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Misses (N, 2) mm and their Jacobians by the joints (N, 2, 6): -R'(z_j x (P - o_j))."""
+    miss, jacobian = [], []
+    for q, spot in zip(joints, spots, strict=True):
+        chain = frames(q + delta)
+        turn, shift = chain[-1][:3, :3], chain[-1][:3, 3]
+        miss.append((turn.T @ (target - shift) - POINT)[1:] - spot)
+        columns = [-turn.T @ np.cross(t[:3, 2], target - t[:3, 3]) for t in chain[:-1]]
+        jacobian.append(np.array(columns).T[1:])
+    return np.array(miss), np.array(jacobian)
+
+
+class PlainPosterior:
+    """-log posterior of z = (delta2 … delta6, target x, y, z), each less its prior mean over its prior std.
+
+    Known noise, calibrated laser, one target; delta1 is held at zero.
+    """
+
+    def __init__(
+        self,
+        joints: np.ndarray,
+        spots: np.ndarray,
+        guess: tuple[float, float, float],
+        joint_deg: float,
+        spot_mm: float,
+    ) -> None:
+        self.joints, self.spots = joints, spots
+        self.mean = np.array([0.0] * 5 + list(guess))
+        self.prior_std = np.array([np.radians(5.0)] * 5 + [10_000.0] * 3)
+        self.joint, self.spot = np.radians(joint_deg), spot_mm
+
+    def _parts(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Misses (N, 2) and their covariances (N, 2, 2)."""
+        x = self.mean + z * self.prior_std
+        miss, by_joints = misses(self.joints, self.spots, np.append(0.0, x[:5]), x[5:])
+        return miss, self.joint**2 * by_joints @ by_joints.transpose(0, 2, 1) + self.spot**2 * np.eye(2)
+
+    def value(self, z: np.ndarray) -> complex:
+        """Up to a constant."""
+        miss, s = self._parts(z)
+        quad = (miss * np.linalg.solve(s, miss[:, :, None])[:, :, 0]).sum()
+        det = s[:, 0, 0] * s[:, 1, 1] - s[:, 0, 1] * s[:, 1, 0]
+        return (quad + np.log(det).sum() + (z**2).sum()) / 2
+
+    def gradient(self, z: np.ndarray) -> np.ndarray:
+        return by_complex_steps(self.value, z)
+
+    def hessian(self, z: np.ndarray, steps: np.ndarray) -> np.ndarray:
+        """By central differences of the gradient, `steps` (f,) along each unknown."""
+        rows = [(self.gradient(z + e) - self.gradient(z - e)) / (2 * e.sum()) for e in np.diag(steps)]
+        hessian = np.array(rows)
+        return (hessian + hessian.T) / 2
+
+    def residuals(self, z: np.ndarray) -> np.ndarray:
+        """(3 N + f,) whose half sum of squares is the -log posterior up to a constant.
+
+        The log det of each shot becomes one more residual, sqrt(log det + 20); the priors come last.
+        """
+        miss, s = self._parts(z)
+        l11 = np.sqrt(s[:, 0, 0])
+        l21 = s[:, 1, 0] / l11
+        l22 = np.sqrt(s[:, 1, 1] - l21**2)
+        first = miss[:, 0] / l11
+        second = (miss[:, 1] - l21 * first) / l22
+        return np.concatenate([first, second, np.sqrt(2 * np.log(l11 * l22) + 20.0), z])
+
+    def residual_jacobian(self, z: np.ndarray) -> np.ndarray:
+        return by_complex_steps(self.residuals, z).T
+
+
+def by_complex_steps(function: Callable[[np.ndarray], np.ndarray], z: np.ndarray) -> np.ndarray:
+    """Derivatives of `function` by each z, exact to rounding: (f,) of a value, (f, M) of a vector."""
+    return np.array([np.imag(function(z + step)) / 1e-30 for step in 1e-30j * np.eye(len(z))])

@@ -1,0 +1,298 @@
+import numpy as np
+import pytest
+from cells import (
+    TABLE_2,
+    good_plan,
+    header,
+    pattern_plan,
+    plan_of,
+    random_robot,
+    simulated_problem,
+    varied_postures,
+)
+from plain_posterior import PlainPosterior
+from scipy import optimize, stats
+
+from zerobeam.analysis.fit import _Climb, fit_likelihood, information, start_at, unbiased_weight
+from zerobeam.analysis.levenberg_marquardt import levenberg_marquardt
+from zerobeam.model.problem import Problem
+
+GUESS = (900.0, 0.0, 0.0)
+
+
+def plain(problem, joint_deg=0.01, spot_mm=0.05):
+    return PlainPosterior(problem.joints, problem.spots, GUESS, joint_deg, spot_mm)
+
+
+def truth_in_z(truth):
+    parameters = truth.problem.parameters
+    return ((truth.x - parameters.prior_mean) / parameters.prior_std)[parameters.free]
+
+
+@pytest.fixture(scope="module")
+def good():
+    truth, problem = simulated_problem(good_plan(), TABLE_2, seed=2)
+    return truth, problem, fit_likelihood(problem)
+
+
+def test_the_plain_model_is_the_same_posterior(good):
+    """Two independent programs of section 1: the value and the gradient at random places."""
+    _, problem, fit = good
+    parameters = problem.parameters
+    second = plain(problem)
+    rng = np.random.default_rng(3)
+    shift = []
+    for _ in range(4):
+        z = fit.z + rng.normal(size=8) * np.array([0.02] * 5 + [1e-3] * 3)
+        x = parameters.prior_mean.copy()
+        x[parameters.free] += z * parameters.prior_std[parameters.free]
+        value = problem.log_likelihood(x[None])[0] + problem.log_prior(x[None])[0]
+        shift.append(value + second.value(z).real)
+        np.testing.assert_allclose(
+            problem.gradient(x)[parameters.free], -second.gradient(z), rtol=1e-7, atol=1e-5
+        )
+    np.testing.assert_allclose(shift, shift[0], rtol=1e-9, atol=1e-7)
+
+
+def test_the_mode_by_scipy_minimize(good):
+    """-log posterior in plain numpy, minimised by trust-exact from the truth: 1e-6 of a std."""
+    truth, problem, fit = good
+    second, root = plain(problem), np.linalg.cholesky(fit.covariance)
+    centre = truth_in_z(truth)
+    found = optimize.minimize(
+        lambda w: second.value(centre + root @ w).real,
+        np.zeros(8),
+        jac=lambda w: root.T @ second.gradient(centre + root @ w),
+        hess=lambda w: root.T @ second.hessian(centre + root @ w, 1e-3 * fit.std) @ root,
+        method="trust-exact",
+        options={"gtol": 1e-8},
+    )
+    assert np.linalg.norm(found.jac) < 1e-6
+    assert fit.converged
+    np.testing.assert_allclose((centre + root @ found.x - fit.z) / fit.std, 0, atol=1e-6)
+
+
+def test_the_mode_by_scipy_least_squares(good):
+    """The same misses, log det as one more residual a shot, priors as residuals: 1e-6 of a std."""
+    truth, problem, fit = good
+    second = plain(problem)
+    found = optimize.least_squares(
+        lambda z: second.residuals(z).real,
+        truth_in_z(truth),
+        jac=second.residual_jacobian,
+        method="lm",
+        x_scale=fit.std,
+        xtol=1e-15,
+        ftol=1e-15,
+        gtol=1e-15,
+    )
+    assert found.cost > 20
+    np.testing.assert_allclose((found.x - fit.z) / fit.std, 0, atol=1e-6)
+
+
+def test_with_spot_noise_alone_it_is_plain_least_squares():
+    """S is constant there and log det drops out: ordinary least squares of the misses in plain numpy."""
+    plan = good_plan(joint_deg=1e-9, spot_mm=0.2)
+    _, problem = simulated_problem(plan, TABLE_2, seed=5)
+    fit = fit_likelihood(problem, starts=0)
+    second = plain(problem, 1e-9, 0.2)
+
+    def residuals(z):
+        return second.residuals(z).real[np.r_[0:20, 30:38]]
+
+    found = optimize.least_squares(
+        residuals,
+        np.zeros(8),
+        jac=lambda z: second.residual_jacobian(z)[np.r_[0:20, 30:38]],
+        method="lm",
+        x_scale=fit.std,
+        xtol=1e-15,
+        ftol=1e-15,
+        gtol=1e-15,
+    )
+    np.testing.assert_allclose((found.x - fit.z) / fit.std, 0, atol=1e-6)
+
+
+def test_the_weighted_step_by_scipy(good):
+    """Weights kept at one place: levenberg_marquardt and scipy on the same whitened misses."""
+    _, problem, fit = good
+    climb = _Climb(problem)
+    v = climb._coordinates.from_parameters(fit.x)
+    residual = climb._residual(v)
+    found = levenberg_marquardt(residual, v + 0.01)
+    second = optimize.least_squares(
+        lambda v: residual(v)[0],
+        v + 0.01,
+        jac=lambda v: residual(v)[1],
+        x_scale="jac",
+        method="lm",
+        xtol=1e-15,
+        ftol=1e-15,
+        gtol=1e-15,
+    )
+    _, jacobian = residual(found.x)
+    std = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
+    assert found.converged
+    np.testing.assert_allclose((found.x - second.x) / std, 0, atol=1e-6)
+
+
+def test_the_covariance_is_that_of_the_plain_posterior(good):
+    _, problem, fit = good
+    hessian = plain(problem).hessian(fit.z, 1e-3 * fit.std)
+    covariance = np.linalg.inv(hessian)
+    scale = np.outer(fit.std, fit.std)
+    np.testing.assert_allclose(fit.covariance / scale, covariance / scale, atol=1e-4)
+    assert fit.weight == 1.0
+
+
+def test_the_gradient_vanishes(good):
+    _, problem, fit = good
+    gradient = problem.gradient(fit.x)[problem.parameters.free]
+    assert np.abs(gradient * fit.std).max() < 1e-6
+    assert fit.gradient < 1e-6
+
+
+def test_one_basin_on_a_good_run(good):
+    _, _, fit = good
+    assert fit.other_basins == 0
+    assert fit.converged
+    assert "gradient" in fit.reason
+
+
+def test_the_truth_lies_where_it_is_said():
+    """40 runs: the offsets' Mahalanobis distances sum to a chi-squared of 40 x 5."""
+    plan = good_plan()
+    distances = []
+    for seed in range(40):
+        truth, problem = simulated_problem(plan, TABLE_2, seed=100 + seed)
+        fit = fit_likelihood(problem, starts=0)
+        assert fit.converged
+        miss = (fit.z - truth_in_z(truth))[:5]
+        distances.append(miss @ np.linalg.solve(fit.covariance[:5, :5], miss))
+    low, high = stats.chi2.ppf([0.0005, 0.9995], 5 * 40)
+    assert low < sum(distances) < high
+    # Negative control: stds too small by a fifth would be caught.
+    assert not low < sum(distances) / 0.8**2 < high
+
+
+def test_chi_squared_is_that_of_the_stated_noise():
+    plan = good_plan()
+    chi2 = []
+    for seed in range(40):
+        _, problem = simulated_problem(plan, TABLE_2, seed=300 + seed)
+        residual = fit_likelihood(problem, starts=0).whitened.residual
+        chi2.append(residual @ residual)
+    low, high = stats.chi2.ppf([0.0005, 0.9995], 40 * (2 * 10 - 8))
+    assert low < sum(chi2) < high
+
+
+def misstated(factor, seed, scale):
+    """A run whose real noise is `factor` times what its header says."""
+    plan = good_plan(20, joint_deg=0.01 * factor, spot_mm=0.05 * factor)
+    truth, problem = simulated_problem(plan, TABLE_2, seed)
+    told = header(noise={"scale": scale})
+    return truth, Problem.build(told, plan.robot, problem.joints, ["psd"] * 20, problem.spots)
+
+
+def test_understated_noise_is_found():
+    """dof of scale^2: 2 N - 8 = 32 a run, over 12 runs."""
+    scales = []
+    for seed in range(12):
+        _, problem = misstated(2.0, 500 + seed, "estimated")
+        fit = fit_likelihood(problem, starts=0)
+        assert fit.converged
+        scales.append(1 / fit.weight)
+    low, high = 4 * stats.chi2.ppf([0.0005, 0.9995], 12 * 32) / (12 * 32)
+    assert low < np.mean(scales) < high
+    assert not low < 1.0 < high
+
+
+def test_estimated_noise_widens_the_stds():
+    _, known = misstated(2.0, 600, "known")
+    _, open_scale = misstated(2.0, 600, "estimated")
+    narrow, wide = fit_likelihood(known, starts=0), fit_likelihood(open_scale, starts=0)
+    # Not exactly equal: the curvature is that of a t and the prior has a small say.
+    np.testing.assert_allclose(wide.std / narrow.std, 1 / np.sqrt(wide.weight), rtol=0.1)
+    assert unbiased_weight(known, narrow.x) == 1.0
+    chi2 = narrow.whitened.residual @ narrow.whitened.residual
+    assert 1 / wide.weight == pytest.approx(chi2 / 32, rel=0.02)
+    np.testing.assert_allclose((wide.z - narrow.z) / wide.std, 0, atol=0.05)
+
+
+def test_the_truth_under_an_estimated_scale():
+    """Mahalanobis distances over 5 are F(5, 32) each: the mean of 30 by the central limit theorem."""
+    distances = []
+    for seed in range(30):
+        truth, problem = misstated(2.0, 700 + seed, "estimated")
+        fit = fit_likelihood(problem, starts=0)
+        miss = (fit.z - truth_in_z(truth))[:5]
+        distances.append(miss @ np.linalg.solve(fit.covariance[:5, :5], miss) / 5)
+    mean, variance = stats.f.stats(5, 32, moments="mv")
+    assert abs(np.mean(distances) - mean) < 3.5 * np.sqrt(variance / 30)
+
+
+def test_information_is_the_inverse_covariance_of_a_small_residual_fit(good):
+    """Gauss-Newton and the exact curvature agree to what noise in the misses makes of it."""
+    _, problem, fit = good
+    approximate = np.sqrt(np.diag(np.linalg.inv(information(problem, fit.x, 1.0))))
+    np.testing.assert_allclose(approximate, fit.std, rtol=0.05)
+
+
+def test_starts_put_targets_nearest_to_their_beams(good):
+    truth, problem, _ = good
+    x = start_at(problem, np.append(truth_in_z(truth)[:5], [0.0, 0.0, 0.0]))
+    assert np.linalg.norm(x[6:9] - truth.x[6:9]) < 5.0
+    far = start_at(problem, np.zeros(8))
+    assert np.linalg.norm(far[6:9] - truth.x[6:9]) > 5.0
+
+
+def test_without_data_the_prior_stands():
+    """One direction of the X-Pattern without noise in the joints: delta2 keeps its prior std."""
+    _, problem = simulated_problem(pattern_plan("x"), {}, seed=1)
+    fit = fit_likelihood(problem, starts=2)
+    assert fit.converged
+    assert fit.std[0] == pytest.approx(1.0, abs=0.05)
+    assert (fit.std[1:5] < 0.2).all()
+
+
+def test_another_basin_is_found_and_told():
+    """A wide prior and the fewest shots: polynomial equations, with several solutions."""
+    plan = good_plan(4, prior={"offset_deg": 40.0})
+    _, problem = simulated_problem(plan, {}, seed=1)
+    fit = fit_likelihood(problem, seed=1)
+    assert fit.converged
+    assert fit.other_basins >= 1
+    assert fit_likelihood(problem, starts=0).other_basins == 0
+
+
+def test_the_best_of_all_starts_wins():
+    plan = good_plan(4, prior={"offset_deg": 40.0})
+    _, problem = simulated_problem(plan, {"delta2": 30.0, "delta3": -40.0, "delta5": 50.0}, seed=1)
+    single = fit_likelihood(problem, starts=0)
+    several = fit_likelihood(problem, starts=8)
+    assert several.log_posterior >= single.log_posterior - 1e-9
+
+
+def test_a_probe_on_an_arm_with_a_slide():
+    robot = random_robot("rprrrr", 6)
+    own = header(
+        {"kind": "probe", "calibrated": True, "point_mm": [60, 20, 150]},
+        target=(300.0, 200.0, 100.0),
+        noise={"joint_mm": 0.02},
+    )
+    # The tip's place in a middle posture: near it there are many ways to stand.
+    problem = Problem.build(own, robot, np.zeros((1, 6)), ["psd"])
+    place = problem.beams(problem.parameters.prior_mean)[0][0]
+    own = header(
+        {"kind": "probe", "calibrated": True, "point_mm": [60, 20, 150]},
+        target=place,
+        noise={"joint_mm": 0.02},
+    )
+    postures = varied_postures(own, robot, place, 20, 2)
+    true = {"delta2": 2.0, "delta3": 0.8, "delta4": -0.5}
+    truth, problem = simulated_problem(plan_of(own, postures, robot=robot), true, seed=4)
+    fit = fit_likelihood(problem, starts=2)
+    assert fit.converged
+    miss = fit.z - truth_in_z(truth)
+    distance = miss @ np.linalg.solve(fit.covariance, miss)
+    assert distance < stats.chi2.ppf(0.9995, len(miss))
