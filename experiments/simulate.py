@@ -1,0 +1,94 @@
+"""Simulated shots: an arm with true offsets, servoed until the true beam hits, read with noise."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..analysis.aim import aim, servo_joints
+from ..model.errors import RigFault
+from ..model.header import Header
+from ..model.plan import Plan
+from ..model.problem import Problem
+from ..model.robot import Matrix
+from ..model.robot_file import rebased
+from ..model.run import Shot
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What only the simulation knows: the true parameters x (p,), internal units, of a plan's problem."""
+
+    problem: Problem
+    x: Matrix
+
+    @classmethod
+    def drawn(cls, plan: Plan, rng: np.random.Generator, offset_deg: float = 1.0) -> Truth:
+        """Offsets of about `offset_deg` (mm for prismatic joints), the targets where the plan supposes
+        them, an uncalibrated tool off by what its header says; what is held is as it is held."""
+        problem = Problem.from_plan(plan)
+        parameters = problem.parameters
+        x = problem.supposed()
+        drawn = rng.normal(size=len(x))
+        offsets, tool = parameters.group("offset"), parameters.group("tool")
+        x = x + np.where(offsets, drawn * offset_deg / parameters.display, 0.0)
+        x = x + np.where(tool, drawn * parameters.prior_std, 0.0)
+        return cls(problem, np.where(parameters.free, x, parameters.prior_mean))
+
+    @classmethod
+    def stated(cls, plan: Plan, values: dict[str, float]) -> Truth:
+        """As `drawn` without any error, with the named parameters at the stated values (deg, mm)."""
+        problem = Problem.from_plan(plan)
+        x = problem.supposed()
+        for name, value in values.items():
+            i = problem.parameters.index(name)
+            x[i] = value / problem.parameters.items[i].display
+        return cls(problem, x)
+
+    def provenance(self) -> dict[str, float]:
+        """The true offsets and tool by name with the unit, for the run's header."""
+        items = self.problem.parameters.items
+        return {
+            f"true {item.name} ({item.unit})": round(float(value) * item.display, 9)
+            for item, value in zip(items, self.x, strict=True)
+            if item.group != "target"
+        }
+
+
+def simulated_shots(truth: Truth, rng: np.random.Generator) -> Iterator[Shot]:
+    """The plan's shots as the simulated cell records them, one by one.
+
+    Each posture's wrist is turned until the true beam is on the true target (a probe is led into its
+    socket by all joints); then the joints are read with the stated joint noise and the spot with the
+    stated spot noise. Raises RigFault for a posture from which the target cannot be met.
+    """
+    problem = truth.problem
+    n, display, laser = problem.robot.n, problem.robot.display, problem.tool.kind == "laser"
+    if not laser:
+        # A probe has no spot to read: its ball does not sit quite at the socket's centre.
+        problem = problem.moved(problem.joints, rng.normal(size=(problem.shots, 3)) * problem.noise.spot)
+    aimed = aim(problem, truth.x, servo_joints(problem))
+    for i in range(problem.shots):
+        if not aimed.hit[i]:
+            raise RigFault(
+                f"posture {i}: the {'wrist' if laser else 'arm'} cannot bring the {problem.tool.kind} onto"
+                f" the target, which is {aimed.off_mm[i]:.0f} mm off. Choose a posture that points nearer to it."
+            )
+        joints = aimed.problem.joints[i] + rng.normal(size=n) * problem.noise.joint
+        spot = rng.normal(size=2) * problem.noise.spot
+        yield Shot(
+            shot=i,
+            target=problem.targets[problem.target_index[i]],
+            joints_deg=tuple(round(float(v), 9) for v in joints * display),
+            spot_mm=(round(float(spot[0]), 6), round(float(spot[1]), 6)) if laser else None,
+        )
+
+
+def simulated_run_header(plan: Plan, truth: Truth, file: Path, seed: int) -> Header:
+    """The plan's header as that of a run in `file`, with the truth and the seed in its provenance."""
+    provenance = {**plan.header.provenance, "origin": "simulated", "seed": seed, **truth.provenance()}
+    robot = rebased(plan.header.robot, plan.path.parent, file.parent)
+    return plan.header.model_copy(update={"provenance": provenance, "robot": robot})
