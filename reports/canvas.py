@@ -1,0 +1,157 @@
+"""The drawing surface of all figures: one style, the shipped typeface, SVG out.
+
+Figures are matplotlib's object API with the Agg-free SVG backend, never pyplot's global state. They
+are drawn in the light palette on a transparent ground; `themed` turns the palette's colours into
+CSS variables, so that inside the HTML they follow its light and dark form.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import io
+import re
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from .palette import PALETTE, light
+from .typeface import FAMILY, font_file
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+WIDTH = 5.2  # inches: read as it is on a phone, one text width on paper
+_SVG = "http://www.w3.org/2000/svg"
+_XLINK = "http://www.w3.org/1999/xlink"
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A finished figure: `title` its caption, `alt` what it shows in words, `svg` a whole SVG document."""
+
+    name: str
+    title: str
+    alt: str
+    svg: str
+
+
+@contextlib.contextmanager
+def style() -> Iterator[None]:
+    """matplotlib's settings for all figures, in force while a figure is made and written."""
+    import matplotlib
+
+    _register_typeface()
+    ink, muted, line = light("ink"), light("muted"), light("line")
+    settings: dict[Any, Any] = {
+        "font.family": FAMILY,
+        "font.size": 10.0,
+        "text.color": ink,
+        "axes.labelcolor": muted,
+        "axes.edgecolor": line,
+        "axes.facecolor": "none",
+        "axes.grid": True,
+        "axes.axisbelow": True,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "axes.labelsize": 9.5,
+        "axes.titlesize": 10.0,
+        "axes.unicode_minus": True,
+        "axes.formatter.useoffset": False,
+        "grid.color": line,
+        "grid.linewidth": 0.5,
+        "xtick.color": line,
+        "ytick.color": line,
+        "xtick.labelcolor": muted,
+        "ytick.labelcolor": muted,
+        "xtick.labelsize": 9.0,
+        "ytick.labelsize": 9.0,
+        "figure.facecolor": "none",
+        "savefig.facecolor": "none",
+        "svg.fonttype": "none",
+        "svg.hashsalt": "zerobeam",
+        "hatch.linewidth": 0.6,
+        "hatch.color": line,
+        "text.parse_math": False,
+    }
+    with matplotlib.rc_context(settings):
+        yield
+
+
+@functools.cache
+def _register_typeface() -> None:
+    from matplotlib import font_manager
+
+    for cut in ("Regular", "Bold", "Italic"):
+        font_manager.fontManager.addfont(font_file(cut))
+
+
+def new_figure(height: float, *, fitted: bool = True) -> Figure:
+    """An empty figure, WIDTH by `height` inches, made inside `style()`.
+
+    `fitted` leaves room for labels by itself; it is slow where there are many panels.
+    """
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(WIDTH, height), layout="constrained" if fitted else None)
+
+
+def bare_y(axes: Axes) -> None:
+    """Take away the vertical axis: rows are named by labels."""
+    axes.grid(visible=False, axis="y")
+    axes.tick_params(axis="y", length=0)
+    axes.spines["left"].set_visible(False)
+
+
+def to_svg(figure: Figure, name: str) -> str:
+    """The figure as an SVG document whose ids begin with `name`, so that several can share one page.
+
+    Text stays text, in the shipped typeface. The same figure gives the same bytes.
+    """
+    written = io.BytesIO()
+    figure.savefig(written, format="svg", metadata={"Date": None, "Creator": None})
+    root = ElementTree.fromstring(written.getvalue())
+    whole = ElementTree.tostring(root, encoding="unicode")
+    used = set(re.findall(r"url\(#([^)]+)\)", whole)) | {
+        element.attrib[f"{{{_XLINK}}}href"].removeprefix("#")
+        for element in root.iter()
+        if f"{{{_XLINK}}}href" in element.attrib
+    }
+    for element in root.iter():
+        own = element.attrib.pop("id", None)
+        if own in used:
+            element.set("id", f"{name}-{own}")
+        for key, value in element.attrib.items():
+            if key == f"{{{_XLINK}}}href":
+                element.set(key, f"#{name}-{value.removeprefix('#')}")
+            elif "url(#" in value:
+                element.set(key, value.replace("url(#", f"url(#{name}-"))
+    for metadata in root.findall(f"{{{_SVG}}}metadata"):
+        root.remove(metadata)
+    return _text(root)
+
+
+def themed(svg: str) -> str:
+    """`svg` with the palette's colours as CSS variables (`var(--ink)`), for use inside the HTML."""
+    roles = {colour.light: f"var(--{role})" for role, colour in PALETTE.items()}
+    root = ElementTree.fromstring(svg)
+    for element in root.iter():
+        for key in ("style", "fill", "stroke"):
+            if key in element.attrib:
+                value = element.attrib[key]
+                for colour, variable in roles.items():
+                    value = value.replace(colour, variable)
+                element.set(key, value)
+    # Width is the page's matter; the view box keeps the proportions.
+    root.attrib.pop("width", None)
+    root.attrib.pop("height", None)
+    root.set("aria-hidden", "true")
+    return _text(root)
+
+
+def _text(root: ElementTree.Element) -> str:
+    ElementTree.register_namespace("", _SVG)
+    ElementTree.register_namespace("xlink", _XLINK)
+    return ElementTree.tostring(root, encoding="unicode")

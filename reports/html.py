@@ -1,0 +1,70 @@
+"""`report.html`: one self-contained file. No script, no network, light and dark, phone and paper."""
+
+from __future__ import annotations
+
+import base64
+import functools
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .canvas import Picture, themed
+from .palette import css_variables
+from .typeface import FAMILY, Cut, font_file
+
+if TYPE_CHECKING:
+    from jinja2 import Template
+
+TEMPLATES = Path(__file__).parent / "templates"
+LARGEST_ATTACHMENT = 200_000
+_WEIGHTS: dict[Cut, str] = {
+    "Regular": "font-weight: 400",
+    "Bold": "font-weight: 700",
+    "Italic": "font-weight: 400; font-style: italic",
+}
+
+
+def html(view: dict[str, Any], pictures: dict[str, Picture], result_text: str) -> str:
+    """The report as HTML; `result_text` (the text of result.json) is attached if it is under 200 kB."""
+    from markupsafe import Markup
+
+    data = result_text.encode()
+    return _template().render(
+        view=view,
+        pictures={
+            name: {"picture": picture, "svg": Markup(themed(picture.svg))}
+            for name, picture in pictures.items()
+        },
+        # Both are our own text, with nothing of the run in it.
+        css=Markup(_css()),
+        attachment=base64.b64encode(data).decode() if len(data) < LARGEST_ATTACHMENT else None,
+    )
+
+
+@functools.cache
+def _template() -> Template:
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("report.html.j2")
+
+
+@functools.cache
+def _css() -> str:
+    faces = "\n".join(_face(cut, weight) for cut, weight in _WEIGHTS.items())
+    style = (TEMPLATES / "report.css").read_text(encoding="utf-8")
+    style = style.replace("/* LIGHT */", css_variables("light")).replace("/* DARK */", css_variables("dark"))
+    return f"{faces}\n{style}"
+
+
+def _face(cut: Cut, weight: str) -> str:
+    data = base64.b64encode(font_file(cut, "woff2").read_bytes()).decode()
+    return (
+        f'@font-face {{ font-family: "{FAMILY}"; {weight}; font-display: block; '
+        f'src: url("data:font/woff2;base64,{data}") format("woff2"); }}'
+    )

@@ -1,0 +1,87 @@
+"""How numbers are written: rounded by their uncertainty, here and nowhere else.
+
+An estimate has as many decimals as its standard deviation has when that is cut to two significant
+digits (GUM 7.2.6). Minus is U+2212, and a unit never parts from its number at the end of a line.
+"""
+
+from __future__ import annotations
+
+import math
+
+MINUS = "\u2212"
+NO_BREAK = "\u00a0"
+
+_UNITS = {"deg": "°", "mm": f"{NO_BREAK}mm"}
+_MOST_DECIMALS = 8
+_LARGEST = 1e7
+
+
+def decimals(std: float) -> int:
+    """Digits after the point that leave `std` two significant ones; negative means tens, hundreds.
+
+    0.0123 → 3 (0.012), 0.0996 → 2 (0.10), 130 → -1.
+    """
+    if not (math.isfinite(std) and std > 0):
+        raise ValueError(f"an uncertainty must be positive and finite, not {std}")
+    return 1 - int(f"{std:.1e}".split("e")[1])
+
+
+def fixed(value: float, digits: int) -> str:
+    """`value` with `digits` decimals (negative: tens, hundreds), or in powers of ten if far off."""
+    if not math.isfinite(value):
+        raise ValueError(f"only finite numbers are written, not {value}")
+    if digits > _MOST_DECIMALS or abs(value) >= _LARGEST:
+        exponent = 0 if value == 0 else math.floor(math.log10(abs(value)))
+        text = f"{value:.{max(digits + exponent, 0)}e}"
+    else:
+        text = f"{round(value, digits):.{max(digits, 0)}f}"
+    if text.startswith("-"):
+        # A zero has no sign, whatever was rounded away.
+        text = MINUS + text[1:] if float(text) != 0 else text[1:]
+    return text.replace("e-0", "e-").replace("e+0", "e").replace("e+", "e").replace("e-", f"e{MINUS}")
+
+
+def spread(std: float, unit: str = "") -> str:
+    """A standard deviation, to two significant digits."""
+    return with_unit(fixed(std, decimals(std)), unit)
+
+
+def estimate(value: float, std: float, unit: str = "") -> str:
+    """An estimate, rounded by its standard deviation."""
+    return with_unit(fixed(value, decimals(std)), unit)
+
+
+def interval(bounds: tuple[float, float], std: float, unit: str = "") -> str:
+    """`low to high`, rounded by the standard deviation; words, as a dash would read as a minus."""
+    low, high = (fixed(bound, decimals(std)) for bound in bounds)
+    return f"{low} to {with_unit(high, unit)}"
+
+
+def significant(value: float, digits: int = 3, unit: str = "") -> str:
+    """A number without an uncertainty of its own, to `digits` significant digits (whole from 1000 up)."""
+    if value == 0:
+        return with_unit("0", unit)
+    exponent = int(f"{value:.{digits - 1}e}".split("e")[1])
+    return with_unit(fixed(value, max(digits - 1 - exponent, 0)), unit)
+
+
+def exact(value: float, unit: str = "") -> str:
+    """A number that someone stated: as it was stated."""
+    text = f"{value:.10g}"
+    return with_unit(text.replace("-", MINUS) if value != 0 else "0", unit)
+
+
+def p_value(p: float) -> str:
+    """A probability; beyond 0.001 and 0.999 only the side is said."""
+    if not 0 <= p <= 1:
+        raise ValueError(f"a probability lies in 0 to 1, not at {p}")
+    if p < 0.001:
+        return "below 0.001"
+    if p > 0.999:
+        return "above 0.999"
+    return f"{p:.3f}" if p < 0.1 or p > 0.9 else f"{p:.2f}"
+
+
+def with_unit(text: str, unit: str) -> str:
+    """`text` followed by its unit: ° close up, mm after a space that does not break."""
+    return text if not unit else text + _UNITS.get(unit, f"{NO_BREAK}{unit}")

@@ -1,0 +1,43 @@
+"""One palette for figures, HTML and PDF, in a light and a dark form.
+
+The hues are the blue, vermillion and purple of Okabe & Ito's set, which people of every kind of
+colour vision tell apart, moved in lightness until they can be read as text on their ground
+(WCAG AA, 4.5 : 1). A status is never told by colour alone: it has a word and a shape as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Colour:
+    """One role's colour on a light and on a dark ground, both `#rrggbb`."""
+
+    light: str
+    dark: str
+
+
+PALETTE: dict[str, Colour] = {
+    "ground": Colour("#fdfdfc", "#14171a"),
+    "panel": Colour("#f3f4f5", "#1e2328"),
+    "line": Colour("#d3d7db", "#3a424a"),
+    "muted": Colour("#5a646e", "#a3adb7"),
+    "ink": Colour("#1b2126", "#e6e9ec"),
+    "identified": Colour("#0067a5", "#5cb3ea"),
+    "weak": Colour("#a84a00", "#f0a35c"),
+    "unidentifiable": Colour("#963072", "#e08fc0"),
+    "held": Colour("#5b636d", "#a6aeb8"),
+}
+
+# What a shape says, the same in every table and figure (matplotlib's marker, and the mark's name).
+SHAPES: dict[str, str] = {"identified": "o", "weak": "D", "unidentifiable": "x", "held": "s"}
+
+
+def css_variables(theme: str) -> str:
+    """The palette as CSS custom properties, `theme` light or dark: `--ink: #1b2126; …`."""
+    return " ".join(f"--{role}: {getattr(colour, theme)};" for role, colour in PALETTE.items())
+
+
+def light(role: str) -> str:
+    return PALETTE[role].light

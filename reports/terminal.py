@@ -1,0 +1,172 @@
+"""What a person reads in the terminal: the same words and roundings as HTML and PDF."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from . import numbers
+from .view import direction_kind, view
+from .wording import label, sentence
+
+Json = dict[str, Any]
+
+_STYLE = {"identified": "blue", "weak": "yellow", "unidentifiable": "magenta", "held": "dim"}
+_MARK = {"identified": "●", "weak": "◆", "unidentifiable": "✕", "held": "■"}
+_VERDICT_STYLE = {"pass": "bold blue", "weak": "bold yellow", "degenerate": "bold magenta"}
+_VERDICT_WORD = {"pass": "Pass", "weak": "Weak", "degenerate": "Degenerate"}
+_MOST_ROWS = 40
+
+
+def print_result(console: Console, result: Json) -> None:
+    """The answer of `analyse`: verdict, offsets, what cannot be known, fit, notes."""
+    told = view(result)
+    print_verdict(console, result)
+    for note in told["notes"]:
+        console.print(Text("! ", style="bold yellow") + Text(note))
+    for table in (told["offsets"], *told["others"]):
+        if len(table["rows"]) <= _MOST_ROWS:
+            console.print(Text(table["caption"], style="italic"))
+            console.print(_parameter_table(table))
+        else:
+            console.print(
+                Text(f"{table['caption']}: {len(table['rows'])}, see --json or the report", style="italic")
+            )
+    _print_directions(console, result["identifiability"]["null_space"])
+    console.print(Text(_fit_line(result["fits"])))
+    console.print(Text("Posterior: " + sentence(result["posterior"]["message"]).rstrip(".") + "."))
+
+
+def print_check(console: Console, answer: Json) -> None:
+    """The answer of `check`: verdict, predicted standard deviations, null directions, notes."""
+    print_verdict(console, answer)
+    for note in answer["notes"]:
+        console.print(Text("! ", style="bold yellow") + Text(sentence(note)))
+    console.print(Text("What this plan will tell", style="italic"))
+    table = Table(box=None, pad_edge=False)
+    for name in ("name", "predicted std", "from the data alone", "known before", "status"):
+        table.add_column(name, justify="left" if name in ("name", "status") else "right")
+    for row in answer["parameters"]:
+        table.add_row(
+            label(row["name"]),
+            "—" if row["std"] is None else numbers.spread(row["std"], row["unit"]),
+            _data_std(row),
+            numbers.spread(row["prior_std"], row["unit"]),
+            _status(row["status"]),
+        )
+    console.print(table)
+    _print_directions(console, answer["identifiability"]["null_space"])
+    off = [posture["off_mm"] for posture in answer["postures"]]
+    if max(off) > 0.05:
+        console.print(
+            Text(
+                f"The postures point up to {numbers.significant(max(off), 2, 'mm')} beside the target;"
+                " the plan is judged with the wrist turned onto it."
+            )
+        )
+
+
+def print_side_by_side(console: Console, titles: Sequence[str], results: Sequence[Json]) -> None:
+    """Several results next to each other, with the true values where a simulation states them."""
+    console.print(Text("Offsets and tool: estimate ± standard deviation, and the true value", style="italic"))
+    table = Table()
+    table.add_column("")
+    for title in titles:
+        table.add_column(title)
+    names = list(
+        dict.fromkeys(r["name"] for result in results for r in result["parameters"] if r["group"] != "target")
+    )
+    for name in names:
+        cells = [_compared(result, name) for result in results]
+        table.add_row(label(name), *cells)
+    verdicts = [Text(result["verdict"], style=_VERDICT_STYLE[result["verdict"]]) for result in results]
+    table.add_section()
+    table.add_row("verdict", *verdicts)
+    console.print(table)
+
+
+def _compared(result: Json, name: str) -> Text:
+    row = next((r for r in result["parameters"] if r["name"] == name), None)
+    if row is None:
+        return Text("")
+    provenance = result["inputs"]["header"].get("provenance", {})
+    true = provenance.get(f"true {name} ({row['unit']})")
+    told = Text("" if true is None else f"\ntrue {numbers.exact(true, row['unit'])}", style="dim")
+    if row["status"] == "unidentifiable":
+        return Text("✕ not determined", style=_STYLE["unidentifiable"]) + told
+    if row["status"] == "held":
+        return Text(f"■ held at {numbers.exact(row['estimate'], row['unit'])}", style=_STYLE["held"]) + told
+    if row["estimate"] is None:
+        return Text("no estimate") + told
+    text = (
+        f"{_MARK[row['status']]} {numbers.estimate(row['estimate'], row['std'])}"
+        f" ± {numbers.spread(row['std'], row['unit'])}"
+    )
+    return Text(text, style=_STYLE[row["status"]]) + told
+
+
+def print_verdict(console: Console, answer: Json) -> None:
+    """The verdict of a result or a check with its sentence, and the remedy where it is not a pass."""
+    key = answer["verdict"]
+    console.print(
+        Text(_VERDICT_WORD[key] + ". ", style=_VERDICT_STYLE[key]) + Text(sentence(answer["headline"]))
+    )
+
+
+def _parameter_table(told: Json) -> Table:
+    table = Table(box=None, pad_edge=False)
+    for column in told["columns"]:
+        table.add_column(escape(column["text"]), justify=column["align"])
+    for row in told["rows"]:
+        cells: list[Text] = []
+        for cell in row["cells"]:
+            cells.append(_status(cell["mark"]) if cell["mark"] else Text(cell["text"]))
+            cells.extend(Text("") for _ in range(cell["span"] - 1))
+        table.add_row(*cells)
+    return table
+
+
+def _status(status: str) -> Text:
+    return Text(f"{_MARK[status]} {status}", style=_STYLE[status])
+
+
+def _data_std(row: Json) -> str:
+    if row["held"]:
+        return "—"
+    return "infinite" if row["data_std"] is None else numbers.spread(row["data_std"], row["unit"])
+
+
+def _print_directions(console: Console, directions: Sequence[Json]) -> None:
+    for direction in directions:
+        terms = list(direction["combination"].items())
+        shown = ", ".join(f"{label(name)} {numbers.significant(weight, 2)}" for name, weight in terms[:4])
+        more = f" and {len(terms) - 4} more" if len(terms) > 4 else ""
+        console.print(
+            Text("✕ " if direction["kind"] == "exact" else "◆ ", style="bold")
+            + Text(f"{shown}{more}: {direction_kind(direction)}")
+        )
+        facts = Table.grid(padding=(0, 1))
+        facts.add_row("  why:", Text(sentence(direction["reason"])))
+        facts.add_row("  to do:", Text(sentence(direction["remedy"])))
+        console.print(facts)
+
+
+def _fit_line(fits: Json) -> str:
+    fit = fits["likelihood"]
+    line = (
+        f"Fit: misses {numbers.significant(fit['rms_mm'], 3)} mm rms"
+        f" (before: {numbers.significant(fit['rms_before_mm'], 3)} mm)"
+    )
+    if fit["p_value"] is not None:
+        line += (
+            f", chi-squared {numbers.significant(fit['chi2'], 3)} for {fit['dof']} degrees of freedom"
+            f" (p {numbers.p_value(fit['p_value'])})"
+        )
+    if fit["noise_scale"] is not None:
+        line += f", noise {numbers.significant(fit['noise_scale'], 3)} times the stated one"
+    return line + "."

@@ -1,0 +1,179 @@
+"""report.html: one file, no script, no network, hostile names as text."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import shutil
+import subprocess
+from html.parser import HTMLParser
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from example_results import EXAMPLES, FORBIDDEN, drawn, good, hostile, misfit, unconverged, x_pattern
+
+from zerobeam.analysis.result import Result
+from zerobeam.analysis.result_json import dumps, to_json
+from zerobeam.reports.html import html
+from zerobeam.reports.view import view
+
+VOID = {"meta", "link", "br", "img", "hr", "input"}
+
+
+class Page(HTMLParser):
+    """Tags, attributes and visible text of a page, and its tables as rows of cells."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(convert_charrefs=True)
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text: list[str] = []
+        self.rows: list[list[str]] = []
+        self.open: list[str] = []
+        self.feed(text)
+        assert not self.open
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+        if tag == "tr":
+            self.rows.append([])
+        if tag in ("td", "th"):
+            self.rows[-1].append("")
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if "style" in self.open:
+            return
+        self.text.append(data)
+        if "td" in self.open or ("th" in self.open):
+            self.rows[-1][-1] += data.strip()
+
+
+def made(result: Result) -> str:
+    answer = to_json(result)
+    return html(view(answer), drawn(result), dumps(answer))
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_it_is_one_well_formed_file_that_fetches_nothing(name: str) -> None:
+    text = made(EXAMPLES[name])
+    page = Page(text)
+    text.encode()
+    assert not {tag for tag, _ in page.tags} & {"script", "iframe", "img", "object", "embed", "form", "base"}
+    for tag, attributes in page.tags:
+        assert not any(key.startswith("on") for key in attributes), tag
+        for key in ("src", "href", "xlink:href"):
+            value = attributes.get(key)
+            assert value is None or value.startswith(("data:", "#")), (tag, value)
+    style = text[text.index("<style>") : text.index("</style>")]
+    assert set(re.findall(r"url\(\"?([a-z]+):", style)) == {"data"}
+    assert len(text.encode()) < 3_000_000
+
+
+def test_sections_stand_in_the_order_of_their_weight() -> None:
+    text = made(x_pattern())
+    marks = ['class="verdict', *(f"<h2>{title}</h2>" for title in (
+        "Offsets", "What cannot be known", "Fit quality", "Posterior", "Misses", "Inputs"
+    ))]  # fmt: skip
+    places = [text.index(mark) for mark in marks]
+    assert places == sorted(places)
+
+
+def test_no_unidentifiable_parameter_has_a_number() -> None:
+    """The decisive test: whatever its prior draws were, no row of it has a digit beside its name."""
+    for result in (x_pattern(), hostile()):
+        page = Page(made(result))
+        rows = [row for row in page.rows if "not determined by these data" in row]
+        untold = [row for row in result.parameters if row.status == "unidentifiable"]
+        assert len(rows) >= len(untold)
+        for row in page.rows:
+            if row[0] == "δ2":
+                assert not re.search(r"\d", " ".join(row[1:]))
+        text = " ".join(page.text)
+        assert f"{abs(FORBIDDEN):.2f}" not in text
+        assert "4.98" not in text
+
+
+def test_what_the_table_says_is_what_result_json_says() -> None:
+    result = good()
+    rows = {row[0]: row for row in reversed(Page(made(result)).rows)}
+    for row in result.parameters:
+        if row.estimate is not None and not row.held:
+            name = row.name.replace("delta", "δ")
+            cell = rows[name][1].replace("\u2212", "-").replace("\u00a0mm", "").removesuffix("°")
+            assert row.std is not None
+            assert abs(float(cell) - row.estimate) <= 0.05 * row.std
+            assert rows[name][3] == row.status
+
+
+def test_an_unconverged_posterior_is_a_sentence_and_no_figure() -> None:
+    text = made(unconverged())
+    assert "The posterior has not converged and is not shown." in text
+    assert "Corner plot" not in text
+    assert "Corner plot" in made(good())
+
+
+def test_figures_tables_and_headings_are_told_to_a_screen_reader() -> None:
+    page = Page(made(good()))
+    roles = [attributes for _, attributes in page.tags if attributes.get("role") == "img"]
+    assert len(roles) == 3
+    assert all(attributes["aria-label"] for attributes in roles)
+    assert dict(page.tags[[tag for tag, _ in page.tags].index("html")][1]) == {"lang": "en"}
+    headers = [attributes for tag, attributes in page.tags if tag == "th"]
+    assert all(attributes.get("scope") in ("row", "col") for attributes in headers)
+    levels = [int(tag[1]) for tag, _ in page.tags if re.fullmatch(r"h\d", tag)]
+    assert levels[0] == 1
+    assert levels.count(1) == 1
+    assert all(after <= before + 1 for before, after in pairwise(levels))
+
+
+def test_light_and_dark_phone_and_paper_are_provided_for() -> None:
+    text = made(good())
+    assert "@media (prefers-color-scheme: dark)" in text
+    assert "@media print" in text
+    assert 'name="viewport"' in text
+    assert "/* LIGHT */" not in text
+    assert "/* DARK */" not in text
+
+
+def test_result_json_is_attached_where_it_is_small() -> None:
+    found = re.search(r'download="result.json" href="data:application/json;base64,([^"]+)"', made(good()))
+    assert found
+    assert json.loads(base64.b64decode(found.group(1))) == to_json(good())
+    many = misfit(count=1500)
+    assert len(dumps(to_json(many))) > 200_000
+    assert "download=" not in made(many)
+
+
+def test_hostile_names_are_shown_as_they_are_and_do_nothing() -> None:
+    text = made(hostile())
+    assert "<script" not in text
+    assert "alert(&#39;x&#39;)" in text
+    assert "{{ 7*7 }}" in text
+    assert "\x00" not in text
+    assert "\u202e" not in text
+
+
+@pytest.mark.browser
+def test_chromium_opens_it_without_a_word_on_its_console(tmp_path: Path) -> None:
+    chromium = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    if chromium is None:
+        pytest.skip("no Chromium on this machine")
+    file = tmp_path / "report.html"
+    file.write_text(made(hostile()), encoding="utf-8")
+    flags = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"]
+    flags += ["--disable-background-networking", "--disable-component-update", "--disable-sync"]
+    flags += [f"--user-data-dir={tmp_path / 'profile'}", "--enable-logging=stderr", "--dump-dom"]
+    done = subprocess.run(
+        [chromium, *flags, file.as_uri()], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert "What cannot be known" in done.stdout
+    assert "CONSOLE" not in done.stderr
