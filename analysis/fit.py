@@ -13,7 +13,7 @@ from .coordinates import SeenCoordinates
 from .levenberg_marquardt import levenberg_marquardt
 
 _REFRESHES = 30
-_POLISH = 200  # a long, thin, curved ridge (two shots, say) takes about a hundred
+_POLISH = 60
 _FLAT = 1e-3  # curvature, as a share of Gauss-Newton's, below which a direction is no ridge to trust
 _DIFFERENCE = 1e-3  # step of the differences, in posterior stds
 _CONVERGED = 1e-4  # size of the gradient, in posterior stds

@@ -75,7 +75,7 @@ def simulated_shots(truth: Truth, rng: np.random.Generator) -> Iterator[Shot]:
         if not aimed.hit[i]:
             raise RigFault(
                 f"posture {i}: the {'wrist' if laser else 'arm'} cannot bring the {problem.tool.kind} onto"
-                f" the target, which is {aimed.off_mm[i]:.0f} mm off. Choose a posture that points nearer to it."
+                f" the target, which is {aimed.off_mm[i]:.0f} mm off. Choose one that points nearer to it."
             )
         joints = aimed.problem.joints[i] + rng.normal(size=n) * problem.noise.joint
         spot = rng.normal(size=2) * problem.noise.spot

@@ -275,7 +275,8 @@ class Problem:
     def log_prior(self, x: Matrix) -> Matrix:
         """(W,) log of the normal priors of what is not held, up to a constant."""
         z = (x - self.parameters.prior_mean) / self.parameters.prior_std
-        return np.asarray(-(z[:, self.parameters.free] ** 2).sum(axis=1) / 2)
+        value = -(z[:, self.parameters.free] ** 2).sum(axis=1) / 2
+        return np.where(np.isnan(value), -np.inf, value)
 
     def noise_weight(self, x: Matrix) -> float:
         """1 for known noise; where the scale is estimated, the mode of 1 / scale^2 at x (p,)."""

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from threadpoolctl import threadpool_limits
 
 from zerobeam.model.errors import BadInput
 
@@ -45,3 +46,10 @@ def refused() -> Callable[..., BadInput]:
         return caught.value
 
     return call
+
+
+@pytest.fixture(scope="session", autouse=True)
+def one_thread_of_linear_algebra() -> Iterator[None]:
+    """Matrices are small here: with more threads than idle cores the tests take many times as long."""
+    with threadpool_limits(limits=1, user_api="blas"):
+        yield

@@ -1,0 +1,318 @@
+"""The command line: thin. Each command reads, calls one function and prints.
+
+Exit status: 0 verdict pass; 1 weak or degenerate; 2 bad input or usage; 3 a fault of the rig or of the
+program, or a failed fit.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import traceback
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+
+import typer
+from rich.console import Console
+
+from . import __version__
+from .model.errors import BadInput, ZerobeamError
+
+if TYPE_CHECKING:
+    from .analysis.result import Draws, Result
+
+EXIT_STATUS = {"pass": 0, "weak": 1, "degenerate": 1}
+_FAULT = 3
+
+app = typer.Typer(
+    name="zerobeam",
+    help="Joint offsets of an industrial robot from laser shots at one point, and how sure one may be.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+)
+imports = typer.Typer(help="Make a run from recorded files that people have.", no_args_is_help=True)
+app.add_typer(imports, name="import")
+
+out = Console(highlight=False, soft_wrap=False)
+err = Console(stderr=True, highlight=False)
+
+
+class AngleUnit(StrEnum):
+    """Units that angles come in."""
+
+    DEG = "deg"
+    RAD = "rad"
+
+
+class LengthUnit(StrEnum):
+    """Units that lengths come in."""
+
+    MM = "mm"
+    M = "m"
+
+
+class RigName(StrEnum):
+    """What can carry a plan out."""
+
+    SIMULATED = "simulated"
+
+
+Json = Annotated[bool, typer.Option("--json", help="Print the machine's answer (JSON) and nothing else.")]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of all that is random: the same seed, the same answer.")]
+Ess = Annotated[float, typer.Option(min=100, help="Effective posterior draws asked of every parameter.")]
+RunFile = Annotated[Path, typer.Argument(help="Run file (.jsonl).", show_default=False)]
+PlanFile = Annotated[Path, typer.Argument(help="Plan file (.yaml).", show_default=False)]
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        out.print(f"zerobeam {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _zerobeam(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Joint offsets of an industrial robot from laser shots at one point, and how sure one may be."""
+
+
+@app.command()
+def demo(
+    folder: Annotated[
+        Path, typer.Option("-o", "--out", help="Folder for the reports.", show_default=True)
+    ] = Path("zerobeam-demo"),
+) -> None:
+    """The main job on three built-in runs: a good one, an X-Pattern, an uncalibrated tool."""
+    from .analysis.result_json import to_json
+    from .experiments.demos import demo_runs
+    from .model.run import read_run
+    from .reports.folder import check_target, write_report
+    from .reports.terminal import print_side_by_side, print_verdict
+
+    cases = demo_runs()
+    for case in cases:
+        check_target(folder / case.name)
+    answers = []
+    for case in cases:
+        with _progress(case.title) as told:
+            result, draws = _analysed(read_run(case.path), 0, 1000.0, told)
+        write_report(folder / case.name, result, draws)
+        answers.append(to_json(result))
+    print_side_by_side(out, [case.title for case in cases], answers)
+    for case, answer in zip(cases, answers, strict=True):
+        out.print(f"\n[bold]{case.title}[/bold]: {case.about}")
+        print_verdict(out, answer)
+        out.print(f"Report: {folder / case.name / 'report.html'}", soft_wrap=True)
+
+
+@app.command()
+def check(plan: PlanFile, as_json: Json = False) -> None:
+    """Will this plan work? The verdict before any shot."""
+    from .analysis.check import check as judge
+    from .analysis.check import check_json
+    from .model.plan import read_plan
+    from .reports.terminal import print_check
+
+    answer = check_json(judge(read_plan(plan)))
+    if as_json:
+        _print_json(answer)
+    else:
+        print_check(out, answer)
+    raise typer.Exit(EXIT_STATUS[answer["verdict"]])
+
+
+@app.command()
+def analyse(run: RunFile, as_json: Json = False, seed: Seed = 0, ess: Ess = 1000.0) -> None:
+    """What the offsets are, and how sure one may be."""
+    from .analysis.result_json import to_json
+    from .model.run import read_run
+    from .reports.terminal import print_result
+
+    recorded = read_run(run)
+    with _progress("analyse") as told:
+        result, _ = _analysed(recorded, seed, ess, told)
+    answer = to_json(result)
+    if as_json:
+        _print_json(answer)
+    else:
+        print_result(out, answer)
+    raise typer.Exit(_status(result))
+
+
+@app.command()
+def report(
+    run: RunFile,
+    folder: Annotated[Path, typer.Option("-o", "--out", help="Folder for the report.", show_default=False)],
+    as_json: Json = False,
+    seed: Seed = 0,
+    ess: Ess = 1000.0,
+) -> None:
+    """The report of a run: report.html, report.pdf, result.json, posterior.nc and the figures."""
+    from .analysis.result_json import to_json
+    from .model.run import read_run
+    from .reports.folder import check_target, write_report
+    from .reports.terminal import print_result
+
+    recorded = read_run(run)
+    check_target(folder)
+    with _progress("report") as told:
+        result, draws = _analysed(recorded, seed, ess, told)
+        told("writing", 0.0)
+        paths = write_report(folder, result, draws)
+        told("writing", 1.0)
+    if as_json:
+        _print_json(to_json(result))
+    else:
+        print_result(out, to_json(result))
+        out.print(f"Report: {paths.html}", soft_wrap=True)
+    raise typer.Exit(_status(result))
+
+
+@app.command()
+def run(
+    plan: PlanFile,
+    file: Annotated[
+        Path, typer.Option("-o", "--out", help="Run file to write (.jsonl).", show_default=False)
+    ],
+    rig: Annotated[RigName, typer.Option(help="What carries the plan out.")] = RigName.SIMULATED,
+    seed: Seed = 0,
+) -> None:
+    """Carry a plan out and record its shots."""
+    from .experiments.procedure import carry_out
+    from .model.plan import read_plan
+
+    planned = read_plan(plan)
+    with _progress("run") as told:
+        shots = carry_out(planned, rig.value, file, seed, told)
+    out.print(f"{shots} shots recorded in {file}", soft_wrap=True)
+
+
+@app.command()
+def schema(
+    name: Annotated[
+        str | None, typer.Argument(help="run-header, run-shot, plan, header or robot.", show_default=False)
+    ] = None,
+) -> None:
+    """Print the JSON Schema of a file (without a name: which there are)."""
+    from .model.schema import SCHEMA_NAMES, json_schema
+
+    if name is None:
+        out.print("\n".join(SCHEMA_NAMES))
+        return
+    if name not in SCHEMA_NAMES:
+        raise BadInput("there is no schema of that name", found=name, allowed=", ".join(SCHEMA_NAMES))
+    _print_json(json_schema(name))
+
+
+@imports.command("csv")
+def import_csv(
+    files: Annotated[list[Path], typer.Argument(help="CSV files, one posture a row.", show_default=False)],
+    header: Annotated[
+        Path, typer.Option(help="Header file (.yaml): robot, tool, noise.", show_default=False)
+    ],
+    units: Annotated[AngleUnit, typer.Option(help="Unit of the angles.", show_default=False)],
+    target: Annotated[
+        list[str],
+        typer.Option(
+            help="Target of a file's shots: once for each file, in their order.", show_default=False
+        ),
+    ],
+    file: Annotated[
+        Path, typer.Option("-o", "--out", help="Run file to write (.jsonl).", show_default=False)
+    ],
+    lengths: Annotated[
+        LengthUnit | None, typer.Option(help="Unit of prismatic joints.", show_default=False)
+    ] = None,
+    header_row: Annotated[
+        bool, typer.Option("--header-row", help="The first row names the columns.")
+    ] = False,
+    columns: Annotated[
+        str | None,
+        typer.Option(
+            help="Columns of joint 1, 2, …, by name: a,b,c (with --header-row).", show_default=False
+        ),
+    ] = None,
+    delimiter: Annotated[str, typer.Option(help="What stands between two numbers.")] = ",",
+) -> None:
+    """Recorded joint positions in CSV files. Units and target names are stated, never guessed."""
+    from .experiments import importers
+    from .model.run import write_run
+
+    imported = importers.import_csv(
+        files,
+        target,
+        units.value,
+        header,
+        file,
+        header_row=header_row,
+        columns=None if columns is None else [name.strip() for name in columns.split(",")],
+        delimiter=delimiter,
+        lengths=None if lengths is None else lengths.value,
+    )
+    for line in imported.understood:
+        out.print(line, markup=False)
+    write_run(file, imported.header, imported.shots)
+    out.print(f"{len(imported.shots)} shots written to {file}", soft_wrap=True, markup=False)
+
+
+def _analysed(
+    recorded: Any, seed: int, ess: float, told: Callable[[str, float], None]
+) -> tuple[Result, Draws | None]:
+    from .analysis.analyse import analyse as judge
+
+    return judge(recorded, seed=seed, ess=ess, progress=told)
+
+
+def _status(result: Result) -> int:
+    return EXIT_STATUS[result.verdict] if result.likelihood.converged else _FAULT
+
+
+def _print_json(answer: dict[str, Any]) -> None:
+    sys.stdout.write(json.dumps(answer, ensure_ascii=False, allow_nan=False, indent=1) + "\n")
+
+
+@contextmanager
+def _progress(title: str) -> Iterator[Callable[[str, float], None]]:
+    """A bar on standard error with the stage under way; silent when that is no terminal."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
+        task = bar.add_task(title, total=1.0)
+
+        def told(stage: str, share: float) -> None:
+            bar.update(task, description=f"{title}: {stage}", completed=share)
+
+        yield told
+
+
+def _warn(message: Warning | str, *_: Any, **__: Any) -> None:
+    err.print(f"note: {message}", markup=False, soft_wrap=True)
+
+
+def main() -> NoReturn:
+    """Entry point of the console script: every error that is the user's is one message, no traceback."""
+    warnings.showwarning = _warn
+    try:
+        app(standalone_mode=True)
+    except ZerobeamError as error:
+        err.print(f"error: {error}", markup=False, soft_wrap=True)
+        sys.exit(error.exit_status)
+    except KeyboardInterrupt:
+        err.print("stopped")
+        sys.exit(130)
+    except Exception:  # noqa: BLE001 - told in full, and the last thing that happens
+        # Python's own status for this is 1, which is a verdict here.
+        traceback.print_exc()
+        err.print("error: this is a fault of zerobeam itself, please report it with the lines above")
+        sys.exit(_FAULT)
+    sys.exit(0)
