@@ -56,8 +56,8 @@ def fit_likelihood(problem: Problem, *, starts: int = 8, seed: int = 0) -> Likel
     best = climb.from_start(np.zeros(size))
     others: list[LikelihoodFit] = []
     for _ in range(starts):
-        found = climb.from_start(rng.normal(size=size))
-        if not found.converged:
+        found = climb.from_start(rng.normal(size=size), best)
+        if not found.converged or found is best:
             continue
         if not best.converged or found.log_posterior > best.log_posterior + 1e-6:
             best, found = found, best
@@ -106,7 +106,11 @@ def unbiased_weight(problem: Problem, x: Matrix) -> float:
 
 
 def _apart(a: LikelihoodFit, b: LikelihoodFit) -> bool:
-    return bool((np.abs(a.z - b.z) > _SAME_BASIN * np.maximum(a.std, b.std)).any())
+    return not _same_basin(a.z, b.z, np.maximum(a.std, b.std))
+
+
+def _same_basin(a: Matrix, b: Matrix, std: Matrix) -> bool:
+    return bool((np.abs(a - b) <= _SAME_BASIN * std).all())
 
 
 def _uphill(curvature: Matrix, slope: Matrix) -> Matrix:
@@ -124,7 +128,8 @@ class _Climb:
         self._free = problem.parameters.free
         self._coordinates = SeenCoordinates(problem)
 
-    def from_start(self, z: Matrix) -> LikelihoodFit:
+    def from_start(self, z: Matrix, known: LikelihoodFit | None = None) -> LikelihoodFit:
+        """The mode above z (f,), or `known` itself where the way leads to the foot of it."""
         v = self._coordinates.from_parameters(start_at(self._problem, z))
         iterations, damping = 0, 1e-3
         converged, reason = False, f"the weights did not settle in {_REFRESHES} refreshes"
@@ -138,6 +143,8 @@ class _Climb:
             if moved < 1e-4:
                 converged, reason = True, "the weights settled"
                 break
+        if known is not None and known.converged and _same_basin(self._z(self._x(v)), known.z, known.std):
+            return known
         return self._polished(v, iterations, converged, reason)
 
     def _residual(self, at: Matrix) -> Callable[[Matrix], tuple[Matrix, Matrix]]:
@@ -151,7 +158,7 @@ class _Climb:
         def residual(v: Matrix) -> tuple[Matrix, Matrix]:
             x = self._x(v)
             whitened = problem.whiten(x, factor)
-            z = ((x - parameters.prior_mean) / parameters.prior_std)[self._free]
+            z = self._z(x)
             by_v = self._coordinates.jacobian(x)
             data = (whitened.jacobian[:, self._free] * root[:, None]) @ by_v
             return np.concatenate([whitened.residual * root, z]), np.concatenate([data, by_v])
@@ -197,13 +204,13 @@ class _Climb:
     def _fit(
         self, v: Matrix, covariance: Matrix, gradient: float, iterations: int, converged: bool, reason: str
     ) -> LikelihoodFit:
-        problem, parameters = self._problem, self._problem.parameters
+        problem = self._problem
         x = self._x(v)
         by_v = self._coordinates.jacobian(x)
         weight = unbiased_weight(problem, x)
         return LikelihoodFit(
             x=x,
-            z=((x - parameters.prior_mean) / parameters.prior_std)[self._free],
+            z=self._z(x),
             covariance=by_v @ covariance @ by_v.T * (problem.noise_weight(x) / weight),
             weight=weight,
             whitened=problem.whiten(x),
@@ -217,6 +224,10 @@ class _Climb:
 
     def _x(self, v: Matrix) -> Matrix:
         return np.asarray(self._coordinates.to_parameters(v[None])[0])
+
+    def _z(self, x: Matrix) -> Matrix:
+        parameters = self._problem.parameters
+        return np.asarray(((x - parameters.prior_mean) / parameters.prior_std)[self._free])
 
     def _value(self, v: Matrix) -> float:
         x = self._x(v)[None]
