@@ -24,12 +24,14 @@ _HIT_MM = 1e-6
 class Aimed:
     """`problem` has its shots turned onto their targets as far as they can be.
 
-    `off_mm` (N,) is how far each shot was off before, `hit` (N,) whether it hits now.
+    `off_mm` (N,) is how far each shot was off before, `hit` (N,) whether it hits now, `ahead` (N,)
+    whether the target lies before the laser: the model's beam is a whole line, the laser's is half of it.
     """
 
     problem: Problem
     off_mm: Matrix
     hit: NDArray[np.bool_]
+    ahead: NDArray[np.bool_]
 
 
 def servo_joints(problem: Problem) -> Matrix:
@@ -83,4 +85,11 @@ def aim(problem: Problem, x: Matrix, weights: Matrix) -> Aimed:
         better = size < best_miss[active]
         nearer = active[better]
         best[nearer], best_miss[nearer] = joints[nearer], size[better]
-    return Aimed(problem.moved(best), off, best_miss < _HIT_MM)
+    aimed = problem.moved(best)
+    return Aimed(aimed, off, best_miss < _HIT_MM, _ahead(aimed, x))
+
+
+def _ahead(problem: Problem, x: Matrix) -> NDArray[np.bool_]:
+    origin, direction = problem.beams(x)
+    _, targets, _ = problem.split(x)
+    return np.asarray(((targets[problem.target_index] - origin) * direction).sum(axis=1) >= 0)

@@ -12,8 +12,8 @@ from ..model.errors import BadInput
 from ..model.plan import Plan
 from ..model.problem import Problem
 from .aim import Aimed, aim, servo_joints
-from .fit import information
 from .identifiability import identify
+from .outlook import Advice, CurvePoint, OverTarget, advice, curve, over_target, predicted_std
 from .result import Group, Identifiability, Status, Verdict
 from .verdict import listed, reason_for, verdict, verdict_sentence
 from .versions import versions
@@ -54,6 +54,9 @@ class Check:
     parameters: tuple[CheckedParameter, ...]
     identifiability: Identifiability
     postures: tuple[CheckedPosture, ...]
+    curve: tuple[CurvePoint, ...]
+    over_target: OverTarget | None
+    advice: Advice | None
     notes: tuple[str, ...]
     inputs: dict[str, Any]
 
@@ -70,7 +73,10 @@ def check(plan: Plan) -> Check:
         aimed = aim(problem, x, servo_joints(problem))
         shots = _shots(plan, aimed)
         identified = identify(shots, x)
-        known = np.sqrt(np.diag(np.linalg.inv(information(shots, x, 1.0))))
+        known = predicted_std(shots, x)
+        promised = curve(shots, x)
+        elsewhere = over_target(problem, x, _stated_spread(plan, problem))
+        better = None if verdict(problem, identified) == "pass" else advice(shots, x)
     parameters = problem.parameters
     std = np.full(len(parameters), np.nan)
     std[parameters.free] = known * parameters.prior_std[parameters.free]
@@ -99,6 +105,9 @@ def check(plan: Plan) -> Check:
             CheckedPosture(i, plan.targets[i], float(aimed.off_mm[i]), bool(aimed.hit[i]))
             for i in range(problem.shots)
         ),
+        curve=promised,
+        over_target=elsewhere,
+        advice=better,
         notes=_notes(plan, aimed),
         inputs={
             "plan": plan.path.name,
@@ -115,7 +124,11 @@ def check_json(answer: Check) -> dict[str, Any]:
 
 
 def _shots(plan: Plan, aimed: Aimed) -> Problem:
-    """The shots that the plan will give: those of the postures that can be turned onto their targets."""
+    """The shots that the plan will give: those of the postures that can be turned onto their targets.
+
+    If every beam leaves away from its target it is the tool's direction that is in doubt: the lines are
+    judged then, and a note says so.
+    """
     if not aimed.hit.any():
         raise BadInput(
             "no posture of the plan can be turned onto its target",
@@ -123,7 +136,18 @@ def _shots(plan: Plan, aimed: Aimed) -> Problem:
             remedy="correct the target's guess_mm, the tool or the postures",
             file=plan.path,
         )
-    return aimed.problem.select(np.flatnonzero(aimed.hit))
+    taken = aimed.hit & aimed.ahead
+    return aimed.problem.select(np.flatnonzero(taken if taken.any() else aimed.hit))
+
+
+def _stated_spread(plan: Plan, problem: Problem) -> Matrix:
+    """(p,) std of where each target may stand, mm; 0 where the header does not state its sigma."""
+    spread = np.zeros(len(problem.parameters))
+    for item, name in enumerate(problem.parameters.names):
+        stated = plan.header.targets.get(name.rpartition(".")[0])
+        if stated is not None and "sigma_mm" in stated.model_fields_set and stated.guess_mm is not None:
+            spread[item] = stated.sigma_mm
+    return np.where(problem.parameters.group("target"), spread, 0.0)
 
 
 def _notes(plan: Plan, aimed: Aimed) -> tuple[str, ...]:
@@ -132,6 +156,14 @@ def _notes(plan: Plan, aimed: Aimed) -> tuple[str, ...]:
     if len(missed):
         notes.append(
             f"From posture {listed([str(i) for i in missed])} the target cannot be hit:"
+            " no shot is counted there"
+        )
+    behind = np.flatnonzero(aimed.hit & ~aimed.ahead)
+    if len(behind) and len(behind) == int(aimed.hit.sum()):
+        notes.append("Every target is behind the laser: is the sign of tool.direction right?")
+    elif len(behind):
+        notes.append(
+            f"In posture {listed([str(i) for i in behind])} the target is behind the laser:"
             " no shot is counted there"
         )
     robot, turned = plan.robot, aimed.problem.joints

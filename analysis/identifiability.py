@@ -16,12 +16,13 @@ from ..model.parameters import Parameters
 from ..model.problem import Problem
 from ..model.robot import Matrix
 from .aim import aim, moving_joints
-from .mechanisms import NO_MECHANISM, Mechanism, mechanisms, too_few_shots
+from .mechanisms import Mechanism, mechanisms, unexplained
 from .result import Identifiability, NullDirection, Status
 
 _ROUNDING = 1e-11  # singular values below this share of a unit column are rounding
 _PART = 1e-6  # a parameter with less than this in a unit null vector has no part in it
 _CONFIRMATIONS = 3
+_NEARER = 6  # halvings of the way to them, until all shots can hit there
 _NEW = 1e-4  # a null direction is not yet told if this part of it is outside those found
 _AS_NEARLY_NULL = 3.0  # a mechanism explains a direction if it is null to within this factor
 _NEGLIGIBLE = 1e-3  # terms of a combination whose effect is below this share are left out
@@ -44,9 +45,9 @@ def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
     `weight` is 1 / noise scale^2 (shots only).
     """
     parameters, free = problem.parameters, problem.parameters.free
-    aimed, jacobian = _information_root(problem, x, weight)
+    aimed, jacobian, hit = _information_root(problem, x, weight)
     gauge = _null_space(jacobian)
-    exact_dimension, exact_part = _confirm(problem, x, gauge)
+    exact_dimension, exact_part = _confirm(problem, x, gauge, hit)
 
     keep = _complement(gauge)
     _, singular, right = np.linalg.svd(jacobian @ keep, full_matrices=False)
@@ -107,13 +108,20 @@ def observability(singular: Matrix, shots: int) -> dict[str, float | None]:
     }
 
 
-def _information_root(problem: Problem, x: Matrix, weight: float) -> tuple[Problem, Matrix]:
-    """The problem at shots that hit, and A there (M, f) for the free parameters."""
-    aimed = aim(problem, x, moving_joints(problem.joints)).problem
+def _information_root(
+    problem: Problem, x: Matrix, weight: float
+) -> tuple[Problem, Matrix, NDArray[np.bool_]]:
+    """The problem at shots that hit the centre, A there (M, f) for the free parameters, and (N,) which hit.
+
+    Recorded spots are noise: kept, they would pass for information on the roll of the beam's axes.
+    """
+    centred = problem.moved(problem.joints, np.zeros_like(problem.spots))
+    aim_found = aim(centred, x, moving_joints(problem.joints))
+    aimed = aim_found.problem
     jacobian = aimed.whiten(x).jacobian[:, problem.parameters.free]
     rows = problem.shots * problem.tool.miss_size
     jacobian[:rows] *= np.sqrt(weight)
-    return aimed, jacobian
+    return aimed, jacobian, aim_found.hit
 
 
 def _null_space(jacobian: Matrix) -> Matrix:
@@ -139,12 +147,17 @@ def _complement(basis: Matrix) -> Matrix:
     return np.linalg.qr(basis, mode="complete")[0][:, basis.shape[1] :]
 
 
-def _confirm(problem: Problem, x: Matrix, gauge: Matrix) -> tuple[int, NDArray[np.bool_]]:
+def _confirm(
+    problem: Problem, x: Matrix, gauge: Matrix, hit: NDArray[np.bool_]
+) -> tuple[int, NDArray[np.bool_]]:
     """Dimension of the exact gauge and (f,) which parameters have a part in it.
 
     What is null at x must be null at other parameter values for the same shots too. A parameter has a
     part in the gauge if it has one at any of them: at a point of symmetry (a target on the x axis, say)
     a turn may leave a coordinate alone to first order that it moves everywhere else.
+
+    A shot that misses breaks a gauge that it has where it hits. So the other values must let all shots of
+    `hit` (N,) hit; they are taken ever nearer to x until they do.
     """
     if gauge.shape[1] == 0:
         return 0, np.zeros(len(gauge), dtype=bool)
@@ -157,8 +170,13 @@ def _confirm(problem: Problem, x: Matrix, gauge: Matrix) -> tuple[int, NDArray[n
     )
     spaces = [gauge]
     for _ in range(_CONFIRMATIONS):
-        other = x + np.where(parameters.free, rng.normal(size=len(x)) * size, 0.0)
-        spaces.append(_null_space(_information_root(problem, other, 1.0)[1]))
+        for nearer in range(_NEARER):
+            step = rng.normal(size=len(x)) * size / 2**nearer
+            other = x + np.where(parameters.free, step, 0.0)
+            _, jacobian, still = _information_root(problem, other, 1.0)
+            if still[hit].all():
+                spaces.append(_null_space(jacobian))
+                break
     dimension = min(space.shape[1] for space in spaces)
     parts = [np.linalg.norm(space, axis=1) > _PART for space in spaces if space.shape[1] == dimension]
     return dimension, np.any(parts, axis=0)
@@ -200,7 +218,7 @@ def _exact_directions(
         if found:
             taken = np.array([direction for direction, _ in found]).T
             left = gauge @ _complement(np.linalg.qr(gauge.T @ taken)[0])
-    rest = too_few_shots(problem, int(free.sum())) or NO_MECHANISM
+    rest = unexplained(problem, int(free.sum()))
     found += [(column, rest) for column in left.T]
     return [
         _named(problem, jacobian, direction, "exact" if i < dimension else "noise", mechanism)
@@ -228,7 +246,7 @@ def _noise_directions(
     found: list[NullDirection] = []
     explained: list[Matrix] = []
     for k in sorted(wanted, key=lambda k: singular[k]):
-        direction, mechanism = directions[:, k], NO_MECHANISM
+        direction, mechanism = directions[:, k], unexplained(problem, len(free_items))
         for candidate in mechanisms(problem):
             support = candidate.support[parameters.free]
             if not support.any():
@@ -263,7 +281,7 @@ def _named(
     large = (effect >= _NEGLIGIBLE * effect.max()) | (np.abs(direction) >= 0.01 * np.abs(direction).max())
     large &= np.abs(direction) > _PART * np.abs(direction).max()
     order = [int(i) for i in np.argsort(-np.abs(direction)) if large[i]]
-    if mechanism is NO_MECHANISM:
+    if not mechanism.support.any():
         order = order[:_LARGEST_TERMS]
     effect_size = max(float(np.linalg.norm(jacobian @ direction)), _ROUNDING)
     data_std = None if kind == "exact" else 1 / effect_size

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from ..model.problem import Problem
 
 _CONSTANT_DEG = 1e-9
 _NEARLY_CONSTANT_DEG = 10.0
+_PARALLEL = 1e-9  # of the cosine
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +50,9 @@ def mechanisms(problem: Problem) -> Iterator[Mechanism]:
         only[n + 3 * which : n + 3 * which + 3] = True
         yield Mechanism(
             only,
-            f"the target {name} is seen from too few sides to tell where it is",
+            f"the target {name} is seen by one shot only"
+            if int((problem.target_index == which).sum()) == 1
+            else f"the target {name} is seen from too few sides to tell where it is",
             f"add shots at {name} from other directions",
         )
     # Without its own offset among the unknowns a mechanism would explain what others do.
@@ -76,6 +80,16 @@ def mechanisms(problem: Problem) -> Iterator[Mechanism]:
     for k in range(1, n):
         if free[k]:
             yield Mechanism(offset(k) | targets, *_common_turn(problem, spread, k))
+    # Of too few shots almost any pair of axes looks inseparable: that is no property of the axes.
+    enough = too_few_shots(problem, int(free.sum())) is None
+    parallel = _parallel_axes(problem)
+    for i, j in combinations(np.flatnonzero(free[:n]), 2):
+        if enough and parallel[i, j]:
+            yield Mechanism(
+                offset(int(i)) | offset(int(j)) | targets,
+                f"the axes of joints {i + 1} and {j + 1} stay parallel, and the shots do not tell their offsets apart",
+                f"add shots that differ in the joints up to {j + 1}: vary joint {j} by 30 degrees or more",
+            )
     if tool.any():
         yield Mechanism(
             tool | targets,
@@ -110,6 +124,27 @@ def _common_turn(problem: Problem, spread: NDArray[np.float64], k: int) -> tuple
         f" although {joints} {'varies' if k == 1 else 'vary'} by up to {largest:.0f} degrees",
         f"add shots in which the axis of joint {k + 1} stands at very different places or angles",
     )
+
+
+def _parallel_axes(problem: Problem) -> NDArray[np.bool_]:
+    """(n, n) True where two joint axes are parallel in every shot."""
+    (axes,) = problem.functions.kernel("axes")(problem.joints, np.zeros(problem.robot.n))
+    cosine = np.abs(axes.transpose(0, 2, 1) @ axes).min(axis=0)
+    return np.asarray(cosine > 1 - _PARALLEL)
+
+
+def unexplained(problem: Problem, size: int) -> Mechanism:
+    """What is said of a direction that no single mechanism explains."""
+    few = too_few_shots(problem, size)
+    if few is not None:
+        return few
+    if problem.tool.kind == "probe" and len(problem.targets) == 1:
+        return Mechanism(
+            NO_MECHANISM.support,
+            "all shots meet one place: what leaves that place alone is not told",
+            "add shots at a second target, some hundred millimetres away",
+        )
+    return NO_MECHANISM
 
 
 def too_few_shots(problem: Problem, size: int) -> Mechanism | None:

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 
 from ..model.parameters import Parameter
 from ..model.problem import Problem
@@ -27,7 +26,7 @@ from .result import Draws, PosteriorParameter, PosteriorSummary, Status
 ENSEMBLES = 4
 RHAT_GATE = 1.01
 _BURN_IN = 40
-_BLOCKS = (25, 25, 50, 100, 200, 400, 800, 1600)  # steps between looks at the diagnostics
+_BLOCKS = (25, 25, 50, 100, 200, 400)  # steps between looks at the diagnostics
 _KEPT_PER_WALKER = 400
 
 Progress = Callable[[float], None]
@@ -39,10 +38,6 @@ class Whitening:
 
     def __init__(self, centre: Matrix, factor: Matrix) -> None:
         self.centre, self.factor = centre, factor
-
-    def apply(self, v: Matrix) -> Matrix:
-        result: Matrix = solve_triangular(self.factor, (v - self.centre).T, lower=True).T
-        return result
 
     def undo(self, w: Matrix) -> Matrix:
         return self.centre + w @ self.factor.T
@@ -56,12 +51,13 @@ class IndependenceProposal:
 
     def __init__(self, location: Matrix, factor: Matrix, nu: float) -> None:
         self.location, self.factor, self.nu = location, factor, nu
+        self._inverse = np.linalg.inv(factor)
 
     def log_density(self, points: Matrix) -> Matrix:
         """(W,) up to a constant."""
-        inner = solve_triangular(self.factor, (points - self.location).T, lower=True)
+        inner = (points - self.location) @ self._inverse.T
         size = len(self.location)
-        result: Matrix = -(self.nu + size) / 2 * np.log1p((inner**2).sum(axis=0) / self.nu)
+        result: Matrix = -(self.nu + size) / 2 * np.log1p((inner**2).sum(axis=1) / self.nu)
         return result
 
     def draw(self, count: int, random: Any) -> Matrix:

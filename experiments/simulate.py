@@ -72,6 +72,10 @@ def simulated_shots(truth: Truth, rng: np.random.Generator) -> Iterator[Shot]:
         problem = problem.moved(problem.joints, rng.normal(size=(problem.shots, 3)) * problem.noise.spot)
     aimed = aim(problem, truth.x, servo_joints(problem))
     for i in range(problem.shots):
+        if not aimed.ahead[i]:
+            raise RigFault(
+                f"posture {i}: the target is behind the laser. Correct the posture or tool.direction."
+            )
         if not aimed.hit[i]:
             raise RigFault(
                 f"posture {i}: the {'wrist' if laser else 'arm'} cannot bring the {problem.tool.kind} onto"

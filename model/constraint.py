@@ -28,11 +28,16 @@ from .tool import Tool
 class ShotFunctions:
     """Named CasADi functions of one shot; every first derivative is exact.
 
-    linear  (q, spot, delta, target, tool) -> m (d,), jacobian (d, n + 3 + k) by delta, target, tool
-    terms   the same and variances (n + 1,) -> quad, logdet: m' S^-1 m and log det S
-    score   the same and weight (1,) -> gradient (n + 3 + k,) of -(weight quad + logdet) / 2
-    seen    (q, delta, target) -> y (3,), the target seen from the flange
-    placed    (q, delta, y) -> target (3,), jacobian (3, n + 3) by delta, y: the way back
+    linear    (q, spot, delta, target, tool) -> m (d,), jacobian (d, n + 3 + k) by delta, target, tool
+    terms     the same and variances (n + 1,) -> quad, logdet: m' S^-1 m and log det S
+    score     the same and weight (1,) -> gradient (n + 3 + k,) of -(weight quad + logdet) / 2
+    seen      (q, delta, target) -> y (3,), the target seen from the flange
+    place     (q, delta, y) -> target (3,): the way back
+    placed    the same -> target (3,), jacobian (3, n + 3) by delta, y
+    beam      (q, delta, tool) -> origin (3,), direction (3,): the beam in the base frame (eq. 7);
+              for a probe the direction is zero and the origin is its tip
+    skeleton  (q, delta) -> points (3, n + 2): base, joint origins and flange in the base frame
+    axes      (q, delta) -> axes (3, n): unit joint axes in the base frame
     """
 
     linear: ca.Function
@@ -43,6 +48,7 @@ class ShotFunctions:
     placed: ca.Function
     beam: ca.Function
     skeleton: ca.Function
+    axes: ca.Function
     _kernels: dict[tuple[str, bool], Kernel] = field(default_factory=dict, repr=False)
 
     def kernel(self, name: str, *, compile: bool = False) -> Kernel:
@@ -112,6 +118,7 @@ def shot_functions(robot: Robot, tool: Tool) -> ShotFunctions:
         skeleton=ca.Function(
             "skeleton", [q, delta], [ca.densify(robot.skeleton(q + delta))], ["q", "delta"], ["points"]
         ),
+        axes=ca.Function("axes", [q, delta], [ca.densify(robot.axes(q + delta))], ["q", "delta"], ["axes"]),
     )
 
 

@@ -21,12 +21,12 @@ from .kernel import GridInput, constant, per_inner, per_outer, selected
 from .noise import Noise
 from .parameters import Parameters
 from .robot import Matrix, Robot
+from .run import Run, check_distances
 from .tool import Tool
 
 if TYPE_CHECKING:
     from .header import Header
     from .plan import Plan
-    from .run import Run
 
 Index = NDArray[np.int64]
 
@@ -343,16 +343,10 @@ class Problem:
 
 
 def _distances(header: Header, targets: Sequence[str]) -> tuple[Distance, ...]:
-    result = []
-    for stated in header.distances:
-        for name in stated.between:
-            if name not in targets:
-                raise BadInput(
-                    "a distance names a target that no shot has",
-                    found=name,
-                    allowed=", ".join(targets),
-                    remedy="correct the name under `distances`, or take the distance out",
-                )
-        first, second = (targets.index(name) for name in stated.between)
-        result.append(Distance(first, second, stated.mm, stated.sigma_mm))
-    return tuple(result)
+    check_distances(header, targets, file=None, line=None)
+    return tuple(
+        Distance(
+            targets.index(stated.between[0]), targets.index(stated.between[1]), stated.mm, stated.sigma_mm
+        )
+        for stated in header.distances
+    )

@@ -75,27 +75,33 @@ class Robot:
 
         `theta` is (n, 1), rad or mm: the recorded positions plus the offsets (eq. 3).
         """
-        rotation, translation, _ = self._chain(theta)
+        rotation, translation, _, _ = self._chain(theta)
         return rotation, translation
 
     def skeleton(self, theta: ca.SX) -> ca.SX:
         """(3, n + 2) mm: the base, the origin of each joint and the flange, in the base frame."""
-        _, translation, origins = self._chain(theta)
+        _, translation, origins, _ = self._chain(theta)
         return ca.horzcat(ca.SX.zeros(3), *origins, translation)
 
-    def _chain(self, theta: ca.SX) -> tuple[ca.SX, ca.SX, list[ca.SX]]:
+    def axes(self, theta: ca.SX) -> ca.SX:
+        """(3, n) the unit axis of each joint in the base frame."""
+        return ca.horzcat(*self._chain(theta)[3])
+
+    def _chain(self, theta: ca.SX) -> tuple[ca.SX, ca.SX, list[ca.SX], list[ca.SX]]:
         rotation, translation = ca.SX.eye(3), ca.SX.zeros(3)
         origins: list[ca.SX] = []
+        axes: list[ca.SX] = []
         for i, joint in enumerate(self.joints):
             translation = translation + rotation @ joint.fixed[:3, 3]
             origins.append(translation)
             rotation = rotation @ joint.fixed[:3, :3]
+            axes.append(rotation @ joint.axis)
             if joint.kind == "revolute":
                 rotation = rotation @ axis_rotation(joint.axis, theta[i])
             else:
                 translation = translation + rotation @ (joint.axis * theta[i])
         translation = translation + rotation @ self.flange[:3, 3]
-        return ca.sparsify(rotation @ self.flange[:3, :3]), translation, origins
+        return ca.sparsify(rotation @ self.flange[:3, :3]), translation, origins, axes
 
 
 def axis_rotation(axis: Matrix, angle: ca.SX) -> ca.SX:

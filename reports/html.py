@@ -28,20 +28,21 @@ def html(view: dict[str, Any], pictures: dict[str, Picture], result_text: str) -
     from markupsafe import Markup
 
     data = result_text.encode()
-    return _template().render(
+    return template("report.html.j2").render(
         view=view,
         pictures={
             name: {"picture": picture, "svg": Markup(themed(picture.svg))}
             for name, picture in pictures.items()
         },
         # Both are our own text, with nothing of the run in it.
-        css=Markup(_css()),
+        css=Markup(style()),
         attachment=base64.b64encode(data).decode() if len(data) < LARGEST_ATTACHMENT else None,
     )
 
 
 @functools.cache
-def _template() -> Template:
+def template(name: str) -> Template:
+    """A page of `templates`; what is filled in is escaped unless it is marked as ours."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(
@@ -51,15 +52,16 @@ def _template() -> Template:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    return environment.get_template("report.html.j2")
+    return environment.get_template(name)
 
 
 @functools.cache
-def _css() -> str:
+def style() -> str:
+    """The style sheet of every page: the typeface, embedded, and the palette in both themes."""
     faces = "\n".join(_face(cut, weight) for cut, weight in _WEIGHTS.items())
-    style = (TEMPLATES / "report.css").read_text(encoding="utf-8")
-    style = style.replace("/* LIGHT */", css_variables("light")).replace("/* DARK */", css_variables("dark"))
-    return f"{faces}\n{style}"
+    sheet = (TEMPLATES / "report.css").read_text(encoding="utf-8")
+    sheet = sheet.replace("/* LIGHT */", css_variables("light")).replace("/* DARK */", css_variables("dark"))
+    return f"{faces}\n{sheet}"
 
 
 def _face(cut: Cut, weight: str) -> str:

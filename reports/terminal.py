@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from . import numbers
-from .view import direction_kind, view
+from .view import advice_words, direction_kind, over_target_words, view
 from .wording import label, sentence
 
 Json = dict[str, Any]
@@ -61,6 +61,10 @@ def print_check(console: Console, answer: Json) -> None:
         )
     console.print(table)
     _print_directions(console, answer["identifiability"]["null_space"])
+    if answer["advice"] is not None:
+        console.print(Text(advice_words(answer["advice"])))
+    if answer["over_target"] is not None:
+        console.print(Text(over_target_words(answer["over_target"])))
     off = [posture["off_mm"] for posture in answer["postures"]]
     if max(off) > 0.05:
         console.print(
@@ -69,6 +73,38 @@ def print_check(console: Console, answer: Json) -> None:
                 " the plan is judged with the wrist turned onto it."
             )
         )
+
+
+def print_proposal(console: Console, answer: Json) -> None:
+    """The answer of `plan`: verdict, predicted stds, efficiency, travel, what removed candidates."""
+    if answer["check"] is None:
+        console.print(
+            Text(
+                f"No plan of up to {answer['max_shots']} shots brings every standard deviation within"
+                f" {numbers.exact(answer['tolerance'])}; with {answer['curve'][-1]['shots']} shots the worst"
+                f" is {numbers.spread(answer['curve'][-1]['worst_std'])}. What limits is {answer['limit']}."
+            )
+        )
+        return
+    print_verdict(console, answer["check"])
+    table = Table(box=None, pad_edge=False)
+    table.add_column("name")
+    table.add_column("predicted std", justify="right")
+    for name, std in answer["predicted_std"].items():
+        table.add_row(label(name), "—" if std is None else numbers.spread(std, answer["units"][name]))
+    console.print(table)
+    if answer["efficiency"] is not None:
+        travel = (
+            "" if answer["travel_s"] is None else f"; travel {numbers.significant(answer['travel_s'], 2)} s"
+        )
+        console.print(
+            Text(
+                f"{answer['shots']} shots by the {answer['criterion']}-criterion: at least"
+                f" {answer['efficiency']:.1%} as good as the best choice from {answer['candidates']}"
+                f" candidates{travel}."
+            )
+        )
+        console.print(Text(answer["removed"] + ".", style="dim"))
 
 
 def print_side_by_side(console: Console, titles: Sequence[str], results: Sequence[Json]) -> None:

@@ -22,13 +22,13 @@ MOST_SHOTS = 60
 WORST_SHOTS = 20
 MOST_TERMS = 6
 
-_STATUS = {
+STATUS_WORDS = {
     "identified": "identified",
     "weak": "weak",
     "unidentifiable": "unidentifiable",
     "held": "held",
 }
-_VERDICT = {"pass": "Pass", "weak": "Weak", "degenerate": "Degenerate"}
+VERDICT_WORDS = {"pass": "Pass", "weak": "Weak", "degenerate": "Degenerate"}
 
 
 def view(result: Json) -> Json:
@@ -38,16 +38,16 @@ def view(result: Json) -> Json:
     inputs = result["inputs"]
     return {
         "title": f"Joint offsets of {clipped(inputs['robot'])}",
-        "subtitle": f"from {_count(inputs['shots'], 'shot')} in {clipped(inputs['run'], 60)}",
+        "subtitle": f"from {counted(inputs['shots'], 'shot')} in {clipped(inputs['run'], 60)}",
         "verdict": {
             "key": result["verdict"],
-            "word": _VERDICT[result["verdict"]],
+            "word": VERDICT_WORDS[result["verdict"]],
             "sentence": sentence(result["headline"]),
         },
         "notes": _not_converged(result["fits"]["likelihood"]) + [sentence(note) for note in result["notes"]],
         "offsets": _parameter_table("Joint offsets, to be added to the recorded joint positions", offsets),
-        "legend": _legend(parameters, inputs["header"]),
-        "reasons": _reasons(parameters),
+        "legend": legend(parameters, inputs["header"]),
+        "reasons": reasons(parameters),
         "others": [
             _parameter_table(caption, rows)
             for caption, group in (
@@ -56,7 +56,7 @@ def view(result: Json) -> Json:
             )
             if (rows := [row for row in parameters if row["group"] == group])
         ],
-        "unknown": _unknown(result),
+        "unknown": unknown(result),
         "fit": _fit(result),
         "distances": _distances(result["distances"]),
         "posterior": _posterior(result),
@@ -65,21 +65,21 @@ def view(result: Json) -> Json:
     }
 
 
-def _count(number: int, noun: str) -> str:
+def counted(number: int, noun: str) -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
-def _cell(text: str, span: int = 1, mark: str = "") -> Json:
+def cell_of(text: str, span: int = 1, mark: str = "") -> Json:
     return {"text": text, "span": span, "mark": mark}
 
 
-def _table(caption: str, columns: list[tuple[str, str]], rows: list[Json]) -> Json:
+def table_of(caption: str, columns: list[tuple[str, str]], rows: list[Json]) -> Json:
     heads = [{"text": text, "align": align} for text, align in columns]
     return {"caption": caption, "columns": heads, "rows": rows}
 
 
-def _row(*cells: str | Json, tone: str = "") -> Json:
-    return {"tone": tone, "cells": [cell if isinstance(cell, dict) else _cell(cell) for cell in cells]}
+def row_of(*cells: str | Json, tone: str = "") -> Json:
+    return {"tone": tone, "cells": [cell if isinstance(cell, dict) else cell_of(cell) for cell in cells]}
 
 
 # ── parameters ────────────────────────────────────────────────────────────────────────────────
@@ -92,23 +92,25 @@ def _parameter_table(caption: str, rows: list[Json]) -> Json:
         ("95 % interval", "right"),
         ("status", "left"),
     ]
-    return _table(caption, columns, [_parameter_row(row) for row in rows])
+    return table_of(caption, columns, [_parameter_row(row) for row in rows])
 
 
 def _parameter_row(row: Json) -> Json:
     """One parameter. Without an estimate there is no number in its row that could be taken for one."""
     status, unit = row["status"], row["unit"]
-    name, word = label(row["name"]), _cell(_STATUS[status], mark=status)
+    name, word = label(row["name"]), cell_of(STATUS_WORDS[status], mark=status)
     if status == "unidentifiable":
-        return _row(name, _cell(NOT_DETERMINED, span=2), word, tone=status)
+        return row_of(name, cell_of(NOT_DETERMINED, span=2), word, tone=status)
     if status == "held":
-        return _row(name, _cell(f"held at {numbers.exact(row['estimate'], unit)}", span=2), word, tone=status)
+        return row_of(
+            name, cell_of(f"held at {numbers.exact(row['estimate'], unit)}", span=2), word, tone=status
+        )
     estimate = numbers.estimate(row["estimate"], row["std"], unit)
     interval = numbers.interval(tuple(row["interval95"]), row["std"], unit)
-    return _row(name, estimate, interval, word, tone=status)
+    return row_of(name, estimate, interval, word, tone=status)
 
 
-def _legend(parameters: list[Json], header: Json) -> list[Json]:
+def legend(parameters: list[Json], header: Json) -> list[Json]:
     """What each status that occurs means, in words."""
     tolerance = header.get("tolerance")
     stated = []
@@ -125,11 +127,13 @@ def _legend(parameters: list[Json], header: Json) -> list[Json]:
     }
     present = {row["status"] for row in parameters}
     return [
-        {"status": key, "word": _STATUS[key], "text": text} for key, text in meaning.items() if key in present
+        {"status": key, "word": STATUS_WORDS[key], "text": text}
+        for key, text in meaning.items()
+        if key in present
     ]
 
 
-def _reasons(parameters: list[Json]) -> list[Json]:
+def reasons(parameters: list[Json]) -> list[Json]:
     """Why parameters are held, weak or without an answer, where the analysis says so; one reason once."""
     grouped: dict[tuple[str, str], list[str]] = {}
     for row in parameters:
@@ -137,7 +141,7 @@ def _reasons(parameters: list[Json]) -> list[Json]:
             grouped.setdefault((row["status"], sentence(row["reason"])), []).append(label(row["name"]))
     rows = []
     for (status, text), names in grouped.items():
-        lead = _listed(names)
+        lead = listed(names)
         # Most reasons begin with the name that they are about; it is not said twice.
         repeated = text.startswith(f"{lead} ")
         text = text.removeprefix(f"{lead} ")
@@ -148,20 +152,20 @@ def _reasons(parameters: list[Json]) -> list[Json]:
 # ── what cannot be known ──────────────────────────────────────────────────────────────────────
 
 
-def _unknown(result: Json) -> Json:
+def unknown(result: Json) -> Json:
     untold = [label(row["name"]) for row in result["parameters"] if row["status"] == "unidentifiable"]
     weak = [label(row["name"]) for row in result["parameters"] if row["status"] == "weak"]
     facts = result["identifiability"]
-    items = [_direction(direction) for direction in facts["null_space"]]
+    items = [direction_words(direction) for direction in facts["null_space"]]
     if untold:
         verb = "is" if len(untold) == 1 else "are"
-        said = f"{_listed(untold)} {verb} {NOT_DETERMINED}. No value is given, since any would be made up."
+        said = f"{listed(untold)} {verb} {NOT_DETERMINED}. No value is given, since any would be made up."
     elif items:
         said = "Every parameter that was not held has an estimate, but some combinations are poorly told."
     else:
         said = "Nothing that was asked for: every parameter that was not held is told by the data."
     if weak:
-        said += f" Told only weakly, beyond the tolerance: {_listed(weak)}."
+        said += f" Told only weakly, beyond the tolerance: {listed(weak)}."
     condition = facts["condition"]
     told = f"{facts['rank']} of {facts['size']} (whitened, scaled by the priors)"
     told += "; singular, so no condition number" if condition is None else ""
@@ -172,13 +176,33 @@ def _unknown(result: Json) -> Json:
     told = ", ".join(f"{shown(name)}\u00a0{numbers.significant(value)}" for name, value in indices.items())
     missing = [shown(name) for name in facts["observability"] if name not in indices]
     if missing:
-        told += f"{'; ' if told else ''}{_listed(missing)} not defined: the matrix is singular"
+        told += f"{'; ' if told else ''}{listed(missing)} not defined: the matrix is singular"
     if told:
         rows.append(("Observability indices", told))
-    return {"sentence": said, "items": items, "facts": _facts(rows)}
+    return {"sentence": said, "items": items, "facts": facts_of(rows)}
 
 
-def _direction(direction: Json) -> Json:
+def advice_words(advice: Json) -> str:
+    """The change of a plan that helps most, in a sentence."""
+    what = "one more shot" if advice["add"] else "in its place"
+    return (
+        f"The single change that helps most: posture {advice['posture']} with joint {advice['joint']} turned"
+        f" by {numbers.exact(advice['change_deg'], advice['unit'])}, as {what}: the worst standard"
+        f" deviation falls from {numbers.spread(advice['worst_std_before'], advice['unit'])}"
+        f" to {numbers.spread(advice['worst_std_after'], advice['unit'])}."
+    )
+
+
+def over_target_words(over: Json) -> str:
+    """What becomes of a plan where its target stands elsewhere, in a sentence."""
+    name, worst = max(over["worst_std"].items(), key=lambda item: float(item[1]))
+    return (
+        f"With the target anywhere within its stated sigma ({over['draws']} draws), {over['hit']:.0%} of the"
+        f" shots hit and the worst is {label(name)} at {numbers.spread(worst)}."
+    )
+
+
+def direction_words(direction: Json) -> Json:
     weights = sorted(direction["combination"].items(), key=lambda item: -abs(item[1]))
     terms = [
         ("" if i == 0 and weight > 0 else "+ " if weight > 0 else f"{numbers.MINUS} ")
@@ -206,7 +230,7 @@ def direction_kind(direction: Json) -> str:
     return f"blurred by the noise: the data narrow it only to {share} of what was known before"
 
 
-def _listed(names: list[str], most: int = 8) -> str:
+def listed(names: list[str], most: int = 8) -> str:
     if len(names) > most:
         return f"{', '.join(names[:most])} and {len(names) - most} more"
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
@@ -219,7 +243,7 @@ def _fit(result: Json) -> Json:
     likelihood, midpoint = result["fits"]["likelihood"], result["fits"]["midpoint"]
     sides = [_fit_facts(fit) for fit in (likelihood, midpoint) if fit["available"]]
     columns = [("quantity", "left"), ("beam-miss likelihood", "right"), ("midpoint cost (eq. 8)", "right")]
-    rows = [_row(name, *(side[name] for side in sides)) for name in sides[0]]
+    rows = [row_of(name, *(side[name] for side in sides)) for name in sides[0]]
     said = _fit_verdict(likelihood)
     if likelihood["message"]:
         said.append(sentence(likelihood["message"]))
@@ -229,7 +253,7 @@ def _fit(result: Json) -> Json:
         said.append(f"Midpoint fit: {sentence(midpoint['message'])}")
     return {
         "sentences": said,
-        "table": _table("Quality of the fit", columns[: 1 + len(sides)], rows),
+        "table": table_of("Quality of the fit", columns[: 1 + len(sides)], rows),
         "estimates": _both_estimates(result["parameters"]),
     }
 
@@ -262,7 +286,7 @@ def _both_estimates(parameters: list[Json]) -> Json | None:
         ("apart, in σ of the likelihood", "right"),
     ]
     rows = [
-        _row(
+        row_of(
             label(row["name"]),
             numbers.estimate(row["estimate"], row["std"], row["unit"]),
             numbers.estimate(row["midpoint"], row["std"], row["unit"]),
@@ -270,7 +294,7 @@ def _both_estimates(parameters: list[Json]) -> Json | None:
         )
         for row in both
     ]
-    return _table("Offsets by both costs", columns, rows)
+    return table_of("Offsets by both costs", columns, rows)
 
 
 def _fit_verdict(fit: Json) -> list[str]:
@@ -322,11 +346,11 @@ def _distances(rows: list[Json]) -> Json | None:
         names = f"{clipped(row['between'][0], 24)} and {clipped(row['between'][1], 24)}"
         stated = (numbers.exact(row["mm"], "mm"), numbers.exact(row["sigma_mm"], "mm"))
         if row["estimate"] is None or row["std"] is None:
-            shown_rows.append(_row(names, *stated, _cell(NOT_DETERMINED, span=2), tone="unidentifiable"))
+            shown_rows.append(row_of(names, *stated, cell_of(NOT_DETERMINED, span=2), tone="unidentifiable"))
         else:
             found = numbers.estimate(row["estimate"], row["std"], "mm")
-            shown_rows.append(_row(names, *stated, found, numbers.spread(row["std"], "mm")))
-    return _table("Distances between targets", columns, shown_rows)
+            shown_rows.append(row_of(names, *stated, found, numbers.spread(row["std"], "mm")))
+    return table_of("Distances between targets", columns, shown_rows)
 
 
 # ── posterior ─────────────────────────────────────────────────────────────────────────────────
@@ -336,7 +360,7 @@ def _posterior(result: Json) -> Json:
     posterior = result["posterior"]
     facts = [
         ("Draws", str(posterior["draws"])),
-        ("Ensembles", f"{posterior['ensembles']} of {_count(posterior['walkers'], 'walker')}"),
+        ("Ensembles", f"{posterior['ensembles']} of {counted(posterior['walkers'], 'walker')}"),
         ("Smallest effective sample size", _or(posterior["ess_min"], "not available")),
         ("Largest rank-normalised R-hat", _ratio(posterior["rhat_max"])),
         ("Acceptance", _or(posterior["acceptance"], "not available", "")),
@@ -348,7 +372,7 @@ def _posterior(result: Json) -> Json:
     return {
         "converged": posterior["converged"],
         "sentence": said,
-        "facts": _facts(facts),
+        "facts": facts_of(facts),
         "table": _posterior_table(result),
     }
 
@@ -373,11 +397,11 @@ def _posterior_table(result: Json) -> Json | None:
             continue
         if row["source"] == "prior" or row["name"] in untold:
             told = "drawn from the prior: the data have no say"
-            rows.append(_row(label(row["name"]), _cell(told, span=5), tone="unidentifiable"))
+            rows.append(row_of(label(row["name"]), cell_of(told, span=5), tone="unidentifiable"))
             continue
         std, unit = row["std"], row["unit"]
         rows.append(
-            _row(
+            row_of(
                 label(row["name"]),
                 numbers.estimate(row["mean"], std, unit),
                 numbers.spread(std, unit),
@@ -386,7 +410,7 @@ def _posterior_table(result: Json) -> Json | None:
                 _ratio(row["rhat"]),
             )
         )
-    return _table("Posterior of offsets and tool", columns, rows) if rows else None
+    return table_of("Posterior of offsets and tool", columns, rows) if rows else None
 
 
 def _ratio(rhat: float | None) -> str:
@@ -415,7 +439,7 @@ def _shots(shots: list[Json]) -> Json:
         listed, caption = [shots[i] for i in worst], f"The {WORST_SHOTS} worst shots of {len(shots)}"
         said += f" Of {len(shots)} shots the table shows the {WORST_SHOTS} worst; result.json has all."
     rows = [
-        _row(
+        row_of(
             str(shot["shot"]),
             clipped(shot["target"], 24),
             numbers.significant(math.hypot(*shot["miss_mm"]), unit="mm"),
@@ -425,7 +449,7 @@ def _shots(shots: list[Json]) -> Json:
         )
         for shot in listed
     ]
-    return {"sentence": said, "table": _table(caption, columns, rows)}
+    return {"sentence": said, "table": table_of(caption, columns, rows)}
 
 
 # ── inputs ────────────────────────────────────────────────────────────────────────────────────
@@ -440,18 +464,18 @@ def _inputs(inputs: Json) -> Json:
         ("SHA-256 of the run", inputs["sha256"]),
         ("Robot", shown(inputs["robot"])),
         ("Shots", str(inputs["shots"])),
-        ("Targets", f"{len(targets)}: {_listed(targets)}" if targets else "none"),
+        ("Targets", f"{len(targets)}: {listed(targets)}" if targets else "none"),
         ("Seed", str(inputs["seed"])),
         ("Versions", ", ".join(f"{shown(name)} {shown(at)}" for name, at in inputs["versions"].items())),
     ]
     return {
-        "facts": _facts(facts),
-        "provenance": _facts(_flat(provenance)),
-        "header": _facts(_flat(header)),
+        "facts": facts_of(facts),
+        "provenance": facts_of(_flat(provenance)),
+        "header": facts_of(_flat(header)),
     }
 
 
-def _facts(rows: list[tuple[str, str]]) -> list[Json]:
+def facts_of(rows: list[tuple[str, str]]) -> list[Json]:
     return [{"name": name, "text": text} for name, text in rows]
 
 

@@ -345,7 +345,7 @@ def test_a_target_seen_once():
     assert {rows[f"a.{axis}"][0] for axis in "xyz"} == {"identified"}
     assert {rows[f"delta{i}"][0] for i in range(2, 7)} == {"identified"}
     assert verdict(problem, identified) == "pass"  # the verdict is over the offsets
-    assert "target b is seen from too few sides" in direction_of(identified, "b.z", "exact").reason
+    assert "target b is seen by one shot only" in direction_of(identified, "b.z", "exact").reason
 
 
 def test_statuses_by_their_thresholds():

@@ -41,6 +41,9 @@ def check_of(result: Result, **changes: Any) -> dict[str, Any]:
         "parameters": [{key: row[key] for key in keys} for row in answer["parameters"]],
         "identifiability": answer["identifiability"],
         "postures": [{"posture": i, "target": "psd", "off_mm": 12.3 * i, "hit": True} for i in range(7)],
+        "curve": [{"shots": 7, "worst_std": 0.02}],
+        "over_target": None,
+        "advice": None,
         "notes": [],
         "inputs": {"plan": "plan.yaml", "robot": "irb1600", "sha256": "0" * 64, "versions": {}},
         **changes,
@@ -61,7 +64,17 @@ def test_a_check_that_passes() -> None:
 def test_a_check_that_is_degenerate_with_notes() -> None:
     to, text = console()
     notes = ["Posture 3: turned onto the target, joint 5 stands at 118.0 deg, outside -115 to 115."]
-    print_check(to, check_of(x_pattern(), notes=notes))
+    advice = {
+        "posture": 6,
+        "joint": 1,
+        "change_deg": 30.0,
+        "unit": "deg",
+        "add": True,
+        "worst_std_before": 4.9998,
+        "worst_std_after": 0.6308,
+    }
+    over = {"draws": 16, "hit": 0.964, "worst_std": {"delta2": 4.99, "delta3": 0.61}}
+    print_check(to, check_of(x_pattern(), notes=notes, advice=advice, over_target=over))
     assert_golden("check_x_pattern.txt", text.getvalue())
 
 

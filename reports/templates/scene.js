@@ -1,0 +1,258 @@
+// The turnable picture of a plan. Base frame in mm, z up; the camera goes round the scene's centre.
+"use strict";
+(() => {
+  const scene = JSON.parse(document.getElementById("scene-data").textContent);
+  const figure = document.getElementById("scene");
+  const canvas = figure.querySelector("canvas");
+  const pen = canvas.getContext("2d");
+  const said = figure.querySelector("output");
+  if (!pen) return;
+  figure.classList.add("alive");
+
+  const [azimuth, elevation] = scene.view;
+  const start = { azimuth, elevation, zoom: 1 };
+  let camera = { ...start };
+  let chosen = scene.postures.length ? 0 : null; // null: all alike
+  let wide = 0, high = 0, scale = 1, colours = {}, basis = null, middle = [0, 0], waiting = false;
+  const radians = (degrees) => (degrees * Math.PI) / 180;
+
+  function aim(view) {
+    const a = radians(view.azimuth), e = radians(view.elevation);
+    const [ca, sa, ce, se] = [Math.cos(a), Math.sin(a), Math.cos(e), Math.sin(e)];
+    basis = { right: [-sa, ca, 0], up: [-se * ca, -se * sa, ce], towards: [ce * ca, ce * sa, se] };
+  }
+  const along = (axis, p) =>
+    axis[0] * (p[0] - scene.centre[0]) + axis[1] * (p[1] - scene.centre[1]) + axis[2] * (p[2] - scene.centre[2]);
+  // A mild perspective: the eye stands five radii away.
+  function seen(p) {
+    const near = along(basis.towards, p), eye = 5 * scene.radius;
+    const size = eye / (eye - near);
+    return { x: along(basis.right, p) * size, y: -along(basis.up, p) * size, near };
+  }
+  function at(p) {
+    const q = seen(p);
+    const by = scale * camera.zoom;
+    return [wide / 2 + (q.x - middle[0]) * by, high / 2 + (q.y - middle[1]) * by, q.near];
+  }
+
+  // As large as the first view allows, with room for the names.
+  function fit() {
+    aim(start);
+    const points = [[0, 0, 0], [0, 0, scene.axis], ...scene.targets.map((t) => t.at)];
+    for (const p of scene.postures) points.push(...p.arm, ...p.tool, ...(p.beam || []));
+    const flat = points.map(seen), xs = flat.map((q) => q.x), ys = flat.map((q) => q.y);
+    const [left, right] = [xs.reduce((a, b) => Math.min(a, b)), xs.reduce((a, b) => Math.max(a, b))];
+    const [top, bottom] = [ys.reduce((a, b) => Math.min(a, b)), ys.reduce((a, b) => Math.max(a, b))];
+    middle = [(left + right) / 2, (top + bottom) / 2];
+    scale = Math.min((wide - 90) / Math.max(right - left, 1), (high - 70) / Math.max(bottom - top, 1));
+  }
+
+  function line(points, width, colour, dash = []) {
+    pen.beginPath();
+    for (const p of points) pen.lineTo(p[0], p[1]);
+    pen.lineWidth = width;
+    pen.strokeStyle = colour;
+    pen.setLineDash(dash);
+    pen.stroke();
+  }
+  const font = (bold) => `${bold ? "700 " : ""}13px "IBM Plex Sans", system-ui, sans-serif`;
+  function text(words, x, y, colour, bold = false) {
+    pen.font = font(bold);
+    pen.setLineDash([]);
+    pen.lineWidth = 4;
+    pen.strokeStyle = colours.panel;
+    pen.strokeText(words, x, y);
+    pen.fillStyle = colour;
+    pen.fillText(words, x, y);
+  }
+
+  function floor() {
+    const [x0, x1, y0, y1] = scene.grid.bounds, step = scene.grid.step;
+    for (let x = x0; x <= x1 + step / 2; x += step) line([at([x, y0, 0]), at([x, y1, 0])], 1, colours.line);
+    for (let y = y0; y <= y1 + step / 2; y += step) line([at([x0, y, 0]), at([x1, y, 0])], 1, colours.line);
+    ["x", "y", "z"].forEach((name, i) => {
+      const end = [0, 0, 0];
+      end[i] = scene.axis;
+      const tip = at(end);
+      line([at([0, 0, 0]), tip], 2, colours.muted);
+      text(name, tip[0] + 4, tip[1] - 4, colours.muted);
+    });
+  }
+
+  // Every piece of the picture with its nearness: the far ones are drawn first (painter's order).
+  function pieces(posture, strong) {
+    const found = [];
+    const link = (a, b, draw) => found.push({ near: (a[2] + b[2]) / 2, draw });
+    const arm = posture.arm.map(at);
+    const shown = strong ? 1 : chosen === null ? 0.6 : 0.2;
+    const thick = (strong ? 9 : 5) * Math.min(1, wide / 560);
+    for (let i = 0; i + 1 < arm.length; i++) {
+      const [a, b] = [arm[i], arm[i + 1]];
+      if (Math.hypot(a[0] - b[0], a[1] - b[1]) < 0.5) continue;
+      // Thinner towards the wrist; a halo tells which of two crossing links is in front.
+      const width = thick * (1 - (0.45 * i) / arm.length);
+      link(a, b, () => {
+        pen.globalAlpha = shown;
+        if (strong) line([a, b], width + 4, colours.panel);
+        line([a, b], width, strong ? colours.ink : colours.muted);
+      });
+    }
+    const tool = posture.tool.map(at);
+    link(tool[0], tool[1], () => {
+      pen.globalAlpha = shown;
+      line(tool, thick / 2.2, strong ? colours.ink : colours.muted);
+    });
+    if (posture.beam) {
+      const beam = posture.beam.map(at);
+      link(beam[0], beam[1], () => {
+        pen.globalAlpha = strong ? 1 : chosen === null ? 0.8 : 0.35;
+        const dash = posture.reaches ? [] : [2, 6];
+        line(beam, strong ? 2.4 : 1.2, posture.reaches ? colours.identified : colours.weak, dash);
+      });
+    }
+    return found;
+  }
+  function disc(x, y, size, colour) {
+    pen.globalAlpha = 1;
+    pen.beginPath();
+    pen.arc(x, y, size, 0, 7);
+    pen.fillStyle = colours.panel;
+    pen.fill();
+    pen.lineWidth = 2;
+    pen.setLineDash([]);
+    pen.strokeStyle = colour;
+    pen.stroke();
+  }
+  function joint(number) {
+    const [x, y] = at(number.at);
+    disc(x, y, wide < 560 ? 3 : 4.5, colours.ink);
+  }
+  function target(place) {
+    const [x, y] = at(place.at);
+    disc(x, y, 6, colours.identified);
+    line([[x - 9, y], [x + 9, y]], 1.4, colours.identified);
+    line([[x, y - 9], [x, y + 9]], 1.4, colours.identified);
+  }
+
+  function draw() {
+    waiting = false;
+    aim(camera);
+    pen.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
+    pen.clearRect(0, 0, wide, high);
+    pen.lineCap = pen.lineJoin = "round";
+    pen.globalAlpha = 1;
+    floor();
+    const others = scene.postures.flatMap((p, i) => (i === chosen ? [] : pieces(p, false)));
+    const own = chosen === null ? [] : pieces(scene.postures[chosen], true);
+    for (const list of [others, own])
+      for (const piece of list.sort((a, b) => a.near - b.near)) piece.draw();
+    if (chosen !== null) scene.postures[chosen].numbers.forEach(joint);
+    scene.targets.forEach(target);
+    pen.globalAlpha = 1;
+    for (const t of scene.targets) {
+      const [x, y] = at(t.at);
+      pen.font = font(true);
+      const long = pen.measureText(t.name).width;
+      const from = x + 12 + long > wide ? Math.max(4, x - 12 - long) : x + 12;
+      text(t.name, from, y + 18, colours.identified, true);
+    }
+    if (chosen !== null)
+      for (const number of scene.postures[chosen].numbers) {
+        const p = at(number.at);
+        text(number.text, p[0] + 10, p[1] - 8, colours.ink, true);
+      }
+  }
+  function redraw() {
+    if (!waiting) requestAnimationFrame(draw);
+    waiting = true;
+  }
+  function resize() {
+    wide = canvas.clientWidth;
+    high = canvas.clientHeight;
+    canvas.width = Math.round(wide * devicePixelRatio);
+    canvas.height = Math.round(high * devicePixelRatio);
+    fit();
+    redraw();
+  }
+  function recolour() {
+    const style = getComputedStyle(document.documentElement);
+    for (const role of ["ink", "muted", "line", "panel", "identified", "weak"])
+      colours[role] = style.getPropertyValue(`--${role}`).trim();
+    redraw();
+  }
+
+  function turn(right, up) {
+    camera.azimuth -= right;
+    camera.elevation = Math.max(-85, Math.min(89, camera.elevation + up));
+    redraw();
+  }
+  function zoom(factor) {
+    camera.zoom = Math.max(0.3, Math.min(12, camera.zoom * factor));
+    redraw();
+  }
+  function reset() {
+    camera = { ...start };
+    redraw();
+  }
+  function choose(which) {
+    const count = scene.postures.length;
+    chosen = which === null ? null : ((which % count) + count) % count;
+    said.textContent = chosen === null ? `all ${count}` : `posture ${chosen} (of 0 to ${count - 1})`;
+    figure.querySelector("[data-do=all]").setAttribute("aria-pressed", String(chosen === null));
+    redraw();
+  }
+
+  const acts = {
+    previous: () => choose(chosen === null ? -1 : chosen - 1),
+    next: () => choose(chosen === null ? 0 : chosen + 1),
+    all: () => choose(chosen === null ? 0 : null),
+    nearer: () => zoom(1.25),
+    farther: () => zoom(0.8),
+    reset,
+  };
+  for (const button of figure.querySelectorAll("[data-do]"))
+    button.addEventListener("click", () => acts[button.dataset.do]());
+
+  const keys = {
+    ArrowLeft: () => turn(-6, 0), ArrowRight: () => turn(6, 0), ArrowUp: () => turn(0, 6), ArrowDown: () => turn(0, -6),
+    "+": acts.nearer, "=": acts.nearer, "-": acts.farther, n: acts.next, p: acts.previous, a: acts.all, 0: reset,
+  };
+  canvas.addEventListener("keydown", (event) => {
+    if (!Object.hasOwn(keys, event.key) || event.ctrlKey || event.metaKey || event.altKey) return;
+    keys[event.key]();
+    event.preventDefault();
+  });
+  // The wheel scrolls the page until the picture was clicked, so that nobody gets stuck in it.
+  canvas.addEventListener("wheel", (event) => {
+    if (!event.ctrlKey && document.activeElement !== canvas) return;
+    zoom(Math.exp(-event.deltaY * (event.ctrlKey ? 0.01 : 0.0015)));
+    event.preventDefault();
+  }, { passive: false });
+
+  const held = new Map(); // fingers (or the mouse) on the picture
+  const apart = () => {
+    const [a, b] = [...held.values()];
+    return Math.hypot(a.x - b.x, a.y - b.y);
+  };
+  canvas.addEventListener("pointerdown", (event) => {
+    held.set(event.pointerId, { x: event.clientX, y: event.clientY });
+    canvas.setPointerCapture(event.pointerId);
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    const last = held.get(event.pointerId);
+    if (!last) return;
+    const before = held.size === 2 ? apart() : 0;
+    held.set(event.pointerId, { x: event.clientX, y: event.clientY });
+    if (held.size === 1) turn((event.clientX - last.x) * 0.5, (event.clientY - last.y) * 0.4);
+    else if (held.size === 2 && before > 0) zoom(apart() / before);
+  });
+  for (const end of ["pointerup", "pointercancel"])
+    canvas.addEventListener(end, (event) => held.delete(event.pointerId));
+
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", recolour);
+  new ResizeObserver(resize).observe(canvas);
+  if (document.fonts) document.fonts.ready.then(redraw);
+  recolour();
+  resize();
+  choose(chosen);
+})();
