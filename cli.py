@@ -7,6 +7,7 @@ program, or a failed fit.
 from __future__ import annotations
 
 import json
+import math
 import sys
 import traceback
 import warnings
@@ -57,6 +58,22 @@ class LengthUnit(StrEnum):
     M = "m"
 
 
+class PlanKind(StrEnum):
+    """How a plan is made: the paper's two patterns, or the best of many candidates."""
+
+    X = "x"
+    Y = "y"
+    OPTIMAL = "optimal"
+
+
+class CriterionName(StrEnum):
+    """What an optimal plan minimises: mean, generalised or largest variance of the offsets."""
+
+    A = "A"
+    D = "D"
+    E = "E"
+
+
 class RigName(StrEnum):
     """What can carry a plan out."""
 
@@ -64,6 +81,9 @@ class RigName(StrEnum):
 
 
 Json = Annotated[bool, typer.Option("--json", help="Print the machine's answer (JSON) and nothing else.")]
+Picture = Annotated[
+    Path | None, typer.Option(help="Write a page with the plan in 3D (.html).", show_default=False)
+]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of all that is random: the same seed, the same answer.")]
 Ess = Annotated[float, typer.Option(min=100, help="Effective posterior draws asked of every parameter.")]
 RunFile = Annotated[Path, typer.Argument(help="Run file (.jsonl).", show_default=False)]
@@ -115,14 +135,19 @@ def demo(
 
 
 @app.command()
-def check(plan: PlanFile, as_json: Json = False) -> None:
+def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> None:
     """Will this plan work? The verdict before any shot."""
     from .analysis.check import check as judge
     from .analysis.check import check_json
     from .model.plan import read_plan
     from .reports.terminal import print_check
 
-    answer = check_json(judge(read_plan(plan)))
+    planned = read_plan(plan)
+    answer = check_json(judge(planned))
+    if picture is not None:
+        from .reports.plan_page import write_plan_page
+
+        write_plan_page(picture, planned)
     if as_json:
         _print_json(answer)
     else:
@@ -175,6 +200,86 @@ def report(
         print_result(out, to_json(result))
         out.print(f"Report: {paths.html}", soft_wrap=True)
     raise typer.Exit(_status(result))
+
+
+@app.command()
+def plan(
+    kind: Annotated[
+        PlanKind, typer.Argument(help="x or y: the paper's patterns; optimal.", show_default=False)
+    ],
+    header: Annotated[
+        Path, typer.Option(help="Header file (.yaml): robot, tool, noise.", show_default=False)
+    ],
+    target: Annotated[
+        str, typer.Option(help="Where the target stands: X,Y,Z in mm, base frame.", show_default=False)
+    ],
+    file: Annotated[
+        Path, typer.Option("-o", "--out", help="Plan file to write (.yaml).", show_default=False)
+    ],
+    shots: Annotated[int, typer.Option(min=2, help="Number of shots.")] = 7,
+    candidates: Annotated[int, typer.Option(min=10, help="Postures to choose from.")] = 10_000,
+    criterion: Annotated[
+        CriterionName, typer.Option(help="What an optimal plan minimises.")
+    ] = CriterionName.A,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(help="Take the fewest shots that reach this std (deg; mm).", show_default=False),
+    ] = None,
+    max_shots: Annotated[int, typer.Option(min=2, help="With --tolerance: shots at the most.")] = 30,
+    facing: Annotated[
+        str, typer.Option(help="Outward normal of the target's face: X,Y,Z, or any.")
+    ] = "0,0,1",
+    acceptance: Annotated[
+        float, typer.Option(help="Largest angle between beam and that normal, deg.")
+    ] = 60.0,
+    beam: Annotated[str, typer.Option(help="Shortest and longest beam, mm: MIN,MAX.")] = "200,2000",
+    margin: Annotated[float, typer.Option(min=0, help="Kept to every joint limit, deg.")] = 5.0,
+    obstacles: Annotated[
+        Path | None, typer.Option(help="Obstacles file (.yaml): floor, boxes.", show_default=False)
+    ] = None,
+    seed: Seed = 0,
+    as_json: Json = False,
+    picture: Picture = None,
+) -> None:
+    """Make a plan: the paper's X- or Y-Pattern, or the best of many candidate postures."""
+    from .experiments.obstacles import Obstacles, read_obstacles
+    from .experiments.plan_making import Request, make_plan
+    from .model.header import read_header
+    from .model.plan import read_plan
+    from .reports.terminal import print_proposal
+
+    request = Request(
+        kind=kind.value,
+        header=read_header(header),
+        header_folder=header.parent,
+        target=_numbers(target, 3, "--target"),
+        shots=shots,
+        candidates=candidates,
+        criterion=criterion.value,
+        tolerance=tolerance,
+        max_shots=max_shots,
+        facing=None if facing == "any" else _numbers(facing, 3, "--facing"),
+        acceptance_deg=acceptance,
+        beam_mm=_numbers(beam, 2, "--beam"),
+        margin_deg=margin,
+        obstacles=Obstacles() if obstacles is None else read_obstacles(obstacles),
+        seed=seed,
+    )
+    with _progress("plan") as told:
+        made = make_plan(request, file, told)
+    answer = made.as_json()
+    if picture is not None and made.file is not None:
+        from .reports.plan_page import write_plan_page
+
+        write_plan_page(picture, read_plan(made.file))
+    if as_json:
+        _print_json(answer)
+    else:
+        print_proposal(out, answer)
+        if made.file is not None:
+            out.print(f"Plan: {made.file}", soft_wrap=True, markup=False)
+    # No plan within the tolerance is an answer, as a weak verdict is.
+    raise typer.Exit(1 if made.checked is None else EXIT_STATUS[made.checked["verdict"]])
 
 
 @app.command()
@@ -262,6 +367,21 @@ def import_csv(
         out.print(line, markup=False)
     write_run(file, imported.header, imported.shots)
     out.print(f"{len(imported.shots)} shots written to {file}", soft_wrap=True, markup=False)
+
+
+def _numbers(text: str, count: int, option: str) -> tuple[float, ...]:
+    """`count` finite numbers, separated by commas."""
+    try:
+        values = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        values = ()
+    if len(values) != count or not all(math.isfinite(value) for value in values):
+        raise BadInput(
+            f"{option} is not understood",
+            found=text,
+            allowed=f"{count} numbers separated by commas",
+        )
+    return values
 
 
 def _analysed(
