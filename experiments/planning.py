@@ -9,13 +9,14 @@ from itertools import pairwise
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from ..analysis.design import STARTS, Candidates, Criterion, Design, Index, design, offset_covariance
+from ..analysis.design import STARTS, Candidates, Criterion, Design, Index, design
 from ..model.errors import BadInput
 from ..model.header import Header
 from ..model.problem import Problem
 from ..model.robot import Matrix, Robot
 from .candidates import CandidatePostures
 
+_UNTOLD = 0.5  # of its prior: an offset that all candidates leave beyond this is not planned for
 _EXACT_ORDER = 9  # shots up to which the shortest order is found for certain
 _LOOSEN = "loosen what removes most, move the target, or ask for more candidates"
 _FEW_STARTS = 4  # tell which numbers of shots are out of the question
@@ -74,10 +75,22 @@ class Planner:
         self._factor = whitened.factor
         rows = len(found.postures) * self._problem.tool.miss_size
         roots = whitened.jacobian[:rows, free].reshape(len(found.postures), self._problem.tool.miss_size, -1)
-        self.candidates = Candidates(roots, parameters.group("offset")[free])
         self._offsets = [item for item in parameters.items if item.group == "offset" and not item.held]
         if not self._offsets:
             raise BadInput("there is nothing to plan for: every offset is held", remedy="free some in `held`")
+        self._columns = np.flatnonzero(parameters.group("offset")[free])
+        # What all candidates together cannot tell would swamp the criterion with its prior.
+        information = np.einsum("cdf,cdg->fg", roots, roots) + np.eye(roots.shape[2])
+        told = np.sqrt(np.diag(np.linalg.inv(information))) < _UNTOLD
+        offsets = parameters.group("offset")[free] & told
+        if not offsets.any():
+            raise BadInput(
+                "no shot at this target tells any offset",
+                found=f"all {len(found.postures)} candidates together say next to nothing",
+                remedy="hold what cannot be told (`held`), or calibrate the tool",
+            )
+        self._all_told = bool(told[self._columns].all())
+        self.candidates = Candidates(roots, offsets)
 
     def optimal(
         self, shots: int, criterion: Criterion = "A", *, seed: int = 0, starts: int = STARTS
@@ -108,7 +121,8 @@ class Planner:
             )
         curve: list[tuple[int, float]] = []
         best = np.inf
-        for shots in range(least, most + 1):
+        # An offset that no shots tell keeps every number from the tolerance: one is enough to say so.
+        for shots in range(least if self._all_told else most, most + 1):
             chosen = self._design(shots, criterion, seed, _FEW_STARTS)
             proposal = self._proposal(chosen)
             if tolerance < proposal.worst <= tolerance / 0.9:
@@ -143,11 +157,10 @@ class Planner:
         prior and the spot noise make; the rest is the joint noise's."""
         inverse = np.linalg.inv(self.candidates.information(rows))
         display = np.array([item.prior_std * item.display for item in self._offsets])
-        own = np.flatnonzero(self.candidates.offsets)
-        variances = np.diag(inverse)[own] * display**2
+        variances = np.diag(inverse)[self._columns] * display**2
         worst = int(np.argmax(variances))
-        column = inverse[:, own[worst]]
-        total = float(column[own[worst]])
+        column = inverse[:, self._columns[worst]]
+        total = float(column[self._columns[worst]])
         # With C the covariance and A the whitened rows, C = C (A'A + 1) C: each noise enters through A C.
         through = self.candidates.roots[rows] @ column
         back = np.linalg.solve(self._factor[rows].transpose(0, 2, 1), through[:, :, None])
@@ -160,8 +173,8 @@ class Planner:
         )
 
     def _proposal(self, chosen: Design) -> Proposal:
-        covariance = offset_covariance(self.candidates, self.candidates.information(chosen.rows))
-        scaled = np.sqrt(np.diag(covariance))
+        inverse = np.linalg.inv(self.candidates.information(chosen.rows))
+        scaled = np.sqrt(np.diag(inverse)[self._columns])
         order, travel = travel_order(self._robot, self._postures[chosen.rows])
         unit = np.mean([(item.prior_std * item.display) ** 2 for item in self._offsets])
         return Proposal(

@@ -4,7 +4,7 @@ from itertools import pairwise, permutations
 
 import numpy as np
 import pytest
-from cells import LASER, PROBE, header, irb1600, plan_of
+from cells import LASER, OPEN_PROBE, PROBE, header, irb1600, plan_of
 
 from zerobeam.analysis.check import check
 from zerobeam.experiments import patterns
@@ -51,6 +51,22 @@ def checked_std(own, postures, names):
 
 
 # The plan keeps its promise
+
+
+def test_an_offset_that_no_shot_tells_does_not_swamp_the_criterion():
+    """delta6 of a free probe tip is a gauge: its prior would be nearly all of the mean variance."""
+    own_planner, own = planner(OPEN_PROBE, count=500)
+    proposal = own_planner.optimal(6)
+    assert proposal.std["delta6"] > 4
+    others = [std for name, std in proposal.std.items() if name != "delta6"]
+    assert max(others) < 0.1
+    # The criterion is the mean variance of the others alone.
+    assert proposal.value == pytest.approx(np.mean(np.square(others)), rel=1e-6)
+    assert checked_std(own, proposal.postures, ["delta6"]) == {"delta6": None}
+    # No number of shots is called enough while one offset stays open.
+    answer = own_planner.fewest(0.1, 8)
+    assert answer.proposal is None
+    assert "delta6" in answer.limit
 
 
 @pytest.mark.parametrize("criterion", ["A", "D", "E"])
