@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 from ..model.errors import BadInput
 from ..model.plan import Plan
 from ..model.problem import Problem
+from ..model.robot import Matrix
 from .aim import Aimed, aim, servo_joints
 from .identifiability import identify
 from .outlook import Advice, CurvePoint, OverTarget, advice, curve, over_target, predicted_std

@@ -149,7 +149,7 @@ class _Climb:
 
     def _residual(self, at: Matrix) -> Callable[[Matrix], tuple[Matrix, Matrix]]:
         """Residuals and Jacobian by v, priors included, with the weights of `at` kept."""
-        problem, parameters = self._problem, self._problem.parameters
+        problem = self._problem
         x = self._x(at)
         factor = problem.whiten(x).factor
         rows = np.arange(problem.data_size) < problem.shots * problem.tool.miss_size

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from ..model.parameters import BASE_FRAME, TOOL_TURN
 from ..model.problem import Problem
 
-_CONSTANT_DEG = 1e-9
+_CONSTANT = 1e-9  # degrees or mm
 _NEARLY_CONSTANT_DEG = 10.0
+_NEARLY_CONSTANT_MM = 50.0
 _PARALLEL = 1e-9  # of the cosine
 
 
@@ -87,7 +88,8 @@ def mechanisms(problem: Problem) -> Iterator[Mechanism]:
         if enough and parallel[i, j]:
             yield Mechanism(
                 offset(int(i)) | offset(int(j)) | targets,
-                f"the axes of joints {i + 1} and {j + 1} stay parallel, and the shots do not tell their offsets apart",
+                f"the axes of joints {i + 1} and {j + 1} stay parallel,"
+                " and the shots do not tell their offsets apart",
                 f"add shots that differ in the joints up to {j + 1}: vary joint {j} by 30 degrees or more",
             )
     if tool.any():
@@ -99,31 +101,43 @@ def mechanisms(problem: Problem) -> Iterator[Mechanism]:
 
 
 def _common_turn(problem: Problem, spread: NDArray[np.float64], k: int) -> tuple[str, str]:
-    """Reason and remedy of the turn of everything after joint k (1 … k do not change, or hardly)."""
-    joints = "joint 1" if k == 1 else f"joints 1 to {k}"
-    do = "does" if k == 1 else "do"
-    largest = float(spread[:k].max())
-    turn = f"delta{k + 1} is then a turn of everything after joint {k}, the target included"
-    x_pattern = " (the X-Pattern of section 3.2)" if k == 1 else ""
-    amount = (
-        "30 degrees or more"
-        if all(joint.kind == "revolute" for joint in problem.robot.joints[:k])
-        else "a third of the range or more"
-    )
+    """Reason and remedy of the turn of everything after joint k (1 … k do not change, or hardly).
+
+    `spread` (n,) is the range of each joint over the shots, degrees or mm.
+    """
+    joints, varies = ("joint 1", "varies") if k == 1 else (f"joints 1 to {k}", "vary")
+    revolute = np.array([joint.kind == "revolute" for joint in problem.robot.joints])
+    turn = "turn" if revolute[k] else "shift"
+    everything = f"delta{k + 1} is then a {turn} of everything after joint {k}, the target included"
+    x_pattern = " (the X-Pattern of section 3.2)" if k == 1 and revolute[0] and revolute[1] else ""
+    before = spread[:k]
+    amount = "30 degrees or more" if revolute[:k].all() else "a third of the range or more"
     remedy = f"vary {joints} by {amount} between shots"
-    if largest <= _CONSTANT_DEG:
-        return f"{joints} {do} not change over the shots: {turn}{x_pattern}", remedy
-    if largest <= _NEARLY_CONSTANT_DEG:
+    if before.max() <= _CONSTANT:
+        do = "does" if k == 1 else "do"
+        return f"{joints} {do} not change over the shots: {everything}{x_pattern}", remedy
+    largest = _ranges_in_words(before, revolute[:k])
+    if (before <= np.where(revolute[:k], _NEARLY_CONSTANT_DEG, _NEARLY_CONSTANT_MM)).all():
         return (
-            f"{joints} {'varies' if k == 1 else 'vary'} by no more than {largest:.2g} degrees over the shots:"
-            f" {turn}, all but the noise{x_pattern}",
+            f"{joints} {varies} by no more than {largest} over the shots:"
+            f" {everything}, all but the noise{x_pattern}",
             remedy,
         )
+    what = f"turn about joint {k + 1}" if revolute[k] else f"shift along joint {k + 1}"
     return (
-        f"a turn about joint {k + 1} moves the target nearly the same way in every shot,"
-        f" although {joints} {'varies' if k == 1 else 'vary'} by up to {largest:.0f} degrees",
+        f"a {what} moves the target nearly the same way in every shot,"
+        f" although {joints} {varies} by up to {largest}",
         f"add shots in which the axis of joint {k + 1} stands at very different places or angles",
     )
+
+
+def _ranges_in_words(spread: NDArray[np.float64], revolute: NDArray[np.bool_]) -> str:
+    """The largest of the ranges, of each unit that occurs."""
+    parts = []
+    for chosen, unit in ((revolute, "degrees"), (~revolute, "mm")):
+        if chosen.any():
+            parts.append(f"{float(spread[chosen].max()):.2g} {unit}")
+    return " and ".join(parts)
 
 
 def _parallel_axes(problem: Problem) -> NDArray[np.bool_]:

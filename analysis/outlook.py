@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..model.problem import Problem
 from ..model.robot import Matrix
@@ -98,7 +99,8 @@ def advice(problem: Problem, x: Matrix) -> Advice | None:
     for row, (_, j, sign) in enumerate(tries):
         joints[row, j] += sign * _CHANGE[robot.joints[j].kind] / robot.joints[j].display
     aimed = aim(problem.select(rows).moved(joints), x, servo_joints(problem))
-    inside = ((aimed.problem.joints >= robot.lower) & (aimed.problem.joints <= robot.upper)).all(axis=1)
+    turned = aimed.problem.joints
+    inside = np.asarray(((turned >= robot.lower) & (turned <= robot.upper)).all(axis=1))
     free = problem.parameters.free
     own = _informations(problem, x, free)
     new = _informations(aimed.problem, x, free)
@@ -117,7 +119,7 @@ def advice(problem: Problem, x: Matrix) -> Advice | None:
     return best if best is not None and best.worst_std_after < _WORTH_TELLING * before else None
 
 
-def _informations(problem: Problem, x: Matrix, free: Matrix) -> Matrix:
+def _informations(problem: Problem, x: Matrix, free: NDArray[np.bool_]) -> Matrix:
     """(N, f, f) of each shot alone, without priors."""
     rows = problem.shots * problem.tool.miss_size
     blocks = problem.whiten(x).jacobian[:rows, free].reshape(problem.shots, problem.tool.miss_size, -1)

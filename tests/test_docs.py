@@ -19,19 +19,19 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import casadi as ca
-import numpy as np
 import pytest
 import typer.main
 from pydantic import BaseModel
+from ruamel.yaml import YAML
 
 from zerobeam.analysis.check import Check
 from zerobeam.analysis.result import Result
 from zerobeam.cli import app
+from zerobeam.experiments.obstacles import Obstacles
+from zerobeam.experiments.plan_making import MadePlan
 from zerobeam.model.errors import BadInput
 from zerobeam.model.header import Header, check_header, read_header
 from zerobeam.model.plan import read_plan
-from zerobeam.model.robot import Robot
 from zerobeam.model.robot_file import load_robot, read_robot
 from zerobeam.model.run import read_run
 from zerobeam.model.schema import SCHEMA_NAMES, json_schema
@@ -246,6 +246,19 @@ def test_every_key_of_an_answer_is_documented(kind: type) -> None:
     assert not missing
 
 
+def test_every_key_of_a_proposal_is_documented() -> None:
+    keys = set(MadePlan("x", None, None, None, None, None).as_json())
+    assert len(keys) > 10
+    assert not keys - words_in_code(read(FILES))
+
+
+def test_every_key_of_an_obstacles_file_is_documented() -> None:
+    assert not set(properties(Obstacles.model_json_schema())) - words_in_code(read(FILES))
+    (example,) = [b.text for b in blocks(read(FILES)) if b.text.startswith("floor_mm")]
+    stated = Obstacles.model_validate(YAML(typ="safe").load(example))
+    assert [box.name for box in stated.boxes] == ["table"]
+
+
 def test_documented_defaults_of_the_header_are_those_of_the_code() -> None:
     rows = re.findall(r"^\| `([\w.<>]+)` \|[^|]*\| (\d[\d ]*)[^|]*\|", read(FILES), flags=re.MULTILINE)
     assert len(rows) >= 5
@@ -282,30 +295,3 @@ def test_links_lead_somewhere(name: str) -> None:
         assert there.is_file(), link
         if anchor:
             assert anchor in anchors(there), link
-
-
-# --- what docs/paper.md says of eq. 14 --------------------------------------------------------------
-
-
-def test_eq_14_as_docs_paper_corrects_it() -> None:
-    arm = load_robot("irb1600", ROOT)
-    # Up to the frame of joint 2 in the sense of eq. 1: with the link that the file puts before joint 3.
-    upper = Robot("upper arm", arm.joints[:2], arm.joints[2].fixed)
-    theta = ca.SX.sym("theta", 2)
-    pose = ca.Function("pose", [theta], list(upper.flange_pose(theta)))
-    rng = np.random.default_rng(14)
-    for _ in range(5):
-        angles, (x, y, z) = rng.uniform(-1.5, 1.5, 2), rng.uniform(-500, 500, 3)
-        rotation, translation = (np.array(value) for value in pose(angles))
-        position = rotation @ [x, y, z] + translation[:, 0]
-        (c1, c2), (s1, s2) = np.cos(angles), np.sin(angles)
-        corrected = [
-            x * c1 * s2 + y * c1 * c2 - z * s1 + 700 * c1 * s2 + 150 * c1,
-            x * s1 * s2 + y * s1 * c2 + z * c1 + 700 * s1 * s2 + 150 * s1,
-            x * c2 - y * s2 + 700 * c2 + 486.5,
-        ]
-        np.testing.assert_allclose(position, corrected, atol=1e-9)
-        printed_y = -x * s1 * c2 + y * s1 * c2 + z * c1 + 700 * s1 * s2 + 150 * s1
-        printed_z = x * c2 - y * s2 + 700 * c2 + 150 * s1
-        assert abs(position[1] - printed_y) > 1e-3
-        assert abs(position[2] - printed_z) > 1e-3

@@ -7,6 +7,7 @@ from cells import (
     LASER,
     OPEN_LASER,
     OPEN_PROBE,
+    PROBE,
     TABLE_2,
     good_plan,
     header,
@@ -23,6 +24,8 @@ from zerobeam.analysis.check import check
 from zerobeam.analysis.fit import fit_likelihood
 from zerobeam.analysis.identifiability import identify, observability
 from zerobeam.analysis.verdict import reason_for, verdict
+from zerobeam.experiments.candidates import candidates
+from zerobeam.experiments.planning import Planner
 from zerobeam.model.problem import Problem
 from zerobeam.model.robot import rotation_about
 from zerobeam.model.urdf import read_urdf
@@ -76,13 +79,18 @@ def test_data_std_is_that_of_the_data_alone():
     )
 
 
-def monte_carlo(draws, seed):
-    """Errors (draws, 8) of re-fits, whitened by the predicted covariance's eigenvectors."""
-    plan = good_plan()
+def monte_carlo(draws, seed, plan=None):
+    """Errors (draws, f) of re-fits, whitened by the predicted covariance's eigenvectors.
+
+    The truth stands at the prior's mean: what the prior adds is no error of its own, it only shrinks.
+    """
+    plan = plan or good_plan()
     problem = Problem.from_plan(plan)
     free = problem.parameters.free
     jacobian = problem.whiten(problem.supposed()).jacobian[:, free]
-    values, vectors = np.linalg.eigh(np.linalg.inv(jacobian.T @ jacobian))
+    data = jacobian.T @ jacobian
+    both = np.linalg.inv(data + np.eye(len(data)))
+    values, vectors = np.linalg.eigh(both @ data @ both)
     errors = []
     for draw in range(draws):
         truth, shots = simulated_problem(plan, {}, seed=seed + draw)
@@ -114,6 +122,32 @@ def test_predicted_stds_against_monte_carlo():
 @pytest.mark.long
 def test_predicted_stds_against_more_monte_carlo():
     assert within_chi_square_bounds(monte_carlo(2000, 100_000))
+
+
+def optimal_plan():
+    """The A-optimal seven of a few hundred postures."""
+    own, robot, target = header(), irb1600(), np.array([900.0, 0.0, 0.0])
+    found = candidates(own, robot, target, 300)
+    return plan_of(own, Planner(own, robot, target, found).optimal(7).postures)
+
+
+MONTE_CARLO = {
+    "y": lambda: pattern_plan("y"),
+    "random, open laser": lambda: good_plan(12, 5, OPEN_LASER),
+    "random, probe": lambda: good_plan(12, 7, PROBE, target=(700.0, 200.0, 900.0), held=["delta1", "delta2"]),
+    "optimal": optimal_plan,
+}
+
+
+@pytest.mark.parametrize("case", ["random, open laser", "optimal"])
+def test_predicted_stds_of_other_plans(case):
+    assert within_chi_square_bounds(monte_carlo(60, 7000, MONTE_CARLO[case]()))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("case", MONTE_CARLO)
+def test_predicted_stds_of_other_plans_at_length(case):
+    assert within_chi_square_bounds(monte_carlo(500, 200_000, MONTE_CARLO[case]()))
 
 
 # --- what cannot be known -------------------------------------------------------------------------------
