@@ -1,3 +1,59 @@
-"""zerobeam: joint offsets of industrial robots from laser shots at one point, and how sure one may be."""
+"""zerobeam: joint offsets of industrial robots from laser shots at one point, and how sure one may be.
+
+The public names are imported when they are first asked for, so that the command line starts at once.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .analysis.analyse import analyse
+    from .analysis.check import Check, check
+    from .analysis.result import Draws, Result
+    from .model.errors import BadInput, FitFailed, RigFault, ZerobeamError
+    from .model.plan import Plan, read_plan
+    from .model.run import Run, read_run
+    from .reports.folder import write_report
 
 __version__ = "0.1.0"
+
+__all__ = [
+    "BadInput",
+    "Check",
+    "Draws",
+    "FitFailed",
+    "Plan",
+    "Result",
+    "RigFault",
+    "Run",
+    "ZerobeamError",
+    "__version__",
+    "analyse",
+    "check",
+    "read_plan",
+    "read_run",
+    "write_report",
+]
+
+_HOME = {
+    "BadInput": "model.errors",
+    "Check": "analysis.check",
+    "Draws": "analysis.result",
+    "FitFailed": "model.errors",
+    "Plan": "model.plan",
+    "Result": "analysis.result",
+    "RigFault": "model.errors",
+    "Run": "model.run",
+    "ZerobeamError": "model.errors",
+    "analyse": "analysis.analyse",
+    "check": "analysis.check",
+    "read_plan": "model.plan",
+    "read_run": "model.run",
+    "write_report": "reports.folder",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f".{_HOME[name]}", __name__), name)

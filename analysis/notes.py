@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy import stats
+from scipy.special import chdtrc
 
 from .result import FitSummary, PosteriorSummary, ShotResult
 from .verdict import listed
@@ -55,7 +55,7 @@ def _on_shots(fit: FitSummary, shots: Sequence[ShotResult]) -> Iterator[str]:
     if fit.p_value is None:
         return
     whitened = np.array([shot.whitened for shot in shots])
-    chance = stats.chi2.sf(whitened**2, len(shots[0].miss_mm)) * len(shots)
+    chance = chdtrc(len(shots[0].miss_mm), whitened**2) * len(shots)
     outlying = [int(i) for i in np.argsort(-whitened) if chance[i] < _OUTLYING]
     if not 0 < len(outlying) <= max(3, len(shots) // 10):
         return

@@ -128,3 +128,30 @@ def test_the_version_is_the_same_wherever_it_is_written() -> None:
     version = zerobeam.__version__
     assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert f"\n## {version}" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+
+
+def test_the_public_face():
+    """A dozen names, which change on purpose; each is what its home says it is."""
+    import zerobeam
+
+    assert sorted(zerobeam.__all__) == sorted({*zerobeam._HOME, "__version__"})
+    assert sorted(zerobeam._HOME) == [
+        "BadInput",
+        "Check",
+        "Draws",
+        "FitFailed",
+        "Plan",
+        "Result",
+        "RigFault",
+        "Run",
+        "ZerobeamError",
+        "analyse",
+        "check",
+        "read_plan",
+        "read_run",
+        "write_report",
+    ]
+    for name, home in zerobeam._HOME.items():
+        assert getattr(zerobeam, name).__module__ == f"zerobeam.{home}", name
+    with pytest.raises(AttributeError, match="no attribute 'guess'"):
+        zerobeam.guess  # noqa: B018

@@ -55,7 +55,8 @@ def faults(module: Path, source: str) -> list[str]:
                 found.append(f"line {node.lineno}: {room} imports {target}")
         elif isinstance(node, ast.Call):
             name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
-            if name in {"import_module", "__import__"}:
+            # The root's public names are imported late, from a table that test_package.py holds to them.
+            if name in {"import_module", "__import__"} and room != "__init__":
                 found.append(f"line {node.lineno}: an import that cannot be read off the text")
     return found
 
