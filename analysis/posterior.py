@@ -27,6 +27,7 @@ ENSEMBLES = 4
 RHAT_GATE = 1.01
 _BURN_IN = 40
 _BLOCKS = (25, 25, 50, 100, 200, 400)  # steps between looks at the diagnostics
+_THREADS_FROM = 50  # shots
 _KEPT_PER_WALKER = 400
 
 Progress = Callable[[float], None]
@@ -94,12 +95,14 @@ def sample_density(
     *,
     seed: int,
     ess: float,
+    threads: int = 1,
     progress: Progress | None = None,
 ) -> Sampled:
     """Sample a vectorised log-density (W, f) -> (W,) by independent ensembles until `ess` is reached.
 
     The proposal is refitted to the burn-in's draws, then frozen. Stops at a fixed number of steps; the
-    caller judges convergence by the returned diagnostics.
+    caller judges convergence by the returned diagnostics. `threads` share the ensembles; the draws are the
+    same for any number of them.
     """
     import emcee
 
@@ -120,14 +123,13 @@ def sample_density(
         return emcee.EnsembleSampler(walkers, size, log_density, moves=moves, vectorize=True)
 
     def run(chains: list[Any], steps: int) -> None:
-        # The kernel lets go of Python's lock, so the ensembles use the cores that are there.
         advance = [
-            threads.submit(c.run_mcmc, s, steps, skip_initial_state_check=True)
+            pool.submit(c.run_mcmc, s, steps, skip_initial_state_check=True)
             for c, s in zip(chains, states, strict=True)
         ]
         states[:] = [done.result() for done in advance]
 
-    threads = ThreadPoolExecutor(max_workers=min(ENSEMBLES, os.cpu_count() or 1))
+    pool = ThreadPoolExecutor(max_workers=threads)
     burning = [sampler(proposal) for _ in range(ENSEMBLES)]
     run(burning, _BURN_IN)
     proposal = _refitted(
@@ -146,7 +148,7 @@ def sample_density(
             progress(min(reached / ess, 0.99))
         if reached >= ess and float(rhat.max()) <= RHAT_GATE:
             break
-    threads.shutdown()
+    pool.shutdown()
     acceptance = float(np.mean([chain.acceptance_fraction for chain in chains]))
     return Sampled(values, acceptance, rhat, bulk, time.perf_counter() - began)
 
@@ -202,7 +204,10 @@ def sample_posterior(
 
     size = len(fit.z)
     proposal = IndependenceProposal(np.zeros(size), np.eye(size), degrees_of_freedom(size))
-    sampled = sample_density(log_density, proposal, seed=seed, ess=ess, progress=progress)
+    # The kernel lets go of Python's lock: with many shots the ensembles use the cores that are there. With
+    # few shots the lock is what they would wait for.
+    threads = min(ENSEMBLES, os.cpu_count() or 1) if problem.shots > _THREADS_FROM else 1
+    sampled = sample_density(log_density, proposal, seed=seed, ess=ess, threads=threads, progress=progress)
     return _told(problem, coordinates, whitening, sampled, status, ess, time.perf_counter() - began)
 
 
