@@ -64,8 +64,7 @@ def _analyse(run: Run, seed: int, ess: float, tell: Progress) -> tuple[Result, D
     tell("fit", 1.0)
     tell("identifiability", 0.0)
     identified = identify(problem, fit.x, fit.weight)
-    std = np.full(len(problem.parameters), np.nan)
-    std[problem.parameters.free] = fit.std * problem.parameters.prior_std[problem.parameters.free]
+    std = problem.parameters.unscaled(fit.std)
     identified = no_better_than(problem, identified, std)
     tell("identifiability", 1.0)
     draws: Draws | None = None

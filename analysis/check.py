@@ -79,8 +79,7 @@ def check(plan: Plan) -> Check:
         elsewhere = over_target(problem, x, _stated_spread(plan, problem))
         better = None if verdict(problem, identified) == "pass" else advice(shots, x)
     parameters = problem.parameters
-    std = np.full(len(parameters), np.nan)
-    std[parameters.free] = known * parameters.prior_std[parameters.free]
+    std = parameters.unscaled(known)
     rows = []
     for i, item in enumerate(parameters.items):
         status, data_std = identified.status[i], float(identified.data_std[i])

@@ -184,8 +184,7 @@ def _confirm(
 
 def _statuses(parameters: Parameters, scaled_std: Matrix) -> tuple[tuple[Status, ...], Matrix]:
     """Status and data_std (internal units) of every parameter from those of the free ones (f,)."""
-    data_std = np.full(len(parameters), np.nan)
-    data_std[parameters.free] = scaled_std * parameters.prior_std[parameters.free]
+    data_std = parameters.unscaled(scaled_std)
     status: list[Status] = []
     for item, std in zip(parameters.items, data_std, strict=True):
         if item.held:

@@ -127,6 +127,12 @@ class Parameters:
     def display(self) -> Matrix:
         return np.array([item.display for item in self.items])
 
+    def unscaled(self, std: Matrix) -> Matrix:
+        """(p,) stds in internal units from those of the free ones (f,), scaled by priors; nan if held."""
+        result = np.full(len(self), np.nan)
+        result[self.free] = std * self.prior_std[self.free]
+        return result
+
     def group(self, group: Group) -> NDArray[np.bool_]:
         """(p,) True for the parameters of one group."""
         return np.array([item.group == group for item in self.items])
