@@ -25,6 +25,7 @@ from .model.errors import BadInput, ZerobeamError
 
 if TYPE_CHECKING:
     from .analysis.result import Draws, Result
+    from .analysis.robust import Loss
 
 EXIT_STATUS = {"pass": 0, "weak": 1, "degenerate": 1}
 _FAULT = 3
@@ -39,6 +40,10 @@ app = typer.Typer(
 )
 imports = typer.Typer(help="Make a run from recorded files that people have.", no_args_is_help=True)
 app.add_typer(imports, name="import")
+studies = typer.Typer(
+    help="Does zerobeam hold what it promises? Studies over simulated runs.", no_args_is_help=True
+)
+app.add_typer(studies, name="study")
 
 out = Console(highlight=False, soft_wrap=False)
 err = Console(stderr=True, highlight=False)
@@ -74,6 +79,13 @@ class CriterionName(StrEnum):
     E = "E"
 
 
+class LossName(StrEnum):
+    """How a robust fit weighs a far miss."""
+
+    HUBER = "huber"
+    STUDENT = "student"
+
+
 class RigName(StrEnum):
     """What can carry a plan out."""
 
@@ -86,6 +98,20 @@ Picture = Annotated[
 ]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of all that is random: the same seed, the same answer.")]
 Ess = Annotated[float, typer.Option(min=100, help="Effective posterior draws asked of every parameter.")]
+Robust = Annotated[
+    LossName | None,
+    typer.Option(
+        help="Fit once more with this loss, which far misses pull less; names outliers.", show_default=False
+    ),
+]
+HoldOut = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="Fit once more without this target and look how it does there; repeatable, * and ? match.",
+        metavar="NAME",
+        show_default=False,
+    ),
+]
 RunFile = Annotated[Path, typer.Argument(help="Run file (.jsonl).", show_default=False)]
 PlanFile = Annotated[Path, typer.Argument(help="Plan file (.yaml).", show_default=False)]
 
@@ -156,7 +182,14 @@ def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> Non
 
 
 @app.command()
-def analyse(run: RunFile, as_json: Json = False, seed: Seed = 0, ess: Ess = 1000.0) -> None:
+def analyse(
+    run: RunFile,
+    as_json: Json = False,
+    seed: Seed = 0,
+    ess: Ess = 1000.0,
+    robust: Robust = None,
+    hold_out: HoldOut = None,
+) -> None:
     """What the offsets are, and how sure one may be."""
     from .analysis.result_json import to_json
     from .model.run import read_run
@@ -164,7 +197,7 @@ def analyse(run: RunFile, as_json: Json = False, seed: Seed = 0, ess: Ess = 1000
 
     recorded = read_run(run)
     with _progress("analyse") as told:
-        result, _ = _analysed(recorded, seed, ess, told)
+        result, _ = _analysed(recorded, seed, ess, told, robust, hold_out)
     answer = to_json(result)
     if as_json:
         _print_json(answer)
@@ -180,6 +213,8 @@ def report(
     as_json: Json = False,
     seed: Seed = 0,
     ess: Ess = 1000.0,
+    robust: Robust = None,
+    hold_out: HoldOut = None,
 ) -> None:
     """The report of a run: report.html, report.pdf, result.json, posterior.nc and the figures."""
     from .analysis.result_json import to_json
@@ -190,7 +225,7 @@ def report(
     recorded = read_run(run)
     check_target(folder)
     with _progress("report") as told:
-        result, draws = _analysed(recorded, seed, ess, told)
+        result, draws = _analysed(recorded, seed, ess, told, robust, hold_out)
         told("writing", 0.0)
         paths = write_report(folder, result, draws)
         told("writing", 1.0)
@@ -369,6 +404,31 @@ def import_csv(
     out.print(f"{len(imported.shots)} shots written to {file}", soft_wrap=True, markup=False)
 
 
+@studies.command("coverage")
+def study_coverage(
+    folder: Annotated[Path, typer.Option("-o", "--out", help="Folder for the study.", show_default=False)],
+    data_sets: Annotated[int, typer.Option(min=100, help="Simulated runs of each plan.")] = 1000,
+    seed: Seed = 0,
+    as_json: Json = False,
+) -> None:
+    """Do the intervals hold the truth as often as they promise? Simulated runs, solved again, tell."""
+    from .experiments.coverage import coverage_study
+    from .reports.study_page import check_target, write_study
+    from .reports.study_terminal import print_study
+
+    check_target(folder)
+    with _progress("study") as told:
+        answer = coverage_study(data_sets, seed, told)
+        told("writing", 1.0)
+        paths = write_study(folder, answer)
+    if as_json:
+        _print_json(answer)
+    else:
+        print_study(out, answer)
+        out.print(f"Study: {paths.html}", soft_wrap=True, markup=False)
+    raise typer.Exit(0 if answer["agrees"] else 1)
+
+
 def _numbers(text: str, count: int, option: str) -> tuple[float, ...]:
     """`count` finite numbers, separated by commas."""
     try:
@@ -385,11 +445,17 @@ def _numbers(text: str, count: int, option: str) -> tuple[float, ...]:
 
 
 def _analysed(
-    recorded: Any, seed: int, ess: float, told: Callable[[str, float], None]
+    recorded: Any,
+    seed: int,
+    ess: float,
+    told: Callable[[str, float], None],
+    robust: LossName | None = None,
+    held_out: list[str] | None = None,
 ) -> tuple[Result, Draws | None]:
     from .analysis.analyse import analyse as judge
 
-    return judge(recorded, seed=seed, ess=ess, progress=told)
+    loss: Loss | None = None if robust is None else robust.value
+    return judge(recorded, seed=seed, ess=ess, robust=loss, held_out=held_out or (), progress=told)
 
 
 def _status(result: Result) -> int:

@@ -52,7 +52,8 @@ def moving_joints(joints: Matrix) -> Matrix:
 
 
 def aim(problem: Problem, x: Matrix, weights: Matrix) -> Aimed:
-    """Turn every shot onto its target at the parameters x (p,), by the joints with a weight (n,).
+    """Turn every shot onto its target by the joints with a weight (n,), at the parameters x: (p,), or (N, p)
+    with own ones for every shot.
 
     Damped Gauss-Newton in the joints with the smallest weighted turn; the exact Jacobian of the miss.
     """
@@ -91,5 +92,6 @@ def aim(problem: Problem, x: Matrix, weights: Matrix) -> Aimed:
 
 def _ahead(problem: Problem, x: Matrix) -> NDArray[np.bool_]:
     origin, direction = problem.beams(x)
-    _, targets, _ = problem.split(x)
-    return np.asarray(((targets[problem.target_index] - origin) * direction).sum(axis=1) >= 0)
+    _, targets, _ = problem.split(np.broadcast_to(x, (problem.shots, x.shape[-1])))
+    own = targets[np.arange(problem.shots), problem.target_index]
+    return np.asarray(((own - origin) * direction).sum(axis=1) >= 0)

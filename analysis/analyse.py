@@ -2,62 +2,82 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.special import chdtrc, stdtrit
 from threadpoolctl import threadpool_limits
 
 from ..model.errors import BadInput
+from ..model.parameters import Parameter
 from ..model.problem import Problem
 from ..model.robot import Matrix
 from ..model.run import Run
 from .fit import LikelihoodFit, fit_likelihood, start_at
+from .hold_out import hold_out
 from .identifiability import Identified, identify, no_better_than
 from .influence import influence
 from .midpoint import MidpointFit, fit_midpoint
-from .notes import misfit, notes
+from .notes import OUTLYING, misfit, notes
 from .posterior import sample_posterior
+from .profile import profile_intervals
 from .result import (
     DistanceResult,
     Draws,
     FitSummary,
     Inputs,
+    Intervals,
     ParameterResult,
     PosteriorSummary,
     Result,
+    Robust,
+    RobustParameter,
     ShotResult,
     Status,
 )
-from .verdict import reason_for, verdict, verdict_sentence
+from .robust import Loss, fit_robust, outlying
+from .verdict import listed, reason_for, verdict, verdict_sentence
 from .versions import versions
 
 Progress = Callable[[str, float], None]
 
+_DIFFERS = 0.1  # of the width of an interval: by so much its ends may differ and still be the same
 _NORMAL_95 = 1.959963984540054  # half width of the central 95 % of a unit normal
 
 
 def analyse(
-    run: Run, *, seed: int = 0, ess: float = 1000.0, progress: Progress | None = None
+    run: Run,
+    *,
+    seed: int = 0,
+    ess: float = 1000.0,
+    robust: Loss | None = None,
+    held_out: Sequence[str] = (),
+    progress: Progress | None = None,
 ) -> tuple[Result, Draws | None]:
     """Everything that a recorded run tells: fits, identifiability, posterior, influence, verdict.
 
-    `ess` is the effective sample size asked of every parameter. `progress` is told the stage and its share.
-    Draws are None where the fit did not converge.
+    `ess` is the effective sample size asked of every parameter; `robust` asks for a fit with that loss
+    beside the others, `held_out` for a fit without the targets of these names (* and ? as in file names)
+    and a look at how it does there. `progress` is told the stage and its share. Draws are None where the
+    fit did not converge.
     """
     # Small matrices: threads in the linear algebra cost more than they give, and change the last bits.
     with threadpool_limits(limits=1, user_api="blas"):
         try:
-            return _analyse(run, seed, ess, progress or (lambda stage, share: None))
+            return _analyse(run, seed, ess, robust, held_out, progress or (lambda stage, share: None))
         except BadInput as error:
             raise error.at(run.path, run.header_line) from error
 
 
-def _analyse(run: Run, seed: int, ess: float, tell: Progress) -> tuple[Result, Draws | None]:
+def _analyse(
+    run: Run, seed: int, ess: float, loss: Loss | None, held_out: Sequence[str], tell: Progress
+) -> tuple[Result, Draws | None]:
     run.require_analysable()
     problem = Problem.from_run(run)
     require_noise_data(problem)
     tell("fit", 0.0)
+    # What was asked for in vain is said before the long part.
+    unseen = hold_out(problem, held_out, seed) if held_out else None
     fit = fit_likelihood(problem, seed=seed)
     tell("fit", 0.7)
     midpoint = fit_midpoint(problem)
@@ -85,17 +105,22 @@ def _analyse(run: Run, seed: int, ess: float, tell: Progress) -> tuple[Result, D
         )
     likelihood = _likelihood_summary(problem, fit, identified)
     shots = _shots(problem, fit)
+    rows = _parameters(problem, identified, fit, std, midpoint, likelihood)
+    robust = _robust(problem, fit, rows, loss) if loss is not None and fit.converged else None
     result = Result(
         verdict=verdict(problem, identified) if fit.converged else "degenerate",
         headline=_headline(problem, identified, likelihood),
-        parameters=_parameters(problem, identified, fit, std, midpoint, likelihood),
+        parameters=rows,
         identifiability=identified.facts,
         likelihood=likelihood,
         midpoint=_midpoint_summary(midpoint),
         posterior=posterior,
         shots=shots,
         distances=_distances(problem, fit),
-        notes=notes(likelihood, posterior, shots, run.warnings),
+        intervals=_intervals(problem, fit, rows, posterior, likelihood) if fit.converged else (),
+        robust=robust,
+        hold_out=unseen,
+        notes=notes(likelihood, posterior, shots, robust, unseen, run.warnings),
         inputs=_inputs(run, problem, seed),
     )
     return result, draws
@@ -104,7 +129,7 @@ def _analyse(run: Run, seed: int, ess: float, tell: Progress) -> tuple[Result, D
 def require_noise_data(problem: Problem) -> None:
     """Raise BadInput where the noise scale is to be estimated from no more numbers than unknowns."""
     free = int(problem.parameters.free.sum())
-    if problem.noise.estimated and problem.data_size <= free:
+    if not problem.noise.known and problem.data_size <= free:
         raise BadInput(
             "the noise scale cannot be estimated from so few shots",
             found=f"{problem.data_size} numbers from {problem.shots} shots for {free} unknowns",
@@ -127,11 +152,9 @@ def _parameters(
     for i, item in enumerate(parameters.items):
         # A fit that did not converge leaves nothing that could be called identified.
         status: Status = identified.status[i] if fit.converged or item.held else "unidentifiable"
-        show = item.display
-        estimate = float(fit.x[i]) * show
+        value, spread = float(fit.x[i]), float(std[i])
         known = status in ("identified", "weak")
-        spread = float(std[i]) * show
-        data_std = float(identified.data_std[i]) * show
+        data_std = item.shown_std(value, float(identified.data_std[i]))
         rows.append(
             ParameterResult(
                 name=item.name,
@@ -139,13 +162,13 @@ def _parameters(
                 group=item.group,
                 status=status,
                 held=item.held,
-                estimate=estimate if known or item.held else None,
-                std=spread if known else None,
+                estimate=item.shown(value) if known or item.held else None,
+                std=item.shown_std(value, spread) if known else None,
                 data_std=data_std if np.isfinite(data_std) else None,
-                interval95=(estimate - quantile * spread, estimate + quantile * spread) if known else None,
-                prior_std=item.prior_std * show,
-                midpoint=float(midpoint.x[i]) * show
-                if known and midpoint.available and midpoint.converged
+                interval95=_interval(item, value, quantile * spread) if known else None,
+                prior_std=item.shown_prior[1],
+                midpoint=item.shown(float(midpoint.x[i]))
+                if known and midpoint.available and midpoint.converged and item.group != "noise"
                 else None,
                 reason=reason_for(identified, item, status)
                 if fit.converged or item.held
@@ -155,6 +178,91 @@ def _parameters(
     return tuple(rows)
 
 
+def _interval(item: Parameter, value: float, half: float) -> tuple[float, float]:
+    return item.shown(value - half), item.shown(value + half)
+
+
+def _intervals(
+    problem: Problem,
+    fit: LikelihoodFit,
+    rows: Sequence[ParameterResult],
+    posterior: PosteriorSummary,
+    summary: FitSummary,
+) -> tuple[Intervals, ...]:
+    """Of offsets, tool and noise: where the three ways to an interval differ, or the parameter is weak."""
+    which = np.array([i for i, row in enumerate(rows) if row.interval95 and row.group != "target"], dtype=int)
+    # With noise factors the fit is at their marginal mode: there is no profile that starts from it.
+    ends = np.full((len(which), 2), np.nan)
+    if not problem.noise.separate:
+        ends = profile_intervals(problem, fit, which, _profile_width(problem, summary))
+    draws = {row.name: (row.q2_5, row.q97_5) for row in posterior.parameters or ()}
+    told = []
+    for i, (low, high) in zip(which, ends, strict=True):
+        row, item = rows[i], problem.parameters.items[i]
+        assert row.interval95 is not None
+        profile = (item.shown(low), item.shown(high)) if np.isfinite([low, high]).all() else None
+        others = [interval for interval in (profile, draws.get(row.name)) if interval is not None]
+        margin = _DIFFERS * (row.interval95[1] - row.interval95[0])
+        off = np.abs(np.array(others).reshape(-1, 2) - row.interval95).max(initial=0.0)
+        differ = (profile is None and not problem.noise.separate) or bool(off > margin)
+        if differ or row.status == "weak":
+            told.append(Intervals(row.name, row.unit, row.interval95, profile, draws.get(row.name), differ))
+    return tuple(told)
+
+
+def _robust(problem: Problem, fit: LikelihoodFit, rows: Sequence[ParameterResult], loss: Loss) -> Robust:
+    found = fit_robust(problem, fit, loss)
+    parameters = problem.with_noise_of(fit.x)[0].parameters
+    std = np.full(len(parameters), np.nan)
+    if found.covariance is not None:
+        std = parameters.unscaled(np.sqrt(np.diag(found.covariance)))
+    numbers = problem.data_size - int(parameters.free.sum())
+    quantile = float(stdtrit(max(numbers, 1), 0.975))
+    told = []
+    for row, item, value, spread in zip(rows, parameters.items, found.x.tolist(), std.tolist(), strict=False):
+        if row.held:
+            continue
+        known = row.estimate is not None and found.converged
+        spread_known = known and bool(np.isfinite(spread)) and numbers > 0
+        told.append(
+            RobustParameter(
+                name=row.name,
+                unit=row.unit,
+                estimate=item.shown(value) if known else None,
+                std=item.shown_std(value, spread) if spread_known else None,
+                interval95=_interval(item, value, quantile * spread) if spread_known else None,
+            )
+        )
+    off = outlying(found.whitened, problem.tool.miss_size, OUTLYING)
+    outliers = tuple(problem.shot_numbers[i] for i in off) if found.converged else ()
+    return Robust(
+        loss=loss,
+        tuning=found.tuning,
+        converged=found.converged,
+        reason=found.reason,
+        noise_scale=found.scale if problem.noise.estimated else None,
+        parameters=tuple(told),
+        weights=tuple(float(weight) for weight in found.weights),
+        outliers=outliers,
+        message=_robust_message(found.covariance is not None and numbers > 0, outliers),
+    )
+
+
+def _robust_message(with_spread: bool, outliers: Sequence[int]) -> str:
+    named = "no shot is too far off for chance"
+    if outliers:
+        one = len(outliers) == 1
+        named = (
+            f"shot{'' if one else 's'} {listed([str(n) for n in outliers])} {'is' if one else 'are'} too far"
+        )
+        named += " off for chance"
+    if with_spread:
+        return named
+    return (
+        f"{named}; no uncertainty: a shot decides something alone, or there are no more numbers than unknowns"
+    )
+
+
 def _quantile(problem: Problem, summary: FitSummary) -> float:
     """Half width of a 95 % interval in stds: Student-t where the noise scale is estimated."""
     if problem.noise.estimated and summary.dof:
@@ -162,15 +270,24 @@ def _quantile(problem: Problem, summary: FitSummary) -> float:
     return _NORMAL_95
 
 
+def _profile_width(problem: Problem, summary: FitSummary) -> float:
+    """The root of twice the drop at the ends of a 95 % profile interval: with an estimated scale the one that
+    gives Student's interval for a linear fit, whose log-density is -M log(1 + t^2 / dof) / 2."""
+    if problem.noise.estimated and summary.dof:
+        numbers = problem.shots * problem.tool.miss_size
+        return float(np.sqrt(numbers * np.log1p(_quantile(problem, summary) ** 2 / summary.dof)))
+    return _NORMAL_95
+
+
 def _likelihood_summary(problem: Problem, fit: LikelihoodFit, identified: Identified) -> FitSummary:
-    before, _ = problem.linearise(start_at(problem, np.zeros_like(fit.z)))
+    before, _ = problem.linearise(start_at(problem, np.zeros((1, len(fit.z))))[0])
     chi2 = float(fit.whitened.residual @ fit.whitened.residual)
     dof = problem.data_size - identified.facts.rank
     message = None
     if dof <= 0:
         message = "as many unknowns as numbers: the fit cannot be checked against the noise"
-    elif problem.noise.estimated:
-        message = "the noise scale is estimated from these misses, so they cannot contradict it"
+    elif not problem.noise.known:
+        message = "the noise is estimated from these misses, so they cannot contradict it"
     return FitSummary(
         available=True,
         converged=fit.converged,
@@ -181,7 +298,7 @@ def _likelihood_summary(problem: Problem, fit: LikelihoodFit, identified: Identi
         rms_before_mm=_rms(before),
         chi2=chi2,
         dof=max(dof, 0),
-        p_value=float(chdtrc(dof, chi2)) if dof > 0 and not problem.noise.estimated else None,
+        p_value=float(chdtrc(dof, chi2)) if dof > 0 and problem.noise.known else None,
         noise_scale=float(1 / np.sqrt(fit.weight)) if problem.noise.estimated else None,
         other_basins=fit.other_basins,
         message=message,

@@ -8,16 +8,55 @@ rigid motion for given offsets: no volume factor enters.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from ..model.problem import Problem
+from ..model.density import Density
+from ..model.kernel import Index
 from ..model.robot import Matrix
 
 
-class SeenCoordinates:
-    """v (f,): free offsets and tool scaled by their priors, targets as seen, over their prior std."""
+class Place(NamedTuple):
+    """Parameter vectors x (W, p) and, for each moved target, how its z moves with v: `by` (W, moved, 3, m) by
+    the m coordinates at `blocks` (moved, m) of v, the last three its own. Every other z is the v itself."""
 
-    def __init__(self, problem: Problem) -> None:
+    x: Matrix
+    blocks: Index
+    by: Matrix
+
+    def gradient(self, by_z: Matrix) -> Matrix:
+        """(W, f) by v of what has the gradient (W, f) by z."""
+        result = by_z.copy()
+        for k, block in enumerate(self.blocks):
+            own = block[-3:]
+            pulled = (by_z[:, None, own] @ self.by[:, k])[:, 0]
+            result[:, block[:-3]] += pulled[:, :-3]
+            result[:, own] = pulled[:, -3:]
+        return result
+
+    def jacobian(self, size: int) -> Matrix:
+        """(W, f, f) of z by v."""
+        result = np.zeros((len(self.x), size, size))
+        result[:, np.arange(size), np.arange(size)] = 1.0
+        for k, block in enumerate(self.blocks):
+            result[:, block[-3:, None], block] = self.by[:, k]
+        return result
+
+    def information(self, by_z: Matrix) -> Matrix:
+        """(W, f, f) by v of an information (W, f, f) by z."""
+        jacobian = self.jacobian(by_z.shape[1])
+        return np.asarray(jacobian.transpose(0, 2, 1) @ by_z @ jacobian)
+
+
+class SeenCoordinates:
+    """v (f,): free parameters scaled by their priors, but targets as seen, over their prior std.
+
+    Rows are those of the density: `of` (W,) names the data set of each.
+    """
+
+    def __init__(self, density: Density) -> None:
+        problem = density.problem
         self._problem = problem
         parameters = problem.parameters
         n, count = problem.robot.n, len(problem.targets)
@@ -27,52 +66,69 @@ class SeenCoordinates:
         moved = np.flatnonzero(self._free[places].all(axis=1))
         self._targets = moved
         self._places = places[moved]
-        self._scale = parameters.prior_std[self._places]
         # The change of frame is rigid only if the three coordinates share one scale.
-        self._scale[:] = self._scale.mean(axis=1, keepdims=True)
+        self._scale = parameters.prior_std[self._places].mean(axis=1)
         first = np.array([np.argmax(problem.target_index == k) for k in moved], dtype=int)
-        self._joints = problem.joints[first]
-        self._seen = problem.functions.kernel("seen")
-        self._placed = problem.functions.kernel("placed")
-        self._place = problem.functions.kernel("place", compile=True)
+        self._joints = density.joints[:, first]
+        at_v = np.cumsum(self._free) - 1  # where a free parameter stands in v
+        turning = np.flatnonzero(self._free[:n])
+        self._blocks = np.array([np.append(at_v[turning], at_v[place]) for place in self._places], dtype=int)
+        self._moving = np.append(turning, n + np.arange(3))
+        own = np.broadcast_to(self._scale[:, None], (len(moved), 3))
+        columns = np.hstack([np.tile(parameters.prior_std[turning], (len(moved), 1)), own])
+        self._by_scale = columns[:, None, :] / parameters.prior_std[self._places][:, :, None]
 
-    def from_parameters(self, x: Matrix) -> Matrix:
-        """v (f,) of one parameter vector x (p,)."""
+    def from_parameters(self, x: Matrix, of: Index | None = None) -> Matrix:
+        """v (W, f) of parameter vectors x (W, p)."""
         parameters = self._problem.parameters
         z = (x - parameters.prior_mean) / parameters.prior_std
         if len(self._targets):
-            delta, targets, _ = self._problem.split(x)
-            (seen,) = self._seen(self._joints, delta, targets[self._targets])
-            z[self._places] = seen / self._scale
-        return z[self._free]
+            z[:, self._places] = self._seen(x, of) / self._scale[:, None]
+        return z[:, self._free]
 
-    def to_parameters(self, v: Matrix) -> Matrix:
+    def to_parameters(self, v: Matrix, of: Index | None = None) -> Matrix:
         """x (W, p) of coordinates v (W, f); what is held stays at its prior mean."""
         parameters = self._problem.parameters
-        x = np.tile(parameters.prior_mean, (len(v), 1))
-        x[:, self._free] += v * parameters.prior_std[self._free]
+        z = np.zeros((len(v), len(parameters)))
+        z[:, self._free] = v
+        x = parameters.prior_mean + z * parameters.prior_std
         if len(self._targets):
-            z = np.zeros_like(x)
-            z[:, self._free] = v
             delta, _, _ = self._problem.split(x)
-            seen = z[:, self._places] * self._scale
-            count = len(self._targets)
-            (placed,) = self._place(
-                np.tile(self._joints, (len(v), 1)), np.repeat(delta, count, axis=0), seen.reshape(-1, 3)
-            )
-            x[:, self._places] = placed.reshape(len(v), count, 3)
+            seen = z[:, self._places] * self._scale[:, None]
+            (placed,) = self._each("place", of, delta, seen)
+            x[:, self._places] = placed.reshape(seen.shape)
         return x
 
-    def jacobian(self, x: Matrix) -> Matrix:
-        """(f, f) of the scaled free parameters z by v, at x (p,)."""
-        parameters, n = self._problem.parameters, self._problem.robot.n
-        result = np.eye(len(parameters))
-        if len(self._targets):
-            delta, targets, _ = self._problem.split(x)
-            (seen,) = self._seen(self._joints, delta, targets[self._targets])
-            _, by = self._placed(self._joints, delta, seen)
-            for place, scale, own in zip(self._places, self._scale, by, strict=True):
-                inverse = 1 / parameters.prior_std[place][:, None]
-                result[place, :n] = own[:, :n] * parameters.prior_std[:n] * inverse
-                result[np.ix_(place, place)] = own[:, n:] * scale * inverse
-        return result[np.ix_(self._free, self._free)]
+    def at(self, v: Matrix, of: Index | None = None) -> Place:
+        """x (W, p) of coordinates v (W, f), and how it moves with v."""
+        parameters = self._problem.parameters
+        z = np.zeros((len(v), len(parameters)))
+        z[:, self._free] = v
+        x = parameters.prior_mean + z * parameters.prior_std
+        if not len(self._targets):
+            return Place(x, self._blocks, np.zeros((len(v), 0, 3, 0)))
+        seen = z[:, self._places] * self._scale[:, None]
+        placed, by = self._each("placed", of, x[:, : self._problem.robot.n], seen)
+        x[:, self._places] = placed.reshape(seen.shape)
+        by = by.reshape(len(v), len(self._targets), 3, by.shape[-1])
+        return Place(x, self._blocks, by[..., self._moving] * self._by_scale)
+
+    def jacobian(self, x: Matrix, of: Index | None = None) -> Matrix:
+        """(W, f, f) of the scaled free parameters z by v, at x (W, p)."""
+        return self.at(self.from_parameters(x, of), of).jacobian(int(self._free.sum()))
+
+    def _seen(self, x: Matrix, of: Index | None) -> Matrix:
+        """(W, moved, 3) mm."""
+        delta, targets, _ = self._problem.split(x)
+        (seen,) = self._each("seen", of, delta, targets[:, self._targets])
+        return seen.reshape(len(x), len(self._targets), 3)
+
+    def _each(self, name: str, of: Index | None, delta: Matrix, points: Matrix) -> tuple[Matrix, ...]:
+        """A function of joints, offsets and a point, for every row and moved target."""
+        rows, count = len(delta), len(self._targets)
+        joints = self._joints if of is None or len(self._joints) == 1 else self._joints[of]
+        return self._problem.functions.kernel(name, compile=True)(
+            np.broadcast_to(joints, (rows, count, joints.shape[2])).reshape(rows * count, joints.shape[2]),
+            np.repeat(delta, count, axis=0),
+            points.reshape(-1, 3),
+        )

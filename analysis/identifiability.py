@@ -118,10 +118,18 @@ def _information_root(
     centred = problem.moved(problem.joints, np.zeros_like(problem.spots))
     aim_found = aim(centred, x, moving_joints(problem.joints))
     aimed = aim_found.problem
-    jacobian = aimed.whiten(x).jacobian[:, problem.parameters.free]
+    whitened = aimed.whiten(x)
     rows = problem.shots * problem.tool.miss_size
+    jacobian = whitened.jacobian
     jacobian[:rows] *= np.sqrt(weight)
-    return aimed, jacobian, aim_found.hit
+    if problem.noise.separate:
+        # The misses tell the noise by their scatter, not by where they are.
+        _, own = aimed.linearise(x)
+        root = np.linalg.cholesky(aimed.noise_information(x, own, whitened.factor)).T
+        noise = problem.parameters.group("noise")
+        jacobian = np.vstack([jacobian, np.zeros((2, len(noise)))])
+        jacobian[-2:, noise] = root * problem.parameters.prior_std[noise]
+    return aimed, jacobian[:, problem.parameters.free], aim_found.hit
 
 
 def _null_space(jacobian: Matrix) -> Matrix:

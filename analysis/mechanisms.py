@@ -63,6 +63,12 @@ def mechanisms(problem: Problem) -> Iterator[Mechanism]:
             BASE_FRAME,
             "hold delta1 (the default): it is a choice of base frame and takes nothing from the accuracy",
         )
+    if problem.noise.separate:
+        yield Mechanism(
+            parameters.group("noise"),
+            "the scatter of these misses does not tell the noise of the joints from that of the spot",
+            "state one of the two, or add shots with shorter and longer beams",
+        )
     what = "beam" if problem.tool.kind == "laser" else "probe tip"
     yield Mechanism(
         offset(n - 1),

@@ -7,11 +7,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from scipy.special import chdtrc
 
-from .result import FitSummary, PosteriorSummary, ShotResult
+from .result import FitSummary, HoldOut, PosteriorSummary, Robust, ShotResult
 from .verdict import listed
 
 _LACK_OF_FIT = 1e-3  # p-value below which the misfit is not put down to chance
-_OUTLYING = 1e-3  # chance, over all shots together, of a miss as long as an outlying one
+OUTLYING = 1e-3  # chance, over all shots together, of a miss as long as an outlying one
 _MOST_NAMED = 10
 
 
@@ -23,10 +23,20 @@ def misfit(fit: FitSummary) -> float | None:
 
 
 def notes(
-    fit: FitSummary, posterior: PosteriorSummary, shots: Sequence[ShotResult], warnings: Sequence[str]
+    fit: FitSummary,
+    posterior: PosteriorSummary,
+    shots: Sequence[ShotResult],
+    robust: Robust | None,
+    held_out: HoldOut | None,
+    warnings: Sequence[str],
 ) -> tuple[str, ...]:
     """The notes of a result; `warnings` are those of the run's file."""
-    return (*_on_the_fit(fit, posterior), *_on_shots(fit, shots), *warnings)
+    return (
+        *_on_the_fit(fit, posterior),
+        *_on_held_out(held_out),
+        *(_on_shots(fit, shots) if robust is None else _on_robust(robust)),
+        *warnings,
+    )
 
 
 def _on_the_fit(fit: FitSummary, posterior: PosteriorSummary) -> Iterator[str]:
@@ -50,13 +60,37 @@ def _on_the_fit(fit: FitSummary, posterior: PosteriorSummary) -> Iterator[str]:
         yield f"No posterior is shown: {posterior.message}"
 
 
+def _on_held_out(held_out: HoldOut | None) -> Iterator[str]:
+    if held_out is None or held_out.p_value is None or held_out.p_value >= _LACK_OF_FIT:
+        return
+    assert held_out.chi2 is not None
+    assert held_out.dof
+    yield (
+        f"At the targets held out ({listed(list(held_out.targets))}) the misses ({held_out.rms_mm:.2f} mm"
+        f" rms) are {np.sqrt(held_out.chi2 / held_out.dof):.1f} times what noise and fit explain: the offsets"
+        " do not carry over to them as promised"
+    )
+
+
+def _on_robust(robust: Robust) -> Iterator[str]:
+    if not robust.converged:
+        yield f"The robust fit did not converge ({robust.reason}): it is not shown"
+    elif robust.outliers:
+        one = len(robust.outliers) == 1
+        named = listed([str(number) for number in robust.outliers[:_MOST_NAMED]])
+        yield (
+            f"Outlying by the robust fit: shot{'' if one else 's'} {named}. Look into"
+            f" {'it' if one else 'them'} before you trust the likelihood's estimates"
+        )
+
+
 def _on_shots(fit: FitSummary, shots: Sequence[ShotResult]) -> Iterator[str]:
     """Single shots that stand out, unless so many do that it is the model that does not fit."""
     if fit.p_value is None:
         return
     whitened = np.array([shot.whitened for shot in shots])
     chance = chdtrc(len(shots[0].miss_mm), whitened**2) * len(shots)
-    outlying = [int(i) for i in np.argsort(-whitened) if chance[i] < _OUTLYING]
+    outlying = [int(i) for i in np.argsort(-whitened) if chance[i] < OUTLYING]
     if not 0 < len(outlying) <= max(3, len(shots) // 10):
         return
     named = listed([str(shots[i].shot) for i in outlying[:_MOST_NAMED]])

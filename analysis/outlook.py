@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from ..model.problem import Problem
 from ..model.robot import Matrix
 from .aim import aim, servo_joints
-from .fit import information
 
 _DRAWS = 16
 _CHANGE = {"revolute": 30.0, "prismatic": 100.0}  # degrees, mm
@@ -58,7 +57,7 @@ class Advice:
 
 def predicted_std(problem: Problem, x: Matrix) -> Matrix:
     """(f,) std of the free parameters scaled by their priors, priors included, at x (p,)."""
-    return np.asarray(np.sqrt(np.diag(np.linalg.inv(information(problem, x, 1.0)))))
+    return np.asarray(np.sqrt(np.diag(np.linalg.inv(_information(problem, x)))))
 
 
 def curve(problem: Problem, x: Matrix) -> tuple[CurvePoint, ...]:
@@ -104,7 +103,7 @@ def advice(problem: Problem, x: Matrix) -> Advice | None:
     free = problem.parameters.free
     own = _informations(problem, x, free)
     new = _informations(aimed.problem, x, free)
-    total = information(problem, x, 1.0)
+    total = _information(problem, x)
     before = _worst(problem, np.sqrt(np.diag(np.linalg.inv(total))))
     best: Advice | None = None
     for row, (i, j, sign) in enumerate(tries):
@@ -117,6 +116,12 @@ def advice(problem: Problem, x: Matrix) -> Advice | None:
             if best is None or after < best.worst_std_after * (0.95 if add and not best.add else 1.0):
                 best = Advice(i, j + 1, sign * _CHANGE[joint.kind], joint.unit, add, before, after)
     return best if best is not None and best.worst_std_after < _WORTH_TELLING * before else None
+
+
+def _information(problem: Problem, x: Matrix) -> Matrix:
+    """(f, f) of the scaled free parameters at x: Fisher's, with that of distances and priors."""
+    jacobian = problem.whiten(x).jacobian[:, problem.parameters.free]
+    return jacobian.T @ jacobian + np.eye(jacobian.shape[1])
 
 
 def _informations(problem: Problem, x: Matrix, free: NDArray[np.bool_]) -> Matrix:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 Status = Literal["identified", "weak", "unidentifiable", "held"]
 Verdict = Literal["pass", "weak", "degenerate"]
-Group = Literal["offset", "target", "tool"]
+Group = Literal["offset", "target", "tool", "noise"]
 
 
 @dataclass(frozen=True)
@@ -152,6 +152,70 @@ class DistanceResult:
 
 
 @dataclass(frozen=True)
+class Intervals:
+    """The 95 % intervals of one parameter by three ways, where they differ or the parameter is weak.
+
+    `linear` by the curvature at the mode (as `interval95` of the parameter), `profile` by the profile
+    likelihood (None where an end was not found), `posterior` between the 2.5 % and 97.5 % quantiles of the
+    draws (None without a posterior). `differ` where an end is off by a tenth of the width or more.
+    """
+
+    name: str
+    unit: str
+    linear: tuple[float, float]
+    profile: tuple[float, float] | None
+    posterior: tuple[float, float] | None
+    differ: bool
+
+
+@dataclass(frozen=True)
+class RobustParameter:
+    """One parameter of a robust fit; `std` and `interval95` are None without a sandwich covariance, all
+    three where the data cannot tell the parameter."""
+
+    name: str
+    unit: str
+    estimate: float | None
+    std: float | None
+    interval95: tuple[float, float] | None
+
+
+@dataclass(frozen=True)
+class Robust:
+    """A fit in which a far miss weighs less: `loss` with its `tuning` (Huber's bend in stds, Student's nu),
+    `weights` of the shots in their order, `outliers` the numbers of the shots too far off for chance."""
+
+    loss: Literal["huber", "student"]
+    tuning: float
+    converged: bool
+    reason: str
+    noise_scale: float | None
+    parameters: tuple[RobustParameter, ...]
+    weights: tuple[float, ...]
+    outliers: tuple[int, ...]
+    message: str
+
+
+@dataclass(frozen=True)
+class HoldOut:
+    """How the offsets and tool of the other targets' shots do at targets that they have not seen.
+
+    `rms_mm` of the misses once each held-out target is placed, `rms_before_mm` the same without any offset;
+    chi-squared of these misses against the noise and what the fit leaves open. None where there is none.
+    """
+
+    targets: tuple[str, ...]
+    shots: int
+    shots_fitted: int
+    rms_mm: float | None
+    rms_before_mm: float | None
+    chi2: float | None
+    dof: int | None
+    p_value: float | None
+    message: str | None
+
+
+@dataclass(frozen=True)
 class Inputs:
     """What the result was made from: enough to make it again."""
 
@@ -178,6 +242,9 @@ class Result:
     posterior: PosteriorSummary
     shots: tuple[ShotResult, ...]
     distances: tuple[DistanceResult, ...]
+    intervals: tuple[Intervals, ...]
+    robust: Robust | None
+    hold_out: HoldOut | None
     notes: tuple[str, ...]
     inputs: Inputs
 

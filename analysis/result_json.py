@@ -39,6 +39,7 @@ def to_json(result: Result) -> dict[str, Any]:
         _check_parameter(parameter)
     _check_verdict(result)
     _check_posterior(result)
+    _check_untold(result)
     _check_fit("likelihood", result.likelihood)
     _check_fit("midpoint", result.midpoint)
     answer: dict[str, Any] = {
@@ -54,6 +55,9 @@ def to_json(result: Result) -> dict[str, Any]:
         "posterior": _plain(result.posterior, "posterior"),
         "shots": _plain(result.shots, "shots"),
         "distances": _plain(result.distances, "distances"),
+        "intervals": _plain(result.intervals, "intervals"),
+        "robust": _plain(result.robust, "robust"),
+        "hold_out": _plain(result.hold_out, "hold_out"),
         "notes": _plain(result.notes, "notes"),
         "inputs": _plain(result.inputs, "inputs"),
     }
@@ -129,6 +133,19 @@ def _check_posterior(result: Result) -> None:
                 f"the result is unsound and was not written: {row.name!r} is unidentifiable, "
                 "yet its draws are marked as coming from the data"
             )
+
+
+def _check_untold(result: Result) -> None:
+    """Other fits and intervals must not tell what the data do not."""
+    untold = {row.name for row in result.parameters if row.status in ("unidentifiable", "held")}
+    told = {row.name for row in result.intervals}
+    if result.robust is not None:
+        told |= {row.name for row in result.robust.parameters if row.estimate is not None}
+    if untold & told:
+        raise UnsoundResult(
+            f"the result is unsound and was not written: {', '.join(sorted(untold & told))} cannot be told,"
+            " yet another interval or fit has a number for it"
+        )
 
 
 def _check_fit(name: str, fit: FitSummary) -> None:

@@ -6,9 +6,10 @@ from typing import Literal
 
 import numpy as np
 
-from ..analysis.levenberg_marquardt import levenberg_marquardt
+from ..analysis.levenberg_marquardt import least_squares, levenberg_marquardt
 from ..model.errors import BadInput
 from ..model.header import Header
+from ..model.kernel import Index
 from ..model.problem import Problem
 from ..model.robot import Matrix, Robot
 
@@ -35,16 +36,19 @@ def pattern(
     shots: int = 7,
     *,
     name: str = "psd",
+    span: float | None = None,
 ) -> Matrix:
     """(shots, n) postures, rad or mm, whose beams start on a straight line and pass `target` (3,) mm.
 
     The line runs along the base's x axis (at y = 0) or y axis, as far before the base and over the target
-    as `_LINES` says. Raises BadInput where a posture cannot be reached.
+    as `_LINES` says; `span` is its length as a share of the arm's reach. Raises BadInput where a posture
+    cannot be reached.
     """
     if header.tool.kind != "laser":
         raise BadInput("X- and Y-Pattern are made for a beam", found="tool.kind probe", allowed="laser")
     arm = reach(robot)
-    forward, above, span = _LINES[which]
+    forward, above, usual = _LINES[which]
+    span = usual if span is None else span
     middle = np.array([forward * arm, 0.0, target[2] + above * arm])
     along = np.array([1.0, 0.0, 0.0]) if which == "x" else np.array([0.0, 1.0, 0.0])
     starts = middle + np.linspace(-span / 2, span / 2, shots)[:, None] * arm * along
@@ -97,19 +101,20 @@ class _BeamAt:
         delta, _, tool = self._problem.split(self._x)
         n, point = self._problem.robot.n, self._problem.tool.point
 
-        def residual(q: Matrix) -> tuple[Matrix, Matrix]:
-            origin, by = self._placed(q[None], delta, point)
-            miss, own = self._problem.linearise(self._x, q[None])
-            value = np.concatenate([origin[0] - start, miss[0], _KEEP_NEAR * (q - seed)])
-            return value, np.concatenate([by[0][:, :n], own[0][:, :n], _KEEP_NEAR * np.eye(n)])
+        def residual(q: Matrix, _: Index) -> tuple[Matrix, Matrix]:
+            origin, by = self._placed(q, delta, point)
+            miss, own = self._problem.linearise(self._x, q)
+            value = np.concatenate([origin - start, miss, _KEEP_NEAR * (q - seed)], axis=1)
+            near = _KEEP_NEAR * np.eye(n)[None]
+            return value, np.concatenate([by[:, :, :n], own[:, :, :n], near], axis=1)
 
-        found = levenberg_marquardt(residual, seed, max_iterations=60)
-        value, _ = residual(found.x)
-        if np.abs(value[: 3 + self._problem.tool.miss_size]).max() > _HIT_MM:
+        found = levenberg_marquardt(least_squares(residual), seed[None], max_iterations=60)
+        value, _ = residual(found.x, np.zeros(1, dtype=np.int64))
+        if np.abs(value[0, : 3 + self._problem.tool.miss_size]).max() > _HIT_MM:
             return None
-        origin, direction = self._beam(found.x[None], delta, tool)
+        origin, direction = self._beam(found.x, delta, tool)
         ahead = float(direction[0] @ (self._target - origin[0])) > 0
-        return found.x if ahead else None
+        return found.x[0] if ahead else None
 
 
 def _point(point: Matrix) -> str:

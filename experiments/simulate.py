@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..analysis.aim import aim, servo_joints
 from ..model.errors import RigFault
@@ -89,6 +90,36 @@ def simulated_shots(truth: Truth, rng: np.random.Generator) -> Iterator[Shot]:
             joints_deg=tuple(round(float(v), 9) for v in joints * display),
             spot_mm=(round(float(spot[0]), 6), round(float(spot[1]), 6)) if laser else None,
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """What W simulated runs of one plan recorded: `joints` (W, N, n), `spots` (W, N, d); `met` (W,) where
+    every shot could be brought onto its target."""
+
+    joints: Matrix
+    spots: Matrix
+    met: NDArray[np.bool_]
+
+
+def simulated_readings(problem: Problem, truths: Matrix, rng: np.random.Generator) -> Readings:
+    """As `simulated_shots`, for many arms with the true parameters `truths` (W, p), side by side."""
+    count, shots, d = len(truths), problem.shots, problem.tool.miss_size
+    spots = rng.normal(size=(count, shots, d)) * problem.noise.spot
+    all_shots = replace(
+        problem,
+        joints=np.tile(problem.joints, (count, 1)),
+        # A laser's beam is led to the centre and the spot is read; a probe's ball sits where it sits.
+        spots=np.zeros((count * shots, d)) if problem.tool.kind == "laser" else spots.reshape(-1, d),
+        target_index=np.tile(problem.target_index, count),
+        shot_numbers=tuple(range(count * shots)),
+    )
+    aimed = aim(all_shots, np.repeat(truths, shots, axis=0), servo_joints(problem))
+    joints = aimed.problem.joints + rng.normal(size=(count * shots, problem.robot.n)) * problem.noise.joint
+    met = np.asarray((aimed.hit & aimed.ahead).reshape(count, shots).all(axis=1))
+    if problem.tool.kind != "laser":
+        spots = np.zeros_like(spots)
+    return Readings(joints.reshape(count, shots, -1), spots, met)
 
 
 def simulated_run_header(plan: Plan, truth: Truth, file: Path, seed: int) -> Header:

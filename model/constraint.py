@@ -15,22 +15,30 @@ by delta is the Jacobian by q as well.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Literal
 
 import casadi as ca
 
 from .kernel import Kernel
-from .robot import Robot
+from .robot import Robot, Turn
 from .tool import Tool
+
+# What does not change from shot to shot of one walker.
+_HOISTED = ("delta", "tool", "variances", "stated")
 
 
 @dataclass(frozen=True, eq=False)
 class ShotFunctions:
-    """Named CasADi functions of one shot; every first derivative is exact.
+    """Named CasADi functions of one shot, built when first asked for; every derivative is exact.
 
     linear    (q, spot, delta, target, tool) -> m (d,), jacobian (d, n + 3 + k) by delta, target, tool
-    terms     the same and variances (n + 1,) -> quad, logdet: m' S^-1 m and log det S
-    score     the same and weight (1,) -> gradient (n + 3 + k,) of -(weight quad + logdet) / 2
+    terms     (turns, spot, weight, delta, target, tool, variances, stated) -> quad, logdet: weight times
+              m' S^-1 m, and the log det of `log_det`
+    slopes    the same -> quad, logdet, their gradients (f,) and the lower triangle of the information
+              weight J' S^-1 J, row by row; f = n + 3 + k (and 2 for the logarithms of the noise factors of
+              joints and spot, where `log_det` is "relative")
     seen      (q, delta, target) -> y (3,), the target seen from the flange
     place     (q, delta, y) -> target (3,): the way back
     placed    the same -> target (3,), jacobian (3, n + 3) by delta, y
@@ -38,92 +46,215 @@ class ShotFunctions:
               for a probe the direction is zero and the origin is its tip
     skeleton  (q, delta) -> points (3, n + 2): base, joint origins and flange in the base frame
     axes      (q, delta) -> axes (3, n): unit joint axes in the base frame
+
+    `turns` (2n,) are the recorded positions as `Robot.recorded_turns`, `variances` (n + 1,) those of the
+    joints and of the spot, `stated` (n + 1,) what the header says of them.
+
+    `log_det` says which determinant goes with the misses. The recorded joints are the data; the miss is made
+    of them with the parameters, and log det S alone would change with what the miss is measured in (mm, or
+    the angle seen from the laser), favouring parameters that make the beams short. What does not change
+    is log det S "relative" to the S of the stated noise: it is needed where the noise is free, and 0 where it
+    is known ("none"). "whole" is log det S itself, for comparison (docs/mathematics.md).
     """
 
-    linear: ca.Function
-    terms: ca.Function
-    score: ca.Function
-    seen: ca.Function
-    place: ca.Function
-    placed: ca.Function
-    beam: ca.Function
-    skeleton: ca.Function
-    axes: ca.Function
+    robot: Robot
+    tool: Tool
+    log_det: Literal["none", "relative", "whole"] = "none"
+    _functions: dict[str, ca.Function] = field(default_factory=dict, repr=False)
     _kernels: dict[tuple[str, bool], Kernel] = field(default_factory=dict, repr=False)
 
+    def function(self, name: str) -> ca.Function:
+        """The function of that name."""
+        if name not in self._functions:
+            self._functions[name] = _BUILT_BY[name](self)
+        return self._functions[name]
+
     def kernel(self, name: str, *, compile: bool = False) -> Kernel:
-        """The function of that name as a fast callable, made once."""
+        """The same as a fast callable, made once."""
         if (name, compile) not in self._kernels:
-            self._kernels[name, compile] = Kernel(getattr(self, name), compile=compile)
+            hoisted = _HOISTED if name in ("terms", "slopes") else ()
+            self._kernels[name, compile] = Kernel(self.function(name), compile=compile, hoisted=hoisted)
         return self._kernels[name, compile]
 
 
-def shot_functions(robot: Robot, tool: Tool) -> ShotFunctions:
-    """Build the functions of one shot for this robot and tool (section 1 of the conventions)."""
-    n, d = robot.n, tool.miss_size
-    q, delta = ca.SX.sym("q", n), ca.SX.sym("delta", n)
-    spot, target = ca.SX.sym("spot", d), ca.SX.sym("target", 3)
-    unknown = ca.SX.sym("tool", len(tool.parameter_names))
-    variances, weight = ca.SX.sym("variances", n + 1), ca.SX.sym("weight")
+class _Shot:
+    """The symbols of one shot, its miss and the miss's Jacobian (section 1 of the conventions)."""
 
-    rotation, translation = robot.flange_pose(q + delta)
-    seen = rotation.T @ (target - translation)
-    if tool.kind == "laser":
-        point, direction, across = tool.beam(unknown)
-        miss = across.T @ (seen - point) - spot
-    else:
-        point, direction = tool.tip(unknown), ca.SX.zeros(3)
-        miss = seen - point - spot
+    def __init__(self, functions: ShotFunctions, turned: Callable[[ca.SX], list[Turn]]) -> None:
+        robot, tool = functions.robot, functions.tool
+        self.spot, self.target = ca.SX.sym("spot", tool.miss_size), ca.SX.sym("target", 3)
+        self.delta = ca.SX.sym("delta", robot.n)
+        self.unknown = ca.SX.sym("tool", len(tool.parameter_names))
+        turns = turned(self.delta)
+        seen, stations = robot.seen(turns, self.target)
+        if tool.kind == "laser":
+            point, _, across = tool.beam(self.unknown)
+        else:
+            point, across = tool.tip(self.unknown), ca.SX.eye(3)
+        self.miss = across.T @ (seen - point) - self.spot
+        self.by_joints, by_target = robot.seen_jacobian(turns, stations, across)
+        self.jacobian = ca.horzcat(self.by_joints, by_target, ca.jacobian(self.miss, self.unknown))
 
-    free = ca.vertcat(delta, target, unknown)
-    jacobian = ca.jacobian(miss, free)
-    by_joints = jacobian[:, :n]
-    covariance = by_joints @ ca.diag(variances[:n]) @ by_joints.T + variances[n] * ca.SX.eye(d)
-    quad, logdet = _gaussian_terms(miss, covariance)
-    score = ca.gradient(-(weight * quad + logdet) / 2, free)
+    @property
+    def free(self) -> ca.SX:
+        return ca.vertcat(self.delta, self.target, self.unknown)
 
-    y = ca.SX.sym("y", 3)
-    placed = translation + rotation @ y
 
-    shot = [q, spot, delta, target, unknown]
-    names = ["q", "spot", "delta", "target", "tool"]
-    return ShotFunctions(
-        linear=ca.Function("linear", shot, [miss, ca.densify(jacobian)], names, ["m", "jacobian"]),
-        terms=ca.Function(
-            "terms", [*shot, variances], [quad, logdet], [*names, "variances"], ["quad", "logdet"]
-        ),
-        score=ca.Function(
-            "score",
-            [*shot, variances, weight],
-            [ca.densify(score)],
-            [*names, "variances", "weight"],
-            ["gradient"],
-        ),
-        seen=ca.Function("seen", [q, delta, target], [seen], ["q", "delta", "target"], ["y"]),
-        place=ca.Function("place", [q, delta, y], [placed], ["q", "delta", "y"], ["target"]),
-        placed=ca.Function(
-            "placed",
-            [q, delta, y],
-            [placed, ca.densify(ca.jacobian(placed, ca.vertcat(delta, y)))],
-            ["q", "delta", "y"],
-            ["target", "jacobian"],
-        ),
-        beam=ca.Function(
-            "beam",
-            [q, delta, unknown],
-            [translation + rotation @ point, ca.densify(rotation @ direction)],
-            ["q", "delta", "tool"],
-            ["origin", "direction"],
-        ),
-        skeleton=ca.Function(
-            "skeleton", [q, delta], [ca.densify(robot.skeleton(q + delta))], ["q", "delta"], ["points"]
-        ),
-        axes=ca.Function("axes", [q, delta], [ca.densify(robot.axes(q + delta))], ["q", "delta"], ["axes"]),
+def _linear(functions: ShotFunctions) -> ca.Function:
+    q = ca.SX.sym("q", functions.robot.n)
+    shot = _Shot(functions, lambda delta: functions.robot.turns(q + delta))
+    return ca.Function(
+        "linear",
+        [q, shot.spot, shot.delta, shot.target, shot.unknown],
+        ca.cse([shot.miss, ca.densify(shot.jacobian)]),
+        ["q", "spot", "delta", "target", "tool"],
+        ["m", "jacobian"],
     )
 
 
+class _Weighted(_Shot):
+    """A shot with its noise: covariance of the miss, and the two terms of the log-likelihood."""
+
+    def __init__(self, functions: ShotFunctions) -> None:
+        robot, n = functions.robot, functions.robot.n
+        self.recorded = ca.SX.sym("turns", 2 * n)
+        super().__init__(functions, lambda delta: robot.turns_with_offsets(self.recorded, delta))
+        self.weight = ca.SX.sym("weight")
+        self.variances, self.stated = ca.SX.sym("variances", n + 1), ca.SX.sym("stated", n + 1)
+        self.by_noise = self._covariances(self.variances)
+        self.factor = _cholesky(sum(self.by_noise, ca.SX(0)))
+        self.quad = self.weight * ca.sumsqr(_forward(self.factor, self.miss))
+        self.logdet = ca.SX(0)
+        if functions.log_det != "none":
+            self.logdet = self.weight * _log_det(self.factor)
+        if functions.log_det == "relative":
+            stated = _cholesky(sum(self._covariances(self.stated), ca.SX(0)))
+            self.logdet -= self.weight * _log_det(stated)
+
+    def _covariances(self, variances: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """What the joints' noise and the spot's add to the covariance of the miss."""
+        n = self.by_joints.size2()
+        by_joints = self.by_joints @ ca.diag(variances[:n]) @ self.by_joints.T
+        return by_joints, variances[n] * ca.SX.eye(self.by_joints.size1())
+
+    @property
+    def inputs(self) -> tuple[list[ca.SX], list[str]]:
+        symbols = [self.recorded, self.spot, self.weight, self.delta, self.target, self.unknown]
+        names = ["turns", "spot", "weight", "delta", "target", "tool", "variances", "stated"]
+        return [*symbols, self.variances, self.stated], names
+
+
+def _terms(functions: ShotFunctions) -> ca.Function:
+    shot = _Weighted(functions)
+    symbols, names = shot.inputs
+    return ca.Function("terms", symbols, ca.cse([shot.quad, shot.logdet]), names, ["quad", "logdet"])
+
+
+def _slopes(functions: ShotFunctions) -> ca.Function:
+    shot = _Weighted(functions)
+    symbols, names = shot.inputs
+    n = functions.robot.n
+    gradients = [ca.gradient(value, shot.free) for value in (shot.quad, shot.logdet)]
+    whitened = _forward(shot.factor, shot.jacobian)
+    information = shot.weight * (whitened.T @ whitened)
+    if functions.log_det == "relative":
+        # By the logarithm of a factor f of the std: d/d ln f = 2 sum of variance d/d variance; the
+        # information of a normal's covariance is tr(S^-1 dS S^-1 dS) / 2 (its share in x is left out).
+        for k, value in enumerate((shot.quad, shot.logdet)):
+            own = 2 * shot.variances * ca.gradient(value, shot.variances)
+            gradients[k] = ca.vertcat(gradients[k], ca.sum1(own[:n]), own[n])
+        halves = [_forward(shot.factor, _forward(shot.factor, 2 * part).T) for part in shot.by_noise]
+        own_information = ca.vertcat(
+            *(ca.horzcat(*(shot.weight * ca.trace(a @ b.T) / 2 for b in halves)) for a in halves)
+        )
+        information = ca.diagcat(information, own_information)
+    lower = ca.vertcat(*(information[i, : i + 1].T for i in range(information.size1())))
+    outputs = ca.cse([shot.quad, shot.logdet, *gradients, lower])
+    return ca.Function(
+        "slopes",
+        symbols,
+        [ca.densify(value) for value in outputs],
+        names,
+        ["quad", "logdet", "quad_gradient", "logdet_gradient", "information"],
+    )
+
+
+def _pose(functions: ShotFunctions) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+    """q, delta and the flange's rotation and translation."""
+    q, delta = ca.SX.sym("q", functions.robot.n), ca.SX.sym("delta", functions.robot.n)
+    return q, delta, *functions.robot.flange_pose(q + delta)
+
+
+def _seen(functions: ShotFunctions) -> ca.Function:
+    q, delta, rotation, translation = _pose(functions)
+    target = ca.SX.sym("target", 3)
+    return ca.Function(
+        "seen", [q, delta, target], [rotation.T @ (target - translation)], ["q", "delta", "target"], ["y"]
+    )
+
+
+def _place(functions: ShotFunctions) -> ca.Function:
+    q, delta, rotation, translation = _pose(functions)
+    y = ca.SX.sym("y", 3)
+    return ca.Function("place", [q, delta, y], [translation + rotation @ y], ["q", "delta", "y"], ["target"])
+
+
+def _placed(functions: ShotFunctions) -> ca.Function:
+    q, delta, rotation, translation = _pose(functions)
+    y = ca.SX.sym("y", 3)
+    placed = translation + rotation @ y
+    return ca.Function(
+        "placed",
+        [q, delta, y],
+        [placed, ca.densify(ca.jacobian(placed, ca.vertcat(delta, y)))],
+        ["q", "delta", "y"],
+        ["target", "jacobian"],
+    )
+
+
+def _beam(functions: ShotFunctions) -> ca.Function:
+    q, delta, rotation, translation = _pose(functions)
+    unknown = ca.SX.sym("tool", len(functions.tool.parameter_names))
+    if functions.tool.kind == "laser":
+        point, direction, _ = functions.tool.beam(unknown)
+    else:
+        point, direction = functions.tool.tip(unknown), ca.SX.zeros(3)
+    return ca.Function(
+        "beam",
+        [q, delta, unknown],
+        [translation + rotation @ point, ca.densify(rotation @ direction)],
+        ["q", "delta", "tool"],
+        ["origin", "direction"],
+    )
+
+
+def _skeleton(functions: ShotFunctions) -> ca.Function:
+    q, delta = ca.SX.sym("q", functions.robot.n), ca.SX.sym("delta", functions.robot.n)
+    points = ca.densify(functions.robot.skeleton(q + delta))
+    return ca.Function("skeleton", [q, delta], [points], ["q", "delta"], ["points"])
+
+
+def _axes(functions: ShotFunctions) -> ca.Function:
+    q, delta = ca.SX.sym("q", functions.robot.n), ca.SX.sym("delta", functions.robot.n)
+    axes = ca.densify(functions.robot.axes(q + delta))
+    return ca.Function("axes", [q, delta], [axes], ["q", "delta"], ["axes"])
+
+
+_BUILT_BY: dict[str, Callable[[ShotFunctions], ca.Function]] = {
+    "linear": _linear,
+    "terms": _terms,
+    "slopes": _slopes,
+    "seen": _seen,
+    "place": _place,
+    "placed": _placed,
+    "beam": _beam,
+    "skeleton": _skeleton,
+    "axes": _axes,
+}
+
+
 def midpoint_function(robot: Robot, tool: Tool) -> ca.Function:
-    """(q1, q2, delta, tool) -> midpoint (3,), jacobian (3, n + k) by delta, tool.
+    """(q1, q2, delta, tool) -> midpoint (3,), jacobian (3, n + k) by delta, tool, and (3, n) by q1 and by q2.
 
     The middle of the shortest segment between two beams (section 2.2 of the paper). It is not
     defined for parallel beams: callers leave those pairs out.
@@ -146,23 +277,36 @@ def midpoint_function(robot: Robot, tool: Tool) -> ca.Function:
     return ca.Function(
         "midpoint",
         [q1, q2, delta, unknown],
-        [middle, ca.densify(ca.jacobian(middle, ca.vertcat(delta, unknown)))],
+        ca.cse(
+            [middle, *(ca.densify(ca.jacobian(middle, by)) for by in (ca.vertcat(delta, unknown), q1, q2))]
+        ),
         ["q1", "q2", "delta", "tool"],
-        ["midpoint", "jacobian"],
+        ["midpoint", "jacobian", "by_q1", "by_q2"],
     )
 
 
-def _gaussian_terms(miss: ca.SX, covariance: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """m' S^-1 m and log det S by a Cholesky factor written out (d is 2 or 3)."""
-    d = miss.size1()
-    factor = [[ca.SX(0)] * d for _ in range(d)]
-    whitened: list[ca.SX] = []
+def _cholesky(covariance: ca.SX) -> ca.SX:
+    """(d, d) lower factor, written out: d is 2 or 3."""
+    d = covariance.size1()
+    factor = ca.SX.zeros(d, d)
     for i in range(d):
         for j in range(i + 1):
-            value = covariance[i, j] - sum((factor[i][k] * factor[j][k] for k in range(j)), ca.SX(0))
-            factor[i][j] = ca.sqrt(value) if i == j else value / factor[j][j]
-        inner = sum((factor[i][k] * whitened[k] for k in range(i)), ca.SX(0))
-        whitened.append((miss[i] - inner) / factor[i][i])
-    quad = sum((w**2 for w in whitened), ca.SX(0))
-    logdet = 2 * sum((ca.log(factor[i][i]) for i in range(d)), ca.SX(0))
-    return quad, logdet
+            value = covariance[i, j] - sum((factor[i, k] * factor[j, k] for k in range(j)), ca.SX(0))
+            factor[i, j] = ca.sqrt(value) if i == j else value / factor[j, j]
+    return factor
+
+
+def _log_det(factor: ca.SX) -> ca.SX:
+    diagonal = ca.SX(1)
+    for i in range(factor.size1()):
+        diagonal = diagonal * factor[i, i]
+    return 2 * ca.log(diagonal)
+
+
+def _forward(factor: ca.SX, right: ca.SX) -> ca.SX:
+    """L^-1 B of a lower factor (d, d) and B (d, m), by forward substitution."""
+    rows: list[ca.SX] = []
+    for i in range(factor.size1()):
+        inner = sum((factor[i, k] * rows[k] for k in range(i)), ca.SX(0))
+        rows.append((right[i, :] - inner) / factor[i, i])
+    return ca.vertcat(*rows)

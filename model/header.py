@@ -203,8 +203,10 @@ class StatedNoise(FileModel):
     spot_mm: Annotated[float, Field(ge=0)] = Field(
         description="of a spot reading, or of the ball in its socket, in each direction, millimetres"
     )
-    scale: Literal["known", "estimated"] = Field(
-        default="known", description="estimated: the figures are right up to one common factor"
+    scale: Literal["known", "estimated", "separate"] = Field(
+        default="known",
+        description="estimated: the figures are right up to one common factor; separate: up to one "
+        "factor for the joints and one for the spot",
     )
 
     @model_validator(mode="after")
@@ -215,6 +217,14 @@ class StatedNoise(FileModel):
                 key=("joint_mm",),
                 found=f"joint_mm: {self.joint_mm:g}",
                 remedy="remove it: the list holds the prismatic joints too, in mm",
+            )
+        if self.scale == "separate" and self.spot_mm == 0:
+            raise refusal(
+                "there is no spot noise of which a factor could be estimated",
+                key=("spot_mm",),
+                found="spot_mm: 0 with scale: separate",
+                allowed="a spot noise above 0",
+                remedy="state spot_mm as well as you know it, or scale: estimated",
             )
         return self
 

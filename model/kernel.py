@@ -14,8 +14,8 @@ import shutil
 import subprocess
 import tempfile
 import warnings
-from collections.abc import Sequence
-from functools import cache
+from collections.abc import Callable, Collection, Sequence
+from functools import cache, lru_cache, partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,63 +23,109 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from .c_source import NoSource, grid_source
 from .robot import Matrix
 
 # No contraction to fused multiply-adds: both paths must give the same numbers.
-_FLAGS = ("-O2", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno")
+_FLAGS = ("-O2", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno", "-Wno-psabi")
 _DIGEST = 32  # bytes of the sha256 that ends each cached library
-_POINTER = ctypes.POINTER(ctypes.c_double)
+
+Index = NDArray[np.int64]
 
 
 class KernelWarning(UserWarning):
     """The compiled path was asked for and is not to be had; the plain one serves."""
 
 
+class Offsets(NamedTuple):
+    """Where element i of an input starts, in numbers; `address` is that of the array, `last` the largest."""
+
+    numbers: Index
+    address: int
+    last: int
+
+    @classmethod
+    def of(cls, numbers: Index) -> Offsets:
+        return cls(numbers, numbers.ctypes.data, int(numbers.max(initial=0)))
+
+
 class GridInput(NamedTuple):
-    """One input over an outer x inner grid: element (o, i) starts at `o * step + offset[i]` of `values`."""
+    """One input over an outer x inner grid: element (o, i) starts at `o * step + offsets[i]` of `values`,
+    or at `rows[o] * step + offsets[i]`.
+
+    `fixed` tells that it does not change over the inner index: every offset is 0.
+    """
 
     values: Matrix
     step: int
-    offset: NDArray[np.int64]
+    offsets: Offsets
+    address: int
+    fixed: bool = False
+    rows: Index | None = None
+
+
+def _grid_input(values: Matrix, step: int, offsets: Offsets, fixed: bool = False) -> GridInput:
+    return GridInput(values, step, offsets, values.ctypes.data, fixed)
 
 
 def per_inner(values: Matrix, inner: int) -> GridInput:
     """An input (inner, size) that changes from shot to shot."""
     values = np.ascontiguousarray(values, dtype=float)
-    return GridInput(values, 0, np.arange(inner, dtype=np.int64) * (values.size // max(inner, 1)))
+    return _grid_input(values, 0, _every(values.size // max(inner, 1), inner))
 
 
 def per_outer(values: Matrix, inner: int) -> GridInput:
     """An input (outer, size) that changes from walker to walker."""
     values = np.ascontiguousarray(values, dtype=float)
-    return GridInput(values, values.shape[1], np.zeros(inner, dtype=np.int64))
+    return _grid_input(values, values.shape[1], _every(0, inner), fixed=True)
 
 
-def selected(values: Matrix, index: NDArray[np.int64]) -> GridInput:
+def per_both(values: Matrix, rows: Index | None = None) -> GridInput:
+    """An input (outer, inner, size) that changes with both; or the element rows[o] of it for each o."""
+    values = np.ascontiguousarray(values, dtype=float)
+    _, inner, size = values.shape
+    rows = None if rows is None else np.ascontiguousarray(rows, dtype=np.int64)
+    return _grid_input(values, inner * size, _every(size, inner))._replace(rows=rows)
+
+
+def selected(values: Matrix, index: Index) -> GridInput:
     """An input (outer, choices, size), of which shot i takes choice index[i]."""
     values = np.ascontiguousarray(values, dtype=float)
-    return GridInput(values, values.shape[1] * values.shape[2], index.astype(np.int64) * values.shape[2])
+    _, choices, size = values.shape
+    return _grid_input(values, choices * size, Offsets.of(index.astype(np.int64) * size))
 
 
 def constant(values: Matrix, inner: int) -> GridInput:
     """An input (size,) that never changes."""
-    return GridInput(np.ascontiguousarray(values, dtype=float), 0, np.zeros(inner, dtype=np.int64))
+    values = np.ascontiguousarray(values, dtype=float)
+    return _grid_input(values, 0, _every(0, inner), fixed=True)
+
+
+@lru_cache(maxsize=256)
+def _every(size: int, inner: int) -> Offsets:
+    return Offsets.of(np.arange(inner, dtype=np.int64) * size)
 
 
 class Kernel:
     """Fast evaluation of a CasADi function whose inputs are vectors and whose outputs are dense.
 
     `compiled` says which path serves; `compile` True asks for C and falls back, with one
-    KernelWarning, where no compiler is found or it fails.
+    KernelWarning, where no compiler is found or it fails. `hoisted` names inputs that do not change
+    over the inner index of `sums`: what depends on them alone is then computed once for each outer one.
     """
 
-    def __init__(self, function: ca.Function, *, compile: bool = False) -> None:
+    def __init__(
+        self, function: ca.Function, *, compile: bool = False, hoisted: Collection[str] = ()
+    ) -> None:
+        if not all(function.sparsity_out(k).is_dense() for k in range(function.n_out())):
+            raise ValueError(f"{function.name()} has an output that is not dense")
         self.function = function
+        self._hoisted = [k for k in range(function.n_in()) if function.name_in(k) in hoisted]
         self._in = [function.numel_in(k) for k in range(function.n_in())]
         self._out_shapes = [function.size_out(k) for k in range(function.n_out())]
         self._out = [rows * columns for rows, columns in self._out_shapes]
         self._maps: dict[int, ca.Function] = {}
-        self._library = _load(function) if compile else None
+        self._library = _load(function, hoisted) if compile else None
 
     @property
     def compiled(self) -> bool:
@@ -98,19 +144,38 @@ class Kernel:
             raise ValueError(
                 f"{self.function.name()}: inputs with different numbers of rows: {sorted(counts)}"
             )
-        rows = counts.pop() if counts else 1
-        grid: list[GridInput] = []
         for k, (array, size) in enumerate(zip(arrays, self._in, strict=True)):
-            name = self.function.name_in(k)
-            if array.ndim > 2:
-                raise ValueError(f"{self.function.name()}: {name} has {array.ndim} axes, takes 1 or 2")
-            if array.shape[-1] != size:
-                raise ValueError(f"{self.function.name()}: {name} has {array.shape[-1]} values, takes {size}")
-            grid.append(per_outer(array, 1) if array.ndim == 2 else constant(array, 1))
-        return self._shape(self._sum(grid, rows, 1))
+            if array.ndim > 2 or array.shape[-1] != size:
+                found = (
+                    f"has {array.ndim} axes, takes 1 or 2"
+                    if array.ndim > 2
+                    else (f"has {array.shape[-1]} values, takes {size}")
+                )
+                raise ValueError(f"{self.function.name()}: {self.function.name_in(k)} {found}")
+        grid = [per_outer(array, 1) if array.ndim == 2 else constant(array, 1) for array in arrays]
+        return self._shape(self._sum(grid, counts.pop() if counts else 1, 1))
 
     def sums(self, inputs: Sequence[GridInput], outer: int, inner: int) -> tuple[Matrix, ...]:
-        """Sum over the inner index (shots) for each outer one (walkers): outputs (outer, *shape)."""
+        """Sum over the inner index (shots) for each outer one (walkers): outputs (outer, *shape).
+
+        Raises ValueError for a hoisted input that changes over the inner index, and for one that ends too soon:
+        compiled code would read on behind it.
+        """
+        for k, given in enumerate(inputs):
+            if given.rows is not None and len(given.rows) != outer:
+                raise ValueError(f"{self.function.name()}: {outer} rows, and a choice for {len(given.rows)}")
+            row = outer - 1 if given.rows is None else int(given.rows.max(initial=0))
+            end = row * given.step + given.offsets.last + self._in[k]
+            if outer * inner * self._in[k] and end > given.values.size:
+                raise ValueError(
+                    f"{self.function.name()}: {self.function.name_in(k)} has {given.values.size} values, too few"
+                    f" for {outer} x {inner}"
+                )
+        for k in self._hoisted:
+            if not inputs[k].fixed:
+                raise ValueError(
+                    f"{self.function.name()}: {self.function.name_in(k)} must not change over shots"
+                )
         return self._shape(self._sum(inputs, outer, inner))
 
     def _shape(self, flat: Matrix) -> tuple[Matrix, ...]:
@@ -126,6 +191,8 @@ class Kernel:
         return tuple(result)
 
     def _sum(self, inputs: Sequence[GridInput], outer: int, inner: int) -> Matrix:
+        if outer * inner == 0:
+            return np.zeros((outer, sum(self._out)))  # compiled code would hoist what is not there
         if self._library is not None:
             return self._sum_compiled(inputs, outer, inner)
         count = outer * inner
@@ -134,11 +201,12 @@ class Kernel:
         mapped = self._maps[count]
         buffer, evaluate = mapped.buffer()
         keep = []
-        for k, (values, step, offset) in enumerate(inputs):
+        for k, given in enumerate(inputs):
             if self._in[k] == 0:
                 continue
-            start = (np.arange(outer)[:, None] * step + offset[None, :]).reshape(-1, 1)
-            keep.append(values.reshape(-1)[start + np.arange(self._in[k])])
+            row = np.arange(outer) if given.rows is None else given.rows
+            start = (row[:, None] * given.step + given.offsets.numbers).reshape(-1, 1)
+            keep.append(given.values.reshape(-1)[start + np.arange(self._in[k])])
             buffer.set_arg(k, memoryview(keep[-1].reshape(-1)))  # type: ignore[call-arg]
         outputs = [np.empty((count, size)) for size in self._out]
         for k, output in enumerate(outputs):
@@ -150,59 +218,48 @@ class Kernel:
         return flat if inner == 1 else flat.reshape(outer, inner, -1).sum(axis=1)
 
     def _sum_compiled(self, inputs: Sequence[GridInput], outer: int, inner: int) -> Matrix:
-        assert self._library is not None
-        count = len(inputs)
-        values = (_POINTER * count)(*(g.values.ctypes.data_as(_POINTER) for g in inputs))
-        steps = (ctypes.c_longlong * count)(*(g.step for g in inputs))
-        long_pointer = ctypes.POINTER(ctypes.c_longlong)
-        offsets = (long_pointer * count)(*(g.offset.ctypes.data_as(long_pointer) for g in inputs))
-        result = np.empty((outer, sum(self._out)))
-        self._library.zb_sum(values, steps, offsets, outer, inner, result.ctypes.data_as(_POINTER))
+        call, result = self.ready(inputs, outer, inner)
+        call()
         return result
 
+    def ready(self, inputs: Sequence[GridInput], outer: int, inner: int) -> tuple[Callable[[], None], Matrix]:
+        """The bare call of the C function, and where it leaves all outputs (outer, …), one beside the other.
 
-def _source(function: ca.Function) -> str:
-    """The function's C code and the loop that sums it over a grid."""
-    generator = ca.CodeGenerator("zb.c", {"with_header": False})
-    generator.add(function)
-    n_in = function.n_in()
-    total = sum(function.numel_out(k) for k in range(function.n_out()))
-    starts, start = [], 0
-    for k in range(function.n_out()):
-        starts.append(f"res[{k}] = one + {start};")
-        start += function.numel_out(k)
-    return (
-        generator.dump()
-        + f"""
-void zb_sum(const double **values, const long long *step, const long long **offset,
-            long long outer, long long inner, double *out) {{
-  const double *arg[{function.sz_arg() + 1}];
-  double *res[{function.sz_res() + 1}];
-  double work[{function.sz_w() + 1}], one[{total}];
-  long long int iwork[{function.sz_iw() + 1}];
-  for (long long o = 0; o < outer; ++o, out += {total}) {{
-    for (int r = 0; r < {total}; ++r) out[r] = 0;
-    for (long long i = 0; i < inner; ++i) {{
-      for (int k = 0; k < {n_in}; ++k) arg[k] = values[k] + o * step[k] + offset[k][i];
-      {" ".join(starts)}
-      {function.name()}(arg, res, iwork, work, 0);
-      for (int r = 0; r < {total}; ++r) out[r] += one[r];
-    }}
-  }}
-}}
-"""
-    )
+        The inputs must be kept as long as the call. Raises ValueError for a kernel that is not compiled.
+        """
+        if self._library is None:
+            raise ValueError(f"{self.function.name()} is not compiled")
+        count = len(inputs)
+        values = (ctypes.c_void_p * count)(*(given.address for given in inputs))
+        steps = (ctypes.c_longlong * count)(*(given.step for given in inputs))
+        rows = (ctypes.c_void_p * count)(
+            *(None if given.rows is None else given.rows.ctypes.data for given in inputs)
+        )
+        offsets = (ctypes.c_void_p * count)(*(given.offsets.address for given in inputs))
+        result = np.empty((outer, sum(self._out)))
+        arguments = (values, steps, rows, offsets, outer, inner, result.ctypes.data)
+        return partial(self._library.zb_sum, *arguments), result
 
 
 @cache
-def _compiler() -> tuple[str, str] | None:
-    """Path and version text of the C compiler ($CC, cc, gcc, clang), or None."""
+def _compiler() -> tuple[str, tuple[str, ...], str] | None:
+    """Path, flags and predefined macros (they tell version and processor) of the C compiler, or None.
+
+    It is $CC, cc, gcc or clang, made to use all of this machine's processor where it knows how.
+    """
     for name in (os.environ.get("CC"), "cc", "gcc", "clang"):
         path = shutil.which(name) if name else None
-        if path is not None:
-            told = subprocess.run([path, "--version"], capture_output=True, text=True, check=False)
+        if path is None:
+            continue
+        for flags in ((*_FLAGS, "-march=native"), _FLAGS):
+            told = subprocess.run(
+                [path, *flags, "-dM", "-E", "-x", "c", os.devnull],
+                capture_output=True,
+                text=True,
+                check=False,
+            )
             if told.returncode == 0:
-                return path, told.stdout
+                return path, flags, told.stdout
     return None
 
 
@@ -216,7 +273,7 @@ def cache_folder() -> Path:
     return Path(platformdirs.user_cache_dir("zerobeam"))
 
 
-def _load(function: ca.Function) -> ctypes.CDLL | None:
+def _load(function: ca.Function, hoisted: Collection[str]) -> ctypes.CDLL | None:
     """The compiled function from the cache, compiling it where it is missing or damaged."""
     compiler = _compiler()
     if compiler is None:
@@ -224,31 +281,24 @@ def _load(function: ca.Function) -> ctypes.CDLL | None:
             "no C compiler found: CasADi's virtual machine serves, slower", KernelWarning, stacklevel=3
         )
         return None
-    path, version = compiler
-    source = _source(function)
-    key = hashlib.sha256("\0".join([source, *_FLAGS, version]).encode()).hexdigest()
-    library = cache_folder() / f"{function.name()}-{key[:32]}.so"
+    path, flags, macros = compiler
     try:
+        source = grid_source(function, hoisted)
+        key = hashlib.sha256("\0".join([source, *flags, macros]).encode()).hexdigest()
+        library = cache_folder() / f"{function.name()}-{key[:32]}.so"
         if not _whole(library):
-            _compile(path, source, library)
+            _compile([path, *flags], source, library)
         loaded = ctypes.CDLL(str(library))
-    except (OSError, subprocess.CalledProcessError) as error:
+    except (OSError, NoSource, subprocess.CalledProcessError) as error:
         warnings.warn(
             f"the kernel could not be compiled ({error}): CasADi's virtual machine serves, slower",
             KernelWarning,
             stacklevel=3,
         )
         return None
+    pointer, whole = ctypes.c_void_p, ctypes.c_longlong
     loaded.zb_sum.restype = None
-    long_pointer = ctypes.POINTER(ctypes.c_longlong)
-    loaded.zb_sum.argtypes = [
-        ctypes.POINTER(_POINTER),
-        long_pointer,
-        ctypes.POINTER(long_pointer),
-        ctypes.c_longlong,
-        ctypes.c_longlong,
-        _POINTER,
-    ]
+    loaded.zb_sum.argtypes = [pointer, pointer, pointer, pointer, whole, whole, pointer]
     return loaded
 
 
@@ -261,14 +311,14 @@ def _whole(library: Path) -> bool:
     return len(data) > _DIGEST and hashlib.sha256(data[:-_DIGEST]).digest() == data[-_DIGEST:]
 
 
-def _compile(compiler: str, source: str, library: Path) -> None:
+def _compile(command: list[str], source: str, library: Path) -> None:
     """Compile aside, then rename: two processes may race, each ends with a whole file."""
     library.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=library.parent) as folder:
         code, built = Path(folder) / "kernel.c", Path(folder) / "kernel.so"
         code.write_text(source)
         subprocess.run(
-            [compiler, *_FLAGS, str(code), "-o", str(built), "-lm"],
+            [*command, str(code), "-o", str(built), "-lm"],
             check=True,
             capture_output=True,
             text=True,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,12 +19,14 @@ if TYPE_CHECKING:
 class Noise:
     """Standard deviations of one reading: `joint` (n,) rad or mm, `spot` mm.
 
-    With `estimated` they are right up to one common factor, which is integrated out.
+    With `estimated` they are right up to one common factor, which is integrated out; with `separate` up to
+    one factor for all joints and one for the spot, which are parameters like any other.
     """
 
     joint: Matrix
     spot: float
     estimated: bool
+    separate: bool = False
 
     @classmethod
     def from_header(cls, header: Header, robot: Robot) -> Noise:
@@ -47,9 +50,15 @@ class Noise:
                 [stated.joint_deg if j.kind == "revolute" else stated.joint_mm for j in robot.joints],
                 dtype=float,
             )
-        return cls(joint / robot.display, stated.spot_mm, stated.scale == "estimated")
+        return cls(
+            joint / robot.display, stated.spot_mm, stated.scale == "estimated", stated.scale == "separate"
+        )
 
     @property
+    def known(self) -> bool:
+        return not (self.estimated or self.separate)
+
+    @cached_property
     def variances(self) -> Matrix:
         """(n + 1,): the joints' variances, then the spot's."""
         return np.append(self.joint**2, self.spot**2)

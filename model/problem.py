@@ -1,4 +1,4 @@
-"""The heart: shots, unknowns and noise together, as misses, exact Jacobians and log-likelihood.
+"""The heart: shots, unknowns and noise together, as misses and exact Jacobians.
 
 A parameter vector x (p,) is in internal units (rad, mm) and in the order of `Parameters`. The
 scaled Jacobian is by z = (x - prior mean) / prior std, so that it changes neither with units nor
@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .constraint import ShotFunctions, shot_functions
+from .constraint import ShotFunctions
 from .errors import BadInput
-from .kernel import GridInput, constant, per_inner, per_outer, selected
+from .kernel import Index
 from .noise import Noise
 from .parameters import Parameters
 from .robot import Matrix, Robot
@@ -27,8 +27,6 @@ from .tool import Tool
 if TYPE_CHECKING:
     from .header import Header
     from .plan import Plan
-
-Index = NDArray[np.int64]
 
 _COMPILE_FROM = 50  # shots: for fewer, compiling takes longer than it saves in a fit
 
@@ -86,14 +84,14 @@ class Problem:
         shot_numbers: Sequence[int] | None = None,
     ) -> Problem:
         """From a header and recorded (or planned) shots; `targets` names the target of each shot."""
-        tool = Tool.from_header(header)
+        tool, noise = Tool.from_header(header), Noise.from_header(header, robot)
         names = tuple(dict.fromkeys(targets))
         return cls(
             robot=robot,
             tool=tool,
-            noise=Noise.from_header(header, robot),
-            parameters=Parameters.build(robot, tool, header, names),
-            functions=shot_functions(robot, tool),
+            noise=noise,
+            parameters=Parameters.build(robot, tool, noise, header, names),
+            functions=ShotFunctions(robot, tool, "relative" if noise.separate else "none"),
             joints=np.asarray(joints, dtype=float),
             spots=np.zeros((len(joints), tool.miss_size)) if spots is None else spots,
             shot_numbers=tuple(range(len(joints)) if shot_numbers is None else shot_numbers),
@@ -134,6 +132,16 @@ class Problem:
             shot_numbers=tuple(self.shot_numbers[i] for i in rows),
         )
 
+    def with_noise_of(self, x: Matrix) -> tuple[Problem, Matrix]:
+        """The same problem with the noise as known: that of x (p,); and x without its noise factors."""
+        variances = self.variances(x)
+        noise = Noise(np.sqrt(variances[:-1]), float(np.sqrt(variances[-1])), estimated=False)
+        kept = ~self.parameters.group("noise")
+        items = tuple(item for item in self.parameters.items if item.group != "noise")
+        functions = ShotFunctions(self.robot, self.tool)
+        problem = replace(self, noise=noise, parameters=Parameters(items), functions=functions)
+        return problem, x[kept]
+
     # Shapes
 
     @property
@@ -159,7 +167,32 @@ class Problem:
         """Offsets (..., n), targets (..., K, 3) and tool (..., k) of parameter vectors (..., p)."""
         n, end = self.robot.n, self.robot.n + 3 * len(self.targets)
         targets = x[..., n:end].reshape(*x.shape[:-1], len(self.targets), 3)
-        return x[..., :n], targets, x[..., end:]
+        return x[..., :n], targets, x[..., end : end + len(self.tool.parameter_names)]
+
+    def variances(self, x: Matrix) -> Matrix:
+        """(..., n + 1) of joints and spot at parameter vectors (..., p), or (n + 1,) as stated."""
+        if not self.noise.separate:
+            return self.noise.variances
+        with np.errstate(over="ignore"):  # what overflows is told by the density: -inf
+            factors = np.exp(2 * x[..., -2:])
+        joints = np.repeat(factors[..., :1], self.robot.n, axis=-1)
+        return np.concatenate([joints, factors[..., 1:]], axis=-1) * self.noise.variances
+
+    def noise_information(self, x: Matrix, jacobian: Matrix, factor: Matrix) -> Matrix:
+        """(2, 2) what the scatter of the misses tells of the logarithms of the two noise factors at x.
+
+        Of a normal's covariance: tr(S^-1 dS_a S^-1 dS_b) / 2 (`jacobian` and `factor` as of `linearise`
+        and `factors`).
+        """
+        variances = self.variances(x)
+        by_joints = jacobian[:, :, : self.robot.n]
+        halves = []
+        joint = (by_joints * variances[:-1]) @ by_joints.transpose(0, 2, 1)
+        spot = np.broadcast_to(variances[-1] * np.eye(self.tool.miss_size), joint.shape)
+        for part in (joint, spot):
+            half = np.linalg.solve(factor, 2 * part)
+            halves.append(np.linalg.solve(factor, half.transpose(0, 2, 1)))
+        return np.array([[np.einsum("iab,iab->", a, b) / 2 for b in halves] for a in halves])
 
     # Misses and Jacobians at one x
 
@@ -168,19 +201,24 @@ class Problem:
     ) -> tuple[Matrix, Matrix]:
         """Misses (N, d) mm and each shot's own Jacobian (N, d, n + 3 + k) by delta, its target, tool.
 
-        `joints` takes the place of the recorded ones, `rows` chooses some of the shots.
+        `x` is (p,), or (shots, p) with parameters of its own for every shot of the problem. `joints` takes
+        the place of the recorded ones, `rows` chooses some of the shots.
         """
-        delta, targets, tool = self.split(x)
+        delta, targets, tool = self.split(x if x.ndim == 1 else x[rows])
         joints = self.joints[rows] if joints is None else joints
-        miss, jacobian = self.functions.kernel("linear", compile=self._many)(
-            joints, self.spots[rows], delta, targets[self.target_index[rows]], tool
+        if x.ndim == 1:
+            own_target = targets[self.target_index[rows]]
+        else:
+            own_target = targets[np.arange(len(targets)), self.target_index[rows]]
+        miss, jacobian = self.functions.kernel("linear", compile=self.shots > _COMPILE_FROM)(
+            joints, self.spots[rows], delta, own_target, tool
         )
         return miss, jacobian
 
-    def factors(self, jacobian: Matrix) -> Matrix:
+    def factors(self, x: Matrix, jacobian: Matrix) -> Matrix:
         """(N, d, d) lower Cholesky factors of S_i = J_i diag(joint variances) J_i' + spot variance."""
         by_joints = jacobian[:, :, : self.robot.n]
-        variances = self.noise.variances
+        variances = self.variances(x)
         covariance = (by_joints * variances[:-1]) @ by_joints.transpose(0, 2, 1)
         covariance += variances[-1] * np.eye(self.tool.miss_size)
         try:
@@ -196,7 +234,7 @@ class Problem:
     def whiten(self, x: Matrix, factor: Matrix | None = None) -> Whitened:
         """Whitened residuals and their scaled Jacobian at x; `factor` keeps the weights of another x."""
         miss, own = self.linearise(x)
-        factor = self.factors(own) if factor is None else factor
+        factor = self.factors(x, own) if factor is None else factor
         d, p = self.tool.miss_size, len(self.parameters)
         scaled = own * self.parameters.prior_std[self.columns][:, None, :]
         stacked = np.linalg.solve(factor, np.concatenate([miss[:, :, None], scaled], axis=2))
@@ -204,41 +242,40 @@ class Problem:
         jacobian = np.zeros((rows + len(self.distances), p))
         where = np.repeat(self.columns, d, axis=0)
         np.put_along_axis(jacobian[:rows], where, stacked[:, :, 1:].reshape(rows, -1), axis=1)
-        distance, by_targets = self._distance_rows(x)
-        jacobian[rows:] = by_targets * self.parameters.prior_std
-        return Whitened(np.append(stacked[:, :, 0].reshape(-1), distance), jacobian, miss, factor)
+        distance, by_targets = self.distance_rows(x[None])
+        jacobian[rows:] = by_targets[0] * self.parameters.prior_std
+        return Whitened(np.append(stacked[:, :, 0].reshape(-1), distance[0]), jacobian, miss, factor)
 
-    def _distance_rows(self, x: Matrix) -> tuple[Matrix, Matrix]:
-        """Whitened distance residuals (D,) and their Jacobian (D, p) by x."""
-        residual, jacobian = (
-            np.zeros(len(self.distances)),
-            np.zeros((len(self.distances), len(self.parameters))),
-        )
+    def distance_rows(self, x: Matrix) -> tuple[Matrix, Matrix]:
+        """Whitened distance residuals (W, D) of parameter vectors (W, p), their Jacobian (W, D, p) by x."""
+        residual = np.zeros((len(x), len(self.distances)))
+        jacobian = np.zeros((*residual.shape, len(self.parameters)))
         _, targets, _ = self.split(x)
         n = self.robot.n
         for row, stated in enumerate(self.distances):
-            between = targets[stated.second] - targets[stated.first]
-            length = max(float(np.linalg.norm(between)), 1e-9)
-            residual[row] = (length - stated.mm) / stated.sigma
-            along = between / length / stated.sigma
-            jacobian[row, n + 3 * stated.second : n + 3 * stated.second + 3] = along
-            jacobian[row, n + 3 * stated.first : n + 3 * stated.first + 3] = -along
+            between = targets[:, stated.second] - targets[:, stated.first]
+            length = np.maximum(np.linalg.norm(between, axis=1), 1e-9)
+            residual[:, row] = (length - stated.mm) / stated.sigma
+            along = between / length[:, None] / stated.sigma
+            jacobian[:, row, n + 3 * stated.second : n + 3 * stated.second + 3] = along
+            jacobian[:, row, n + 3 * stated.first : n + 3 * stated.first + 3] = -along
         return residual, jacobian
 
-    def nearest_targets(self, delta: Matrix, tool: Matrix) -> Matrix:
-        """(K, 3) mm: for each target the point nearest to all its beams (or the mean of the tips).
+    def nearest_targets(self, delta: Matrix, tool: Matrix, joints: Matrix | None = None) -> Matrix:
+        """(W, K, 3) mm: for each target the point nearest to all its beams (or the mean of the tips).
 
+        `delta` (W, n), `tool` (W, k) and the recorded `joints` (W, N, n), the problem's own by default.
         Directions that the beams leave open (one beam, parallel beams) stay at the prior mean.
         """
-        origin, direction = self.functions.kernel("beam")(self.joints, delta, tool)
+        origin, direction = self._beams(delta, tool, self.joints[None] if joints is None else joints)
         _, start, _ = self.split(self.parameters.prior_mean)
-        across = np.eye(3) - direction[:, :, None] * direction[:, None, :]
-        result = np.empty((len(self.targets), 3))
+        across = np.eye(3) - direction[..., :, None] * direction[..., None, :]
+        result = np.empty((len(delta), len(self.targets), 3))
         for k in range(len(self.targets)):
             mine = self.target_index == k
-            weight = across[mine].sum(axis=0) + 1e-9 * np.eye(3)
-            pull = (across[mine] @ origin[mine][:, :, None]).sum(axis=0)[:, 0] + 1e-9 * start[k]
-            result[k] = np.linalg.solve(weight, pull)
+            weight = across[:, mine].sum(axis=1) + 1e-9 * np.eye(3)
+            pull = (across[:, mine] @ origin[:, mine][..., None]).sum(axis=1) + 1e-9 * start[k][:, None]
+            result[:, k] = np.linalg.solve(weight, pull)[..., 0]
         return result
 
     def supposed(self) -> Matrix:
@@ -246,100 +283,27 @@ class Problem:
         without one, at the point nearest to its beams."""
         x = self.parameters.prior_mean.copy()
         delta, targets, tool = self.split(x)
-        nearest = self.nearest_targets(delta, tool)
+        nearest = self.nearest_targets(delta[None], tool[None])[0]
         x[self.parameters.group("target")] = np.where(self.guessed[:, None], targets, nearest).reshape(-1)
         return x
 
     def beams(self, x: Matrix) -> tuple[Matrix, Matrix]:
-        """Origins (N, 3) mm and unit directions (N, 3) of the beams in the base frame (eq. 7)."""
+        """Origins (N, 3) mm and unit directions (N, 3) of the beams in the base frame (eq. 7); `x` as for
+        `linearise`."""
         delta, _, tool = self.split(x)
-        origin, direction = self.functions.kernel("beam")(self.joints, delta, tool)
+        compile = self.shots > _COMPILE_FROM
+        origin, direction = self.functions.kernel("beam", compile=compile)(self.joints, delta, tool)
         return origin, direction
 
-    # The density
-
-    def log_likelihood(self, x: Matrix) -> Matrix:
-        """(W,) log-likelihood of parameter vectors (W, p), with the log det of their own covariance.
-
-        With an estimated noise scale the common factor is integrated out (a Student-t in the misses).
-        Values are up to a constant; where a number is not finite the result is -inf.
-        """
-        quad, logdet = self._shot_sums(x)
-        # What overflows or is no number is told by -inf, not by numpy's warnings.
-        with np.errstate(all="ignore"):
-            if self.noise.estimated:
-                quad = self.shots * self.tool.miss_size * np.log(quad)
-            value = -(quad + logdet + self._distance_quad(x)) / 2
-        return np.where(np.isfinite(value), value, -np.inf)
-
-    def log_prior(self, x: Matrix) -> Matrix:
-        """(W,) log of the normal priors of what is not held, up to a constant."""
-        z = (x - self.parameters.prior_mean) / self.parameters.prior_std
-        value = -(z[:, self.parameters.free] ** 2).sum(axis=1) / 2
-        return np.where(np.isnan(value), -np.inf, value)
-
-    def noise_weight(self, x: Matrix) -> float:
-        """1 for known noise; where the scale is estimated, the mode of 1 / scale^2 at x (p,)."""
-        if not self.noise.estimated:
-            return 1.0
-        quad, _ = self._shot_sums(x[None, :])
-        return self.shots * self.tool.miss_size / float(quad[0])
-
-    def gradient(self, x: Matrix) -> Matrix:
-        """(p,) exact gradient of log-likelihood + log-prior by the scaled parameters; 0 where held."""
-        delta, targets, tool = self.split(x)
-        weight = np.array([self.noise_weight(x)])
-        (own,) = self.functions.kernel("score", compile=self._many)(
-            self.joints, self.spots, delta, targets[self.target_index], tool, self.noise.variances, weight
+    def _beams(self, delta: Matrix, tool: Matrix, joints: Matrix) -> tuple[Matrix, Matrix]:
+        """(W, N, 3) each, of offsets (W, n), tools (W, k) and recorded joints (W or 1, N, n)."""
+        rows, shots = len(delta), self.shots
+        origin, direction = self.functions.kernel("beam", compile=rows * shots > _COMPILE_FROM**2)(
+            np.broadcast_to(joints, (rows, shots, self.robot.n)).reshape(rows * shots, -1),
+            np.repeat(delta, shots, axis=0),
+            np.repeat(tool, shots, axis=0),
         )
-        result = np.zeros(len(self.parameters))
-        np.add.at(result, self.columns, own)
-        residual, jacobian = self._distance_rows(x)
-        result -= residual @ jacobian
-        scale = self.parameters.prior_std
-        result = result * scale - (x - self.parameters.prior_mean) / scale
-        return np.where(self.parameters.free, result, 0.0)
-
-    def _shot_sums(self, x: Matrix) -> tuple[Matrix, Matrix]:
-        """(W,) sums over the shots of m' S^-1 m and log det S."""
-        delta, targets, tool = self.split(x)
-        inner = self.shots
-        inputs = [
-            self._joint_input,
-            self._spot_input,
-            per_outer(delta, inner),
-            selected(targets, self.target_index),
-            per_outer(tool, inner),
-            self._variance_input,
-        ]
-        quad, logdet = self.functions.kernel("terms", compile=True).sums(inputs, len(x), inner)
-        return quad, logdet
-
-    def _distance_quad(self, x: Matrix) -> Matrix:
-        _, targets, _ = self.split(x)
-        total = np.zeros(len(x))
-        for stated in self.distances:
-            length = np.linalg.norm(targets[:, stated.second] - targets[:, stated.first], axis=1)
-            total += ((length - stated.mm) / stated.sigma) ** 2
-        return total
-
-    # What the kernels need, made when first needed
-
-    @property
-    def _many(self) -> bool:
-        return self.shots > _COMPILE_FROM
-
-    @cached_property
-    def _joint_input(self) -> GridInput:
-        return per_inner(self.joints, self.shots)
-
-    @cached_property
-    def _spot_input(self) -> GridInput:
-        return per_inner(self.spots, self.shots)
-
-    @cached_property
-    def _variance_input(self) -> GridInput:
-        return constant(self.noise.variances, self.shots)
+        return origin.reshape(rows, shots, 3), direction.reshape(rows, shots, 3)
 
 
 def _distances(header: Header, targets: Sequence[str]) -> tuple[Distance, ...]:

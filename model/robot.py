@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 Matrix = NDArray[np.float64]
 JointKind = Literal["revolute", "prismatic"]
+Turn = tuple[ca.SX, ca.SX]  # cosine and sine of a revolute joint, position and nothing of a prismatic one
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,28 +88,93 @@ class Robot:
         """(3, n) the unit axis of each joint in the base frame."""
         return ca.horzcat(*self._chain(theta)[3])
 
+    def recorded_turns(self, joints: Matrix) -> Matrix:
+        """(…, 2n): cosine and sine of each recorded position (…, n); the position and 0 if prismatic."""
+        revolute = np.array([joint.kind == "revolute" for joint in self.joints])
+        pairs = np.where(
+            revolute[:, None],
+            np.stack([np.cos(joints), np.sin(joints)], axis=-1),
+            np.stack([joints, np.zeros_like(joints)], axis=-1),
+        )
+        return pairs.reshape(*joints.shape[:-1], 2 * self.n)
+
+    def turns(self, theta: ca.SX) -> list[Turn]:
+        """The motion of each joint at its true position `theta` (n, 1), rad or mm."""
+        return [
+            (ca.cos(theta[i]), ca.sin(theta[i])) if joint.kind == "revolute" else (theta[i], ca.SX(0))
+            for i, joint in enumerate(self.joints)
+        ]
+
+    def turns_with_offsets(self, recorded: ca.SX, delta: ca.SX) -> list[Turn]:
+        """The same from `recorded_turns` (2n, 1) and offsets (n, 1), by the sum of two angles.
+
+        Sines of what is recorded are then computed once for a run, those of the offsets once for all shots.
+        """
+        result: list[Turn] = []
+        for i, joint in enumerate(self.joints):
+            a, b = recorded[2 * i], recorded[2 * i + 1]
+            if joint.kind == "revolute":
+                cosine, sine = ca.cos(delta[i]), ca.sin(delta[i])
+                result.append((a * cosine - b * sine, b * cosine + a * sine))
+            else:
+                result.append((a + delta[i], ca.SX(0)))
+        return result
+
+    def seen(self, turns: Sequence[Turn], point: ca.SX) -> tuple[ca.SX, list[ca.SX]]:
+        """A point (3, 1) of the base frame as seen from the flange, and from each joint before its motion."""
+        stations: list[ca.SX] = []
+        for joint, turn in zip(self.joints, turns, strict=True):
+            point = ca.sparsify(ca.SX(joint.fixed[:3, :3].T)) @ (point - joint.fixed[:3, 3])
+            stations.append(point)
+            if joint.kind == "revolute":
+                point = axis_rotation(joint.axis, *turn).T @ point
+            else:
+                point = point - joint.axis * turn[0]
+        return ca.sparsify(ca.SX(self.flange[:3, :3].T)) @ (point - self.flange[:3, 3]), stations
+
+    def seen_jacobian(
+        self, turns: Sequence[Turn], stations: Sequence[ca.SX], vectors: ca.SX
+    ) -> tuple[ca.SX, ca.SX]:
+        """Of the components of `seen` along `vectors` (3, d), fixed in the flange frame: their Jacobians by
+        the joint positions (d, n) and by the point (d, 3).
+
+        The vectors are carried back from joint to joint; there a turn moves the point by -axis x point.
+        """
+        columns: list[ca.SX] = []
+        vectors = ca.sparsify(ca.SX(self.flange[:3, :3])) @ vectors
+        for joint, turn, point in zip(
+            reversed(self.joints), reversed(turns), reversed(stations), strict=True
+        ):
+            if joint.kind == "revolute":
+                vectors = axis_rotation(joint.axis, *turn) @ vectors
+                columns.append(-(vectors.T @ ca.cross(ca.SX(joint.axis), point)))
+            else:
+                columns.append(-(vectors.T @ ca.SX(joint.axis)))
+            vectors = ca.sparsify(ca.SX(joint.fixed[:3, :3])) @ vectors
+        return ca.horzcat(*reversed(columns)), vectors.T
+
     def _chain(self, theta: ca.SX) -> tuple[ca.SX, ca.SX, list[ca.SX], list[ca.SX]]:
         rotation, translation = ca.SX.eye(3), ca.SX.zeros(3)
         origins: list[ca.SX] = []
         axes: list[ca.SX] = []
-        for i, joint in enumerate(self.joints):
+        for joint, turn in zip(self.joints, self.turns(theta), strict=True):
             translation = translation + rotation @ joint.fixed[:3, 3]
             origins.append(translation)
             rotation = rotation @ joint.fixed[:3, :3]
             axes.append(rotation @ joint.axis)
             if joint.kind == "revolute":
-                rotation = rotation @ axis_rotation(joint.axis, theta[i])
+                rotation = rotation @ axis_rotation(joint.axis, *turn)
             else:
-                translation = translation + rotation @ (joint.axis * theta[i])
+                translation = translation + rotation @ (joint.axis * turn[0])
         translation = translation + rotation @ self.flange[:3, 3]
         return ca.sparsify(rotation @ self.flange[:3, :3]), translation, origins, axes
 
 
-def axis_rotation(axis: Matrix, angle: ca.SX) -> ca.SX:
-    """Rotation (3, 3) by `angle` (rad) about the unit `axis` (3,): Rodrigues' formula."""
+def axis_rotation(axis: Matrix, cosine: ca.SX, sine: ca.SX) -> ca.SX:
+    """Rotation (3, 3) about the unit `axis` (3,) by an angle given by its cosine and sine (Rodrigues)."""
     cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
     along = np.outer(axis, axis)
-    return ca.sparsify(ca.SX(along) + ca.cos(angle) * ca.SX(np.eye(3) - along) + ca.sin(angle) * ca.SX(cross))
+    return ca.sparsify(ca.SX(along) + cosine * ca.SX(np.eye(3) - along) + sine * ca.SX(cross))
 
 
 def rotation_about(axis: Literal["x", "y", "z"], angle: float) -> Matrix:

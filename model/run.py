@@ -133,6 +133,15 @@ class Run:
                 file=self.path,
                 line=self.lines[0],
             )
+        if not np.ptp(self.joints, axis=0).any():
+            raise BadInput(
+                "all shots are one and the same posture: they tell nothing but where the beam is",
+                found=f"{len(self.shots)} shots with equal joint positions",
+                allowed=f"at least {enough} varied postures",
+                remedy="record shots in varied postures, or check which columns were imported",
+                file=self.path,
+                line=self.lines[0],
+            )
         for name in self.target_names:
             rows = [i for i, shot in enumerate(self.shots) if shot.target == name]
             if len(rows) == 1:

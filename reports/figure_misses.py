@@ -50,7 +50,7 @@ def misses_picture(result: dict[str, Any]) -> Picture:
     worst = max(order, key=lambda shot: float(shot["whitened"]))
     alt = (
         f"Misses of {len(order)} shots at {_targets_of(order)}. {over} lie beyond "
-        f"the 95 % limit of the stated noise; the largest is shot {worst['shot']}."
+        f"the 95 % limit of the noise; the largest is shot {worst['shot']}."
     )
     return Picture("misses", "Misses shot by shot", alt, svg)
 
@@ -138,7 +138,7 @@ def _sigmas(axes: Axes, shots: list[dict[str, Any]], few: bool) -> int:
     axes.plot(x[beyond], whitened[beyond], "^", markersize=size + 0.7, markeredgewidth=0, color=light("weak"))
     dashes: dict[str, Any] = {"color": light("muted"), "linewidth": 0.8, "linestyle": (0, (4, 3))}
     axes.step(np.concatenate([[-0.5], x + 0.5]), np.concatenate([limit[:1], limit]), **dashes)
-    expected = Line2D([], [], **dashes, label="95 % limit of the stated noise")
+    expected = Line2D([], [], **dashes, label="95 % limit of the noise")
     outside = [_dot("weak", filled=True, words="beyond it", shape="^")] if beyond.any() else []
     _key(axes, [expected, *outside])
     axes.set_ylabel("in its own σ")

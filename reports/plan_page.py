@@ -32,6 +32,7 @@ from .view import (
     reasons,
     row_of,
     table_of,
+    unit_of,
     unknown,
 )
 from .wording import clipped, label, sentence, shown
@@ -207,7 +208,7 @@ def _predicted(parameters: list[Json]) -> Json:
 
 def _predicted_row(row: Json) -> Json:
     """One unknown. Where the shots cannot tell it, its row has no number that could be taken for one."""
-    status, unit = row["status"], row["unit"]
+    status, unit = row["status"], unit_of(row)
     name, word = label(row["name"]), cell_of(STATUS_WORDS[status], mark=status)
     if status == "held" or row["held"]:
         return row_of(name, word, cell_of("not estimated", span=3), tone=status)

@@ -11,34 +11,37 @@ from rich.table import Table
 from rich.text import Text
 
 from . import numbers
-from .view import advice_words, direction_kind, over_target_words, view
-from .wording import label, sentence
+from .view import advice_words, direction_kind, listed, over_target_words, unit_of, view
+from .wording import clipped, label, sentence
 
 Json = dict[str, Any]
 
-_STYLE = {"identified": "blue", "weak": "yellow", "unidentifiable": "magenta", "held": "dim"}
-_MARK = {"identified": "●", "weak": "◆", "unidentifiable": "✕", "held": "■"}
+STYLE = {"identified": "blue", "weak": "yellow", "unidentifiable": "magenta", "held": "dim"}
+MARK = {"identified": "●", "weak": "◆", "unidentifiable": "✕", "held": "■"}
 _VERDICT_STYLE = {"pass": "bold blue", "weak": "bold yellow", "degenerate": "bold magenta"}
 _VERDICT_WORD = {"pass": "Pass", "weak": "Weak", "degenerate": "Degenerate"}
 _MOST_ROWS = 40
 
 
 def print_result(console: Console, result: Json) -> None:
-    """The answer of `analyse`: verdict, offsets, what cannot be known, fit, notes."""
+    """The answer of `analyse`: verdict, notes, parameters, what cannot be known, fit, second opinions."""
     told = view(result)
     print_verdict(console, result)
     for note in told["notes"]:
         console.print(Text("! ", style="bold yellow") + Text(note))
     for table in (told["offsets"], *told["others"]):
-        if len(table["rows"]) <= _MOST_ROWS:
-            console.print(Text(table["caption"], style="italic"))
-            console.print(_parameter_table(table))
-        else:
-            console.print(
-                Text(f"{table['caption']}: {len(table['rows'])}, see --json or the report", style="italic")
-            )
+        _print_table(console, table)
     _print_directions(console, result["identifiability"]["null_space"])
     console.print(Text(_fit_line(result["fits"])))
+    if told["robust"] is not None:
+        console.print(Text("Robust fit: " + " ".join(told["robust"]["sentences"])))
+        if told["robust"]["table"] is not None:
+            _print_table(console, told["robust"]["table"])
+    if told["hold_out"] is not None:
+        console.print(Text(_held_out_line(result["hold_out"], told["hold_out"]["sentences"])))
+    if told["intervals"] is not None:
+        _print_table(console, told["intervals"]["table"])
+        console.print(Text(told["intervals"]["sentence"], style="dim"))
     console.print(Text("Posterior: " + sentence(result["posterior"]["message"]).rstrip(".") + "."))
 
 
@@ -54,9 +57,9 @@ def print_check(console: Console, answer: Json) -> None:
     for row in answer["parameters"]:
         table.add_row(
             label(row["name"]),
-            "—" if row["std"] is None else numbers.spread(row["std"], row["unit"]),
+            "—" if row["std"] is None else numbers.spread(row["std"], unit_of(row)),
             _data_std(row),
-            numbers.spread(row["prior_std"], row["unit"]),
+            numbers.spread(row["prior_std"], unit_of(row)),
             _status(row["status"]),
         )
     console.print(table)
@@ -134,16 +137,16 @@ def _compared(result: Json, name: str) -> Text:
     true = provenance.get(f"true {name} ({row['unit']})")
     told = Text("" if true is None else f"\ntrue {numbers.exact(true, row['unit'])}", style="dim")
     if row["status"] == "unidentifiable":
-        return Text("✕ not determined", style=_STYLE["unidentifiable"]) + told
+        return Text("✕ not determined", style=STYLE["unidentifiable"]) + told
     if row["status"] == "held":
-        return Text(f"■ held at {numbers.exact(row['estimate'], row['unit'])}", style=_STYLE["held"]) + told
+        return Text(f"■ held at {numbers.exact(row['estimate'], row['unit'])}", style=STYLE["held"]) + told
     if row["estimate"] is None:
         return Text("no estimate") + told
     text = (
-        f"{_MARK[row['status']]} {numbers.estimate(row['estimate'], row['std'])}"
+        f"{MARK[row['status']]} {numbers.estimate(row['estimate'], row['std'])}"
         f" ± {numbers.spread(row['std'], row['unit'])}"
     )
-    return Text(text, style=_STYLE[row["status"]]) + told
+    return Text(text, style=STYLE[row["status"]]) + told
 
 
 def print_verdict(console: Console, answer: Json) -> None:
@@ -154,7 +157,16 @@ def print_verdict(console: Console, answer: Json) -> None:
     )
 
 
-def _parameter_table(told: Json) -> Table:
+def _print_table(console: Console, told: Json) -> None:
+    if len(told["rows"]) > _MOST_ROWS:
+        words = f"{told['caption']}: {len(told['rows'])}, see --json or the report"
+        console.print(Text(words, style="italic"))
+        return
+    console.print(Text(told["caption"], style="italic"))
+    console.print(_table(told))
+
+
+def _table(told: Json) -> Table:
     table = Table(box=None, pad_edge=False)
     for column in told["columns"]:
         table.add_column(escape(column["text"]), justify=column["align"])
@@ -168,13 +180,13 @@ def _parameter_table(told: Json) -> Table:
 
 
 def _status(status: str) -> Text:
-    return Text(f"{_MARK[status]} {status}", style=_STYLE[status])
+    return Text(f"{MARK[status]} {status}", style=STYLE[status])
 
 
 def _data_std(row: Json) -> str:
     if row["held"]:
         return "—"
-    return "infinite" if row["data_std"] is None else numbers.spread(row["data_std"], row["unit"])
+    return "infinite" if row["data_std"] is None else numbers.spread(row["data_std"], unit_of(row))
 
 
 def _print_directions(console: Console, directions: Sequence[Json]) -> None:
@@ -190,6 +202,18 @@ def _print_directions(console: Console, directions: Sequence[Json]) -> None:
         facts.add_row("  why:", Text(sentence(direction["reason"])))
         facts.add_row("  to do:", Text(sentence(direction["remedy"])))
         console.print(facts)
+
+
+def _held_out_line(held_out: Json, sentences: Sequence[str]) -> str:
+    misses = ""
+    if held_out["rms_mm"] is not None:
+        misses = (
+            f"misses {numbers.significant(held_out['rms_mm'], 3)} mm rms"
+            f" (without offsets: {numbers.significant(held_out['rms_before_mm'], 3)} mm). "
+        )
+    names = listed([clipped(name, 24) for name in held_out["targets"]])
+    # The first sentence says what holding out is, for those who did not ask for it.
+    return f"Held out, {names}: {misses}{' '.join(sentences[1:])}"
 
 
 def _fit_line(fits: Json) -> str:

@@ -53,16 +53,25 @@ def view(result: Json) -> Json:
             for caption, group in (
                 ("Targets in the base frame", "target"),
                 ("Tool in the flange frame", "tool"),
+                ("Noise, as a multiple of the stated", "noise"),
             )
             if (rows := [row for row in parameters if row["group"] == group])
         ],
         "unknown": unknown(result),
         "fit": _fit(result),
         "distances": _distances(result["distances"]),
+        "robust": _robust(result),
+        "hold_out": _hold_out(result["hold_out"]),
         "posterior": _posterior(result),
-        "shots": _shots(result["shots"]),
+        "intervals": _intervals(result),
+        "shots": _shots(result),
         "inputs": _inputs(inputs),
     }
+
+
+def unit_of(row: Json) -> str:
+    """What follows a number of this parameter; a noise factor is so many times the stated noise."""
+    return "times" if row["unit"] == "1" else str(row["unit"])
 
 
 def counted(number: int, noun: str) -> str:
@@ -97,7 +106,7 @@ def _parameter_table(caption: str, rows: list[Json]) -> Json:
 
 def _parameter_row(row: Json) -> Json:
     """One parameter. Without an estimate there is no number in its row that could be taken for one."""
-    status, unit = row["status"], row["unit"]
+    status, unit = row["status"], unit_of(row)
     name, word = label(row["name"]), cell_of(STATUS_WORDS[status], mark=status)
     if status == "unidentifiable":
         return row_of(name, cell_of(NOT_DETERMINED, span=2), word, tone=status)
@@ -241,10 +250,13 @@ def listed(names: list[str], most: int = 8) -> str:
 
 def _fit(result: Json) -> Json:
     likelihood, midpoint = result["fits"]["likelihood"], result["fits"]["midpoint"]
-    sides = [_fit_facts(fit) for fit in (likelihood, midpoint) if fit["available"]]
+    separate = any(row["group"] == "noise" and not row["held"] for row in result["parameters"])
+    sides = [_fit_facts(likelihood, separate)]
+    if midpoint["available"]:
+        sides.append(_fit_facts(midpoint, False))
     columns = [("quantity", "left"), ("beam-miss likelihood", "right"), ("midpoint cost (eq. 8)", "right")]
     rows = [row_of(name, *(side[name] for side in sides)) for name in sides[0]]
-    said = _fit_verdict(likelihood)
+    said = _fit_verdict(likelihood, "fitted" if separate else "stated")
     if likelihood["message"]:
         said.append(sentence(likelihood["message"]))
     if not midpoint["available"]:
@@ -258,9 +270,9 @@ def _fit(result: Json) -> Json:
     }
 
 
-def _fit_facts(fit: Json) -> dict[str, str]:
+def _fit_facts(fit: Json, separate: bool) -> dict[str, str]:
     p, scale = fit["p_value"], fit["noise_scale"]
-    no_p = _NO_COST if scale is None else "not defined: the noise was estimated"
+    no_p = "not defined: the noise was estimated" if separate or scale is not None else _NO_COST
     return {
         "Converged": f"{'yes' if fit['converged'] else 'NO'}: {sentence(fit['reason'])}",
         "Iterations": str(fit["iterations"]),
@@ -269,7 +281,9 @@ def _fit_facts(fit: Json) -> dict[str, str]:
         "χ²": _or(fit["chi2"], _NO_COST),
         "Degrees of freedom": _NO_COST if fit["dof"] is None else str(fit["dof"]),
         "p-value": no_p if p is None else numbers.p_value(p),
-        "Noise, as a multiple of the stated": _or(scale, "taken as stated"),
+        "Noise, as a multiple of the stated": _or(
+            scale, "its factors are estimated" if separate else "taken as stated"
+        ),
         "Other basins found": str(fit["other_basins"]),
     }
 
@@ -297,8 +311,8 @@ def _both_estimates(parameters: list[Json]) -> Json | None:
     return table_of("Offsets by both costs", columns, rows)
 
 
-def _fit_verdict(fit: Json) -> list[str]:
-    """The goodness of fit in plain words, the gravest first."""
+def _fit_verdict(fit: Json, noise: str) -> list[str]:
+    """The goodness of fit in plain words, the gravest first; against the `stated` or the `fitted` noise."""
     said = _not_converged(fit)
     p, chi2, dof = fit["p_value"], fit["chi2"], fit["dof"]
     if p is None or chi2 is None or not dof:
@@ -307,14 +321,14 @@ def _fit_verdict(fit: Json) -> list[str]:
     if p < 0.01:
         times = numbers.significant(math.sqrt(chi2 / dof), 2)
         said.append(
-            f"Lack of fit: the misses are some {times} times as large as the stated noise explains "
+            f"Lack of fit: the misses are some {times} times as large as the {noise} noise explains "
             f"({measure}). The geometry, the noise or single shots are not as stated, and the intervals "
             "do not cover that error."
         )
     elif p > 0.99:
-        said.append(f"The misses are smaller than the stated noise ({measure}): it may be overstated.")
+        said.append(f"The misses are smaller than the {noise} noise ({measure}): it may be overstated.")
     else:
-        said.append(f"The misses are as large as the stated noise makes them ({measure}).")
+        said.append(f"The misses are as large as the {noise} noise makes them ({measure}).")
     return said
 
 
@@ -353,6 +367,147 @@ def _distances(rows: list[Json]) -> Json | None:
     return table_of("Distances between targets", columns, shown_rows)
 
 
+# ── a second opinion ──────────────────────────────────────────────────────────────────────────
+
+
+def _robust(result: Json) -> Json | None:
+    """The robust fit next to the likelihood fit; None where it was not asked for."""
+    robust = result["robust"]
+    if robust is None:
+        return None
+    if not robust["converged"]:
+        told = f"The robust fit did not converge ({sentence(robust['reason'])}) and is not shown."
+        return {"sentences": [told], "table": None}
+    if robust["loss"] == "huber":
+        bend = numbers.significant(robust["tuning"])
+        said = [f"Huber’s loss: a miss beyond {bend} of its own σ weighs less, the longer the less."]
+    else:
+        nu = numbers.exact(robust["tuning"])
+        said = [f"Student’s loss with {nu} degrees of freedom: the longer a miss, the less it weighs."]
+    said.append("A shot of weight 1 counts as in the likelihood fit.")
+    said.append(_outliers(result["shots"], robust))
+    if robust["noise_scale"] is not None:
+        said.append(f"The noise is {numbers.significant(robust['noise_scale'])} times the stated.")
+    if all(row["std"] is None for row in robust["parameters"]):
+        said.append(
+            "It has no uncertainty: a shot decides something alone, or there are as many unknowns as numbers."
+        )
+    else:
+        said.append("Its intervals follow from the misses as they are, not from the stated noise.")
+    return {"sentences": [" ".join(said)], "table": _robust_table(result["parameters"], robust)}
+
+
+def _outliers(shots: list[Json], robust: Json) -> str:
+    if not robust["outliers"]:
+        return "No shot is too far off for chance."
+    weights = {shot["shot"]: weight for shot, weight in zip(shots, robust["weights"], strict=True)}
+    named = [f"{number} (weight {numbers.fixed(weights[number], 2)})" for number in robust["outliers"]]
+    return f"Too far off for chance: {'shot' if len(named) == 1 else 'shots'} {listed(named)}."
+
+
+def _robust_table(parameters: list[Json], robust: Json) -> Json:
+    columns = [
+        ("name", "left"),
+        ("likelihood", "right"),
+        ("robust", "right"),
+        ("its 95 % interval", "right"),
+        ("apart, in σ", "right"),
+    ]
+    fitted = {row["name"]: row for row in parameters}
+    rows = []
+    for row in robust["parameters"]:
+        known, unit = fitted[row["name"]], unit_of(row)
+        if known["group"] == "target":
+            continue
+        name = label(row["name"])
+        if known["std"] is None or row["estimate"] is None:
+            rows.append(row_of(name, cell_of(NOT_DETERMINED, span=4), tone="unidentifiable"))
+            continue
+        std = row["std"] or known["std"]
+        rows.append(
+            row_of(
+                name,
+                numbers.estimate(known["estimate"], known["std"], unit),
+                numbers.estimate(row["estimate"], std, unit),
+                "none"
+                if row["interval95"] is None
+                else numbers.interval(tuple(row["interval95"]), std, unit),
+                numbers.significant((row["estimate"] - known["estimate"]) / known["std"], 2),
+            )
+        )
+    return table_of("Offsets and tool by both fits, apart in σ of the likelihood fit", columns, rows)
+
+
+def _hold_out(held_out: Json | None) -> Json | None:
+    """How the fit does at targets that it has not seen; None where none was held out."""
+    if held_out is None:
+        return None
+    said = [
+        "Offsets and tool are fitted without these targets. Then only the place of each is fitted, to its own"
+        " shots; what is left of the misses shows whether the offsets hold there."
+    ]
+    chi2, dof, p = held_out["chi2"], held_out["dof"], held_out["p_value"]
+    if chi2 is not None and dof and p is not None:
+        if p < 0.01:
+            times = numbers.significant(math.sqrt(chi2 / dof), 2)
+            said.append(
+                f"The misses are some {times} times as large as noise and fit explain: the offsets do not"
+                " carry over to these targets as promised."
+            )
+        else:
+            said.append("The misses are no larger than noise and fit explain: the offsets hold there too.")
+    if held_out["message"]:
+        said.append(f"No judgement: {sentence(held_out['message']).rstrip('.')}.")
+    names = [clipped(name, 24) for name in held_out["targets"]]
+    rows = [
+        ("Targets", f"{len(names)}: {listed(names)}"),
+        ("Shots there", str(held_out["shots"])),
+        ("Shots of the fit", str(held_out["shots_fitted"])),
+        ("Miss without offsets, rms", _or(held_out["rms_before_mm"], "not available", "mm")),
+        ("Miss with them, rms", _or(held_out["rms_mm"], "not available", "mm")),
+        ("χ²", _or(chi2, "not available")),
+        ("Degrees of freedom", "not available" if dof is None else str(dof)),
+        ("p-value", "not available" if p is None else numbers.p_value(p)),
+    ]
+    return {"sentences": said, "facts": facts_of(rows)}
+
+
+def _intervals(result: Json) -> Json | None:
+    """The intervals by three ways, where they differ or a parameter is weak; None where there is no such."""
+    stds = {row["name"]: row["std"] for row in result["parameters"]}
+    told = [row for row in result["intervals"] if stds[row["name"]] is not None]
+    if not told:
+        return None
+
+    def ends(row: Json, way: str, missing: str) -> str:
+        if row[way] is None:
+            return missing
+        return numbers.interval(tuple(row[way]), stds[row["name"]], unit_of(row))
+
+    columns = [("name", "left"), ("curvature", "right"), ("profile", "right"), ("posterior", "right")]
+    rows = [
+        row_of(
+            label(row["name"]),
+            ends(row, "linear", ""),
+            ends(row, "profile", "no end found"),
+            ends(row, "posterior", "not sampled"),
+        )
+        for row in told
+    ]
+    said = (
+        "By the curvature at the estimate, by the profile likelihood and by the quantiles of the posterior’s"
+        " draws."
+    )
+    if differing := [label(row["name"]) for row in told if row["differ"]]:
+        said += (
+            f" They differ by a tenth of their width or more for {listed(differing)}: do not rely on one"
+            " alone there, the widest is the safe one."
+        )
+    else:
+        said += " They agree."
+    return {"sentence": said, "table": table_of("95 % intervals by three ways", columns, rows)}
+
+
 # ── posterior ─────────────────────────────────────────────────────────────────────────────────
 
 
@@ -381,6 +536,7 @@ def _posterior_table(result: Json) -> Json | None:
     posterior = result["posterior"]
     if not posterior["converged"] or posterior["parameters"] is None:
         return None
+    noise = any(row["group"] == "noise" for row in result["parameters"])
     untold = {row["name"] for row in result["parameters"] if row["status"] == "unidentifiable"}
     targets = {row["name"] for row in result["parameters"] if row["group"] == "target"}
     columns = [
@@ -399,7 +555,7 @@ def _posterior_table(result: Json) -> Json | None:
             told = "drawn from the prior: the data have no say"
             rows.append(row_of(label(row["name"]), cell_of(told, span=5), tone="unidentifiable"))
             continue
-        std, unit = row["std"], row["unit"]
+        std, unit = row["std"], unit_of(row)
         rows.append(
             row_of(
                 label(row["name"]),
@@ -410,7 +566,8 @@ def _posterior_table(result: Json) -> Json | None:
                 _ratio(row["rhat"]),
             )
         )
-    return table_of("Posterior of offsets and tool", columns, rows) if rows else None
+    caption = f"Posterior of offsets{', tool and noise' if noise else ' and tool'}"
+    return table_of(caption, columns, rows) if rows else None
 
 
 def _ratio(rhat: float | None) -> str:
@@ -420,7 +577,7 @@ def _ratio(rhat: float | None) -> str:
 # ── shots ─────────────────────────────────────────────────────────────────────────────────────
 
 
-def _shots(shots: list[Json]) -> Json:
+def _shots(result: Json) -> Json:
     columns = [
         ("shot", "right"),
         ("target", "left"),
@@ -429,26 +586,38 @@ def _shots(shots: list[Json]) -> Json:
         ("left out", "right"),
         ("Cook’s distance", "right"),
     ]
-    listed, caption = shots, "Miss of every shot"
+    shots, robust = result["shots"], result["robust"]
+    weights = robust["weights"] if robust is not None and robust["converged"] else None
+    outliers = set(robust["outliers"]) if weights is not None else set()
+    chosen, caption = list(range(len(shots))), "Miss of every shot"
     said = (
         "A miss is what the fit leaves between beam (or probe) and target. “Left out” is the miss that "
         "the other shots predict; Cook’s distance is how far the answer moves without the shot."
     )
+    if weights is not None:
+        columns += [("weight", "right"), ("outlier", "left")] if outliers else [("weight", "right")]
+        said += " The weight is that of the robust fit."
     if len(shots) > MOST_SHOTS:
-        worst = sorted(range(len(shots)), key=lambda i: -shots[i]["whitened"])[:WORST_SHOTS]
-        listed, caption = [shots[i] for i in worst], f"The {WORST_SHOTS} worst shots of {len(shots)}"
+        # An outlier of the robust fit may have pulled the likelihood fit to itself.
+        worst = sorted(chosen, key=lambda i: (shots[i]["shot"] not in outliers, -shots[i]["whitened"]))
+        chosen, caption = worst[:WORST_SHOTS], f"The {WORST_SHOTS} worst shots of {len(shots)}"
         said += f" Of {len(shots)} shots the table shows the {WORST_SHOTS} worst; result.json has all."
-    rows = [
-        row_of(
+    rows = []
+    for i in chosen:
+        shot = shots[i]
+        cells: list[str | Json] = [
             str(shot["shot"]),
             clipped(shot["target"], 24),
             numbers.significant(math.hypot(*shot["miss_mm"]), unit="mm"),
             numbers.significant(shot["whitened"], 2),
             _or(shot["leave_one_out"], "not predictable", "mm"),
             _or(shot["cooks"], "not defined"),
-        )
-        for shot in listed
-    ]
+        ]
+        if weights is not None:
+            cells.append(numbers.fixed(weights[i], 2))
+        if outliers:
+            cells.append(cell_of("yes", mark="weak") if shot["shot"] in outliers else "no")
+        rows.append(row_of(*cells))
     return {"sentence": said, "table": table_of(caption, columns, rows)}
 
 

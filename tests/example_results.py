@@ -13,13 +13,17 @@ from zerobeam.analysis.result import (
     DistanceResult,
     Draws,
     FitSummary,
+    HoldOut,
     Identifiability,
     Inputs,
+    Intervals,
     NullDirection,
     ParameterResult,
     PosteriorParameter,
     PosteriorSummary,
     Result,
+    Robust,
+    RobustParameter,
     ShotResult,
 )
 from zerobeam.analysis.result_json import to_json
@@ -49,7 +53,7 @@ def parameter(
     value: float = 0.5,
     std: float = 0.0123,
     unit: str = "deg",
-    group: Literal["offset", "target", "tool"] = "offset",
+    group: Literal["offset", "target", "tool", "noise"] = "offset",
     midpoint: float | None = None,
     reason: str | None = None,
 ) -> ParameterResult:
@@ -64,7 +68,7 @@ def parameter(
         std=std if known else None,
         data_std=std * 1.01 if known else None,
         interval95=(value - 1.96 * std, value + 1.96 * std) if known else None,
-        prior_std=5.0 if unit == "deg" else 10_000.0,
+        prior_std={"deg": 5.0, "mm": 10_000.0, "1": 2.161}[unit],
         midpoint=midpoint if known else None,
         reason=reason,
     )
@@ -218,6 +222,9 @@ def good() -> Result:
         posterior=posterior(parameters),
         shots=shots(7, ("psd",)),
         distances=(),
+        intervals=(),
+        robust=None,
+        hold_out=None,
         notes=(),
         inputs=inputs(7, ("psd",)),
     )
@@ -289,6 +296,10 @@ def uncalibrated() -> Result:
         base,
         parameters=parameters,
         posterior=posterior(parameters),
+        intervals=(
+            Intervals("tool.tilt2", "deg", (-1.638, -0.502), (-2.21, -0.564), (-2.043, -0.551), True),
+            Intervals("tool.shift2", "mm", (-0.805, 0.645), None, (-0.931, 0.662), True),
+        ),
         inputs=inputs(7, ("psd",), run="uncalibrated.jsonl"),
     )
 
@@ -363,6 +374,96 @@ def unconverged() -> Result:
     )
 
 
+def robust(result: Result, outliers: tuple[int, ...] = (), **changes: Any) -> Robust:
+    """A robust fit of a result: a third of a std beside the likelihood fit, its intervals a little wider."""
+    rows = []
+    for row in result.parameters:
+        if row.held or row.group == "noise":
+            continue
+        if row.estimate is None or row.std is None:
+            rows.append(RobustParameter(row.name, row.unit, None, None, None))
+            continue
+        value, std = row.estimate + row.std / 3, 1.3 * row.std
+        rows.append(RobustParameter(row.name, row.unit, value, std, (value - 2.45 * std, value + 2.45 * std)))
+    base = Robust(
+        loss="huber",
+        tuning=2.4477,
+        converged=True,
+        reason="the weights settled",
+        noise_scale=None,
+        parameters=tuple(rows),
+        weights=tuple(0.1062 if shot.shot in outliers else 1.0 for shot in result.shots),
+        outliers=outliers,
+        message="no shot is too far off for chance",
+    )
+    return dataclasses.replace(base, **changes)
+
+
+def outlier() -> Result:
+    """Someone leaned on the bench at shot 2: it is far off, and a robust fit was asked for."""
+    base = good()
+    pushed = dataclasses.replace(base.shots[2], miss_mm=(1.2, -0.9), whitened=11.5, leave_one_out=2.81)
+    return dataclasses.replace(
+        base,
+        headline="All 5 offsets asked for are identified. But the model does not fit.",
+        likelihood=fit(chi2=136.4, p_value=1.2e-27, rms_mm=0.58),
+        shots=(*base.shots[:2], pushed, *base.shots[3:]),
+        robust=robust(base, (2,), message="shot 2 is too far off for chance"),
+        notes=("Outlying by the robust fit: 2. Look into it before you trust the likelihood's estimates",),
+        inputs=inputs(7, ("psd",), run="outlier.jsonl"),
+    )
+
+
+def held_out() -> Result:
+    """Three targets, of which two were held out; the offsets hold at them."""
+    base = good()
+    names = ("near", "left", "right")
+    parameters = (
+        *base.parameters[:6],
+        *(
+            parameter(f"{name}.{axis}", value=612.3, std=0.21, unit="mm", group="target")
+            for name in names
+            for axis in "xyz"
+        ),
+    )
+    return dataclasses.replace(
+        base,
+        parameters=parameters,
+        posterior=posterior(parameters),
+        shots=shots(12, names),
+        hold_out=HoldOut(("left", "right"), 8, 4, 0.142, 29.87, 9.31, 10, 0.503, None),
+        inputs=inputs(12, names, run="three-targets.jsonl"),
+    )
+
+
+def separate() -> Result:
+    """Both noises up to a factor of their own: the joints' is told weakly, the spot's not at all."""
+    base = good()
+    why = "the beam is long: the joints' noise hides the spot's"
+    joint = parameter("noise.joint", "weak", value=0.823, std=0.297, unit="1", group="noise", reason=why)
+    joint = dataclasses.replace(joint, interval95=(0.406, 1.669))
+    parameters = (
+        *base.parameters,
+        joint,
+        parameter("noise.spot", "unidentifiable", unit="1", group="noise", reason=why),
+    )
+    direction = NullDirection({"noise.spot": 1.0}, "noise", why, "state noise.spot_mm, or add shots", 3.5)
+    return dataclasses.replace(
+        base,
+        parameters=parameters,
+        identifiability=Identifiability(9, 10, 512.3, observability(), (direction,)),
+        likelihood=fit(p_value=None, message="the noise is fitted to these misses"),
+        posterior=posterior(parameters),
+        intervals=(
+            Intervals("delta2", "deg", (-0.567, -0.457), (-0.571, -0.453), (-0.582, -0.439), True),
+            Intervals("noise.joint", "1", (0.406, 1.669), (0.381, 1.602), (0.398, 1.713), False),
+        ),
+        inputs=inputs(
+            7, ("psd",), "separate.jsonl", noise={"joint_deg": 0.01, "spot_mm": 0.05, "scale": "separate"}
+        ),
+    )
+
+
 def hostile() -> Result:
     """Targets, run, provenance, reasons and notes with every kind of bad name in them."""
     base = x_pattern()
@@ -386,7 +487,7 @@ def hostile() -> Result:
         f"No known mechanism for {everything}.",
         f"Look at {everything}.",
     )
-    return dataclasses.replace(
+    result = dataclasses.replace(
         base,
         headline=f"Cannot be told: {everything}",
         parameters=parameters,
@@ -395,8 +496,10 @@ def hostile() -> Result:
         shots=shots(len(HOSTILE_NAMES) * 2, HOSTILE_NAMES),
         distances=(DistanceResult((HOSTILE_NAMES[0], HOSTILE_NAMES[3]), 50.0, 0.1, None, None),),
         notes=HOSTILE_NAMES,
+        hold_out=HoldOut(HOSTILE_NAMES[:9], 18, 2, None, None, None, None, None, everything),
         inputs=inputs(20, HOSTILE_NAMES, run=everything, provenance=dict.fromkeys(HOSTILE_NAMES, everything)),
     )
+    return dataclasses.replace(result, robust=robust(result, (3, 4)))
 
 
 EXAMPLES = {
@@ -405,6 +508,9 @@ EXAMPLES = {
     "uncalibrated": uncalibrated(),
     "misfit": misfit(),
     "unconverged": unconverged(),
+    "outlier": outlier(),
+    "held_out": held_out(),
+    "separate": separate(),
     "hostile": hostile(),
 }
 

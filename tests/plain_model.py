@@ -229,6 +229,33 @@ def miss(
     return (across(tool.direction, u) if basis is None else basis).T @ (y - p) - spot
 
 
+def by_joints(own: Arm, tool: Tool, q: np.ndarray, spot: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """(d, n) derivative of the miss by the recorded joints, without any step error.
+
+    The miss is a sine of each turn and linear in each slide: half the difference of its values a quarter turn
+    (or 1 mm) to either side is its derivative. Complex numbers go through, so that it can be derived again.
+    """
+    steps = np.diag(np.where(own.robot.display == 1, 1.0, np.pi / 2))
+    values = [[miss(own.pose, tool, q + e, spot, free) for e in (step, -step)] for step in steps]
+    return np.array([(ahead - behind) / 2 for ahead, behind in values]).T
+
+
+def covariance(
+    own: Arm, tool: Tool, q: np.ndarray, spot: np.ndarray, free: np.ndarray, variances: np.ndarray
+) -> np.ndarray:
+    """S (d, d) of section 1: joint noise through the miss, and spot noise; `variances` (n + 1,)."""
+    jacobian = by_joints(own, tool, q, spot, free)
+    return jacobian @ np.diag(variances[:-1]) @ jacobian.T + variances[-1] * np.eye(len(jacobian))
+
+
+def terms(
+    own: Arm, tool: Tool, q: np.ndarray, spot: np.ndarray, free: np.ndarray, variances: np.ndarray
+) -> np.ndarray:
+    """(2,) m' S^-1 m and the whole log det S of one shot."""
+    m, s = miss(own.pose, tool, q, spot, free), covariance(own, tool, q, spot, free, variances)
+    return np.array([m @ np.linalg.solve(s, m), np.log(np.linalg.det(s.astype(complex)))])
+
+
 # --- derivatives ------------------------------------------------------------------------------------
 
 

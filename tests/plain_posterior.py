@@ -82,8 +82,7 @@ class PlainPosterior:
         """Up to a constant."""
         miss, s = self._parts(z)
         quad = (miss * np.linalg.solve(s, miss[:, :, None])[:, :, 0]).sum()
-        det = s[:, 0, 0] * s[:, 1, 1] - s[:, 0, 1] * s[:, 1, 0]
-        return (quad + np.log(det).sum() + (z**2).sum()) / 2
+        return (quad + (z**2).sum()) / 2
 
     def gradient(self, z: np.ndarray) -> np.ndarray:
         return by_complex_steps(self.value, z)
@@ -95,17 +94,14 @@ class PlainPosterior:
         return (hessian + hessian.T) / 2
 
     def residuals(self, z: np.ndarray) -> np.ndarray:
-        """(3 N + f,) whose half sum of squares is the -log posterior up to a constant.
-
-        The log det of each shot becomes one more residual, sqrt(log det + 20); the priors come last.
-        """
+        """(2 N + f,) whose half sum of squares is the -log posterior; the priors come last."""
         miss, s = self._parts(z)
         l11 = np.sqrt(s[:, 0, 0])
         l21 = s[:, 1, 0] / l11
         l22 = np.sqrt(s[:, 1, 1] - l21**2)
         first = miss[:, 0] / l11
         second = (miss[:, 1] - l21 * first) / l22
-        return np.concatenate([first, second, np.sqrt(2 * np.log(l11 * l22) + 20.0), z])
+        return np.concatenate([first, second, z])
 
     def residual_jacobian(self, z: np.ndarray) -> np.ndarray:
         return by_complex_steps(self.residuals, z).T

@@ -10,6 +10,7 @@ import math
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ import typer
 from cells import PROBE, good_plan, header, pattern_plan, plan_of
 from command_line import Answer, plan_file, zerobeam
 from example_results import good
+from example_studies import agreeing, disagreeing
 from golden_files import assert_golden
 
 import zerobeam as package
@@ -123,6 +125,88 @@ def test_the_same_seed_gives_the_same_answer_and_another_seed_does_not() -> None
         answer["posterior"].pop("seconds")
     assert first == again
     assert first["posterior"]["parameters"] != other["posterior"]["parameters"]
+
+
+@pytest.mark.parametrize("loss", ["huber", "student"])
+def test_a_robust_fit_is_there_on_request_and_names_the_shot_that_is_off(tmp_path: Path, loss: str) -> None:
+    pushed = tmp_path / "pushed.jsonl"
+    pushed.write_text(run_text(None, one_changed(2, spot_mm=[1.5, -1.0])), encoding="utf-8")
+    told = zerobeam("analyse", pushed, "--robust", loss, "--json")
+    assert told.err == ""
+    assert told.json["robust"]["loss"] == loss
+    assert told.json["robust"]["outliers"] == [2]
+    assert min(told.json["robust"]["weights"]) == told.json["robust"]["weights"][2]
+    people = zerobeam("analyse", pushed, "--robust", loss).out
+    assert "Too far off for chance: shot 2 (weight" in " ".join(people.split())
+    calm = zerobeam("analyse", GOOD, "--json", "--robust", loss).json
+    assert calm["robust"]["outliers"] == []
+    assert zerobeam("analyse", GOOD, "--json").json["robust"] is None
+
+
+def test_targets_are_held_out_by_name_or_pattern(tmp_path: Path) -> None:
+    two = tmp_path / "two.jsonl"
+    shots = [{**shot, "target": "near"} for shot in SHOTS]
+    again = [{**shot, "shot": len(SHOTS) + i, "target": "far"} for i, shot in enumerate(SHOTS)]
+    two.write_text(run_text(None, [*shots, *again]), encoding="utf-8")
+    told = zerobeam("report", two, "-o", tmp_path / "out", "--hold-out", "f?r", "--json")
+    assert told.err == ""
+    found = told.json["hold_out"]
+    assert (found["targets"], found["shots"], found["shots_fitted"]) == (["far"], len(SHOTS), len(SHOTS))
+    assert "Held-out targets" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    # The same shots again: there is nothing that could be off.
+    assert found["p_value"] > 0.01
+    assert "Held out, far: misses" in zerobeam("analyse", two, "--hold-out", "far").out
+    assert zerobeam("analyse", two, "--json").json["hold_out"] is None
+    message = zerobeam("analyse", two, "--hold-out", "near", "--hold-out", "far").refused()
+    assert "all targets are held out" in message
+    assert "no target of that name" in zerobeam("analyse", two, "--hold-out", "fa").refused()
+
+
+def study_of(seen: list[tuple[int, int]], agrees: bool) -> Callable[..., dict[str, Any]]:
+    def made(data_sets: int, seed: int, progress: Callable[[str, float], None]) -> dict[str, Any]:
+        progress("good", 0.5)
+        seen.append((data_sets, seed))
+        return agreeing() if agrees else disagreeing()
+
+    return made
+
+
+@pytest.mark.parametrize(("agrees", "status"), [(True, 0), (False, 1)])
+def test_a_study_is_written_told_and_judged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, agrees: bool, status: int
+) -> None:
+    seen: list[tuple[int, int]] = []
+    monkeypatch.setattr("zerobeam.experiments.coverage.coverage_study", study_of(seen, agrees))
+    told = zerobeam("study", "coverage", "-o", tmp_path / "study", "--data-sets", "250", "--seed", "4")
+    assert (told.status, told.err) == (status, "")
+    assert seen == [(250, 4)]
+    assert told.out.startswith("Agrees. " if agrees else "Does not agree. ")
+    assert f"Study: {tmp_path / 'study' / 'study.html'}" in told.out
+    assert (tmp_path / "study" / "coverage.csv").is_file()
+    told = zerobeam("study", "coverage", "-o", tmp_path / "study", "--json")
+    assert (told.status, told.err) == (status, "")
+    assert seen[-1] == (1000, 0)
+    assert told.json == json.loads((tmp_path / "study" / "study.json").read_text(encoding="utf-8"))
+
+
+def test_a_study_is_refused_before_the_work_where_it_may_not_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[tuple[int, int]] = []
+    monkeypatch.setattr("zerobeam.experiments.coverage.coverage_study", study_of(seen, True))
+    (tmp_path / "thesis.tex").write_text("mine")
+    assert "holds other things" in zerobeam("study", "coverage", "-o", tmp_path).refused()
+    assert seen == []
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+@pytest.mark.long
+def test_a_small_study_from_beginning_to_end(tmp_path: Path) -> None:
+    told = zerobeam("study", "coverage", "-o", tmp_path / "study", "--data-sets", "100", "--json")
+    assert told.err == ""
+    assert told.status == (0 if told.json["agrees"] else 1)
+    assert told.json["settings"]["data_sets"] == 100
+    assert len(told.json["plans"]) >= 3
 
 
 @pytest.mark.parametrize(("name", "status", "verdict"), [("good", 0, "pass"), ("x", 1, "degenerate")])
@@ -481,6 +565,9 @@ def test_bad_recordings(tmp_path: Path, rows: str, top: str, units: str, expecte
         ["analyse", GOOD, "--ess", "1"],
         ["analyse", GOOD, "--seed", "-1"],
         ["analyse", GOOD, "--fast"],
+        ["analyse", GOOD, "--robust", "cauchy"],
+        ["study", "coverage"],
+        ["study", "coverage", "-o", "x", "--data-sets", "99"],
         ["report", GOOD],
         ["run", GOOD, "-o", "x", "--rig", "mine"],
         ["import", "csv", GOOD, "--header", GOOD, "--target", "a", "-o", "x"],

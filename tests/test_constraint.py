@@ -11,13 +11,15 @@ from plain_model import (
     beam,
     by_complex_step,
     by_differences,
+    covariance,
     miss,
+    terms,
     turn,
     unit,
 )
 
 from zerobeam.model import kernel
-from zerobeam.model.constraint import ShotFunctions, midpoint_function, shot_functions
+from zerobeam.model.constraint import ShotFunctions, midpoint_function
 from zerobeam.model.robot import Joint, Robot
 from zerobeam.model.tool import Tool
 
@@ -55,7 +57,10 @@ class Case:
             np.radians(3),
             10.0,
         )
-        self.functions: ShotFunctions = shot_functions(self.robot, self.tool)
+        self.functions = ShotFunctions(self.robot, self.tool)
+        self.by_log_det = {
+            which: ShotFunctions(self.robot, self.tool, which) for which in ("none", "relative", "whole")
+        }
         seed = [sorted(DIRECTION).index(name), TOOLS.index(kind)]
         rng = np.random.default_rng(seed)
         self.points = [self.point(rng) for _ in range(POINTS)]
@@ -92,6 +97,19 @@ class Case:
             result.append((q, spot, np.concatenate([delta, target, unknowns])))
         return result
 
+    def call(self, name: str, *inputs: np.ndarray, log_det: str = "none") -> list[np.ndarray]:
+        """The outputs of one of the functions: (size,) of a vector, (rows, columns) of a matrix."""
+        outputs = self.by_log_det[log_det].function(name)(*inputs)
+        outputs = outputs if isinstance(outputs, tuple) else (outputs,)
+        return [dense(each) if 1 in each.shape else np.array(each) for each in outputs]
+
+    def weighted(self, name, q, spot, free, log_det="whole", weight=1.0, variances=None):
+        """`terms` or `slopes` at a shot, at other variances than the stated ones."""
+        stated = self.variances()
+        noise = (stated if variances is None else variances, stated)
+        shot = (self.robot.recorded_turns(q), spot, weight, *self.split(free), *noise)
+        return self.call(name, *shot, log_det=log_det)
+
     def split(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return free[: self.n], free[self.n : self.n + 3], free[self.n + 3 :]
 
@@ -99,10 +117,10 @@ class Case:
         return miss(self.arm.pose, self.tool, q, spot, free, **changes)
 
     def miss(self, q: np.ndarray, spot: np.ndarray, free: np.ndarray) -> np.ndarray:
-        return dense(self.functions.linear(q, spot, *self.split(free))[0])
+        return self.call("linear", q, spot, *self.split(free))[0]
 
     def jacobian(self, q: np.ndarray, spot: np.ndarray, free: np.ndarray) -> np.ndarray:
-        return np.array(self.functions.linear(q, spot, *self.split(free))[1])
+        return np.array(self.functions.function("linear")(q, spot, *self.split(free))[1])
 
     def steps(self, rad: float = STEP_RAD, mm: float = STEP_MM) -> np.ndarray:
         offsets = np.where(self.robot.display == 1, mm, rad)
@@ -114,10 +132,19 @@ class Case:
         return np.append(joints**2, 0.05**2)
 
     def covariance(self, q: np.ndarray, spot: np.ndarray, free: np.ndarray) -> np.ndarray:
-        """S of section 1 with the derivative by the recorded joints, from the plain model."""
-        by_joints = by_complex_step(lambda z: self.plain(z, spot, free), q)
-        variances = self.variances()
-        return by_joints @ np.diag(variances[:-1]) @ by_joints.T + variances[-1] * np.eye(len(by_joints))
+        return covariance(self.arm, self.tool, q, spot, free, self.variances()).real
+
+    def plain_terms(
+        self, q: np.ndarray, spot: np.ndarray, z: np.ndarray, log_det: str = "whole"
+    ) -> np.ndarray:
+        """quad, logdet of the plain model; z is free and, if longer, the logarithms of the noise factors of
+        joints and spot."""
+        size = len(self.steps())
+        factors = np.exp(2 * z[size:]) if len(z) > size else np.ones(2)
+        variances = self.variances() * np.append(np.repeat(factors[0], self.n), factors[1])
+        quad, logdet = terms(self.arm, self.tool, q, spot, z[:size], variances)
+        _, stated = terms(self.arm, self.tool, q, spot, z[:size], self.variances())
+        return np.array([quad, {"none": 0.0, "relative": logdet - stated, "whole": logdet}[log_det]])
 
 
 def dense(value: ca.DM) -> np.ndarray:
@@ -228,39 +255,187 @@ def test_a_jacobian_without_one_of_its_terms_is_caught(cases, arm_name, part):
 # --- the Gaussian terms -----------------------------------------------------------------------------
 
 
+def test_the_plain_covariance_is_that_of_the_derivative_by_the_joints(case):
+    """So that the second model of S is not wrong in the same way: complex steps instead of quarter turns."""
+    for q, spot, free in case.points:
+        by_joints = by_complex_step(lambda z, s=spot, f=free: case.plain(z, s, f), q)
+        variances = case.variances()
+        expected = by_joints @ np.diag(variances[:-1]) @ by_joints.T + variances[-1] * np.eye(len(by_joints))
+        np.testing.assert_allclose(case.covariance(q, spot, free), expected, rtol=1e-9, atol=1e-12)
+
+
 def test_the_terms_against_slogdet_and_solve(case):
     for q, spot, free in case.hits():
-        covariance, m = case.covariance(q, spot, free), case.plain(q, spot, free).real
-        quad, logdet = map(float, case.functions.terms(q, spot, *case.split(free), case.variances()))
-        assert logdet == pytest.approx(np.linalg.slogdet(covariance)[1], rel=1e-10, abs=1e-10)
-        assert quad == pytest.approx(m @ np.linalg.solve(covariance, m), rel=1e-9)
+        s, m = case.covariance(q, spot, free), case.plain(q, spot, free).real
+        quad, logdet = (float(value[0]) for value in case.weighted("terms", q, spot, free))
+        assert logdet == pytest.approx(np.linalg.slogdet(s)[1], rel=1e-10, abs=1e-10)
+        assert quad == pytest.approx(m @ np.linalg.solve(s, m), rel=1e-9)
 
 
-def test_the_score_against_differences_of_the_terms(case):
+LOG_DETS = pytest.mark.parametrize("log_det", ["none", "relative", "whole"])
+
+
+@LOG_DETS
+def test_the_log_determinant_that_is_asked_for(case, log_det):
+    """None, that relative to the stated noise, or the whole; at twice the joints' noise."""
+    variances = case.variances() * np.append(np.full(case.n, 4.0), 1.0)
+    for q, spot, free in case.hits():
+        quad, logdet = case.plain_terms(q, spot, np.append(free, [np.log(2), 0.0]), log_det)
+        found = case.weighted("terms", q, spot, free, log_det, variances=variances)
+        np.testing.assert_allclose(np.concatenate(found), [quad.real, logdet.real], rtol=1e-9, atol=1e-9)
+        # At the noise that is stated, nothing is relative to it.
+        (at_stated,) = case.weighted("terms", q, spot, free, log_det)[1]
+        assert (abs(at_stated) < 1e-12) == (log_det != "whole")
+
+
+@LOG_DETS
+@pytest.mark.parametrize("name", ["terms", "slopes"])
+def test_the_weight_multiplies_all_that_a_shot_adds(case, name, log_det):
+    q, spot, free = case.hits()[0]
+    variances = 4 * case.variances()
+    whole = case.weighted(name, q, spot, free, log_det, variances=variances)
+    quarter = case.weighted(name, q, spot, free, log_det, 0.25, variances)
+    for value, part in zip(whole, quarter, strict=True):
+        np.testing.assert_allclose(part, 0.25 * value, rtol=1e-13)
+    for value in case.weighted(name, q, spot, free, log_det, 0.0, variances):
+        np.testing.assert_array_equal(value, 0)
+    assert all(np.abs(value).max() > 1e-6 for value in whole) == (log_det != "none")
+
+
+@LOG_DETS
+def test_the_slopes_have_the_values_of_the_terms(case, log_det):
+    variances = 4 * case.variances()
+    for q, spot, free in case.hits():
+        for first, second in zip(
+            case.weighted("slopes", q, spot, free, log_det, 1.0, variances)[:2],
+            case.weighted("terms", q, spot, free, log_det, 1.0, variances),
+            strict=True,
+        ):
+            np.testing.assert_allclose(first, second, rtol=1e-12, atol=1e-12)
+
+
+def test_the_gradients_against_differences_of_the_terms(case):
     """Steps 1e-5 rad and 0.01 mm. By a revolute joint the value varies like A^2 sin^2, A = 2000 mm / 0.05 mm:
     its fifth derivative is below 16 A^2 = 3e10, so the step error is 1e-20 / 30 * 3e10 = 1e-11. Rounding:
     1e-12 mm of the miss times m / sigma^2 = 1000 / mm, over 1e-5, is 1e-4.
     """
+    variances = case.variances() * np.append(np.full(case.n, 4.0), 1.0)
     for q, spot, free in case.hits():
-        for weight in (1.0, 0.37):
+        for log_det, weight in (("whole", 1.0), ("relative", 0.37), ("none", 1.0)):
 
-            def value(z, q=q, spot=spot, weight=weight):
-                quad, logdet = map(float, case.functions.terms(q, spot, *case.split(z), case.variances()))
-                return -(weight * quad + logdet) / 2
+            def value(z, q=q, spot=spot, log_det=log_det, weight=weight):
+                return np.concatenate(case.weighted("terms", q, spot, z, log_det, weight, variances))
 
-            score = dense(case.functions.score(q, spot, *case.split(free), case.variances(), weight))
             expected = by_differences(value, free, case.steps(1e-5, 1e-2))
-            np.testing.assert_allclose(score, expected, rtol=1e-9, atol=1e-3)
+            gradients = case.weighted("slopes", q, spot, free, log_det, weight, variances)[2:4]
+            own = np.array(gradients)[:, : len(free)]
+            np.testing.assert_allclose(own, expected, rtol=1e-9, atol=1e-3)
 
 
-def test_a_score_without_the_change_of_the_weights_is_caught(case):
+@LOG_DETS
+def test_the_gradients_against_complex_steps_of_the_plain_terms(case, log_det):
+    """No step error: what is left is the rounding of the miss, some 1e-11 mm, times J / sigma^2 = 2000 mm /
+    (0.05 mm)^2, and as much of S. Where the log det is relative, by the noise factors as well, at others
+    than 1; the variances that are handed in are those after the factors."""
+    logs = np.array([0.7, -0.4]) if log_det == "relative" else np.zeros(0)
+    factors = np.exp(2 * np.append(np.repeat(logs[0], case.n), logs[1])) if len(logs) else 1.0
+    for q, spot, free in case.hits():
+        expected = by_complex_step(
+            lambda z, q=q, s=spot: case.plain_terms(q, s, z, log_det), np.append(free, logs)
+        )
+        gradients = case.weighted("slopes", q, spot, free, log_det, variances=case.variances() * factors)[2:4]
+        np.testing.assert_allclose(gradients, expected, rtol=1e-8, atol=1e-4)
+        if log_det == "relative":
+            own = np.array(gradients)[:, -2:]
+            np.testing.assert_allclose(own, expected[:, -2:], rtol=1e-9, atol=1e-9)
+            # Negative control: by the factors themselves they would be others.
+            assert np.abs(own / np.exp(logs) - expected[:, -2:]).max() > 0.01
+
+
+def test_a_gradient_without_the_change_of_the_weights_is_caught(case):
     """Negative control: with S held, as in Gauss-Newton, the gradient is another one."""
-    worst = 0.0
+    worst = np.zeros(2)
     for q, spot, free in case.hits(near=0.2):
-        score = dense(case.functions.score(q, spot, *case.split(free), case.variances(), 1.0))
+        _, _, by_quad, by_logdet, _ = case.weighted("slopes", q, spot, free)
         whitened = np.linalg.solve(case.covariance(q, spot, free), case.miss(q, spot, free))
-        worst = max(worst, np.abs(score + case.jacobian(q, spot, free).T @ whitened).max())
-    assert worst > 0.1
+        frozen = 2 * case.jacobian(q, spot, free).T @ whitened
+        changes = [np.abs(each - frozen).max() / 2 for each in (by_quad, by_quad + by_logdet)]
+        worst = np.maximum(worst, changes)
+    assert (worst > 0.1).all()
+
+
+def lower_of(flat: np.ndarray) -> np.ndarray:
+    """The symmetric matrix whose lower triangle stands row by row in `flat`."""
+    size = int(np.sqrt(2 * len(flat)))
+    matrix = np.zeros((size, size))
+    matrix[np.tril_indices(size)] = flat
+    return matrix + np.tril(matrix, -1).T
+
+
+@LOG_DETS
+def test_the_information_of_the_misses(case, log_det):
+    """J' S^-1 J from plain numpy, each entry in units of those on the diagonal."""
+    size = len(case.steps())
+    for q, spot, free in case.points:
+        s = case.covariance(q, spot, free)
+        jacobian = by_complex_step(lambda z, q=q, p=spot: case.plain(q, p, z), free)
+        expected = jacobian.T @ np.linalg.solve(s, jacobian)
+        unit = np.outer(*2 * [1 / np.sqrt(np.diag(expected))])
+        (flat,) = case.weighted("slopes", q, spot, free, log_det)[4:]
+        found = lower_of(flat)[:size, :size]
+        np.testing.assert_allclose(found * unit, expected * unit, rtol=0, atol=1e-9)
+        # Negative controls: with the spot's noise alone, and with the components' noise not correlated.
+        for other in (case.variances()[-1] * np.eye(len(s)), np.diag(np.diag(s))):
+            wrong = jacobian.T @ np.linalg.solve(other, jacobian)
+            assert np.abs((wrong - found) * unit).max() > 1e-6
+
+
+def noise_information(case: Case, q: np.ndarray, spot: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """(2, 2) tr(S^-1 dS S^-1 dS) / 2 by the logarithms of the noise factors of joints and spot."""
+    s = case.covariance(q, spot, free)
+    spot_part = case.variances()[-1] * np.eye(len(s))
+    changes = [np.linalg.solve(s, 2 * (s - spot_part)), np.linalg.solve(s, 2 * spot_part)]
+    return np.array([[np.trace(a @ b) / 2 for b in changes] for a in changes])
+
+
+def test_the_information_on_the_noise_factors(case):
+    for q, spot, free in case.hits():
+        whole = lower_of(case.weighted("slopes", q, spot, free, "relative")[4])
+        np.testing.assert_allclose(whole[-2:, -2:], noise_information(case, q, spot, free), rtol=1e-9)
+        np.testing.assert_array_equal(whole[-2:, :-2], 0)  # what S tells of x is left out
+        # One factor on both: the information is that of a scale, 2 for each component.
+        assert whole[-2:, -2:].sum() == pytest.approx(2 * case.tool.miss_size, rel=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["laser", "probe"])
+def test_the_information_on_the_noise_is_the_covariance_of_its_score(cases, kind):
+    """Fisher's definition: 20 000 misses drawn from N(0, S); every entry within five standard errors, those
+    by the draws themselves. And the mean of the score is zero: by the noise factors, and with the whole log
+    det, which makes the density of the miss one, by all else."""
+    case = cases("irb1600", kind)
+    rng = np.random.default_rng(11)
+    q, spot, free = case.hits()[1]
+    s, here = case.covariance(q, spot, free), case.miss(q, spot, free)
+    draws = rng.normal(size=(20_000, len(s))) @ np.linalg.cholesky(s).T
+    shot = (case.robot.recorded_turns(q), spot + here - draws, np.ones(1), *case.split(free))
+    slopes = {
+        which: case.by_log_det[which].kernel("slopes")(*shot, case.variances(), case.variances())
+        for which in ("relative", "whole")
+    }
+    _, _, by_quad, by_logdet, _ = slopes["whole"]
+    scores = -(by_quad + by_logdet) / 2
+    assert (np.abs(scores.mean(axis=0)) < 5 * scores.std(axis=0) / np.sqrt(len(draws)) + 1e-9).all()
+    _, _, by_quad, by_logdet, information = slopes["relative"]
+    scores = -(by_quad + by_logdet)[:, -2:] / 2
+    error = scores.std(axis=0) / np.sqrt(len(draws))
+    assert (np.abs(scores.mean(axis=0)) < 5 * error).all()
+    assert (np.abs((-by_quad[:, -2:] / 2).mean(axis=0)) > 5 * error).all()  # control: without log det
+    products = scores[:, :, None] * scores[:, None, :]
+    error = products.std(axis=0) / np.sqrt(len(draws))
+    stated = lower_of(information[0])[-2:, -2:]
+    assert (np.abs(products.mean(axis=0) - stated) < 5 * error).all()
+    for wrong in (2 * stated, np.diag(np.diag(stated))):  # controls: twice as much; both factors apart
+        assert (np.abs(products.mean(axis=0) - wrong) > 5 * error).any()
 
 
 # --- gauges -----------------------------------------------------------------------------------------
@@ -308,7 +483,7 @@ def test_written_in_the_base_frame_the_same_gauge_hides(cases):
     delta, target, unknowns = case.split(free)
 
     def crossed(delta, target):
-        origin, direction = map(dense, case.functions.beam(q, delta, unknowns))
+        origin, direction = case.call("beam", q, delta, unknowns)
         return np.cross(target - origin, direction)
 
     step = 0.1 * np.eye(6)[0]
@@ -383,10 +558,7 @@ def test_the_last_joint_and_an_uncalibrated_tool_turn_together(cases, arm_name, 
         other = np.concatenate([delta + step, target, turned])
         here = np.linalg.norm(case.miss(q, spot, free))
         assert np.linalg.norm(case.miss(q, spot, other)) == pytest.approx(here, abs=1e-9)
-        values = [
-            np.array(list(map(float, case.functions.terms(q, spot, *case.split(f), case.variances()))))
-            for f in (free, other)
-        ]
+        values = [np.concatenate(case.weighted("terms", q, spot, f)) for f in (free, other)]
         np.testing.assert_allclose(values[1], values[0], rtol=1e-9)
         # Negative control: the joint without the tool.
         unturned = case.miss(q, spot, np.concatenate([delta + step, target, unknowns]))
@@ -398,13 +570,13 @@ def test_a_beam_along_x_turned_about_the_last_axis_keeps_the_miss_itself(cases):
     """Section 3.1: delta6 + phi against a tilt of -phi in the plane across the last axis."""
     case = cases("irb1600", "laser, uncalibrated")
     tool = Tool("laser", False, np.array([0, 0, 65.0]), case.tool.direction, 0.05, 10.0)  # on the last axis
-    functions = shot_functions(case.robot, tool)
+    linear = ShotFunctions(case.robot, tool).function("linear")
     for q, spot, free in case.points:
         delta, target, unknowns = case.split(free)
         flat = np.array([0.05, 0.0, 0.0, unknowns[3]])
         turned, step = flat - [0.1, 0, 0, 0], 0.1 * np.eye(6)[5]
-        here = dense(functions.linear(q, spot, delta, target, flat)[0])
-        there = dense(functions.linear(q, spot, delta + step, target, turned)[0])
+        here = dense(linear(q, spot, delta, target, flat)[0])
+        there = dense(linear(q, spot, delta + step, target, turned)[0])
         np.testing.assert_allclose(there, here, rtol=0, atol=1e-9)
 
 
@@ -416,10 +588,10 @@ def test_seen_and_place_are_each_other_backwards(cases, arm_name):
     for q, _, free in case.points:
         delta, target, _ = case.split(free)
         flange = case.arm.pose(q + delta).real
-        y = dense(case.functions.seen(q, delta, target))
+        y = case.call("seen", q, delta, target)[0]
         np.testing.assert_allclose(y, flange[:3, :3].T @ (target - flange[:3, 3]), atol=1e-9)
-        np.testing.assert_allclose(dense(case.functions.place(q, delta, y)), target, atol=1e-9)
-        back = dense(case.functions.seen(q, delta, dense(case.functions.place(q, delta, target))))
+        np.testing.assert_allclose(case.call("place", q, delta, y)[0], target, atol=1e-9)
+        back = case.call("seen", q, delta, case.call("place", q, delta, target)[0])[0]
         np.testing.assert_allclose(back, target, atol=1e-9)
 
 
@@ -427,18 +599,18 @@ def test_placed_has_the_derivative_of_place(cases, arm_name):
     case = cases(arm_name, "probe, uncalibrated")
     for q, _, free in case.points:
         delta, y, _ = case.split(free)
-        placed, jacobian = case.functions.placed(q, delta, y)
-        np.testing.assert_array_equal(dense(placed), dense(case.functions.place(q, delta, y)))
+        placed, jacobian = case.call("placed", q, delta, y)
+        np.testing.assert_array_equal(placed, case.call("place", q, delta, y)[0])
         expected = by_complex_step(
             lambda z, q=q: moved(case.arm.pose(q + z[: case.n]), z[case.n :]), np.append(delta, y)
         )
-        np.testing.assert_allclose(np.array(jacobian), expected, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(jacobian, expected, rtol=0, atol=1e-9)
 
 
 def test_the_beam_in_the_base_frame(case):
     for q, _, free in case.points:
         delta, _, unknowns = case.split(free)
-        origin, direction = map(dense, case.functions.beam(q, delta, unknowns))
+        origin, direction = case.call("beam", q, delta, unknowns)
         flange = case.arm.pose(q + delta).real
         if case.tool.kind == "laser":
             p, u = beam(case.tool, unknowns)
@@ -471,10 +643,27 @@ def test_the_midpoint_of_two_skew_beams(cases, arm_name, kind):
             return middle([(moved(flange, p), flange[:3, :3] @ u) for flange in flanges])
 
         x = np.append(delta, unknowns)
-        point, jacobian = function(q1, q2, delta, unknowns)
+        point, jacobian, by_q1, by_q2 = function(q1, q2, delta, unknowns)
         np.testing.assert_allclose(dense(point), plain(x).real, rtol=1e-9, atol=1e-7)
         expected = by_complex_step(plain, x)
         np.testing.assert_allclose(np.array(jacobian), expected, rtol=1e-8, atol=1e-6)
+
+        # By what is recorded at one of the two shots; the offsets move both.
+        for by, which in ((by_q1, 0), (by_q2, 1)):
+
+            def one_turned(z, which=which, both=(q1, q2), delta=delta, unknowns=unknowns):
+                q = [both[0], both[1]]
+                q[which] = z
+                flanges = [case.arm.pose(each + delta) for each in q]
+                p, u = beam(case.tool, unknowns)
+                return middle([(moved(flange, p), flange[:3, :3] @ u) for flange in flanges])
+
+            np.testing.assert_allclose(
+                np.array(by), by_complex_step(one_turned, (q1, q2)[which]), rtol=1e-8, atol=1e-6
+            )
+        first, second, both = (np.array(by) for by in (by_q1, by_q2, jacobian))
+        np.testing.assert_allclose(first + second, both[:, : case.n], rtol=1e-8, atol=1e-6)
+        assert np.abs(first - second).max() > 1  # control: the two are not one
 
         def value(z, q1=q1, q2=q2):
             return dense(function(q1, q2, z[: case.n], z[case.n :])[0])
@@ -495,57 +684,74 @@ def test_a_midpoint_known_by_hand():
         for name, kind in (("turn", "revolute"), ("lift", "prismatic"))
     )
     function = midpoint_function(Robot("mast", joints, np.eye(4)), tool)
-    point, _ = function([0, 0], [np.pi / 2, 100], [0, 0], [])
+    point, *_ = function([0, 0], [np.pi / 2, 100], [0, 0], [])
     np.testing.assert_allclose(dense(point), [0, 0, 50], atol=1e-12)
     # The offset of the lift moves both beams, and the middle, by as much.
-    point, jacobian = function([0, 0], [np.pi / 2, 100], [0, 7], [])
+    point, jacobian, by_q1, by_q2 = function([0, 0], [np.pi / 2, 100], [0, 7], [])
     np.testing.assert_allclose(dense(point), [0, 0, 57], atol=1e-12)
     np.testing.assert_allclose(np.array(jacobian), [[0, 0], [0, 0], [0, 1]], atol=1e-12)
+    # Recorded at one shot alone, the lift moves the middle by half.
+    for by in (by_q1, by_q2):
+        np.testing.assert_allclose(np.array(by)[:, 1], [0, 0, 0.5], atol=1e-12)
 
 
 # --- names ------------------------------------------------------------------------------------------
 
 
 def test_every_input_and_output_is_named(case):
-    shot = ["q", "spot", "delta", "target", "tool"]
+    shot = ["spot", "delta", "target", "tool"]
+    weighted = ["turns", "spot", "weight", "delta", "target", "tool", "variances", "stated"]
+    slopes = ["quad", "logdet", "quad_gradient", "logdet_gradient", "information"]
     named = {
-        "linear": (shot, ["m", "jacobian"]),
-        "terms": ([*shot, "variances"], ["quad", "logdet"]),
-        "score": ([*shot, "variances", "weight"], ["gradient"]),
+        "linear": (["q", *shot], ["m", "jacobian"]),
+        "terms": (weighted, ["quad", "logdet"]),
+        "slopes": (weighted, slopes),
         "seen": (["q", "delta", "target"], ["y"]),
         "place": (["q", "delta", "y"], ["target"]),
         "placed": (["q", "delta", "y"], ["target", "jacobian"]),
         "beam": (["q", "delta", "tool"], ["origin", "direction"]),
+        "skeleton": (["q", "delta"], ["points"]),
+        "axes": (["q", "delta"], ["axes"]),
     }
-    for name, (inputs, outputs) in named.items():
-        function = getattr(case.functions, name)
-        assert (function.name(), function.name_in(), function.name_out()) == (name, inputs, outputs)
-        for k in range(function.n_out()):
-            assert function.sparsity_out(k).is_dense(), name
+    for functions in case.by_log_det.values():
+        for name, (inputs, outputs) in named.items():
+            function = functions.function(name)
+            assert (function.name(), function.name_in(), function.name_out()) == (name, inputs, outputs)
+            for k in range(function.n_out()):
+                assert function.sparsity_out(k).is_dense(), name
+    size = len(case.steps())
+    for log_det, free in (("none", size), ("relative", size + 2), ("whole", size)):
+        sizes = [case.by_log_det[log_det].function("slopes").numel_out(k) for k in range(5)]
+        assert sizes == [1, 1, free, free, free * (free + 1) // 2]
 
 
-def test_a_kernel_is_made_once_for_each_path(cases):
+def test_a_function_and_a_kernel_are_made_once(cases):
     case = cases("scara", "laser")
-    functions = shot_functions(case.robot, case.tool)
+    functions = ShotFunctions(case.robot, case.tool)
+    assert not functions._functions  # nothing is built that is not asked for
     plain = functions.kernel("linear")
+    assert set(functions._functions) == {"linear"}
     assert functions.kernel("linear") is plain
-    assert plain.function is functions.linear
+    assert plain.function is functions.function("linear")
     assert not plain.compiled
     compiled = functions.kernel("linear", compile=True)
     assert compiled is not plain
+    assert compiled.function is plain.function
     assert functions.kernel("linear", compile=True) is compiled
     assert functions.kernel("beam") is not plain
     # Not shared between tools.
-    assert shot_functions(case.robot, case.tool).kernel("linear") is not plain
+    assert ShotFunctions(case.robot, case.tool).kernel("linear") is not plain
+    with pytest.raises(KeyError, match="score"):
+        functions.function("score")
 
 
 def test_without_a_compiler_all_functions_together_say_so_once(cases, monkeypatch):
     """By Python's own rule of once a place: all kernels of a shot are asked for in one."""
     case = cases("scara", "laser")
     monkeypatch.setattr(kernel, "_compiler", lambda: None)
-    functions = shot_functions(case.robot, case.tool)
+    functions = ShotFunctions(case.robot, case.tool)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("default")
-        for name in ("terms", "place", "score"):
+        for name in ("terms", "place", "slopes"):
             assert not functions.kernel(name, compile=True).compiled
     assert [each.category for each in caught] == [kernel.KernelWarning]

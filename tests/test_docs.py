@@ -191,10 +191,10 @@ def test_every_command_that_a_page_names_exists() -> None:
     for page in [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]:
         text = read(page)
         code = [block.text for block in blocks(text)] + re.findall(r"`([^`\n]+)`", text)
-        named |= set(re.findall(r"\bzerobeam ((?:import )?[a-z]+)\b", "\n".join(code)))
+        named |= set(re.findall(r"\bzerobeam ((?:(?:import|study) )?[a-z]+)\b", "\n".join(code)))
     assert named <= known, named - known
-    # `import` alone is a group of commands; every command that does something is documented.
-    assert known - named <= {"import"}
+    # `import` and `study` alone are groups of commands; every command that does something is documented.
+    assert known - named <= {"import", "study"}
 
 
 def test_every_make_target_that_a_page_names_exists() -> None:

@@ -14,7 +14,7 @@ from example_results import draws, good, hostile, unconverged, x_pattern
 
 from zerobeam.analysis.result_json import UnsoundResult, to_json
 from zerobeam.model.errors import BadInput
-from zerobeam.reports import folder as folder_module
+from zerobeam.reports import whole_folder
 from zerobeam.reports.folder import write_report
 
 Refused = Callable[..., BadInput]
@@ -129,7 +129,7 @@ def test_an_interruption_leaves_nothing(tmp_path: Path, monkeypatch: pytest.Monk
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(folder_module, "_swap", interrupt)
+    monkeypatch.setattr(whole_folder, "_swap", interrupt)
     with pytest.raises(KeyboardInterrupt):
         write_report(tmp_path / "a" / "out", good(), None)
     assert everything(tmp_path) == set()

@@ -131,6 +131,18 @@ def test_what_a_header_cannot_say(header_file, refused, old, new, what, line):
     assert "pydantic" not in str(error)
 
 
+def test_separate_noise_factors_need_a_spot_noise(header_file, refused):
+    """Of none at all no factor can be told; joints alone may be estimated."""
+    stated = change(LASER, "spot_mm: 0.05", "spot_mm: 0.05\n  scale: separate")
+    assert read_header(header_file(stated)).noise.scale == "separate"
+    error = refused(read_header, header_file(stated.replace("spot_mm: 0.05", "spot_mm: 0")))
+    assert "no spot noise" in error.what
+    assert error.line == 10
+    assert "above 0" in error.allowed
+    assert "scale: estimated" in error.remedy
+    assert read_header(header_file(change(LASER, "spot_mm: 0.05", "spot_mm: 0"))).noise.spot_mm == 0
+
+
 def test_a_probe_has_no_tilt(header_file, refused):
     text = change(PROBE, "32]", "32], sigma: {tilt_deg: 3}")
     assert "tilt_deg is stated for a probe" in refused(read_header, header_file(text)).what

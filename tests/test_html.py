@@ -12,7 +12,20 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from example_results import EXAMPLES, FORBIDDEN, drawn, good, hostile, misfit, unconverged, x_pattern
+from example_results import (
+    EXAMPLES,
+    FORBIDDEN,
+    drawn,
+    good,
+    held_out,
+    hostile,
+    misfit,
+    outlier,
+    separate,
+    uncalibrated,
+    unconverged,
+    x_pattern,
+)
 
 from zerobeam.analysis.result import Result
 from zerobeam.analysis.result_json import dumps, to_json
@@ -85,6 +98,22 @@ def test_sections_stand_in_the_order_of_their_weight() -> None:
     ))]  # fmt: skip
     places = [text.index(mark) for mark in marks]
     assert places == sorted(places)
+
+
+@pytest.mark.parametrize(
+    ("result", "heading", "words"),
+    [
+        (outlier(), "Robust fit", "Too far off for chance: shot 2 (weight 0.11)."),
+        (held_out(), "Held-out targets", "the offsets hold there too."),
+        (uncalibrated(), "Intervals by three ways", "no end found"),
+        (separate(), "Intervals by three ways", "0.38 to 1.60\u00a0times"),
+    ],
+)
+def test_what_was_asked_for_besides_has_a_section(result: Result, heading: str, words: str) -> None:
+    text = made(result)
+    assert f"<h2>{heading}</h2>" in text
+    assert words in " ".join(Page(text).text)
+    assert heading not in made(good())
 
 
 def test_no_unidentifiable_parameter_has_a_number() -> None:

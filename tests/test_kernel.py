@@ -11,18 +11,16 @@ import numpy as np
 import pytest
 
 from zerobeam.model import kernel
-from zerobeam.model.constraint import shot_functions
 from zerobeam.model.kernel import (
     Kernel,
     KernelWarning,
     cache_folder,
     constant,
+    per_both,
     per_inner,
     per_outer,
     selected,
 )
-from zerobeam.model.robot_file import load_robot
-from zerobeam.model.tool import Tool
 
 needs_compiler = pytest.mark.skipif(kernel._compiler() is None, reason="no C compiler on this machine")
 
@@ -160,35 +158,93 @@ def test_what_is_not_finite_stays_so(compile):
     assert np.isnan(total[0])
 
 
-@needs_compiler
-def test_the_compiled_terms_of_a_shot_are_the_plain_ones(tmp_path):
-    """To 1e-12 of each value; measured with gcc on x86-64: not one bit of difference, alone and summed."""
-    tool = Tool("laser", False, np.array([0, 0, 65.0]), np.array([1.0, 0, 0]), np.radians(3), 10.0)
-    functions = shot_functions(load_robot("irb1600", tmp_path), tool)
-    rng = np.random.default_rng(2)
-    shots, walkers = 7, 40
-    q, spot = rng.uniform(-1.5, 1.5, (shots, 6)), rng.normal(size=(shots, 2))
-    delta, target = rng.normal(scale=0.05, size=(walkers, 6)), rng.uniform(-1500, 1500, (walkers, 1, 3))
-    unknown, variances = rng.normal(scale=0.05, size=(walkers, 4)), np.append(np.full(6, 3e-8), 2.5e-3)
-    grid = [
-        per_inner(q, shots),
-        per_inner(spot, shots),
-        per_outer(delta, shots),
-        selected(target, np.zeros(shots, dtype=np.int64)),
-        per_outer(unknown, shots),
-        constant(variances, shots),
-    ]
-    one = [q[0], spot[0], delta, target[:, 0], unknown, variances]
-    compiled, plain = Kernel(functions.terms, compile=True), Kernel(functions.terms)
-    assert compiled.compiled
-    assert not plain.compiled
-    for first, second in zip(compiled(*one), plain(*one), strict=True):
-        np.testing.assert_allclose(first, second, rtol=1e-12)
-    for first, second in zip(
-        compiled.sums(grid, walkers, shots), plain.sums(grid, walkers, shots), strict=True
+# --- what does not change over the shots ------------------------------------------------------------
+
+
+def bent():
+    """(w (2,), s (3,), v (1,)) -> (): of w and v alone it takes the sine and the root."""
+    w, s, v = ca.SX.sym("w", 2), ca.SX.sym("s", 3), ca.SX.sym("v", 1)
+    value = ca.vertcat(ca.sin(w[0]) * s[0] + ca.sqrt(v) * s[1], ca.exp(w[1] * v) + s[2], ca.cos(v))
+    return ca.Function("bent", [w, s, v], [value], ["w", "s", "v"], ["value"])
+
+
+def bent_inputs(walkers, shots):
+    rng = np.random.default_rng(4)
+    w, s, v = rng.normal(size=(walkers, 2)), rng.normal(size=(shots, 3)), np.array([0.7])
+    return [per_outer(w, shots), per_inner(s, shots), constant(v, shots)]
+
+
+@pytest.mark.parametrize("compile", PATHS)
+@pytest.mark.parametrize("walkers", [1, 2, 3, 5, 9])
+def test_hoisting_changes_no_number(compile, walkers):
+    inputs = bent_inputs(walkers, 4)
+    (hoisted,) = Kernel(bent(), compile=compile, hoisted=("w", "v")).sums(inputs, walkers, 4)
+    (plain,) = Kernel(bent(), compile=compile).sums(inputs, walkers, 4)
+    np.testing.assert_array_equal(hoisted, plain)
+    w, s, v = (given.values for given in inputs)
+    for i in range(walkers):
+        first = (np.sin(w[i, 0]) * s[:, 0] + np.sqrt(v) * s[:, 1]).sum()
+        np.testing.assert_allclose(
+            hoisted[i], [first, (np.exp(w[i, 1] * v) + s[:, 2]).sum(), 4 * np.cos(v[0])], rtol=1e-13
+        )
+
+
+@pytest.mark.parametrize("compile", PATHS)
+def test_a_hoisted_input_that_changes_is_refused(compile):
+    """Compiled code would take that of the first shot for all."""
+    made = Kernel(bent(), compile=compile, hoisted=("w", "v"))
+    inputs = bent_inputs(3, 4)
+    made.sums(inputs, 3, 4)
+    rng = np.random.default_rng(5)
+    for changing in (
+        per_both(rng.normal(size=(3, 4, 2))),
+        per_inner(rng.normal(size=(4, 2)), 4),
+        selected(rng.normal(size=(3, 2, 2)), np.array([0, 1, 1, 0])),
     ):
-        assert np.ptp(first) > 1  # there is something to compare
-        np.testing.assert_allclose(first, second, rtol=1e-12)
+        with pytest.raises(ValueError, match="bent: w must not change over shots"):
+            made.sums([changing, *inputs[1:]], 3, 4)
+        assert Kernel(bent(), compile=compile).sums([changing, *inputs[1:]], 3, 4)[0].shape == (3, 3)
+    # Rows are walkers of one shot each: there all may change.
+    assert made(np.ones((3, 2)), np.ones(3), np.ones((3, 1)))[0].shape == (3, 3)
+
+
+@pytest.mark.parametrize("compile", PATHS)
+def test_an_input_that_changes_with_walker_and_shot(compile):
+    function = small()
+    made = Kernel(function, compile=compile)
+    rng = np.random.default_rng(6)
+    a, b = rng.normal(size=(5, 4, 2)), rng.normal(size=(5, 4, 3))
+    total, table = made.sums([per_both(a), per_both(b)], 5, 4)
+    for i in range(5):
+        each = [expected(*row) for row in zip(a[i], b[i], strict=True)]
+        assert total[i] == pytest.approx(sum(one for one, _ in each), rel=1e-13)
+        np.testing.assert_allclose(table[i], sum(many for _, many in each), rtol=1e-13, atol=1e-14)
+
+
+@pytest.mark.parametrize("compile", PATHS)
+def test_an_input_that_ends_too_soon_is_refused(compile):
+    """Compiled code would read on behind it."""
+    made = Kernel(small(), compile=compile)
+    b = per_inner(np.ones((4, 3)), 4)
+    for a in (
+        per_outer(np.ones((2, 2)), 4),
+        per_both(np.ones((2, 4, 2))),
+        selected(np.ones((3, 2, 2)), np.array([0, 1, 2, 0])),
+        constant(np.ones(1), 4),
+    ):
+        with pytest.raises(ValueError, match="small: a has"):
+            made.sums([a, b], 3, 4)
+    assert made.sums([per_outer(np.ones((3, 2)), 4), b], 3, 4)[0].shape == (3,)
+
+
+@pytest.mark.parametrize("compile", PATHS)
+def test_no_walkers_and_no_shots(compile):
+    """A sum over nothing is zero, also of what was to be computed once for all shots."""
+    made = Kernel(bent(), compile=compile, hoisted=("w", "v"))
+    (none,) = made.sums(bent_inputs(3, 0), 3, 0)
+    np.testing.assert_array_equal(none, np.zeros((3, 3)))
+    (nobody,) = made.sums(bent_inputs(0, 4), 0, 4)
+    assert nobody.shape == (0, 3)
 
 
 # --- shapes -----------------------------------------------------------------------------------------
@@ -215,6 +271,14 @@ def test_shapes_that_do_not_fit_are_refused(compile, shapes, told):
     with pytest.raises(ValueError, match=told) as caught:
         made(*(np.ones(shape) for shape in shapes))
     assert "small" in str(caught.value)
+
+
+@pytest.mark.parametrize("compile", PATHS)
+def test_an_output_that_is_not_dense_is_refused(compile):
+    """CasADi would write its nonzeros one after the other."""
+    a = ca.SX.sym("a", 2)
+    with pytest.raises(ValueError, match="diagonal has an output that is not dense"):
+        Kernel(ca.Function("diagonal", [a], [ca.diag(a)]), compile=compile)
 
 
 def test_casadi_itself_would_map_silently():
@@ -261,18 +325,23 @@ def test_a_kernel_is_compiled_once(empty_cache, monkeypatch):
 
 
 @needs_compiler
-@pytest.mark.parametrize("what", ["source", "flags", "compiler"])
+@pytest.mark.parametrize("what", ["source", "flags", "compiler", "hoisting"])
 def test_what_the_numbers_depend_on_is_in_the_name(empty_cache, monkeypatch, what):
     Kernel(small(), compile=True)
     function = small()
     if what == "source":
         a, b = ca.SX.sym("a", 2), ca.SX.sym("b", 3)
         function = ca.Function("small", [a, b], [ca.sum(a) * ca.sumsqr(b) + 1, a])
+    elif what == "hoisting":
+        Kernel(function, compile=True, hoisted=("a",))
+        assert len(libraries(empty_cache)) == 2
+        return
     elif what == "flags":
-        monkeypatch.setattr(kernel, "_FLAGS", (*kernel._FLAGS, "-g0"))
+        path, flags, macros = kernel._compiler()
+        monkeypatch.setattr(kernel, "_compiler", lambda: (path, (*flags, "-g0"), macros))
     else:
-        path, version = kernel._compiler()
-        monkeypatch.setattr(kernel, "_compiler", lambda: (path, version + "."))
+        path, flags, macros = kernel._compiler()
+        monkeypatch.setattr(kernel, "_compiler", lambda: (path, flags, macros + "#define NEWER 1\n"))
     Kernel(function, compile=True)
     assert len(libraries(empty_cache)) == 2
 
@@ -401,7 +470,7 @@ def script(path, text):
 def test_a_compiler_that_fails_is_told_and_leaves_nothing_running_wrong(
     empty_cache, tmp_path, compilers, acts
 ):
-    cc = script(tmp_path / "cc", f'[ "$1" = --version ] && echo 1.0 && exit 0\n{acts}\n')
+    cc = script(tmp_path / "cc", f'case "$*" in *-dM*) echo "#define ONE 1"; exit 0;; esac\n{acts}\n')
     compilers(tmp_path, cc)
     made, told = warned(small())
     ((category, text, _),) = told
@@ -421,9 +490,39 @@ def test_a_cache_that_cannot_be_written_is_told(tmp_path, monkeypatch):
 
 
 @needs_compiler
+def test_what_has_no_c_is_told_and_computed_all_the_same(empty_cache):
+    a = ca.SX.sym("a", 2)
+    made, told = warned(ca.Function("bow", [a], [ca.atan(a)], ["a"], ["v"]))
+    ((category, text, _),) = told
+    assert category is KernelWarning
+    assert "bow has the operation" in text
+    assert not made.compiled
+    np.testing.assert_allclose(
+        made(np.array([[1.0, -1], [0, 5]]))[0], np.arctan([[1.0, -1], [0, 5]]), rtol=1e-15
+    )
+    assert not empty_cache.exists()
+
+
+@needs_compiler
 def test_the_compiler_that_cc_names_is_taken_first(compilers):
-    path, version = kernel._compiler()
+    path, flags, macros = kernel._compiler()
     compilers(Path(path).parent, path)
-    assert kernel._compiler() == (path, version)
+    assert kernel._compiler() == (path, flags, macros)
     compilers(Path(path).parent, "/nowhere/cc")
     assert kernel._compiler() is not None
+
+
+@needs_compiler
+@pytest.mark.skipif(os.name != "posix", reason="the false compiler is a shell script")
+def test_a_compiler_that_does_not_know_the_processor_goes_without(empty_cache, tmp_path, compilers):
+    path, _, _ = kernel._compiler()
+    tools = os.environ["PATH"]  # the compiler's own helpers
+    cc = script(tmp_path / "cc", f'case "$*" in *-march*) exit 1;; esac\nexec {path} "$@"\n')
+    compilers(tools, cc)
+    found, flags, macros = kernel._compiler()
+    assert found == str(cc)
+    assert not any("march" in flag for flag in flags)
+    assert "__VERSION__" in macros
+    made, told = warned(small())
+    assert (made.compiled, told) == (True, [])
+    assert made(np.ones(2), np.ones(3))[0] == 6

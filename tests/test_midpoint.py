@@ -13,11 +13,12 @@ from cells import (
     random_robot,
     simulated_problem,
 )
+from made_problem import many_runs
 from plain_posterior import beam
-from scipy import optimize
+from scipy import optimize, stats
 
 from zerobeam.analysis.fit import fit_likelihood
-from zerobeam.analysis.midpoint import _Middles, fit_midpoint
+from zerobeam.analysis.midpoint import _Middles, fit_midpoint, fit_midpoints
 from zerobeam.model.problem import Problem
 
 
@@ -84,16 +85,32 @@ def test_the_jacobian_of_the_middles(case):
     middles, _ = _Middles.of(problem)
     x = problem.parameters.prior_mean.copy()
     x[:6] = np.radians([0.3, -1.0, 0.7, 0.2, -0.4, 0.9])
-    points, jacobian = middles.at(x)
-    assert len(points) == (10 if "laser" in case else 5)
+    # Two rows: at other parameters, and other recorded joints.
+    x, joints = np.array([x, x + 0.01]), problem.joints + np.array([0.0, 0.05])[:, None, None]
+    points, jacobian, by_shot = middles.at(x, joints)
+    count = 10 if "laser" in case else 5
+    assert points.shape == (2, count, 3)
+    assert by_shot.shape == (2, 2 if "laser" in case else 1, count, 3, 6)
     for j, step in enumerate(np.where(problem.parameters.group("offset"), 1e-6, 1e-4)):
         up, down = x.copy(), x.copy()
-        up[j] += step
-        down[j] -= step
-        numeric = (middles.at(up)[0] - middles.at(down)[0]) / (2 * step)
+        up[:, j] += step
+        down[:, j] -= step
+        numeric = (middles.at(up, joints)[0] - middles.at(down, joints)[0]) / (2 * step)
         np.testing.assert_allclose(
-            jacobian[:, :, j], numeric, atol=1e-3 * max(1, np.abs(numeric).max()) * 1e-2
+            jacobian[..., j], numeric, atol=1e-3 * max(1, np.abs(numeric).max()) * 1e-2
         )
+    # By the joints of each shot of a point: of its first, of its second, and of no other.
+    for shot in range(problem.shots):
+        for j in range(6):
+            up, down = joints.copy(), joints.copy()
+            up[:, shot, j] += 1e-6
+            down[:, shot, j] -= 1e-6
+            numeric = (middles.at(x, up)[0] - middles.at(x, down)[0]) / 2e-6
+            expected = np.zeros_like(numeric)
+            for which, of_point in enumerate(middles.shots):
+                mine = of_point == shot
+                expected[:, mine] += by_shot[:, which][:, mine][..., j]
+            np.testing.assert_allclose(expected, numeric, atol=1e-5 * max(1, np.abs(numeric).max()))
 
 
 def test_two_beams_always_cost_nothing():
@@ -105,8 +122,8 @@ def test_two_beams_always_cost_nothing():
     for _ in range(5):
         x = problem.parameters.prior_mean.copy()
         x[:6] = rng.normal(size=6) * 0.1
-        points, _ = middles.at(x)
-        assert len(points) == 1
+        points, *_ = middles.at(x[None], problem.joints[None])
+        assert points.shape == (1, 1, 3)
         np.testing.assert_allclose(middles.centred(points), 0, atol=1e-12)
     assert fit_midpoint(problem).cost == pytest.approx(0, abs=1e-20)
 
@@ -130,7 +147,7 @@ def test_parallel_pairs_are_left_out_and_told():
     assert fit.message.startswith("2 of 21 pairs of beams are parallel")
     assert "shots 0 and 5" in fit.message
     middles, _ = _Middles.of(problem)
-    assert len(middles.at(fit.x)[0]) == 19
+    assert middles.at(fit.x[None], problem.joints[None])[0].shape == (1, 19, 3)
 
 
 def test_all_beams_parallel_have_no_middle():
@@ -197,3 +214,93 @@ def test_without_noise_both_find_the_truth():
     np.testing.assert_allclose(
         np.degrees(fit_likelihood(problem, starts=0).x[:6]), np.degrees(truth.x[:6]), atol=1e-4
     )
+
+
+# --- many fits, and their scatter -------------------------------------------------------------------
+
+RUNS = 300
+PROBED = {"delta3": 0.7, "delta4": -0.5, "delta5": 0.3}
+
+
+def naive(problem, fits):
+    """(W, g, g) sigma^2 (J'J)^-1 with sigma^2 from the cost: as if all middles were independent."""
+    middles, _ = _Middles.of(problem)
+    free, scale = fits.free, problem.parameters.prior_std
+    _, jacobian, _ = middles.at(fits.x, np.tile(problem.joints, (len(fits.x), 1, 1)))
+    by_z = (middles.centred(jacobian) * scale)[..., free].reshape(len(fits.x), -1, int(free.sum()))
+    residuals = 3 * (fits.points - len(problem.targets)) - int(free.sum())
+    variance = 2 * fits.cost / residuals
+    return variance[:, None, None] * np.linalg.inv(by_z.transpose(0, 2, 1) @ by_z)
+
+
+@pytest.mark.parametrize("case", ["laser", "two targets", "open laser", "probe", "probe of a rough seat"])
+def test_the_sandwich_is_the_scatter_of_many_runs(case):
+    """300 simulated runs: the Mahalanobis distances of the fits from the truth by the stated covariance, g
+    parameters each, are chi-squared with 300 g degrees of freedom; so are the squares over the variances of
+    each parameter, with 300. The bounds are the quantiles 1e-5 and 1 - 1e-5. Controls: variances half as
+    large again; for a laser the naive covariance, for a probe that of the joints' noise alone.
+    """
+    tool = OPEN_LASER if case == "open laser" else PROBE if "probe" in case else LASER
+    noise = {"joint_deg": 0.001} if "rough" in case else {}
+    plan = good_plan(12, 5, tool, **noise)
+    if case == "two targets":
+        own = header(targets={name: {"guess_mm": [900, 0, 0]} for name in "ab"})
+        plan = plan_of(own, plan.postures, list("aabb") * 3)
+    # Of an uncalibrated laser's delta6 nothing can be told: the tilt would take it in.
+    true = {**TABLE_2, "delta6": 0.0} if case == "open laser" else PROBED if "probe" in case else TABLE_2
+    x, problem, joints, _ = many_runs(plan, true, RUNS, seed=31)
+    fits = fit_midpoints(problem, joints)
+    assert fits.converged.all()
+    g = int(fits.free.sum())
+    assert (g, fits.covariance.shape) == (8 if case == "open laser" else 5, (RUNS, g, g))
+    away = ((fits.x - x) / problem.parameters.prior_std)[:, fits.free]
+
+    def inside(covariance):
+        whole = (away[:, None, :] @ np.linalg.solve(covariance, away[:, :, None])).sum()
+        each = (away**2 / np.diagonal(covariance, axis1=1, axis2=2)).sum(axis=0)
+        low, high = stats.chi2.ppf([1e-5, 1 - 1e-5], RUNS * g)
+        lowest, highest = stats.chi2.ppf([1e-5, 1 - 1e-5], RUNS)
+        return low < whole < high and lowest < each.min() and each.max() < highest
+
+    assert inside(fits.covariance)
+    assert not inside(1.5 * fits.covariance)
+    if "probe" not in case:
+        assert not inside(naive(problem, fits))
+    elif "rough" in case:
+        smooth = Problem.build(header(PROBE, spot_mm=0, **noise), problem.robot, problem.joints, ["psd"] * 12)
+        assert not inside(fit_midpoints(smooth, joints).covariance)
+
+
+def test_many_fits_are_the_single_ones():
+    _, problem, joints, _ = many_runs(good_plan(8), TABLE_2, 20, seed=32)
+    many = fit_midpoints(problem, joints)
+    assert many.points == 28
+    np.testing.assert_array_equal(many.free, [False, *[True] * 5, *[False] * 3])
+    for row in range(20):
+        one = fit_midpoint(problem.moved(joints[row]))
+        np.testing.assert_allclose(many.x[row], one.x, rtol=1e-12, atol=1e-12)
+        assert many.cost[row] == pytest.approx(one.cost, rel=1e-12)
+        assert (many.converged[row], many.iterations[row]) == (one.converged, one.iterations)
+        alone = fit_midpoints(problem, joints[row : row + 1])
+        np.testing.assert_allclose(many.covariance[row], alone.covariance[0], rtol=1e-9)
+    assert np.ptp(many.x[:, 1:6], axis=0).min() > 0
+
+
+def test_the_sandwich_is_that_of_the_stated_joint_noise():
+    """Twice the noise of all joints: four times the covariance; that of joint 6 alone: a part of it."""
+    plan = good_plan(8)
+    _, problem, joints, _ = many_runs(plan, TABLE_2, 2, seed=33)
+    single = fit_midpoints(problem, joints).covariance
+    parts = []
+    for noise in ([0.02] * 6, [0.01] * 5 + [1e-9], [1e-9] * 5 + [0.01]):
+        other = Problem.build(header(noise={"joint_deg": noise}), problem.robot, problem.joints, ["psd"] * 8)
+        parts.append(fit_midpoints(other, joints).covariance)
+    np.testing.assert_allclose(parts[0], 4 * single, rtol=1e-9)
+    np.testing.assert_allclose(parts[1] + parts[2], single, rtol=1e-6, atol=1e-9 * single.max())
+
+
+def test_nothing_to_fit_in_many_runs_either():
+    own = header(targets={"a": {}, "b": {}})
+    problem = Problem.from_plan(plan_of(own, good_plan().postures[:2], ["a", "b"]))
+    with pytest.raises(ValueError, match="no target is seen by two shots"):
+        fit_midpoints(problem, problem.joints[None])

@@ -39,7 +39,17 @@ def test_a_prismatic_joint_has_its_figure_in_mm(scara):
 
 
 def test_an_estimated_scale(irb1600):
-    assert Noise.from_header(header(joint_deg=0.01, spot_mm=0.05, scale="estimated"), irb1600).estimated
+    noise = Noise.from_header(header(joint_deg=0.01, spot_mm=0.05, scale="estimated"), irb1600)
+    assert (noise.estimated, noise.separate) == (True, False)
+
+
+def test_separate_factors(irb1600):
+    """The stated figures stay: the factors are parameters."""
+    noise = Noise.from_header(header(joint_deg=0.01, spot_mm=0.05, scale="separate"), irb1600)
+    assert (noise.estimated, noise.separate) == (False, True)
+    known = Noise.from_header(header(joint_deg=0.01, spot_mm=0.05), irb1600)
+    assert (known.estimated, known.separate) == (False, False)
+    np.testing.assert_array_equal(noise.variances, known.variances)
 
 
 def test_what_does_not_suit_the_robot_is_refused(irb1600, scara, refused):

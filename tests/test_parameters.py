@@ -3,6 +3,7 @@ import pytest
 from plain_model import arm
 
 from zerobeam.model.header import Header
+from zerobeam.model.noise import Noise
 from zerobeam.model.parameters import Parameters
 from zerobeam.model.tool import Tool
 
@@ -15,7 +16,7 @@ RAD = np.pi / 180
 def build(robot, tool, seen=("psd",), **changes):
     noise = {"joint_deg": 0.01, "joint_mm": 0.01, "spot_mm": 0.05}
     header = Header.model_validate({"robot": "irb1600", "tool": tool, "noise": noise, **changes})
-    return Parameters.build(robot, Tool.from_header(header), header, seen)
+    return Parameters.build(robot, Tool.from_header(header), Noise.from_header(header, robot), header, seen)
 
 
 @pytest.fixture
@@ -161,3 +162,63 @@ def test_a_held_name_that_is_none_of_them(irb1600, refused, name):
     assert error.found == name
     assert error.allowed == "delta1, delta2, delta3, delta4, delta5, delta6, psd.x, psd.y, psd.z"
     assert "held" in error.remedy
+
+
+# --- noise factors ----------------------------------------------------------------------------------
+
+SEPARATE = {"joint_deg": 0.01, "joint_mm": 0.01, "spot_mm": 0.05, "scale": "separate"}
+
+
+def test_separate_noise_factors_come_last_and_are_free(irb1600):
+    """Their logarithms inside, expected at the stated noise, 95 % within a factor of 7."""
+    parameters = build(irb1600, {**LASER, "calibrated": False}, noise=SEPARATE)
+    assert parameters.names[-3:] == ("tool.shift2", "noise.joint", "noise.spot")
+    np.testing.assert_array_equal(np.flatnonzero(parameters.group("noise")), [13, 14])
+    for item in parameters.items[-2:]:
+        assert (item.group, item.unit, item.held) == ("noise", "1", False)
+        assert (item.prior_mean, item.prior_std) == (0.0, 1.0)
+        assert 0 < item.tolerance < 1
+    assert parameters.free[-2:].all()
+    # A known or common scale adds nothing.
+    for scale in ("known", "estimated"):
+        plain = build(irb1600, {**LASER, "calibrated": False}, noise={**SEPARATE, "scale": scale})
+        assert plain.names == parameters.names[:-2]
+        assert not plain.group("noise").any()
+    np.testing.assert_array_equal(plain.prior_std, parameters.prior_std[:-2])
+
+
+def test_a_noise_factor_may_be_held(irb1600):
+    parameters = build(irb1600, LASER, noise=SEPARATE, held=["delta1", "noise.spot"])
+    assert held(parameters) == ["delta1", "noise.spot"]
+    assert held(build(irb1600, LASER, noise=SEPARATE)) == ["delta1"]
+
+
+def test_a_noise_factor_is_held_by_its_own_name_only(irb1600, refused):
+    error = refused(build, irb1600, LASER, held=["noise.spot"])
+    assert error.found == "noise.spot"
+    assert "noise" not in error.allowed
+
+
+def test_what_people_read_of_a_noise_factor(irb1600):
+    """The factor and not its logarithm; a log-normal prior, by 400 000 draws (mean e^(1/2), std 2.16)."""
+    parameters = build(irb1600, LASER, noise=SEPARATE)
+    x = np.zeros((2, len(parameters)))
+    x[:, 1], x[:, 6], x[:, -2:] = 0.1, 7.0, np.log([2.0, 0.5])
+    shown = parameters.shown(x)
+    np.testing.assert_allclose(shown[:, 1], 0.1 / RAD)
+    np.testing.assert_allclose(shown[:, 6], 7.0)
+    np.testing.assert_allclose(shown[:, -2:], [[2.0, 0.5]] * 2)
+    np.testing.assert_array_equal(x[:, -1], np.log(0.5))  # not written into
+    offset, factor = parameters.items[1], parameters.items[-1]
+    assert offset.shown(0.1) == pytest.approx(0.1 / RAD)
+    assert factor.shown(np.log(3.0)) == pytest.approx(3.0)
+    assert offset.shown_std(0.1, 0.02) == pytest.approx(0.02 / RAD)
+    # To first order: a small std of the logarithm is a relative one.
+    assert factor.shown_std(np.log(3.0), 1e-3) == pytest.approx(3e-3)
+    assert offset.shown_prior == pytest.approx((0.0, 5.0))
+    draws = np.exp(np.random.default_rng(1).normal(size=400_000))
+    mean, std = factor.shown_prior
+    assert abs(draws.mean() - mean) < 5 * std / np.sqrt(len(draws))
+    # E f^2 = e^2, with the variance e^8 - e^4 of f^2.
+    second = np.sqrt((np.exp(8) - np.exp(4)) / len(draws))
+    assert abs((draws**2).mean() - (mean**2 + std**2)) < 5 * second

@@ -9,7 +9,19 @@ from typing import Any
 
 import pypdf
 import pytest
-from example_results import EXAMPLES, FORBIDDEN, drawn, good, hostile, misfit, unconverged, x_pattern
+from example_results import (
+    EXAMPLES,
+    FORBIDDEN,
+    drawn,
+    good,
+    held_out,
+    hostile,
+    misfit,
+    outlier,
+    uncalibrated,
+    unconverged,
+    x_pattern,
+)
 
 from zerobeam.analysis.result import Result
 from zerobeam.analysis.result_json import to_json
@@ -36,7 +48,7 @@ def cells(value: Any) -> list[str]:
     return [text for item in value for text in cells(item)] if isinstance(value, list) else []
 
 
-@pytest.mark.parametrize("name", ["good", "x_pattern", "uncalibrated", "misfit", "unconverged"])
+@pytest.mark.parametrize("name", [name for name in EXAMPLES if name != "hostile"])
 def test_every_cell_of_the_view_is_in_the_pdf(name: str) -> None:
     result = EXAMPLES[name]
     text = text_of(made(result)).replace(" ", "")
@@ -59,6 +71,22 @@ def test_it_has_a_title_an_outline_page_numbers_tags_and_only_its_own_fonts() ->
     }
     assert fonts
     assert all(font.startswith("IBMPlexSans") for font in fonts)
+
+
+@pytest.mark.parametrize(
+    ("result", "heading"),
+    [
+        (outlier(), "Robust fit"),
+        (held_out(), "Held-out targets"),
+        (uncalibrated(), "Intervals by three ways"),
+    ],
+)
+def test_what_was_asked_for_besides_has_a_section(result: Result, heading: str) -> None:
+    def titles(of: Result) -> list[str]:
+        return [str(entry["/Title"]) for entry in made(of).outline if not isinstance(entry, list)]
+
+    assert heading in titles(result)
+    assert heading not in titles(good())
 
 
 def test_the_same_result_gives_the_same_bytes() -> None:

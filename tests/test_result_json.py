@@ -9,9 +9,20 @@ from typing import Any
 
 import numpy as np
 import pytest
-from example_results import EXAMPLES, HOSTILE_NAMES, good, hostile, unconverged, x_pattern
+from example_results import (
+    EXAMPLES,
+    HOSTILE_NAMES,
+    good,
+    held_out,
+    hostile,
+    outlier,
+    robust,
+    uncalibrated,
+    unconverged,
+    x_pattern,
+)
 
-from zerobeam.analysis.result import Result
+from zerobeam.analysis.result import Intervals, Result
 from zerobeam.analysis.result_json import SCHEMA, UnsoundResult, dumps, to_json
 
 
@@ -40,7 +51,7 @@ def test_the_keys_are_those_of_the_design() -> None:
     assert answer["schema"] == SCHEMA
     assert list(answer) == [
         *("schema", "verdict", "headline", "parameters", "identifiability", "fits", "posterior"),
-        *("shots", "distances", "notes", "inputs"),
+        *("shots", "distances", "intervals", "robust", "hold_out", "notes", "inputs"),
     ]
     assert list(answer["parameters"][0]) == [
         *("name", "unit", "status", "held", "estimate", "std", "data_std", "interval95", "prior_std"),
@@ -134,6 +145,26 @@ def test_a_fit_that_is_not_available_has_no_numbers() -> None:
     fit = dataclasses.replace(x_pattern().midpoint, chi2=3.0)
     with pytest.raises(UnsoundResult, match="midpoint"):
         to_json(dataclasses.replace(x_pattern(), midpoint=fit))
+
+
+def test_neither_another_interval_nor_a_robust_fit_tells_what_the_data_do_not() -> None:
+    interval = Intervals("delta2", "deg", (-0.01, 0.01), None, None, True)
+    with pytest.raises(UnsoundResult, match="delta2 cannot be told"):
+        to_json(dataclasses.replace(x_pattern(), intervals=(interval,)))
+    # A robust fit of the good run has an estimate for all; the X-Pattern may not borrow it.
+    with pytest.raises(UnsoundResult, match=r"delta2, psd\.x, psd\.z cannot be told"):
+        to_json(dataclasses.replace(x_pattern(), robust=robust(good())))
+    assert to_json(dataclasses.replace(x_pattern(), robust=robust(x_pattern())))["robust"] is not None
+    assert to_json(dataclasses.replace(good(), intervals=(interval,), robust=robust(good())))["intervals"]
+
+
+def test_what_was_not_asked_for_is_null_and_what_was_is_plain() -> None:
+    answer = to_json(good())
+    assert (answer["intervals"], answer["robust"], answer["hold_out"]) == ([], None, None)
+    assert to_json(uncalibrated())["intervals"][1]["profile"] is None
+    told = to_json(outlier())["robust"]
+    assert (told["loss"], told["outliers"], len(told["weights"])) == ("huber", [2], 7)
+    assert to_json(held_out())["hold_out"]["targets"] == ["left", "right"]
 
 
 def test_hostile_names_are_kept_whole() -> None:

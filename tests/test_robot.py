@@ -3,9 +3,12 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+from plain_model import DESIGNED, by_complex_step, turn
+from plain_model import arm as plain_arm
+from scipy.spatial.transform import Rotation
 
 from zerobeam.model.header import UrdfRef
-from zerobeam.model.robot import Robot
+from zerobeam.model.robot import Robot, axis_rotation
 from zerobeam.model.robot_file import built_in_robots, load_robot, read_robot, rebased
 
 HERE = Path()
@@ -220,3 +223,106 @@ def test_a_robot_named_from_another_folder(tmp_path):
     assert rebased(str(old / "scara.yaml"), old, new) == str(old / "scara.yaml")
     ref = rebased(UrdfRef(urdf="x.urdf", base="a", tip="b"), old, new)
     assert ref == UrdfRef(urdf="../a/b/x.urdf", base="a", tip="b")
+
+
+# --- turns, and what the flange sees ----------------------------------------------------------------
+
+
+@pytest.fixture(params=DESIGNED)
+def own(request, tmp_path):
+    """An arm of the package and its flange's pose by other means."""
+    return plain_arm(request.param, tmp_path)
+
+
+def numbers(inputs, values, *at):
+    """Values of symbolic expressions, as arrays without axes of length one."""
+    function = ca.Function("values", inputs, [ca.densify(ca.SX(value)) for value in values])
+    return [np.squeeze(np.array(value)) for value in function.call([ca.DM(each) for each in at])]
+
+
+@pytest.mark.parametrize("axis", [[0, 0, 1.0], [0, -1.0, 0], [1 / 3, -2 / 3, 2 / 3]])
+def test_a_rotation_by_cosine_and_sine(axis):
+    axis, angle = np.array(axis), ca.SX.sym("angle")
+    rotation = axis_rotation(axis, ca.cos(angle), ca.sin(angle))
+    for value in (0.0, 0.3, -2.9):
+        (found,) = numbers([angle], [rotation], value)
+        np.testing.assert_allclose(found, Rotation.from_rotvec(value * axis).as_matrix(), atol=1e-15)
+        np.testing.assert_allclose(found, turn(axis, value).real, atol=1e-15)
+
+
+def test_what_is_recorded_of_a_turn(own):
+    """Cosine and sine of a revolute joint, the position and nothing of a prismatic one; any leading axes."""
+    q = np.random.default_rng(1).uniform(-2, 2, (3, 4, own.robot.n))
+    recorded = own.robot.recorded_turns(q)
+    assert recorded.shape == (3, 4, 2 * own.robot.n)
+    for i, joint in enumerate(own.robot.joints):
+        pair = (np.cos(q[..., i]), np.sin(q[..., i]))
+        first, second = pair if joint.kind == "revolute" else (q[..., i], np.zeros((3, 4)))
+        np.testing.assert_array_equal(recorded[..., 2 * i], first)
+        np.testing.assert_array_equal(recorded[..., 2 * i + 1], second)
+
+
+def test_turns_with_offsets_are_the_turns_of_the_sum(own):
+    """The sum of two angles, against the turn of the summed angle: rounding alone."""
+    robot, n = own.robot, own.robot.n
+    rng = np.random.default_rng(2)
+    q, delta = own.random(rng), rng.uniform(-0.5, 0.5, n) * np.where(robot.display == 1, 100, 1)
+    recorded, theta, offset = ca.SX.sym("recorded", 2 * n), ca.SX.sym("theta", n), ca.SX.sym("delta", n)
+    summed = [part for pair in robot.turns_with_offsets(recorded, offset) for part in pair]
+    direct = [part for pair in robot.turns(theta) for part in pair]
+    first = numbers([recorded, offset], summed, robot.recorded_turns(q), delta)
+    second = numbers([theta], direct, q + delta)
+    np.testing.assert_allclose(first, second, rtol=1e-15, atol=1e-15)
+    wrong = numbers([theta], direct, q - delta)  # control
+    assert np.abs(np.array(first) - wrong).max() > 1e-3
+
+
+def test_a_point_as_seen_from_the_flange_and_the_joints(own):
+    robot, n = own.robot, own.robot.n
+    rng = np.random.default_rng(3)
+    theta, point = ca.SX.sym("theta", n), ca.SX.sym("point", 3)
+    seen, stations = robot.seen(robot.turns(theta), point)
+    for _ in range(3):
+        q, p = own.random(rng), rng.uniform(-2000, 2000, 3)
+        flange = own.pose(q).real
+        found, *at = numbers([theta, point], [seen, *stations], q, p)
+        np.testing.assert_allclose(found, flange[:3, :3].T @ (p - flange[:3, 3]), atol=1e-9)
+        assert len(at) == n
+        # From joint 1, behind what is fixed before it: whatever the joints.
+        first = robot.joints[0].fixed
+        np.testing.assert_allclose(at[0], first[:3, :3].T @ (p - first[:3, 3]), atol=1e-9)
+        # And a point on the axis of a turn stays where it is by that joint.
+        lengths = [np.linalg.norm(station) for station in at]
+        for i, joint in enumerate(robot.joints[:-1]):
+            if joint.kind == "revolute":
+                fixed = robot.joints[i + 1].fixed
+                behind = np.linalg.norm(fixed[:3, :3] @ at[i + 1] + fixed[:3, 3])
+                assert behind == pytest.approx(lengths[i], rel=1e-12)
+
+
+@pytest.mark.parametrize("size", [2, 3])
+def test_the_geometric_jacobian_against_complex_steps(own, size):
+    """Of the components along given directions of the flange; by joints and by the point. Controls: without
+    the turn of the directions, and with the sign of one joint's column."""
+    robot, n = own.robot, own.robot.n
+    rng = np.random.default_rng(4)
+    theta, point = ca.SX.sym("theta", n), ca.SX.sym("point", 3)
+    turns = robot.turns(theta)
+    _, stations = robot.seen(turns, point)
+    vectors = rng.normal(size=(3, size))
+    by_joints, by_point = robot.seen_jacobian(turns, stations, ca.SX(vectors))
+    for _ in range(3):
+        q, p = own.random(rng), rng.uniform(-2000, 2000, 3)
+
+        def components(z):
+            flange = own.pose(z[:n])
+            return vectors.T @ flange[:3, :3].T @ (z[n:] - flange[:3, 3])
+
+        expected = by_complex_step(components, np.append(q, p))
+        found = np.hstack(numbers([theta, point], [by_joints, by_point], q, p))
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8)
+        for column in range(n + 3):
+            turned = found.copy()
+            turned[:, column] *= -1
+            assert np.abs(turned - expected).max() > 1e-3
+        assert np.abs(found[:, n:] - vectors.T).max() > 1e-3

@@ -7,13 +7,15 @@ from typing import Any
 
 import pytest
 from command_line import WIDTH
-from example_results import EXAMPLES, FORBIDDEN, good, hostile, uncalibrated, x_pattern
+from example_results import EXAMPLES, FORBIDDEN, good, hostile, separate, uncalibrated, x_pattern
 from golden_files import assert_golden
 from rich.console import Console
 
 from zerobeam.analysis.result import Result
 from zerobeam.analysis.result_json import to_json
 from zerobeam.reports.terminal import print_check, print_result, print_side_by_side
+
+SHOWN = [name for name in EXAMPLES if name != "hostile"]
 
 
 def console(colours: bool = False) -> tuple[Console, io.StringIO]:
@@ -50,7 +52,7 @@ def check_of(result: Result, **changes: Any) -> dict[str, Any]:
     }
 
 
-@pytest.mark.parametrize("name", ["good", "x_pattern", "uncalibrated", "misfit", "unconverged"])
+@pytest.mark.parametrize("name", SHOWN)
 def test_a_result(name: str) -> None:
     assert_golden(f"result_{name}.txt", printed(EXAMPLES[name]))
 
@@ -78,6 +80,14 @@ def test_a_check_that_is_degenerate_with_notes() -> None:
     assert_golden("check_x_pattern.txt", text.getvalue())
 
 
+def test_a_check_of_noise_factors_is_in_multiples_of_the_stated() -> None:
+    to, text = console()
+    print_check(to, check_of(separate()))
+    (row,) = [line for line in text.getvalue().splitlines() if line.startswith("noise.joint")]
+    assert row.split("\u00a0times")[0].split() == ["noise.joint", "0.30"]
+    assert row.count("\u00a0times") == 3
+
+
 def test_three_results_side_by_side() -> None:
     to, text = console()
     titles = ["good run", "X-Pattern", "uncalibrated tool"]
@@ -87,7 +97,7 @@ def test_three_results_side_by_side() -> None:
     assert_golden("side_by_side.txt", text.getvalue())
 
 
-@pytest.mark.parametrize("name", ["good", "x_pattern", "uncalibrated", "misfit", "unconverged"])
+@pytest.mark.parametrize("name", SHOWN)
 def test_no_line_is_wider_than_the_terminal(name: str) -> None:
     assert max(len(line) for line in printed(EXAMPLES[name]).splitlines()) <= WIDTH
 

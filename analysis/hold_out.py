@@ -1,0 +1,95 @@
+"""Targets that the fit has not seen: how well do its offsets and tool hit them?
+
+The offsets and the tool come from the other targets; only where a held-out target stands is found from its
+own shots. What is left there is judged against the noise and what the fit leaves open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fnmatch import fnmatchcase
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtrc
+
+from ..model.errors import BadInput
+from ..model.problem import Problem
+from ..model.robot import Matrix
+from .fit import fit_likelihood
+from .result import HoldOut
+
+_ROUNDS = 20
+
+
+def hold_out(problem: Problem, patterns: Sequence[str], seed: int = 0) -> HoldOut:
+    """Fit without the targets whose names match one of `patterns` (* and ? as in file names), then look
+    at their shots. Raises BadInput where nothing matches, or nothing would be left to fit."""
+    names = [name for name in problem.targets if any(fnmatchcase(name, pattern) for pattern in patterns)]
+    for pattern in patterns:
+        if not any(fnmatchcase(name, pattern) for name in problem.targets):
+            raise BadInput(
+                "no target of that name can be held out",
+                found=pattern,
+                allowed=", ".join(problem.targets),
+            )
+    if len(names) == len(problem.targets):
+        raise BadInput(
+            "all targets are held out: there is nothing left to fit",
+            found=", ".join(patterns),
+            allowed=f"some of {', '.join(problem.targets)}",
+            remedy="leave at least one target in",
+        )
+    out = np.isin(problem.target_index, [problem.targets.index(name) for name in names])
+    seen, unseen = problem.select(np.flatnonzero(~out)), problem.select(np.flatnonzero(out))
+    fit = fit_likelihood(seen, starts=0, seed=seed)
+    if not fit.converged:
+        message = f"the fit without them did not converge: {fit.reason}"
+        return HoldOut(tuple(names), unseen.shots, seen.shots, None, None, None, None, None, message)
+    moved = np.isin([item.name.rpartition(".")[0] for item in problem.parameters.items], names)
+    before = _settled(unseen, problem.supposed(), moved)
+    after = _settled(unseen, fit.x, moved)
+    rows = unseen.shots * unseen.tool.miss_size
+    whitened = unseen.whiten(after)
+    residual, jacobian = whitened.residual[:rows], whitened.jacobian[:rows]
+    # What is left of the misses once their targets are placed, with what the fit leaves open of the rest.
+    free = problem.parameters.free
+    carried = ~problem.parameters.group("target")[free]
+    by_rest = jacobian[:, free & ~problem.parameters.group("target")]
+    covariance = fit.covariance[np.ix_(carried, carried)]
+    factor = np.linalg.cholesky(np.eye(rows) / fit.weight + by_rest @ covariance @ by_rest.T)
+    left, columns = np.linalg.solve(factor, residual), np.linalg.solve(factor, jacobian[:, moved & free])
+    left = left - columns @ np.linalg.lstsq(columns, left, rcond=None)[0]
+    chi2, dof = float(left @ left), rows - int(np.linalg.matrix_rank(columns))
+    return HoldOut(
+        targets=tuple(names),
+        shots=unseen.shots,
+        shots_fitted=seen.shots,
+        rms_mm=_rms(unseen, after),
+        rms_before_mm=_rms(unseen, before),
+        chi2=chi2 if dof > 0 else None,
+        dof=dof,
+        p_value=float(chdtrc(dof, chi2)) if dof > 0 else None,
+        message=None if dof > 0 else "no more numbers than coordinates of their targets: they always hit",
+    )
+
+
+def _settled(problem: Problem, x: Matrix, moved: NDArray[np.bool_]) -> Matrix:
+    """x (p,) with the parameters `moved` (the targets') where the shots' misses are smallest."""
+    parameters, rows = problem.parameters, problem.shots * problem.tool.miss_size
+    x, moved = x.copy(), moved & parameters.free
+    for _ in range(_ROUNDS):
+        whitened = problem.whiten(x)
+        columns = np.vstack([whitened.jacobian[:rows, moved], np.eye(int(moved.sum()))])
+        z = (x - parameters.prior_mean)[moved] / parameters.prior_std[moved]
+        step = -np.linalg.lstsq(columns, np.append(whitened.residual[:rows], z), rcond=None)[0]
+        x[moved] += step * parameters.prior_std[moved]
+        if np.abs(step).max(initial=0.0) < 1e-12:
+            break
+    return x
+
+
+def _rms(problem: Problem, x: Matrix) -> float:
+    """Root mean square length of the misses at x, mm."""
+    miss, _ = problem.linearise(x)
+    return float(np.sqrt((miss**2).sum(axis=1).mean()))

@@ -1,0 +1,125 @@
+"""C code of a CasADi function that sums it over a grid, several walkers at a time.
+
+CasADi's own C code works on one row. Here each operation of the function is written on a vector of the
+compiler (as wide as the machine's), one walker a lane, and what depends on `hoisted` inputs alone is
+computed once for all shots of a walker. Each lane has the very operations of CasADi's virtual machine, in
+their order, so that the numbers are the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import casadi as ca
+
+_BINARY = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
+_UNARY = {
+    ca.OP_ASSIGN: "{0}",
+    ca.OP_NEG: "-{0}",
+    ca.OP_SQ: "{0} * {0}",
+    ca.OP_TWICE: "{0} + {0}",
+    ca.OP_INV: "1.0 / {0}",
+    ca.OP_SQRT: "zb_sqrt({0})",
+    ca.OP_SIN: "zb_sin({0})",
+    ca.OP_COS: "zb_cos({0})",
+    ca.OP_TAN: "zb_tan({0})",
+    ca.OP_EXP: "zb_exp({0})",
+    ca.OP_LOG: "zb_log({0})",
+}
+
+_HEAD = """
+#include <math.h>
+#if defined(__AVX512F__)
+#define LANES 8
+#elif defined(__AVX__)
+#define LANES 4
+#else
+#define LANES 2
+#endif
+typedef double V __attribute__((vector_size(LANES * sizeof(double))));
+#define LANEWISE(name) static inline V zb_##name(V a) { \\
+  V r; for (int l = 0; l < LANES; ++l) r[l] = name(a[l]); return r; }
+LANEWISE(sqrt) LANEWISE(sin) LANEWISE(cos) LANEWISE(tan) LANEWISE(exp) LANEWISE(log)
+static inline V zb_all(double a) { V r; for (int l = 0; l < LANES; ++l) r[l] = a; return r; }
+static inline V zb_load(const double *const *from, long long at) {
+  V r; for (int l = 0; l < LANES; ++l) r[l] = from[l][at]; return r; }
+"""
+
+
+class NoSource(Exception):
+    """The function has an operation for which there is no C here."""
+
+
+def grid_source(function: ca.Function, hoisted: Collection[str]) -> str:
+    """C source with `zb_sum`: for each outer index the outputs, one beside the other, summed over the inner.
+
+    `values[k] + o * step[k] + offset[k][i]` is where input k of element (o, i) starts, with row[k][o] for o
+    where it has rows; for an input named in `hoisted` the offset is that of i = 0. Raises NoSource for an
+    operation that is not known here.
+    """
+    before: list[str] = []  # once for each block of walkers
+    inside: list[str] = []  # once for each shot
+    current: dict[int, tuple[str, bool]] = {}  # what a place of CasADi's memory holds: name, fixed over shots
+    sums: dict[int, str] = {}
+    starts, total = [], 0
+    for k in range(function.n_out()):
+        starts.append(total)
+        total += function.numel_out(k)
+    for k in range(function.n_instructions()):
+        operation = function.instruction_id(k)
+        places, results = function.instruction_input(k), function.instruction_output(k)
+        if operation == ca.OP_OUTPUT:
+            column = starts[results[0]] + _element(function.sparsity_out(results[0]), results[1])
+            sums[column] = current[places[0]][0]
+            continue
+        name = f"v{k}"
+        if operation == ca.OP_INPUT:
+            i, element = places
+            fixed = function.name_in(i) in hoisted
+            text = f"zb_load(from[{i}], offset[{i}][{0 if fixed else 'i'}] + {element})"
+        elif operation == ca.OP_CONST:
+            fixed, text = True, f"zb_all({float(function.instruction_constant(k)).hex()})"
+        elif operation in _BINARY or operation in _UNARY:
+            names = [current[place][0] for place in places]
+            fixed = all(current[place][1] for place in places)
+            if operation in _BINARY:
+                text = f"{names[0]} {_BINARY[operation]} {names[1]}"
+            else:
+                text = _UNARY[operation].format(names[0])
+        else:
+            raise NoSource(f"{function.name()} has the operation {operation} of CasADi")
+        current[results[0]] = (name, fixed)
+        (before if fixed else inside).append(f"V {name} = {text};")
+    columns = sorted(sums)
+    first = [f"V s{c} = zb_all(0.0);" for c in columns]
+    add = [f"s{c} += {sums[c]};" for c in columns]
+    store = [f"out[(o + l) * {total} + {c}] = s{c}[l];" for c in columns]
+    return f"""{_HEAD}
+void zb_sum(const double **values, const long long *step, const long long **row,
+            const long long **offset, long long outer, long long inner, double *out) {{
+  for (long long o = 0; o < outer; o += LANES) {{
+    const double *from[{max(function.n_in(), 1)}][LANES];
+    for (int k = 0; k < {function.n_in()}; ++k)
+      for (int l = 0; l < LANES; ++l) {{
+        long long at = o + l < outer ? o + l : outer - 1;
+        from[k][l] = values[k] + (row[k] ? row[k][at] : at) * step[k];
+      }}
+    {_lines(first + before)}
+    for (long long i = 0; i < inner; ++i) {{
+      {_lines(inside + add)}
+    }}
+    for (int l = 0; l < LANES && o + l < outer; ++l) {{
+      {_lines(store)}
+    }}
+  }}
+}}
+"""
+
+
+def _element(sparsity: ca.Sparsity, nonzero: int) -> int:
+    """Where a nonzero stands in the dense matrix, column by column."""
+    return int(sparsity.find()[nonzero])
+
+
+def _lines(statements: list[str]) -> str:
+    return "\n    ".join(statements)

@@ -1,0 +1,269 @@
+"""The log-posterior: the likelihood with the covariance that moves with the parameters, and the priors.
+
+One density serves a run, many starts on a run, or many runs that share all but the recorded numbers: the
+rows of a parameter array x (W, p) are computed side by side, and `of` (W,) names the data set of each row.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from .kernel import GridInput, Index, Kernel, constant, per_both, per_inner, per_outer, selected
+from .problem import Problem
+from .robot import Matrix
+
+
+class Slopes(NamedTuple):
+    """`value` (W,) log-posterior, `gradient` (W, f) and `information` (W, f, f), by the scaled free
+    parameters z. The gradient is exact; the information is Fisher's of the misses (J' S^-1 J), with the
+    priors' and the distances' (of no rows where it was not asked for)."""
+
+    value: Matrix
+    gradient: Matrix
+    information: Matrix
+
+
+class Density:
+    """Log-posterior of B data sets: `joints` (B, N, n), `spots` (B, N, d), both the problem's own by default.
+
+    `weights` (B, N) multiply what each shot adds (0 leaves it out).
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        joints: Matrix | None = None,
+        spots: Matrix | None = None,
+        weights: Matrix | None = None,
+    ) -> None:
+        self.problem = problem
+        self.joints = problem.joints[None] if joints is None else joints
+        self.spots = problem.spots[None] if spots is None else spots
+        self.weights = np.ones((1, problem.shots)) if weights is None else weights
+        self._kept: dict[int | None, list[GridInput]] = {}  # by target, where they are those of every row
+
+    @property
+    def _single(self) -> bool:
+        return len(self.joints) == len(self.spots) == len(self.weights) == 1
+
+    @property
+    def size(self) -> int:
+        """f: the number of free parameters."""
+        return int(self.problem.parameters.free.sum())
+
+    def weighted(self, weights: Matrix) -> Density:
+        """The same data with other weights (B, N)."""
+        return Density(self.problem, self.joints, self.spots, weights)
+
+    # Values
+
+    def log_likelihood(self, x: Matrix, of: Index | None = None) -> Matrix:
+        """(W,) log-likelihood of parameter vectors (W, p): -m' S^-1 m / 2 summed over the shots, with the S
+        of those parameters, and the log det of `ShotFunctions`.
+
+        With an estimated noise scale the common factor is integrated out (a Student-t in the misses).
+        Values are up to a constant; where a number is not finite the result is -inf.
+        """
+        # What overflows or is no number is told by -inf, not by numpy's warnings.
+        with np.errstate(all="ignore"):
+            quad, logdet = self._shot_sums(x, of)
+            value = self._value(quad, logdet, self._distance_quad(x), of)
+        return np.where(np.isfinite(value), value, -np.inf)
+
+    def log_prior(self, x: Matrix) -> Matrix:
+        """(W,) log of the normal priors of what is not held, up to a constant."""
+        with np.errstate(all="ignore"):
+            value = -(self.scaled(x) ** 2).sum(axis=1) / 2
+        return np.where(np.isnan(value), -np.inf, value)
+
+    def log_posterior(self, x: Matrix, of: Index | None = None) -> Matrix:
+        """(W,) of parameter vectors (W, p), up to a constant; never a NaN."""
+        return self.log_likelihood(x, of) + self.log_prior(x)
+
+    def scaled(self, x: Matrix) -> Matrix:
+        """z (W, f): the free parameters in prior stds from their prior means."""
+        parameters = self.problem.parameters
+        return np.asarray(((x - parameters.prior_mean) / parameters.prior_std)[:, self._free])
+
+    def quads(self, x: Matrix) -> Matrix:
+        """(N,) m' S^-1 m of every shot at one x (p,), unweighted; data set 0."""
+        count = self.problem.shots
+        at = np.tile(x, (count, 1))
+        quad, _ = Density(self.problem, self.joints[:1], self.spots[:1])._shot_sums(at, None, np.eye(count))
+        return quad
+
+    def noise_weight(self, x: Matrix, of: Index | None = None) -> Matrix:
+        """(W,) 1 for known noise; where the scale is estimated, the mode of 1 / scale^2 at x (W, p)."""
+        if not self.problem.noise.estimated:
+            return np.ones(len(x))
+        quad, _ = self._shot_sums(x, of)
+        return self.numbers(of) / quad
+
+    def numbers(self, of: Index | None = None) -> Matrix:
+        """(W,) or (1,): how many misses' components the data sets have, those left out not counted."""
+        count = self.weights.sum(axis=1) * self.problem.tool.miss_size
+        return np.asarray(count if of is None or len(count) == 1 else count[of])
+
+    # Slopes
+
+    @np.errstate(all="ignore")  # as in log_likelihood
+    def slopes(self, x: Matrix, of: Index | None = None, *, with_information: bool = True) -> Slopes:
+        """Value, gradient and information at parameter vectors (W, p)."""
+        problem, parameters = self.problem, self.problem.parameters
+        p, rows, informed = len(parameters), len(x), len(x) if with_information else 0
+        quad, logdet = np.zeros(rows), np.zeros(rows)
+        by_quad, by_logdet = np.zeros((rows, p)), np.zeros((rows, p))
+        information = np.zeros((informed, p, p))
+        for k, columns in enumerate(self._columns):
+            shots = self._shots_of[k]
+            own = self._kernel("slopes").sums(self._grid(x, of, None, shots, k), rows, len(shots))
+            quad += own[0]
+            logdet += own[1]
+            by_quad[:, columns] += own[2]
+            by_logdet[:, columns] += own[3]
+            if with_information:
+                information[:, columns[:, None], columns] += own[4][:, self._lower]
+        z, scale = self.scaled(x), self._scale
+        with np.errstate(all="ignore"):
+            if problem.noise.estimated:
+                weight = self.numbers(of) / quad
+                by_quad *= weight[:, None]
+                if with_information:
+                    information *= weight[:, None, None]
+            gradient = by_quad + by_logdet
+            distance = np.zeros(rows)
+            if problem.distances:
+                distance, by_distance, own_information = self._distance_slopes(x)
+                gradient += by_distance
+                if with_information:
+                    information += own_information
+            value = self._value(quad, logdet, distance, of) - (z**2).sum(axis=1) / 2
+        if with_information:
+            information = information[:, self._free[:, None], self._free] * np.outer(scale, scale)
+            information[:, np.arange(len(scale)), np.arange(len(scale))] += 1.0
+        return Slopes(
+            np.where(np.isfinite(value), value, -np.inf),
+            gradient[:, self._free] * (-scale / 2) - z,
+            information,
+        )
+
+    def prior_information(self, x: Matrix) -> Matrix:
+        """(W, f, f) the part of the information that does not come from the shots."""
+        parameters = self.problem.parameters
+        scale = parameters.prior_std[parameters.free]
+        _, _, own = self._distance_slopes(x)
+        return own[:, self._free[:, None], self._free] * np.outer(scale, scale) + np.eye(len(scale))
+
+    # How it is made up
+
+    def _value(self, quad: Matrix, logdet: Matrix, distance: Matrix, of: Index | None) -> Matrix:
+        if self.problem.noise.estimated:
+            quad = self.numbers(of) * np.log(quad)
+        return -(quad + logdet + distance) / 2
+
+    def _shot_sums(self, x: Matrix, of: Index | None, weights: Matrix | None = None) -> tuple[Matrix, Matrix]:
+        """(W,) sums over the shots of m' S^-1 m and log det S."""
+        shots = self.problem.shots
+        quad, logdet = self._kernel("terms").sums(self._grid(x, of, weights), len(x), shots)
+        return quad, logdet
+
+    def _distance_slopes(self, x: Matrix) -> tuple[Matrix, Matrix, Matrix]:
+        """Of the sum of squares of the whitened distances: (W,), gradient (W, p), information (W, p, p)."""
+        residual, jacobian = self.problem.distance_rows(x)
+        gradient = 2 * (residual[:, None, :] @ jacobian)[:, 0]
+        return (residual**2).sum(axis=1), gradient, jacobian.transpose(0, 2, 1) @ jacobian
+
+    def _distance_quad(self, x: Matrix) -> Matrix:
+        if not self.problem.distances:
+            return np.zeros(len(x))
+        residual, _ = self.problem.distance_rows(x)
+        return np.asarray((residual**2).sum(axis=1))
+
+    def _kernel(self, name: str) -> Kernel:
+        return self.problem.functions.kernel(name, compile=True)
+
+    def _grid(
+        self,
+        x: Matrix,
+        of: Index | None,
+        weights: Matrix | None = None,
+        shots: Index | None = None,
+        target: int | None = None,
+    ) -> list[GridInput]:
+        """The inputs of `terms` and `slopes` at x (W, p): all shots, or `shots` of one target."""
+        problem = self.problem
+        delta, targets, tool = problem.split(x)
+        count = problem.shots if shots is None else len(shots)
+        if target is None:
+            at_target = selected(targets, problem.target_index)
+        else:
+            at_target = per_outer(targets[:, target], count)
+        if weights is None and target in self._kept and (of is None or self._single):
+            recorded = self._kept[target]
+        else:
+            weights_of = self.weights if weights is None else weights
+            over = (self._turns, self.spots, weights_of[:, :, None])
+            recorded = [_over(values, of, shots) for values in over]
+            if weights is None and (of is None or self._single):
+                self._kept[target] = recorded
+        return [
+            *recorded,
+            per_outer(delta, count),
+            at_target,
+            per_outer(tool, count),
+            self._variances(x, count),
+            constant(problem.noise.variances, count),
+        ]
+
+    def _variances(self, x: Matrix, count: int) -> GridInput:
+        variances = self.problem.variances(x)
+        return constant(variances, count) if variances.ndim == 1 else per_outer(variances, count)
+
+    @cached_property
+    def _free(self) -> Index:
+        return np.flatnonzero(self.problem.parameters.free)
+
+    @cached_property
+    def _scale(self) -> Matrix:
+        """(f,) prior stds of the free parameters."""
+        return self.problem.parameters.prior_std[self._free]
+
+    @cached_property
+    def _turns(self) -> Matrix:
+        return self.problem.robot.recorded_turns(self.joints)
+
+    @cached_property
+    def _shots_of(self) -> list[Index]:
+        """Per target the index of its shots."""
+        problem = self.problem
+        return [np.flatnonzero(problem.target_index == k) for k in range(len(problem.targets))]
+
+    @cached_property
+    def _columns(self) -> list[Index]:
+        """Per target where the columns of its shots' own slopes stand among the parameters."""
+        problem = self.problem
+        n, p = problem.robot.n, len(problem.parameters)
+        after = n + 3 * len(problem.targets)
+        return [
+            np.concatenate([np.arange(n), n + 3 * k + np.arange(3), np.arange(after, p)])
+            for k in range(len(problem.targets))
+        ]
+
+    @cached_property
+    def _lower(self) -> Index:
+        """(fl, fl): where each element of a symmetric matrix stands in its lower triangle, row by row."""
+        size = len(self._columns[0])
+        rows, columns = np.indices((size, size))
+        large, small = np.maximum(rows, columns), np.minimum(rows, columns)
+        return np.asarray(large * (large + 1) // 2 + small)
+
+
+def _over(values: Matrix, of: Index | None, shots: Index | None) -> GridInput:
+    """Values (B, N, size) of data sets, some of their shots: the one that there is, or those of `of`."""
+    values = values if shots is None or len(shots) == values.shape[1] else values[:, shots]
+    if len(values) == 1:
+        return per_inner(values[0], values.shape[1])
+    return per_both(values, of)

@@ -1,0 +1,89 @@
+"""What a person reads of a study in the terminal: the same words and roundings as HTML and PDF."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from .study_view import (
+    NOT_DETERMINED,
+    percent,
+    share,
+    share_interval,
+    standing,
+    study_view,
+    undetermined,
+    worst_at,
+)
+from .terminal import MARK, STYLE
+from .view import counted, listed
+from .wording import clipped, label, sentence, shown
+
+Json = dict[str, Any]
+
+_LONGEST_NAME = 26
+
+
+def print_study(out: Console, answer: Json) -> None:
+    """Verdict and notes, then for each plan and estimator the worst-covered parameter of each level."""
+    told = study_view(answer)
+    verdict = told["verdict"]
+    style = "bold blue" if answer["agrees"] else "bold yellow"
+    out.print(Text(f"{verdict['word']}. ", style=style) + Text(verdict["sentence"]))
+    for note in told["notes"]:
+        out.print(Text("! ", style="bold yellow") + Text(note))
+    out.print(Text(f"{told['overview']['caption']}, with its 95 % binomial interval", style="italic"))
+    out.print(Text(told["by_chance"], style="dim"))
+    levels = answer["settings"]["levels"]
+    for plan in answer["plans"]:
+        out.print()
+        out.print(Text(f"Plan {clipped(plan['name'], 60)}", style="bold") + Text(_about(plan)))
+        out.print(_coverage(plan, levels))
+        if untold := undetermined(plan):
+            style = STYLE["unidentifiable"]
+            out.print(
+                Text(f"{MARK['unidentifiable']} {NOT_DETERMINED}: ", style=style) + Text(listed(untold))
+            )
+        for part in plan["sbc"]:
+            # The sentence says what the ranks are; the mark, whether that is as it must be.
+            ranks = Text(f"Ranks, {clipped(part['name'], _LONGEST_NAME)}: ")
+            out.print(ranks + _standing(part) + Text(f". {sentence(part['sentence'])}"))
+    if told["comparison"] is not None:
+        out.print()
+        out.print(Text(told["comparison"]["sentence"]))
+
+
+def _about(plan: Json) -> str:
+    failed = f", {plan['failed']} fits failed" if plan["failed"] else ""
+    return (
+        f": {sentence(plan['words'])} ({counted(plan['shots'], 'shot')} of {shown(plan['robot'])},"
+        f" {plan['data_sets']} data sets{failed})"
+    )
+
+
+def _coverage(plan: Json, levels: list[float]) -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("estimator")
+    for level in levels:
+        table.add_column(percent(level), justify="right", no_wrap=True)
+    for estimator in plan["estimators"]:
+        name = Text(clipped(estimator["name"], _LONGEST_NAME) + "\n") + _standing(estimator)
+        table.add_row(name, *(_worst(estimator, level) for level in levels))
+    return table
+
+
+def _worst(estimator: Json, level: float) -> Text:
+    worst = worst_at(estimator, level)
+    if worst is None:
+        return Text(NOT_DETERMINED, style=STYLE["unidentifiable"])
+    row, entry = worst
+    style = "" if entry["agrees"] else STYLE["held" if estimator["control"] else "weak"]
+    return Text(f"{label(row['name'], 6)}: {share(entry)}\n{share_interval(entry)}", style=style)
+
+
+def _standing(part: Json) -> Text:
+    mark, words = standing(part)
+    return Text(f"{MARK[mark]} {words}", style=STYLE[mark])
