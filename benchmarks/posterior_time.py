@@ -1,0 +1,280 @@
+"""How many effective draws of the posterior a second: by zerobeam, emcee's stock move, and NumPyro's NUTS?
+
+For the built-in run of 7 shots (8 unknowns), the one with an uncalibrated tool (11 unknowns) and, if the
+recordings are there, panda_2 (559 postures): the smallest bulk ESS of all unknowns, a second and over two
+cores, by one function of arviz-stats for all. All start from the same Laplace fit and live in coordinates
+whitened by it; burn-in is counted for zerobeam alone, compiling for none. The peer's log-density, written
+again in JAX, is first shown to be ours up to a constant; means and variances are compared afterwards.
+
+    python3 -m venv /tmp/nuts && /tmp/nuts/bin/pip install numpyro
+    .venv/bin/python benchmarks/posterior_time.py --peers /tmp/nuts/bin/python
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import os
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import emcee
+import numpy as np
+from analyse_time import ROOT, panda_2
+from arviz_stats.base import array_stats
+from threadpoolctl import threadpool_limits
+
+from zerobeam.analysis.coordinates import SeenCoordinates
+from zerobeam.analysis.fit import fit_likelihood
+from zerobeam.analysis.posterior import Whitening
+from zerobeam.analysis.sampler import IndependenceProposal, degrees_of_freedom, sample_density
+from zerobeam.experiments.demos import demo_runs
+from zerobeam.model.density import Density
+from zerobeam.model.problem import Problem
+from zerobeam.model.robot import Matrix
+from zerobeam.model.run import read_run
+
+SEED = 1
+CORES = 2
+THREADS = CORES  # of zerobeam's sampler
+SAME = 1e-8  # of the range of log-densities
+TURNOVER = 2  # effective draws of a chain, at least
+MANY = 50  # shots: from here a tenth of the effective draws will do
+ROWS = 1000  # of one vectorised call
+PEERS_SIDE = Path(__file__).with_name("posterior_peer.py")
+
+
+class Case:
+    """One run, fitted, with the coordinates in which it is sampled."""
+
+    def __init__(self, name: str, run: Path, urdf: str = "") -> None:
+        self.name, self.urdf = name, urdf
+        self.problem = Problem.from_run(read_run(run))
+        self.fit = fit_likelihood(self.problem, starts=0)
+        self.density = Density(self.problem)
+        self.size = self.density.size
+        self._coordinates = SeenCoordinates(self.density)
+        from_z = np.linalg.inv(self._coordinates.jacobian(self.fit.x[None])[0])
+        factor = np.linalg.cholesky(from_z @ self.fit.covariance @ from_z.T)
+        self._whitening = Whitening(self._coordinates.from_parameters(self.fit.x[None])[0], factor)
+
+    def parameters(self, w: Matrix) -> Matrix:
+        """x (W, p) of whitened coordinates (W, f)."""
+        return self._coordinates.to_parameters(self._whitening.undo(w))
+
+    def log_density(self, w: Matrix) -> Matrix:
+        return self.density.log_posterior(self.parameters(w))
+
+
+class Found(NamedTuple):
+    """What one sampler left: scaled draws (chains, steps, f) and the seconds that they took."""
+
+    draws: Matrix
+    seconds: float
+
+    def ess(self) -> float:
+        """The smallest bulk ESS of all unknowns."""
+        return min(float(array_stats.ess(chain, method="bulk")) for chain in self.draws.transpose(2, 0, 1))
+
+    def moments(self) -> dict[str, tuple[Matrix, Matrix]]:
+        """Means and variances of the unknowns, each with its Monte Carlo standard error.
+
+        A variance is the mean of squares: their own autocorrelation counts, which for NUTS is another than
+        that of the draws (arviz-stats' error of a std takes that of the draws).
+        """
+        squares = (self.draws - self.draws.mean(axis=(0, 1))) ** 2
+        return {
+            name: (
+                values.mean(axis=(0, 1)),
+                np.array([float(array_stats.mcse(v, method="mean")) for v in values.transpose(2, 0, 1)]),
+            )
+            for name, values in (("means", self.draws), ("variances", squares))
+        }
+
+    @property
+    def count(self) -> int:
+        return self.draws.shape[0] * self.draws.shape[1]
+
+
+def ours(case: Case, ess: float) -> Found:
+    """zerobeam's sampler, burn-in and diagnostics included."""
+    proposal = IndependenceProposal(np.zeros(case.size), np.eye(case.size), degrees_of_freedom(case.size))
+    begun = time.perf_counter()
+    sampled = sample_density(case.log_density, proposal, seed=SEED, ess=ess, threads=THREADS)
+    seconds = time.perf_counter() - begun
+    return Found(scaled_chains(case, sampled.values.reshape(-1, *sampled.values.shape[2:])), seconds)
+
+
+def scaled_chains(case: Case, w: Matrix) -> Matrix:
+    return case.density.scaled(case.parameters(w.reshape(-1, case.size))).reshape(w.shape)
+
+
+def stretch(case: Case, walkers: int, seconds: float) -> Found:
+    """emcee as it comes, vectorised, for about `seconds`: an ensemble on each core, started from the fit."""
+
+    def ensemble(seed: int, answer: multiprocessing.connection.Connection) -> None:
+        random = np.random.RandomState(seed)
+        sampler = emcee.EnsembleSampler(walkers, case.size, case.log_density, vectorize=True)
+        start = emcee.State(random.randn(walkers, case.size), random_state=random.get_state())
+        begun = time.perf_counter()
+        start = sampler.run_mcmc(start, 20)
+        steps = int(20 * seconds / (time.perf_counter() - begun))
+        sampler.reset()
+        begun = time.perf_counter()
+        sampler.run_mcmc(start, steps)
+        answer.send((time.perf_counter() - begun, sampler.get_chain().transpose(1, 0, 2)))
+
+    forked = multiprocessing.get_context("fork")
+    pipes = [forked.Pipe(duplex=False) for _ in range(CORES)]
+    for k, (_, inlet) in enumerate(pipes):
+        forked.Process(target=ensemble, args=(SEED + k, inlet)).start()
+    answers = [outlet.recv() for outlet, _ in pipes]
+    steps = min(chain.shape[1] for _, chain in answers)
+    chains = np.concatenate([chain[:, :steps] for _, chain in answers])
+    return Found(scaled_chains(case, chains), max(spent for spent, _ in answers))
+
+
+def nuts(case: Case, python: Path, warmup: int, draws: int) -> Found | None:
+    """NumPyro's answer, after its density was compared with ours; None, and why is told, if there is none."""
+    problem, factor = case.problem, np.linalg.cholesky(case.fit.covariance)
+    parameters, distances = problem.parameters, problem.distances
+    points = case.parameters(2 * np.random.default_rng(SEED).normal(size=(20, case.size)))
+    model = {
+        "urdf": np.array(case.urdf),
+        "joints": problem.joints,
+        "spots": problem.spots,
+        "target_index": problem.target_index,
+        "variances": problem.noise.variances,
+        "mean": parameters.prior_mean,
+        "std": parameters.prior_std,
+        "free": np.flatnonzero(parameters.free),
+        "pairs": np.array([(d.first, d.second) for d in distances], dtype=int).reshape(-1, 2),
+        "apart": np.array([d.mm for d in distances]),
+        "apart_sigma": np.array([d.sigma for d in distances]),
+        "centre": case.fit.z,
+        "factor": factor,
+        "points": case.density.scaled(points),
+        "settings": np.array([CORES, warmup, draws, SEED]),
+    }
+    with tempfile.TemporaryDirectory() as folder:
+        given, answered = Path(folder) / "model.npz", Path(folder) / "answer.npz"
+        np.savez(given, **model)
+        command = [str(python), str(PEERS_SIDE), str(given), str(answered)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode:
+            print(f"  NumPyro failed: {(done.stderr.strip().splitlines() or ['without a word'])[-1]}")
+            return None
+        answer = dict(np.load(answered))
+    own = case.density.log_posterior(points)
+    off = np.ptp(own - answer["checked"]) / np.ptp(own)
+    verdict = "ours up to a constant" if off < SAME else "NOT OURS"
+    print(f"  log-density in JAX at {len(points)} points: {verdict}, {off:.0e} of its range")
+    print(
+        f"  NUTS compiled and warmed up in {answer['before']:.1f} s (not counted),"
+        f" {answer['gradients'] / answer['z'].shape[0] / answer['z'].shape[1]:.1f} gradients a draw"
+    )
+    return Found(answer["z"], float(answer["seconds"]))
+
+
+def bare_loop_seconds(case: Case, x: np.ndarray) -> float | None:
+    """A call of the kernel's C function alone, its arguments ready: its loop over rows and shots is in C."""
+    kernel = case.problem.functions.kernel("terms", compile=True)
+    if not kernel.compiled:
+        return None
+    inputs = case.density._grid(x, None)
+    call, _ = kernel.ready(inputs, len(x), case.problem.shots)
+    return fastest(call)
+
+
+def fastest(call: Callable[[], object], repeat: int = 20) -> float:
+    """Seconds of the fastest call."""
+    spent = []
+    for _ in range(repeat):
+        begun = time.perf_counter()
+        call()
+        spent.append(time.perf_counter() - begun)
+    return min(spent)
+
+
+def measure(case: Case, python: Path | None, ess: float, seconds: float, draws: int) -> None:
+    print(f"{case.name}: {case.problem.shots} shots, {case.size} unknowns")
+    w = np.random.default_rng(SEED).normal(size=(ROWS, case.size))
+    x = case.parameters(w)
+    likelihood = fastest(lambda: case.density.log_likelihood(x)) / ROWS
+    density = fastest(lambda: case.log_density(w)) / ROWS
+    bare = bare_loop_seconds(case, x)
+    told_bare = "no compiler"
+    if bare is not None:
+        told_bare = f"{1e6 * bare / ROWS:.2f} µs, {likelihood * ROWS / bare:.2f} times"
+    print(
+        f"  one core, {ROWS} rows a call: log-likelihood {1e6 * likelihood:.2f} µs ({1 / likelihood:,.0f} a"
+        f" second), with coordinates and priors {1e6 * density:.2f} µs; bare loop over the C function:"
+        f" {told_bare}"
+    )
+    found = ours(case, ess if case.problem.shots < MANY else ess / 10)
+    least = told("zerobeam", found)
+    rate, tau = least / found.seconds, found.count / least
+    bound = CORES / likelihood / tau
+    print(f"    bound by the kernel on {CORES} cores: {bound:,.0f} a second, of which {rate / bound:.0%}")
+    for walkers in dict.fromkeys((max(64, 2 * case.size + 2), 1000)):
+        told(f"emcee, stretch move, {walkers} walkers", stretch(case, walkers, seconds), rate)
+    if python is None:
+        print("  NumPyro left out: name the python of its environment by --peers")
+        return
+    peer = nuts(case, python, draws // 4, draws)
+    if peer is None:
+        return
+    told("NumPyro NUTS", peer, rate)
+    for (name, (own, own_error)), (theirs, error) in zip(
+        found.moments().items(), peer.moments().values(), strict=True
+    ):
+        z = np.abs(own - theirs) / np.hypot(own_error, error)
+        print(f"    {name} of the {case.size} unknowns: at most {z.max():.1f} standard errors from ours")
+
+
+def told(name: str, found: Found, ours: float | None = None) -> float:
+    """Print a sampler's line, `ours` being our effective draws a second; its effective draws."""
+    least = found.ess()
+    rate = least / found.seconds
+    print(
+        f"  {name}: ESS {least:,.0f} of {found.count:,} draws (tau {found.count / least:.1f}) in"
+        f" {found.seconds:.2f} s: {rate:,.0f} a second"
+        + ("" if ours is None else f"; ours {ours / rate:,.0f} times")
+        # Chains that have hardly moved count for as much as their starts, drawn from the fit, were worth.
+        + (": too few for so many chains to be believed" if least < TURNOVER * len(found.draws) else ""),
+        flush=True,
+    )
+    return least
+
+
+def cases(folder: Path) -> Iterator[Case]:
+    for run in demo_runs():
+        if run.name != "x-pattern":  # there is nothing to sample but priors
+            yield Case(run.title, run.path)
+    data = Path(os.environ.get("ZEROBEAM_SHARED_DATA", ROOT.parent / "shared" / "data")).resolve()
+    if (data / "mukca" / "panda_2").is_dir():
+        yield Case("panda_2", panda_2(data, folder), str(data / "mukca/urdf/panda.urdf"))
+    else:
+        print(f"panda_2 left out: there is no mukca/panda_2 in {data}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--peers", type=Path, help="the python of an environment with numpyro")
+    parser.add_argument("--ess", type=float, default=50_000.0, help="asked of zerobeam (default 50,000)")
+    parser.add_argument("--seconds", type=float, default=10.0, help="for emcee's stock move (default 10)")
+    parser.add_argument("--draws", type=int, default=4000, help="of each chain of NUTS (default 4000)")
+    asked = parser.parse_args()
+    with threadpool_limits(limits=1, user_api="blas"), tempfile.TemporaryDirectory() as folder:
+        for case in cases(Path(folder)):
+            measure(case, asked.peers, asked.ess, asked.seconds, asked.draws)
+
+
+if __name__ == "__main__":
+    main()
