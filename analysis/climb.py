@@ -84,7 +84,8 @@ class Climb:
         told = list(found.reason)
         sound = np.isfinite(found.cost)
         curvature = np.tile(np.eye(v.shape[1]), (len(v), 1, 1))
-        root = np.linalg.cholesky(np.linalg.inv(np.where(sound[:, None, None], found.curvature, curvature)))
+        information = np.where(sound[:, None, None], found.curvature, curvature)
+        root = np.asarray(np.linalg.cholesky(np.linalg.inv(information)), dtype=float)
         active = np.flatnonzero(sound)
         value, slope = -found.cost, -_times(root.transpose(0, 2, 1), found.slope)
         slope[~sound] = np.inf

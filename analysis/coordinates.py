@@ -126,8 +126,11 @@ class SeenCoordinates:
     def _each(self, name: str, of: Index | None, delta: Matrix, points: Matrix) -> tuple[Matrix, ...]:
         """A function of joints, offsets and a point, for every row and moved target."""
         rows, count = len(delta), len(self._targets)
+        kernel = self._problem.functions.kernel(name, compile=True)
+        if count == 1 and len(self._joints) == 1:
+            return kernel(self._joints[0, 0], delta, points[:, 0])
         joints = self._joints if of is None or len(self._joints) == 1 else self._joints[of]
-        return self._problem.functions.kernel(name, compile=True)(
+        return kernel(
             np.broadcast_to(joints, (rows, count, joints.shape[2])).reshape(rows * count, joints.shape[2]),
             np.repeat(delta, count, axis=0),
             points.reshape(-1, 3),

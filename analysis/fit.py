@@ -6,6 +6,7 @@ Fits are rows: the starts of one run, or one start of each of many runs, go up s
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,19 +51,25 @@ class Fits:
 
 @dataclass(frozen=True, eq=False)
 class LikelihoodFit:
-    """The best mode of one run, a row of `Fits`; `whitened` are the residuals at x."""
+    """The best mode of one run, a row of `Fits`."""
+
+    problem: Problem
 
     x: Matrix
     z: Matrix
     covariance: Matrix
     weight: float
-    whitened: Whitened
     log_posterior: float
     gradient: float
     iterations: int
     converged: bool
     reason: str
     other_basins: int
+
+    @cached_property
+    def whitened(self) -> Whitened:
+        """Residuals and Jacobian at x."""
+        return self.problem.whiten(self.x)
 
     @property
     def std(self) -> Matrix:
@@ -103,7 +110,6 @@ def fit_likelihood(
         x=x,
         z=density.scaled(x[None])[0],
         covariance=covariance,
-        whitened=problem.whiten(x),
         log_posterior=float(density.log_posterior(x[None])[0]),
         converged=settled,
         reason=fit.reason if settled else "the noise factors did not settle",
@@ -112,11 +118,11 @@ def fit_likelihood(
 
 def _single(problem: Problem, found: Fits, row: int, other_basins: int) -> LikelihoodFit:
     return LikelihoodFit(
+        problem=problem,
         x=found.x[row],
         z=found.z[row],
         covariance=found.covariance[row],
         weight=float(found.weight[row]),
-        whitened=problem.whiten(found.x[row]),
         log_posterior=float(found.log_posterior[row]),
         gradient=float(found.gradient[row]),
         iterations=int(found.iterations[row]),
@@ -168,7 +174,7 @@ def modes(density: Density, start: Matrix, of: Index | None = None) -> Minima:
     Fisher's information, from each start x (W, p). The `x` of the minima are parameter vectors (W, p)."""
     climb = Climb(density, of, len(start))
     found = climb.up(climb.coordinates.from_parameters(start, climb.of))
-    return replace(found, x=climb.coordinates.to_parameters(found.x, climb.of))
+    return found._replace(x=climb.coordinates.to_parameters(found.x, climb.of))
 
 
 def _apart(fits: Fits, a: int, b: int) -> bool:

@@ -6,7 +6,6 @@ Rows are minimisations of their own (starts of one run, or runs), carried out si
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +15,7 @@ from ..model.kernel import Index
 from ..model.robot import Matrix
 
 NO_LOWER = "no step lowers the cost any more"
+NO_STEP = "no damping gives a step that could be taken"
 NOT_FINITE = "the cost is not finite at the start"
 
 
@@ -31,8 +31,7 @@ class Quadratic(NamedTuple):
 Model = Callable[[Matrix, Index], Quadratic]
 
 
-@dataclass(frozen=True, eq=False)
-class Minima:
+class Minima(NamedTuple):
     """Where W minimisations ended; not converging is a value, not an exception.
 
     `x` (W, f); `slope` (W, f) the gradient there and `curvature` (W, f, f); `reason` says why each stopped.
@@ -44,7 +43,12 @@ class Minima:
     curvature: Matrix
     iterations: Index
     converged: NDArray[np.bool_]
-    reason: tuple[str, ...]
+    reason: list[str]
+
+    def keep(self, rows: Index, x: Matrix, cost: Matrix, slope: Matrix, curvature: Matrix) -> None:
+        """Where these rows have come to."""
+        self.x[rows], self.cost[rows] = x, cost
+        self.slope[rows], self.curvature[rows] = slope, curvature
 
 
 def least_squares(residual: Callable[[Matrix, Index], tuple[Matrix, Matrix]]) -> Model:
@@ -75,50 +79,63 @@ def levenberg_marquardt(
     promises to lower the cost by less than `tolerance` of it, or by `absolute`; `damping` is the first mu.
     Steps are shortened so that no coordinate moves by more than its `longest` (f,).
     """
-    x = start.copy()
-    rows, size = x.shape
-    cost, gradient, curvature = model(x, np.arange(rows))
-    converged = np.zeros(rows, dtype=bool)
-    reason = np.full(rows, f"no convergence in {max_iterations} iterations", dtype=object)
-    iterations = np.full(rows, max_iterations)
-    mu, nu = np.full(rows, damping), np.full(rows, 2.0)
-    finite = np.isfinite(cost)
-    reason[~finite], iterations[~finite] = NOT_FINITE, 0
-    active = np.flatnonzero(finite)
+    rows, size = start.shape
+    first = model(start, np.arange(rows))
+    result = Minima(
+        start.copy(),
+        first.cost.copy(),
+        first.gradient.copy(),
+        first.curvature.copy(),
+        np.full(rows, max_iterations),
+        np.zeros(rows, dtype=bool),
+        [f"no convergence in {max_iterations} iterations"] * rows,
+    )
+    # What is still under way stands together, so that a step of all is a few operations.
+    active = np.flatnonzero(np.isfinite(result.cost))
+    for row in np.flatnonzero(~np.isfinite(result.cost)):
+        result.reason[row], result.iterations[row] = NOT_FINITE, 0
+    x, cost, slope, curvature = (part[active] for part in result[:4])
+    mu, nu = np.full(len(active), damping), np.full(len(active), 2.0)
     diagonal_at = np.arange(size)
     for iteration in range(max_iterations):
         if len(active) == 0:
             break
-        diagonal = np.maximum(curvature[active][:, diagonal_at, diagonal_at], 1e-300)
-        damped = curvature[active]
-        damped[:, diagonal_at, diagonal_at] += mu[active, None] * diagonal
-        step = -solve_rows(damped, gradient[active][:, :, None])[:, :, 0]  # NaN: no step worth taking
-        too_long = np.abs(step / longest).max(axis=1, initial=1.0)
-        step /= too_long[:, None]
-        bent = (curvature[active] @ step[:, :, None])[:, :, 0]
-        predicted = -(step * (gradient[active] + bent / 2)).sum(axis=1)
-        done = predicted <= np.maximum(tolerance * np.abs(cost[active]), absolute)
-        ended = active[done]
-        converged[ended], reason[ended], iterations[ended] = True, NO_LOWER, iteration
-        active, step, predicted = active[~done], step[~done], predicted[~done]
-        if len(active) == 0:
-            break
-        trial = x[active] + step
+        diagonal = np.maximum(curvature[:, diagonal_at, diagonal_at], 1e-300)
+        damped = curvature.copy()
+        damped[:, diagonal_at, diagonal_at] += mu[:, None] * diagonal
+        step = -solve_rows(damped, slope[:, :, None])[:, :, 0]  # NaN: no step worth taking
+        step /= np.abs(step / longest).max(axis=1, initial=1.0)[:, None]
+        bent = (curvature @ step[:, :, None])[:, :, 0]
+        predicted = -(step * (slope + bent / 2)).sum(axis=1)
+        done = predicted <= np.maximum(tolerance * np.abs(cost), absolute)
+        lost = ~np.isfinite(mu)  # no damping makes a step of it
+        if done.any() or lost.any():
+            result.keep(active, x, cost, slope, curvature)
+            for row in active[done]:
+                result.converged[row], result.reason[row] = True, NO_LOWER
+                result.iterations[row] = iteration
+            for row in active[lost]:
+                result.reason[row], result.iterations[row] = NO_STEP, iteration
+            left = ~(done | lost)
+            active, x, cost, slope, curvature = (v[left] for v in (active, x, cost, slope, curvature))
+            mu, nu, step, predicted = (v[left] for v in (mu, nu, step, predicted))
+            if len(active) == 0:
+                break
+        trial = x + step
         found = model(trial, active)
-        with np.errstate(invalid="ignore"):
-            gain = (cost[active] - found.cost) / predicted
-        taken = gain > 0  # never for what is no number
-        better = active[taken]
-        x[better], cost[better] = trial[taken], found.cost[taken]
-        gradient[better], curvature[better] = found.gradient[taken], found.curvature[taken]
-        mu[better] *= np.maximum(1 / 3, 1 - (2 * np.minimum(gain[taken], 2.0) - 1) ** 3)
-        nu[better] = 2.0
-        worse = active[~taken]
-        with np.errstate(over="ignore"):
-            mu[worse] *= nu[worse]
-        nu[worse] *= 2
-        active = active[np.isfinite(mu[active])]
-    return Minima(x, cost, gradient, curvature, iterations, converged, tuple(reason))
+        with np.errstate(invalid="ignore", over="ignore"):
+            gain = (cost - found.cost) / predicted
+            taken = gain > 0  # never for what is no number
+            easier = np.maximum(1 / 3, 1 - (2 * np.minimum(gain, 2.0) - 1) ** 3)
+            mu, nu = np.where(taken, mu * easier, mu * nu), np.where(taken, 2.0, 2 * nu)
+        if taken.all():
+            x, cost, slope, curvature = trial, *found
+        else:
+            x, cost = np.where(taken[:, None], trial, x), np.where(taken, found.cost, cost)
+            slope = np.where(taken[:, None], found.gradient, slope)
+            curvature = np.where(taken[:, None, None], found.curvature, curvature)
+    result.keep(active, x, cost, slope, curvature)
+    return result
 
 
 def solve_rows(matrices: Matrix, right: Matrix) -> Matrix:

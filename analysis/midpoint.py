@@ -8,6 +8,7 @@ points of a target are compared with their mean.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -53,7 +54,7 @@ class MidpointFits:
     points: int
     iterations: Index
     converged: NDArray[np.bool_]
-    reason: tuple[str, ...]
+    reason: Sequence[str]
 
 
 def fit_midpoint(problem: Problem) -> MidpointFit:

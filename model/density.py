@@ -26,6 +26,15 @@ class Slopes(NamedTuple):
     information: Matrix
 
 
+class _Block(NamedTuple):
+    """Of one target: `free` (m,) the columns among the free parameters, `local` (m,) among those of a shot,
+    `lower` (m, m) where each pair stands in the lower triangle of a shot's information, row by row."""
+
+    free: Index
+    local: Index
+    lower: Index
+
+
 class Density:
     """Log-posterior of B data sets: `joints` (B, N, n), `spots` (B, N, d), both the problem's own by default.
 
@@ -49,10 +58,10 @@ class Density:
     def _single(self) -> bool:
         return len(self.joints) == len(self.spots) == len(self.weights) == 1
 
-    @property
+    @cached_property
     def size(self) -> int:
         """f: the number of free parameters."""
-        return int(self.problem.parameters.free.sum())
+        return len(self._free)
 
     def weighted(self, weights: Matrix) -> Density:
         """The same data with other weights (B, N)."""
@@ -112,43 +121,36 @@ class Density:
     @np.errstate(all="ignore")  # as in log_likelihood
     def slopes(self, x: Matrix, of: Index | None = None, *, with_information: bool = True) -> Slopes:
         """Value, gradient and information at parameter vectors (W, p)."""
-        problem, parameters = self.problem, self.problem.parameters
-        p, rows, informed = len(parameters), len(x), len(x) if with_information else 0
+        problem, rows, size = self.problem, len(x), self.size
         quad, logdet = np.zeros(rows), np.zeros(rows)
-        by_quad, by_logdet = np.zeros((rows, p)), np.zeros((rows, p))
-        information = np.zeros((informed, p, p))
-        for k, columns in enumerate(self._columns):
+        by_quad, gradient = np.zeros((rows, size)), np.zeros((rows, size))
+        information = np.zeros((rows if with_information else 0, size, size))
+        for k, block in enumerate(self._blocks):
             shots = self._shots_of[k]
             own = self._kernel("slopes").sums(self._grid(x, of, None, shots, k), rows, len(shots))
             quad += own[0]
             logdet += own[1]
-            by_quad[:, columns] += own[2]
-            by_logdet[:, columns] += own[3]
+            by_quad[:, block.free] += own[2][:, block.local]
+            gradient[:, block.free] += own[3][:, block.local]
             if with_information:
-                information[:, columns[:, None], columns] += own[4][:, self._lower]
-        z, scale = self.scaled(x), self._scale
-        with np.errstate(all="ignore"):
-            if problem.noise.estimated:
-                weight = self.numbers(of) / quad
-                by_quad *= weight[:, None]
-                if with_information:
-                    information *= weight[:, None, None]
-            gradient = by_quad + by_logdet
-            distance = np.zeros(rows)
-            if problem.distances:
-                distance, by_distance, own_information = self._distance_slopes(x)
-                gradient += by_distance
-                if with_information:
-                    information += own_information
-            value = self._value(quad, logdet, distance, of) - (z**2).sum(axis=1) / 2
-        if with_information:
-            information = information[:, self._free[:, None], self._free] * np.outer(scale, scale)
-            information[:, np.arange(len(scale)), np.arange(len(scale))] += 1.0
-        return Slopes(
-            np.where(np.isfinite(value), value, -np.inf),
-            gradient[:, self._free] * (-scale / 2) - z,
-            information,
-        )
+                information[:, block.free[:, None], block.free] += own[4][:, block.lower]
+        if problem.noise.estimated:
+            weight = self.numbers(of) / quad
+            by_quad *= weight[:, None]
+            information *= weight[: len(information), None, None]
+        gradient += by_quad
+        distance: Matrix | float = 0.0
+        if problem.distances:
+            distance, by_distance, own_information = self._distance_slopes(x)
+            gradient += by_distance[:, self._free]
+            if with_information:
+                information += own_information[:, self._free[:, None], self._free]
+        z = self.scaled(x)
+        value = self._value(quad, logdet, distance, of) - (z**2).sum(axis=1) / 2
+        information *= self._scale_squared
+        information[:, np.arange(size), np.arange(size)] += 1.0
+        value[~np.isfinite(value)] = -np.inf
+        return Slopes(value, gradient * (-self._scale / 2) - z, information)
 
     def prior_information(self, x: Matrix) -> Matrix:
         """(W, f, f) the part of the information that does not come from the shots."""
@@ -159,7 +161,7 @@ class Density:
 
     # How it is made up
 
-    def _value(self, quad: Matrix, logdet: Matrix, distance: Matrix, of: Index | None) -> Matrix:
+    def _value(self, quad: Matrix, logdet: Matrix, distance: Matrix | float, of: Index | None) -> Matrix:
         if self.problem.noise.estimated:
             quad = self.numbers(of) * np.log(quad)
         return -(quad + logdet + distance) / 2
@@ -242,23 +244,24 @@ class Density:
         return [np.flatnonzero(problem.target_index == k) for k in range(len(problem.targets))]
 
     @cached_property
-    def _columns(self) -> list[Index]:
-        """Per target where the columns of its shots' own slopes stand among the parameters."""
+    def _blocks(self) -> list[_Block]:
+        """Per target where the slopes of its shots stand among the free parameters."""
         problem = self.problem
         n, p = problem.robot.n, len(problem.parameters)
         after = n + 3 * len(problem.targets)
-        return [
-            np.concatenate([np.arange(n), n + 3 * k + np.arange(3), np.arange(after, p)])
-            for k in range(len(problem.targets))
-        ]
+        free = problem.parameters.free
+        at_free = np.cumsum(free) - 1
+        blocks = []
+        for k in range(len(problem.targets)):
+            columns = np.concatenate([np.arange(n), n + 3 * k + np.arange(3), np.arange(after, p)])
+            local = np.flatnonzero(free[columns])
+            rows, others = np.maximum(*np.ix_(local, local)), np.minimum(*np.ix_(local, local))
+            blocks.append(_Block(at_free[columns[local]], local, rows * (rows + 1) // 2 + others))
+        return blocks
 
     @cached_property
-    def _lower(self) -> Index:
-        """(fl, fl): where each element of a symmetric matrix stands in its lower triangle, row by row."""
-        size = len(self._columns[0])
-        rows, columns = np.indices((size, size))
-        large, small = np.maximum(rows, columns), np.minimum(rows, columns)
-        return np.asarray(large * (large + 1) // 2 + small)
+    def _scale_squared(self) -> Matrix:
+        return np.outer(self._scale, self._scale)
 
 
 def _over(values: Matrix, of: Index | None, shots: Index | None) -> GridInput:

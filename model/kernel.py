@@ -158,8 +158,8 @@ class Kernel:
     def sums(self, inputs: Sequence[GridInput], outer: int, inner: int) -> tuple[Matrix, ...]:
         """Sum over the inner index (shots) for each outer one (walkers): outputs (outer, *shape).
 
-        Raises ValueError for a hoisted input that changes over the inner index, and for one that ends too soon:
-        compiled code would read on behind it.
+        Raises ValueError for a hoisted input that changes over the inner index, and for one that ends too
+        soon: compiled code would read on behind it.
         """
         for k, given in enumerate(inputs):
             if given.rows is not None and len(given.rows) != outer:
@@ -168,8 +168,8 @@ class Kernel:
             end = row * given.step + given.offsets.last + self._in[k]
             if outer * inner * self._in[k] and end > given.values.size:
                 raise ValueError(
-                    f"{self.function.name()}: {self.function.name_in(k)} has {given.values.size} values, too few"
-                    f" for {outer} x {inner}"
+                    f"{self.function.name()}: {self.function.name_in(k)} has {given.values.size} values, too"
+                    f" few for {outer} x {inner}"
                 )
         for k in self._hoisted:
             if not inputs[k].fixed:
