@@ -243,12 +243,14 @@ def _drawn_together(
 
 @dataclass(frozen=True, eq=False)
 class StudiedPlan:
-    """A plan of the study; `degenerate` names offsets that it cannot tell at all."""
+    """A plan of the study. `degenerate`: there is an offset that it cannot tell at all; `curved`: its misses
+    are so far from linear that intervals from the curvature at the mode need not hold."""
 
     name: str
     words: str
     problem: Problem
     degenerate: bool = False
+    curved: bool = False
 
 
 def studied_plans(seed: int) -> list[StudiedPlan]:
@@ -274,6 +276,7 @@ def studied_plans(seed: int) -> list[StudiedPlan]:
             "nearly degenerate",
             f"Y-Pattern of {_SHOTS} shots over {_SHORT:g} of the reach",
             planned(pattern(header, robot, place, "y", _SHOTS, span=_SHORT)),
+            curved=True,
         ),
         StudiedPlan(
             "degenerate",
@@ -287,9 +290,9 @@ def studied_plans(seed: int) -> list[StudiedPlan]:
 def coverage_study(data_sets: int, seed: int, progress: Progress) -> dict[str, Any]:
     """The whole study, as plain JSON types (docs/files.md, `zerobeam/study/1`).
 
-    It agrees if the likelihood's and the posterior's intervals and the ranks are as promised on every plan,
-    and every control is seen to be wrong. The midpoint fit is the paper's: where its intervals do not hold,
-    that is a finding.
+    It agrees if the intervals of the posterior, those of the likelihood's curvature where the plan is not
+    nearly degenerate, and the ranks are as promised, and every control is seen to be wrong. The midpoint fit
+    is the paper's: where its intervals do not hold, that is a finding.
     """
     began = time.perf_counter()
     with threadpool_limits(limits=1, user_api="blas"):
@@ -301,22 +304,21 @@ def coverage_study(data_sets: int, seed: int, progress: Progress) -> dict[str, A
                 progress(name, (k + share) / len(plans))
 
             told.append(_studied(plan, data_sets, seed, tell))
-    rows = [row for plan in told for row in plan["estimators"]]
-    promised = [row["agrees"] for row in rows if not row["control"] and row["name"] != "midpoint"]
-    ranked = [row["agrees"] for plan in told for row in plan["sbc"]]
-    seen = [not row["agrees"] for row in rows if row["control"]]
-    agrees = all((*promised, *ranked, *seen))
-    beyond = [
-        plan["name"]
-        for plan in told
-        if any(row["name"] == "midpoint" and not row["agrees"] for row in plan["estimators"])
-    ]
+    must, findings, seen = [row["agrees"] for plan in told for row in plan["sbc"]], [], []
+    for plan, answer in zip(plans, told, strict=True):
+        for row in answer["estimators"]:
+            if row["control"]:
+                seen.append(not row["agrees"])
+            elif row["name"] == "midpoint" or (row["name"] == "likelihood" and plan.curved):
+                findings += [] if row["agrees"] else [f"{row['name']} on {plan.name}"]
+            else:
+                must.append(row["agrees"])
     return {
         "schema": "zerobeam/study/1",
         "study": "coverage",
         "title": "Do the intervals hold what they promise?",
-        "headline": _headline(data_sets, all((*promised, *ranked)), all(seen), beyond),
-        "agrees": agrees,
+        "headline": _headline(data_sets, all(must), all(seen), findings),
+        "agrees": all((*must, *seen)),
         "settings": {
             "data_sets": data_sets,
             "seed": seed,
@@ -335,20 +337,22 @@ def coverage_study(data_sets: int, seed: int, progress: Progress) -> dict[str, A
             f"An estimator agrees if none of its shares is off by more than a chance of {_CHANCE:.0%}, over"
             " all levels and offsets together, allows (exact binomial test, Bonferroni). The intervals shown"
             " are 95 % (Clopper and Pearson).",
+            "Intervals from the curvature at the mode are for plans that are not nearly degenerate: where a"
+            " direction is nearly lost a result shows those of profile and posterior beside them.",
             "The midpoint fit uses no spot reading and no prior. Its sandwich is linear: on poor plans its"
             " errors are not.",
         ],
     }
 
 
-def _headline(data_sets: int, kept: bool, seen: bool, beyond: Sequence[str]) -> str:
+def _headline(data_sets: int, kept: bool, seen: bool, findings: Sequence[str]) -> str:
     parts = [
-        f"Over {data_sets} simulated data sets a plan, the intervals of the likelihood fit and of the"
-        f" posterior {'hold' if kept else 'do not hold'} what they promise.",
+        f"Over {data_sets} simulated data sets a plan, the intervals that zerobeam shows"
+        f" {'hold' if kept else 'do not hold'} what they promise.",
         "Every control is seen to be wrong." if seen else "A control is not seen to be wrong.",
     ]
-    if beyond:
-        parts.append(f"Those of the paper's midpoint fit do not on {listed(list(beyond))}.")
+    if findings:
+        parts.append(f"Not to be relied on: intervals of {listed(list(findings))}.")
     return " ".join(parts)
 
 
@@ -484,7 +488,7 @@ def _sentence(rows: Sequence[dict[str, Any]], agrees: bool, control: bool) -> st
         if c["level"] == 0.95
     ]
     if not shares:
-        return "no offset that these shots could tell"
+        return "No offset that these shots could tell"
     _, name, share = max(shares)
     worst = f"95 % intervals hold the truth in {share:.1%} at the worst ({name})"
     if control:
@@ -514,7 +518,7 @@ def _calibration(items: Sequence[Any], ranks: NDArray[np.int64]) -> dict[str, An
         "name": "posterior",
         "control": False,
         "agrees": agrees,
-        "sentence": f"the truth ranks {'evenly' if agrees else 'unevenly'} among the draws"
+        "sentence": f"The truth ranks {'evenly' if agrees else 'unevenly'} among the draws"
         f" (smallest p-value {least:.2g} of {len(rows)})",
         "parameters": rows,
         "power": power_sentence(count, _CHANCE / max(len(rows), 1)),

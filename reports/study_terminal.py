@@ -57,7 +57,7 @@ def print_study(out: Console, answer: Json) -> None:
 
 
 def _about(plan: Json) -> str:
-    failed = f", {plan['failed']} fits failed" if plan["failed"] else ""
+    failed = f", {plan['failed']} truths not met" if plan["failed"] else ""
     return (
         f": {sentence(plan['words'])} ({counted(plan['shots'], 'shot')} of {shown(plan['robot'])},"
         f" {plan['data_sets']} data sets{failed})"

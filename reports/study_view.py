@@ -184,7 +184,7 @@ def _plan(plan: Json, settings: Json, number: int) -> Json:
         ("Shots", str(plan["shots"])),
         ("Noise", ", ".join(_noise(key, value) for key, value in plan["noise"].items())),
         ("Data sets", str(plan["data_sets"])),
-        ("Fits that failed", f"{plan['failed']} (not in the shares below)" if plan["failed"] else "none"),
+        ("Truths not met", f"{plan['failed']} (others drawn in their place)" if plan["failed"] else "none"),
     ]
     return {
         "title": f"Plan {clipped(plan['name'], _LONGEST_NAME)}",
@@ -304,8 +304,8 @@ def has_errors(row: Json) -> bool:
 
 
 def solved(plan: Json) -> int:
-    """The number of data sets that were solved, on which bias and rmse rest."""
-    return max(1, int(plan["data_sets"]) - int(plan["failed"]))
+    """The number of data sets, on which bias and rmse rest."""
+    return max(1, int(plan["data_sets"]))
 
 
 def _ranks_table(parts: list[Json], bins: int) -> Json | None:

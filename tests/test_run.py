@@ -6,7 +6,7 @@ import os
 import numpy as np
 import pytest
 
-from zerobeam.model.errors import RigFault
+from zerobeam.model.errors import BadInput, RigFault
 from zerobeam.model.header import Header
 from zerobeam.model.run import RunJournal, Shot, read_run, write_run
 
@@ -373,3 +373,12 @@ def test_a_journal_on_a_full_disk_keeps_the_shots_before(tmp_path, monkeypatch):
     run = read_run(path)
     assert len(run.shots) == 1
     assert run.warnings == ()
+
+
+def test_shots_of_one_and_the_same_posture_are_refused(run_file):
+    """Nothing can be fitted to them; one posture that differs is enough to be let through."""
+    same = [shot(number, joints_deg=JOINTS) for number in range(5)]
+    with pytest.raises(BadInput, match="one and the same posture") as refused:
+        read_run(run_file(text(*same))).require_analysable()
+    assert "5 shots" in str(refused.value)
+    read_run(run_file(text(*same, shot(5)))).require_analysable()

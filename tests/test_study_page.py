@@ -222,9 +222,9 @@ def test_the_overview_names_the_parameter_that_is_farthest_off() -> None:
     assert rows[2][3] == "δ5: 87.1"
 
 
-def test_fits_that_failed_are_said() -> None:
+def test_truths_that_were_not_met_are_said() -> None:
     page = page_of(agreeing())
-    assert page.count("3 (not in the shares below)") == 1
+    assert page.count("3 (others drawn in their place)") == 1
 
 
 # ── what must not be said ─────────────────────────────────────────────────────────────────────
