@@ -39,6 +39,14 @@ class Whitening:
     def __init__(self, centre: Matrix, factor: Matrix) -> None:
         self.centre, self.factor = centre, factor
 
+    @classmethod
+    def around(cls, fit: LikelihoodFit, coordinates: SeenCoordinates) -> Whitening:
+        """By the covariance of a fit."""
+        from_z = np.linalg.inv(coordinates.jacobian(fit.x[None])[0])
+        covariance = from_z @ fit.covariance @ from_z.T
+        factor = np.asarray(np.linalg.cholesky(covariance), dtype=float)
+        return cls(coordinates.from_parameters(fit.x[None])[0], factor)
+
     def undo(self, w: Matrix) -> Matrix:
         return self.centre + w @ self.factor.T
 
@@ -56,11 +64,7 @@ def sample_posterior(
     began = time.perf_counter()
     density = Density(problem)
     coordinates = SeenCoordinates(density)
-    from_z = np.linalg.inv(coordinates.jacobian(fit.x[None])[0])
-    covariance = from_z @ fit.covariance @ from_z.T
-    whitening = Whitening(
-        coordinates.from_parameters(fit.x[None])[0], np.asarray(np.linalg.cholesky(covariance), dtype=float)
-    )
+    whitening = Whitening.around(fit, coordinates)
 
     def log_density(w: Matrix) -> Matrix:
         return density.log_posterior(coordinates.to_parameters(whitening.undo(w)))
@@ -97,10 +101,11 @@ def _told(
             f" at least {bulk.min():.0f} effective draws"
         )
     else:
+        drifts = "" if sampled.settled or rhat.max() > RHAT_GATE else ", and its draws still drift"
         message = (
             f"the posterior has not converged (R-hat {rhat.max():.3f}, smallest effective sample size"
-            f" {bulk.min():.0f}): its draws are not shown. Record more varied shots, or hold what the data"
-            " cannot tell"
+            f" {bulk.min():.0f}{drifts}): its draws are not shown. Record more varied shots, or hold what the"
+            " data cannot tell"
         )
     names = tuple(item.name for item, _ in free)
     units = tuple(item.unit for item, _ in free)

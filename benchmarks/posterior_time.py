@@ -58,9 +58,7 @@ class Case:
         self.density = Density(self.problem)
         self.size = self.density.size
         self._coordinates = SeenCoordinates(self.density)
-        from_z = np.linalg.inv(self._coordinates.jacobian(self.fit.x[None])[0])
-        factor = np.linalg.cholesky(from_z @ self.fit.covariance @ from_z.T)
-        self._whitening = Whitening(self._coordinates.from_parameters(self.fit.x[None])[0], factor)
+        self._whitening = Whitening.around(self.fit, self._coordinates)
 
     def parameters(self, w: Matrix) -> Matrix:
         """x (W, p) of whitened coordinates (W, f)."""
