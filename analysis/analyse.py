@@ -233,7 +233,8 @@ def _robust(problem: Problem, fit: LikelihoodFit, rows: Sequence[ParameterResult
                 interval95=_interval(item, value, quantile * spread) if spread_known else None,
             )
         )
-    off = outlying(found.whitened, problem.tool.miss_size, OUTLYING)
+    dof = numbers if problem.noise.estimated else None
+    off = outlying(found.whitened, problem.tool.miss_size, OUTLYING, dof)
     outliers = tuple(problem.shot_numbers[i] for i in off) if found.converged else ()
     return Robust(
         loss=loss,

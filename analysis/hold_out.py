@@ -11,7 +11,7 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc
+from scipy.special import chdtrc, fdtrc
 
 from ..model.errors import BadInput
 from ..model.problem import Problem
@@ -69,9 +69,20 @@ def hold_out(problem: Problem, patterns: Sequence[str], seed: int = 0) -> HoldOu
         rms_before_mm=_rms(unseen, before),
         chi2=chi2 if dof > 0 else None,
         dof=dof,
-        p_value=float(chdtrc(dof, chi2)) if dof > 0 else None,
+        p_value=_chance(seen, chi2, dof) if dof > 0 else None,
         message=None if dof > 0 else "no more numbers than coordinates of their targets: they always hit",
     )
+
+
+def _chance(seen: Problem, chi2: float, dof: int) -> float:
+    """That chi-squared comes out as large: by F where the noise scale is estimated from the shots fitted."""
+    parameters = seen.parameters
+    placed = {f"{seen.targets[k]}.{axis}" for k in set(seen.target_index.tolist()) for axis in "xyz"}
+    fitted = [p for p in parameters.items if not p.held and (p.group != "target" or p.name in placed)]
+    free = seen.data_size - len(fitted)
+    if not seen.noise.estimated or free <= 0:
+        return float(chdtrc(dof, chi2))
+    return float(fdtrc(dof, free, chi2 / dof))
 
 
 def _settled(problem: Problem, x: Matrix, moved: NDArray[np.bool_]) -> Matrix:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.special import chdtri
+from scipy.special import chdtri, fdtri
 
 from ..model.density import Density
 from ..model.kernel import Index
@@ -47,21 +47,30 @@ class RobustFit:
 
 
 def fit_robust(problem: Problem, fit: LikelihoodFit, loss: Loss) -> RobustFit:
-    """Iteratively reweighted from the likelihood fit; Student's starts from Huber's, which has one minimum.
+    """Iteratively reweighted from the likelihood fit; Student's starts from Huber's, which has one minimum,
+    and keeps its scale (as the MM-estimators of Yohai 1987 keep that of their first stage).
 
-    With an estimated noise scale it is taken from the median miss, which outliers hardly move; noise factors
-    are kept as they were fitted, and x is without them.
+    An estimated noise scale is taken from the median miss, which outliers hardly move; noise factors are kept
+    as they were fitted, and x is without them.
     """
     d = problem.tool.miss_size
     known, x = problem.with_noise_of(fit.x)
     tuning = float(np.sqrt(chdtri(d, 1 - _HUBER_SHARE))) if loss == "huber" else STUDENT_NU
-    if loss == "student":
-        x = fit_robust(problem, fit, "huber").x
-    density, weights, scale = Density(known), np.ones(problem.shots), 1.0
+    density, weights = Density(known), np.ones(problem.shots)
+    first = fit_robust(problem, fit, "huber") if loss == "student" else None
+    x = x if first is None else first.x
+    # The misses are what the fit has left of the errors.
+    left = max(1 - density.size / (problem.shots * d), 1e-3)
+
+    def scale_of(quads: Matrix) -> float:
+        if not problem.noise.estimated:
+            return 1.0
+        return float(np.sqrt(np.median(quads) / chdtri(d, 0.5) / left)) if first is None else first.scale
+
     converged, reason = False, f"the weights did not settle in {_ROUNDS} rounds"
     for _ in range(_ROUNDS):
         quads = density.quads(x)
-        scale = np.sqrt(np.median(quads) / chdtri(d, 0.5)) if problem.noise.estimated else 1.0
+        scale = scale_of(quads)
         new = _weights(np.sqrt(quads) / scale, d, loss, tuning)
         settled = float(np.abs(new - weights).max()) < _SETTLED
         weights = new
@@ -75,7 +84,7 @@ def fit_robust(problem: Problem, fit: LikelihoodFit, loss: Loss) -> RobustFit:
         x = found.x[0]
     length = np.sqrt(density.quads(x)) / scale
     return RobustFit(
-        loss, tuning, x, weights, length, _sandwich(known, x, weights, scale), float(scale), converged, reason
+        loss, tuning, x, weights, length, _sandwich(known, x, weights, scale), scale, converged, reason
     )
 
 
@@ -104,9 +113,10 @@ def _sandwich(problem: Problem, x: Matrix, weights: Matrix, scale: float) -> Mat
     return covariance
 
 
-def outlying(length: Matrix, d: int, chance: float) -> Index:
-    """Shots whose whitened misses are longer than one of N normal misses is with probability `chance`,
-    the longest first."""
-    limit = np.sqrt(chdtri(d, chance / max(len(length), 1)))
+def outlying(length: Matrix, d: int, chance: float, dof: int | None = None) -> Index:
+    """Shots whose whitened misses are longer than one of N normal misses is with probability `chance`, the
+    longest first. `dof` are those of an estimated noise scale: the squares are then F's, not chi-squared's."""
+    share = chance / max(len(length), 1)
+    limit = np.sqrt(chdtri(d, share) if dof is None else d * fdtri(d, dof, 1 - share))
     order = np.argsort(-length)
     return np.asarray(order[length[order] > limit])
