@@ -115,7 +115,7 @@ def _sandwich(problem: Problem, x: Matrix, weights: Matrix, scale: float) -> Mat
 
 def outlying(length: Matrix, d: int, chance: float, dof: int | None = None) -> Index:
     """Shots whose whitened misses are longer than one of N normal misses is with probability `chance`, the
-    longest first. `dof` are those of an estimated noise scale: the squares are then F's, not chi-squared's."""
+    longest first. `dof` are those of an estimated noise scale: the squares are then F's, not chi-square's."""
     share = chance / max(len(length), 1)
     limit = np.sqrt(chdtri(d, share) if dof is None else d * fdtri(d, dof, 1 - share))
     order = np.argsort(-length)

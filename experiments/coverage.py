@@ -339,9 +339,9 @@ def coverage_study(data_sets: int, seed: int, progress: Progress) -> dict[str, A
             " are 95 % (Clopper and Pearson).",
             "Intervals from the curvature at the mode are for plans that are not nearly degenerate: where a"
             " direction is nearly lost a result shows those of profile and posterior beside them.",
-            "The midpoint fit uses no spot reading and no prior, and starts from zero offsets as in the paper:"
-            " where it ends in another minimum its error is large, and the rmse holds those runs too. Its"
-            " sandwich is linear; on poor plans its errors are not.",
+            "The midpoint fit uses no spot reading and no prior, and starts from zero offsets as in the"
+            " paper: where it ends in another minimum its error is large, and the rmse holds those runs too."
+            " Its sandwich is linear; on poor plans its errors are not.",
         ],
     }
 
