@@ -42,6 +42,7 @@ from .versions import versions
 Progress = Callable[[str, float], None]
 
 _DIFFERS = 0.1  # of the width of an interval: by so much its ends may differ and still be the same
+_MEDIAN_WORTH = 0.48  # a scale from the median tells as much as one from so large a share of the numbers
 _NORMAL_95 = 1.959963984540054  # half width of the central 95 % of a unit normal
 
 
@@ -233,7 +234,7 @@ def _robust(problem: Problem, fit: LikelihoodFit, rows: Sequence[ParameterResult
                 interval95=_interval(item, value, quantile * spread) if spread_known else None,
             )
         )
-    dof = numbers if problem.noise.estimated else None
+    dof = max(1, int(_MEDIAN_WORTH * numbers)) if problem.noise.estimated else None
     off = outlying(found.whitened, problem.tool.miss_size, OUTLYING, dof)
     outliers = tuple(problem.shot_numbers[i] for i in off) if found.converged else ()
     return Robust(

@@ -70,6 +70,12 @@ class SeenCoordinates:
         self._scale = parameters.prior_std[self._places].mean(axis=1)
         first = np.array([np.argmax(problem.target_index == k) for k in moved], dtype=int)
         self._joints = density.joints[:, first]
+        # A product with one nonzero a column is exact, and dearer indexing is spared.
+        self._to_x = (np.eye(len(parameters)) * parameters.prior_std)[self._free]
+        own_scale = np.repeat(self._scale, 3)
+        self._to_seen = np.eye(len(parameters))[self._free][:, self._places.reshape(-1)] * own_scale
+        every = len(moved) == count
+        self._where = slice(n, n + 3 * count) if every else self._places.reshape(-1)
         at_v = np.cumsum(self._free) - 1  # where a free parameter stands in v
         turning = np.flatnonzero(self._free[:n])
         self._blocks = np.array([np.append(at_v[turning], at_v[place]) for place in self._places], dtype=int)
@@ -88,34 +94,30 @@ class SeenCoordinates:
 
     def to_parameters(self, v: Matrix, of: Index | None = None) -> Matrix:
         """x (W, p) of coordinates v (W, f); what is held stays at its prior mean."""
-        parameters = self._problem.parameters
-        z = np.zeros((len(v), len(parameters)))
-        z[:, self._free] = v
-        x = parameters.prior_mean + z * parameters.prior_std
+        x, seen = self._spread_out(v)
         if len(self._targets):
-            delta, _, _ = self._problem.split(x)
-            seen = z[:, self._places] * self._scale[:, None]
-            (placed,) = self._each("place", of, delta, seen)
-            x[:, self._places] = placed.reshape(seen.shape)
+            (placed,) = self._each("place", of, x[:, : self._problem.robot.n], seen)
+            x[:, self._where] = placed.reshape(len(v), 3 * len(self._targets))
         return x
 
     def at(self, v: Matrix, of: Index | None = None) -> Place:
         """x (W, p) of coordinates v (W, f), and how it moves with v."""
-        parameters = self._problem.parameters
-        z = np.zeros((len(v), len(parameters)))
-        z[:, self._free] = v
-        x = parameters.prior_mean + z * parameters.prior_std
+        x, seen = self._spread_out(v)
         if not len(self._targets):
             return Place(x, self._blocks, np.zeros((len(v), 0, 3, 0)))
-        seen = z[:, self._places] * self._scale[:, None]
         placed, by = self._each("placed", of, x[:, : self._problem.robot.n], seen)
-        x[:, self._places] = placed.reshape(seen.shape)
+        x[:, self._where] = placed.reshape(len(v), 3 * len(self._targets))
         by = by.reshape(len(v), len(self._targets), 3, by.shape[-1])
         return Place(x, self._blocks, by[..., self._moving] * self._by_scale)
 
     def jacobian(self, x: Matrix, of: Index | None = None) -> Matrix:
         """(W, f, f) of the scaled free parameters z by v, at x (W, p)."""
         return self.at(self.from_parameters(x, of), of).jacobian(int(self._free.sum()))
+
+    def _spread_out(self, v: Matrix) -> tuple[Matrix, Matrix]:
+        """(W, p) x but for the moved targets, and (W, moved, 3) mm these as seen."""
+        x = self._problem.parameters.prior_mean + v @ self._to_x
+        return x, (v @ self._to_seen).reshape(len(v), len(self._targets), 3)
 
     def _seen(self, x: Matrix, of: Index | None) -> Matrix:
         """(W, moved, 3) mm."""

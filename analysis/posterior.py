@@ -69,19 +69,25 @@ def sample_posterior(
     def log_density(w: Matrix) -> Matrix:
         return density.log_posterior(coordinates.to_parameters(whitening.undo(w)))
 
+    def shown(values: Matrix) -> Matrix:
+        """Draws (…, f) of the sampler in the units that people read."""
+        x = coordinates.to_parameters(whitening.undo(values.reshape(-1, len(fit.z))))
+        return np.asarray(problem.parameters.shown(x)[:, problem.parameters.free].reshape(values.shape))
+
     size = len(fit.z)
     proposal = IndependenceProposal(np.zeros(size), np.eye(size), degrees_of_freedom(size))
     # The kernel lets go of Python's lock: with many shots the ensembles use the cores that are there. With
     # few shots the lock is what they would wait for.
     threads = os.cpu_count() or 1 if problem.shots > _THREADS_FROM else 1
-    sampled = sample_density(log_density, proposal, seed=seed, ess=ess, threads=threads, progress=progress)
-    return _told(problem, coordinates, whitening, sampled, status, ess, time.perf_counter() - began)
+    sampled = sample_density(
+        log_density, proposal, seed=seed, ess=ess, threads=threads, judged=shown, progress=progress
+    )
+    return _told(problem, shown(sampled.values), sampled, status, ess, time.perf_counter() - began)
 
 
 def _told(
     problem: Problem,
-    coordinates: SeenCoordinates,
-    whitening: Whitening,
+    shown: Matrix,
     sampled: Sampled,
     status: tuple[Status, ...],
     ess: float,
@@ -89,11 +95,9 @@ def _told(
 ) -> tuple[PosteriorSummary, Draws]:
     """Draws and summary in the units that people read."""
     parameters = problem.parameters
-    ensembles, walkers, steps, size = sampled.values.shape
-    x = coordinates.to_parameters(whitening.undo(sampled.values.reshape(-1, size)))
-    shown = parameters.shown(x)[:, parameters.free].reshape(ensembles, walkers, steps, size)
-    free = [(item, state) for item, state in zip(parameters.items, status, strict=True) if not item.held]
+    ensembles, walkers, steps, _ = shown.shape
     rhat, bulk = diagnostics(shown)
+    free = [(item, state) for item, state in zip(parameters.items, status, strict=True) if not item.held]
     converged = bool(sampled.settled and rhat.max() <= RHAT_GATE and bulk.min() >= min(ess, 400.0))
     if converged:
         message = (

@@ -84,7 +84,15 @@ def fit_robust(problem: Problem, fit: LikelihoodFit, loss: Loss) -> RobustFit:
         x = found.x[0]
     length = np.sqrt(density.quads(x)) / scale
     return RobustFit(
-        loss, tuning, x, weights, length, _sandwich(known, x, weights, scale), scale, converged, reason
+        loss,
+        tuning,
+        x,
+        weights,
+        length,
+        _sandwich(known, x, weights, scale, loss, tuning),
+        scale,
+        converged,
+        reason,
     )
 
 
@@ -95,20 +103,36 @@ def _weights(length: Matrix, d: int, loss: Loss, tuning: float) -> Matrix:
     return np.asarray((tuning + d) / (tuning + length**2))
 
 
-def _sandwich(problem: Problem, x: Matrix, weights: Matrix, scale: float) -> Matrix | None:
+def _bend(length: Matrix, d: int, loss: Loss, tuning: float) -> Matrix:
+    """(N,) w'(r) / r: how the weights fall, so that the pull w m has the slope w I + (w' / r) m m'."""
+    if loss == "huber":
+        return np.asarray(np.where(length > tuning, -tuning / np.maximum(length, tuning) ** 3, 0.0))
+    return np.asarray(-2 * (tuning + d) / (tuning + length**2) ** 2)
+
+
+def _sandwich(
+    problem: Problem, x: Matrix, weights: Matrix, scale: float, loss: Loss, tuning: float
+) -> Matrix | None:
+    """(f, f), or None where a shot decides something alone or the loss has no minimum here.
+
+    The bread is the curvature of the loss and not the weights': a far miss pulls less the farther it is, and
+    Student's even less than before (Huber & Ronchetti 2009, section 7.6).
+    """
     d, rows = problem.tool.miss_size, problem.shots * problem.tool.miss_size
     whitened = problem.whiten(x)
-    root = np.sqrt(weights)[:, None] / scale
-    blocks = (
-        whitened.jacobian[:rows, problem.parameters.free].reshape(problem.shots, d, -1) * root[:, :, None]
-    )
-    residual = whitened.residual[:rows].reshape(problem.shots, d) * root
+    jacobian = whitened.jacobian[:rows, problem.parameters.free].reshape(problem.shots, d, -1) / scale
+    misses = whitened.residual[:rows].reshape(problem.shots, d) / scale
     prior = Density(problem).prior_information(x[None])[0]
-    bread = np.linalg.inv(np.einsum("idf,idg->fg", blocks, blocks) + prior)
-    open_part, decides = leverages(blocks, bread)
-    if decides.any():
+    root = np.sqrt(weights)[:, None]
+    blocks = jacobian * root[:, :, None]
+    open_part, decides = leverages(blocks, np.linalg.inv(np.einsum("idf,idg->fg", blocks, blocks) + prior))
+    bend = _bend(np.linalg.norm(misses, axis=1), d, loss, tuning)
+    slope = weights[:, None, None] * np.eye(d) + bend[:, None, None] * misses[:, :, None] * misses[:, None, :]
+    curvature = np.einsum("iaf,iab,ibg->fg", jacobian, slope, jacobian) + prior
+    if decides.any() or np.linalg.eigvalsh(curvature)[0] <= 0:
         return None
-    pulls = (blocks.transpose(0, 2, 1) @ np.linalg.solve(open_part, residual[:, :, None]))[:, :, 0]
+    pulls = (blocks.transpose(0, 2, 1) @ np.linalg.solve(open_part, (root * misses)[:, :, None]))[:, :, 0]
+    bread = np.linalg.inv(curvature)
     covariance: Matrix = bread @ (pulls.T @ pulls + prior) @ bread
     return covariance
 

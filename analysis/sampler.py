@@ -82,9 +82,14 @@ class _Run:
     """
 
     def __init__(
-        self, log_density: LogDensity, proposal: IndependenceProposal, seed: int, pool: ThreadPoolExecutor
+        self,
+        log_density: LogDensity,
+        proposal: IndependenceProposal,
+        seed: int,
+        pool: ThreadPoolExecutor,
+        judged: Callable[[Matrix], Matrix],
     ) -> None:
-        self._log_density, self._pool = log_density, pool
+        self._log_density, self._pool, self._judged = log_density, pool, judged
         self._first = self._proposal = proposal
         self._bend: Bend | None = None
         self.randoms = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(ENSEMBLES)]
@@ -195,10 +200,11 @@ class _Run:
         while True:
             last = values[:, :, -1] if values.size else starts
             values = np.concatenate([values, self.advance(last, total - values.shape[2])], axis=2)
-            rhat, bulk = diagnostics(values)
+            told = self._judged(values)
+            rhat, bulk = diagnostics(told)
             reached = float(bulk.min())
             progress(min(reached / needed, 0.99))
-            settled = float(rhat.max()) <= RHAT_GATE and drift(values) <= _DRIFT_GATE
+            settled = float(rhat.max()) <= RHAT_GATE and drift(told) <= _DRIFT_GATE
             if reached >= needed and settled:
                 return values, True, True
             if total >= limit:
@@ -215,13 +221,15 @@ def sample_density(
     seed: int,
     ess: float,
     threads: int = 1,
+    judged: Callable[[Matrix], Matrix] = lambda values: values,
     progress: Progress | None = None,
 ) -> Sampled:
     """Sample a vectorised log-density (W, f) -> (W,) by independent ensembles until `ess` is reached.
 
     The proposal is refitted during the burn-in, then frozen. A run that would take long goes on in bent
     coordinates with many walkers, until the budget is spent; the result says whether it converged. `threads`
-    share the ensembles; the draws are the same for any number of them. -inf, inf and NaN of the density are
+    share the ensembles; the draws are the same for any number of them. `judged` turns draws (…, f) into the
+    coordinates in which R-hat, ESS and drift are taken. -inf, inf and NaN of the density are
     impossible points, all alike.
     """
     best = [0.0]
@@ -236,7 +244,7 @@ def sample_density(
     walkers = max(few, 2 * (min(int(ess / _STEPS_PLANNED), _WALKERS[1]) // 2))
     settled = False
     with ThreadPoolExecutor(max_workers=threads) as pool:
-        run = _Run(log_density, proposal, seed, pool)
+        run = _Run(log_density, proposal, seed, pool, judged)
         starts = run.start(few)
         if starts is None:
             values = np.tile(proposal.location, (ENSEMBLES, few, 8, 1))
@@ -253,7 +261,7 @@ def sample_density(
                 left = BUDGET + _PER_ESS * ess - run.evaluations
                 limit = max(_FIRST_LOOK, int(left / (ENSEMBLES * many)))
                 values, _, settled = run.grow(values[:, :, -1], ess, limit, shown)
-    rhat, bulk = diagnostics(values)
+    rhat, bulk = diagnostics(judged(values))
     looking = time.perf_counter() - began - run.seconds
     return Sampled(values, run.acceptance, rhat, bulk, run.seconds, looking, run.evaluations, settled)
 

@@ -94,8 +94,8 @@ class Density:
 
     def scaled(self, x: Matrix) -> Matrix:
         """z (W, f): the free parameters in prior stds from their prior means."""
-        parameters = self.problem.parameters
-        return np.asarray(((x - parameters.prior_mean) / parameters.prior_std)[:, self._free])
+        free = self._free_slice
+        return np.asarray((x[:, free] - self.problem.parameters.prior_mean[free]) / self._scale)
 
     def quads(self, x: Matrix) -> Matrix:
         """(N,) m' S^-1 m of every shot at one x (p,), unweighted; data set 0."""
@@ -232,6 +232,13 @@ class Density:
     def _scale(self) -> Matrix:
         """(f,) prior stds of the free parameters."""
         return self.problem.parameters.prior_std[self._free]
+
+    @cached_property
+    def _free_slice(self) -> slice | Index:
+        """The free columns, as a slice where they stand together: that spares a copy."""
+        free = self._free
+        together = len(free) > 0 and free[-1] - free[0] == len(free) - 1
+        return slice(int(free[0]), int(free[-1]) + 1) if together else free
 
     @cached_property
     def _turns(self) -> Matrix:

@@ -134,6 +134,8 @@ class Problem:
 
     def with_noise_of(self, x: Matrix) -> tuple[Problem, Matrix]:
         """The same problem with the noise as known: that of x (p,); and x without its noise factors."""
+        if not self.noise.separate:
+            return replace(self, noise=replace(self.noise, estimated=False)), x
         variances = self.variances(x)
         noise = Noise(np.sqrt(variances[:-1]), float(np.sqrt(variances[-1])), estimated=False)
         kept = ~self.parameters.group("noise")
