@@ -198,6 +198,7 @@ def test_a_freed_gauge_claims_nothing(name, monkeypatch):
     # A curved gauge takes long to sample, and what is claimed does not depend on it.
     monkeypatch.setattr("zerobeam.analysis.sampler.BUDGET", 0)
     monkeypatch.setattr("zerobeam.analysis.sampler._PER_ESS", 0)
+    monkeypatch.setattr("zerobeam.analysis.sampler._BENT_WALKERS", 64)
     tool, untold, why = FREED[name]
     plan = good_plan(12, 5, **tool, held=[n for n in ("delta1", "delta6") if n != name and tool])
     result, _ = analyse(simulated(plan, {}, seed=1)[1], ess=400)
@@ -210,6 +211,7 @@ def test_too_few_shots_claim_nothing(shots, monkeypatch):
     # Such a posterior is a thin curved sheet: sampled at length, and not to be shown in the end.
     monkeypatch.setattr("zerobeam.analysis.sampler.BUDGET", 0)
     monkeypatch.setattr("zerobeam.analysis.sampler._PER_ESS", 0)
+    monkeypatch.setattr("zerobeam.analysis.sampler._BENT_WALKERS", 64)
     plan = good_plan()
     own = plan_of(plan.header, plan.postures[:shots])
     result, _ = analyse(simulated(own, TABLE_2, seed=1)[1], ess=400)

@@ -197,8 +197,8 @@ def test_no_output_of_a_run_claims_what_its_shots_cannot_tell(
 ) -> None:
     chosen = case(name, tmp_path, request)
     if name == "three shots":  # would be sampled at length, and to no avail
-        for name in ("BUDGET", "_PER_ESS"):
-            monkeypatch.setattr(importlib.import_module("zerobeam.analysis.sampler"), name, 0)
+        for attribute, value in (("BUDGET", 0), ("_PER_ESS", 0), ("_BENT_WALKERS", 64)):
+            monkeypatch.setattr(importlib.import_module("zerobeam.analysis.sampler"), attribute, value)
     folder = tmp_path / "report"
     told = zerobeam("report", chosen.run, "-o", folder, "--json", "--ess", "400")
     assert told.status == 1
