@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from ..model.errors import BadInput
 from ..model.parameters import Parameter
-from ..model.problem import Problem
+from ..model.problem import Problem, rms_length
 from ..model.robot import Matrix
 from ..model.run import Run
 from .fit import LikelihoodFit, fit_likelihood, start_at
@@ -296,8 +296,8 @@ def _likelihood_summary(problem: Problem, fit: LikelihoodFit, identified: Identi
         reason=fit.reason,
         iterations=fit.iterations,
         cost=chi2 / 2,
-        rms_mm=_rms(fit.whitened.miss),
-        rms_before_mm=_rms(before),
+        rms_mm=rms_length(fit.whitened.miss),
+        rms_before_mm=rms_length(before),
         chi2=chi2,
         dof=max(dof, 0),
         p_value=float(chdtrc(dof, chi2)) if dof > 0 and problem.noise.known else None,
@@ -305,11 +305,6 @@ def _likelihood_summary(problem: Problem, fit: LikelihoodFit, identified: Identi
         other_basins=fit.other_basins,
         message=message,
     )
-
-
-def _rms(miss: Matrix) -> float:
-    """Root mean square length of the misses, mm."""
-    return float(np.sqrt((miss**2).sum(axis=1).mean()))
 
 
 def _midpoint_summary(fit: MidpointFit) -> FitSummary:

@@ -76,7 +76,7 @@ class SeenCoordinates:
         self._to_seen = np.eye(len(parameters))[self._free][:, self._places.reshape(-1)] * own_scale
         every = len(moved) == count
         self._where = slice(n, n + 3 * count) if every else self._places.reshape(-1)
-        at_v = np.cumsum(self._free) - 1  # where a free parameter stands in v
+        at_v = parameters.among_free
         turning = np.flatnonzero(self._free[:n])
         self._blocks = np.array([np.append(at_v[turning], at_v[place]) for place in self._places], dtype=int)
         self._moving = np.append(turning, n + np.arange(3))
@@ -113,6 +113,11 @@ class SeenCoordinates:
     def jacobian(self, x: Matrix, of: Index | None = None) -> Matrix:
         """(W, f, f) of the scaled free parameters z by v, at x (W, p)."""
         return self.at(self.from_parameters(x, of), of).jacobian(int(self._free.sum()))
+
+    def covariance(self, x: Matrix, of_z: Matrix, of: Index | None = None) -> Matrix:
+        """(W, f, f) of v at x (W, p), from the covariance of z (W, f, f)."""
+        from_z = np.linalg.inv(self.jacobian(x, of))
+        return np.asarray(from_z @ of_z @ from_z.transpose(0, 2, 1))
 
     def _spread_out(self, v: Matrix) -> tuple[Matrix, Matrix]:
         """(W, p) x but for the moved targets, and (W, moved, 3) mm these as seen."""

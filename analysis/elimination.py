@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..model.density import Density
 from ..model.kernel import Index
-from ..model.problem import Problem
+from ..model.problem import Problem, Whitened
 from ..model.robot import Matrix
 from .levenberg_marquardt import least_squares, levenberg_marquardt
 
@@ -51,24 +51,25 @@ def _projected(problem: Problem, x: Matrix, targets: Mask, rest: Mask) -> Matrix
     root = float(np.sqrt(Density(problem).noise_weight(x[None])[0]))
     count = int(targets.sum())
 
+    def at(own: Matrix) -> tuple[Whitened, Matrix, Matrix]:
+        """What is at x = own (p,): misses and the targets' columns, both with the targets' priors below."""
+        whitened = problem.whiten(own, factor)
+        misses = np.append(whitened.residual * root, (own - mean)[targets] / scale[targets])
+        return whitened, misses, np.vstack([whitened.jacobian[:, targets] * root, np.eye(count)])
+
     def with_targets(z: Matrix) -> Matrix:
         """x with offsets and tool at z, and the targets that are best for them."""
         own = x.copy()
         own[rest] = mean[rest] + z * scale[rest]
-        whitened = problem.whiten(own, factor)
-        columns = np.vstack([whitened.jacobian[:, targets] * root, np.eye(count)])
-        residual = np.append(whitened.residual * root, (own - mean)[targets] / scale[targets])
-        own[targets] -= np.linalg.lstsq(columns, residual, rcond=None)[0] * scale[targets]
+        _, misses, columns = at(own)
+        own[targets] -= np.linalg.lstsq(columns, misses, rcond=None)[0] * scale[targets]
         return own
 
     def residual(z: Matrix, _: Index) -> tuple[Matrix, Matrix]:
-        own = with_targets(z[0])
-        whitened = problem.whiten(own, factor)
-        columns = np.vstack([whitened.jacobian[:, targets] * root, np.eye(count)])
+        whitened, misses, columns = at(with_targets(z[0]))
         by_rest = np.vstack([whitened.jacobian[:, rest] * root, np.zeros((count, z.shape[1]))])
         basis, _ = np.linalg.qr(columns)
         by_rest -= basis @ (basis.T @ by_rest)  # what the targets do not take up
-        misses = np.append(whitened.residual * root, (own - mean)[targets] / scale[targets])
         return np.append(misses, z[0])[None], np.vstack([by_rest, np.eye(z.shape[1])])[None]
 
     z = (x - mean)[rest] / scale[rest]

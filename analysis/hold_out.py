@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc, fdtrc
 
 from ..model.errors import BadInput
-from ..model.problem import Problem
+from ..model.problem import Problem, rms_length
 from ..model.robot import Matrix
 from .fit import fit_likelihood
 from .result import HoldOut
@@ -65,8 +65,8 @@ def hold_out(problem: Problem, patterns: Sequence[str], seed: int = 0) -> HoldOu
         targets=tuple(names),
         shots=unseen.shots,
         shots_fitted=seen.shots,
-        rms_mm=_rms(unseen, after),
-        rms_before_mm=_rms(unseen, before),
+        rms_mm=rms_length(whitened.miss),
+        rms_before_mm=rms_length(unseen.linearise(before)[0]),
         chi2=chi2 if dof > 0 else None,
         dof=dof,
         p_value=_chance(seen, chi2, dof) if dof > 0 else None,
@@ -98,9 +98,3 @@ def _settled(problem: Problem, x: Matrix, moved: NDArray[np.bool_]) -> Matrix:
         if np.abs(step).max(initial=0.0) < 1e-12:
             break
     return x
-
-
-def _rms(problem: Problem, x: Matrix) -> float:
-    """Root mean square length of the misses at x, mm."""
-    miss, _ = problem.linearise(x)
-    return float(np.sqrt((miss**2).sum(axis=1).mean()))

@@ -30,20 +30,16 @@ class Influence(NamedTuple):
 def influence(problem: Problem, fit: LikelihoodFit) -> Influence:
     """By N fits, each without one shot. Where one of them fails its shot has nan."""
     count = problem.shots
-    _, _, decides = _blocks(problem, fit)
+    _, residual, decides = _blocks(problem, fit)
     density = Density(problem).weighted(1.0 - np.eye(count))
     without = modes(density, np.tile(fit.x, (count, 1)))
     move = density.scaled(without.x) - fit.z
     cooks = (move * np.linalg.solve(fit.covariance, move.T).T).sum(axis=1) / move.shape[1]
-    length = np.empty(count)
-    for i in range(count):
-        miss, _ = problem.linearise(without.x[i], rows=np.array([i]))
-        length[i] = np.linalg.norm(miss)
+    left_out, _ = problem.linearise(without.x)
     unknown = decides | ~without.converged
     return Influence(
-        np.linalg.norm(fit.whitened.residual[: count * problem.tool.miss_size].reshape(count, -1), axis=1)
-        * np.sqrt(fit.weight),
-        np.where(unknown, np.nan, length),
+        np.linalg.norm(residual, axis=1),
+        np.where(unknown, np.nan, np.linalg.norm(left_out, axis=1)),
         np.where(unknown, np.nan, cooks),
     )
 

@@ -15,8 +15,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..model.constraint import midpoint_function
-from ..model.kernel import Index, Kernel
+from ..model.kernel import Index
 from ..model.problem import Problem
 from ..model.robot import Matrix
 from .levenberg_marquardt import least_squares, levenberg_marquardt, solve_rows
@@ -148,9 +147,6 @@ class _Middles:
         self.problem = problem
         self.shots = shots
         self._target = problem.target_index[shots[0]]
-        if len(shots) == 2:
-            self._middle = midpoint_function(problem.robot, problem.tool)
-            self._kernels: dict[bool, Kernel] = {}
 
     @classmethod
     def of(cls, problem: Problem) -> tuple[_Middles | None, str | None]:
@@ -184,7 +180,8 @@ class _Middles:
         delta, _, tool = (np.repeat(part, m, axis=0) for part in problem.split(x))
         turned = [joints[:, shots].reshape(count * m, n) for shots in self.shots]
         if len(turned) == 2:
-            points, own, first, second = self._pairs(count > _COMPILE_FROM)(*turned, delta, tool)
+            middle = problem.functions.kernel("midpoint", compile=count > _COMPILE_FROM)
+            points, own, first, second = middle(*turned, delta, tool)
             by_shot = np.stack([first, second])
         else:
             tip = tool if tool.shape[1] else np.tile(problem.tool.point, (count * m, 1))
@@ -198,11 +195,6 @@ class _Middles:
         jacobian[..., after : after + tool.shape[1]] = own[..., n:]
         by_shot = by_shot.reshape(-1, count, m, 3, n).transpose(1, 0, 2, 3, 4)
         return points.reshape(count, m, 3), jacobian, by_shot
-
-    def _pairs(self, compile: bool) -> Kernel:
-        if compile not in self._kernels:
-            self._kernels[compile] = Kernel(self._middle, compile=compile)
-        return self._kernels[compile]
 
     def means(self, values: Matrix) -> Matrix:
         """(W, K, ...) means over the points of each target (zero for a target without any)."""

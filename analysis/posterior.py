@@ -18,16 +18,9 @@ from ..model.problem import Problem
 from ..model.robot import Matrix
 from .coordinates import SeenCoordinates
 from .fit import LikelihoodFit
+from .moves import IndependenceProposal, degrees_of_freedom
 from .result import Draws, PosteriorParameter, PosteriorSummary, Status
-from .sampler import (
-    RHAT_GATE,
-    IndependenceProposal,
-    Progress,
-    Sampled,
-    degrees_of_freedom,
-    diagnostics,
-    sample_density,
-)
+from .sampler import RHAT_GATE, Progress, Sampled, diagnostics, sample_density
 
 _THREADS_FROM = 50  # shots
 _KEPT_PER_WALKER = 400
@@ -42,8 +35,7 @@ class Whitening:
     @classmethod
     def around(cls, fit: LikelihoodFit, coordinates: SeenCoordinates) -> Whitening:
         """By the covariance of a fit."""
-        from_z = np.linalg.inv(coordinates.jacobian(fit.x[None])[0])
-        covariance = from_z @ fit.covariance @ from_z.T
+        covariance = coordinates.covariance(fit.x[None], fit.covariance[None])[0]
         factor = np.asarray(np.linalg.cholesky(covariance), dtype=float)
         return cls(coordinates.from_parameters(fit.x[None])[0], factor)
 

@@ -34,20 +34,16 @@ def profile_intervals(problem: Problem, fit: LikelihoodFit, which: Index, half_w
         raise ValueError("profiles are of free offsets, tool and noise parameters")
     density = Density(problem)
     coordinates = SeenCoordinates(density)
-    place = np.repeat((np.cumsum(parameters.free) - 1)[which], 2)
+    place = np.repeat(parameters.among_free[which], 2)
     sign = np.tile([-1.0, 1.0], len(which))
     mode = coordinates.from_parameters(fit.x[None])[0]
-    from_z = np.linalg.inv(coordinates.jacobian(fit.x[None])[0])
-    covariance = from_z @ fit.covariance @ from_z.T
+    covariance = coordinates.covariance(fit.x[None], fit.covariance[None])[0]
     along = (covariance[:, place] / covariance[place, place]).T  # how all move with the one, by the curvature
     std = np.sqrt(covariance[place, place])
 
     way = half_width * std  # from the mode to where it is fixed, by rows
-    near, shorter, longer = (
-        mode + (sign * way)[:, None] * along,
-        np.zeros_like(way),
-        np.full_like(way, np.inf),
-    )
+    near = mode + (sign * way)[:, None] * along
+    shorter, longer = np.zeros_like(way), np.full_like(way, np.inf)
     active, ends = np.arange(len(place)), np.full(len(place), np.nan)
     for _ in range(_ROUNDS):
         near[active, place[active]] = mode[place[active]] + sign[active] * way[active]

@@ -10,26 +10,13 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from ..model.robot import Matrix
 from .bend import Bend
-from .moves import DifferentialMove, IndependenceMove, IndependenceProposal, degrees_of_freedom
-
-__all__ = [
-    "BUDGET",
-    "ENSEMBLES",
-    "RHAT_GATE",
-    "IndependenceProposal",
-    "LogDensity",
-    "Progress",
-    "Sampled",
-    "degrees_of_freedom",
-    "diagnostics",
-    "drift",
-    "sample_density",
-]
+from .moves import DifferentialMove, IndependenceMove, IndependenceProposal
 
 ENSEMBLES = 4
 RHAT_GATE = 1.01
@@ -72,6 +59,16 @@ class Sampled:
     seconds: float
     looking: float
     evaluations: int
+    settled: bool
+
+
+class _Grown(NamedTuple):
+    """Draws with their R-hat and ESS (f,); whether they are `enough`, and whether they have `settled`."""
+
+    values: Matrix
+    rhat: Matrix
+    bulk: Matrix
+    enough: bool
     settled: bool
 
 
@@ -190,9 +187,8 @@ class _Run:
         self._bend = Bend(self.randoms[0].permutation(draws)[:_FITTED], self._first.factor)
         self._proposal = IndependenceProposal(np.zeros(size), np.eye(size), self._first.nu)
 
-    def grow(self, starts: Matrix, ess: float, limit: int, progress: Progress) -> tuple[Matrix, bool, bool]:
-        """Draws until they have settled and are enough, or `limit` steps are done; whether they are enough,
-        and whether they have settled."""
+    def grow(self, starts: Matrix, ess: float, limit: int, progress: Progress) -> _Grown:
+        """Draws until they have settled and are enough, or `limit` steps are done."""
         walkers = starts.shape[1]
         needed = max(ess, _TURNOVER * ENSEMBLES * walkers)
         values = starts[:, :, None][:, :, :0]
@@ -205,12 +201,11 @@ class _Run:
             reached = float(bulk.min())
             progress(min(reached / needed, 0.99))
             settled = float(rhat.max()) <= RHAT_GATE and drift(told) <= _DRIFT_GATE
-            if reached >= needed and settled:
-                return values, True, True
-            if total >= limit:
-                return values, reached >= needed, settled
+            enough = reached >= needed
+            if (enough and settled) or total >= limit:
+                return _Grown(values, rhat, bulk, enough, settled)
             # As many as the draws so far let expect, with some to spare; more where the ensembles disagree.
-            factor = 1.5 if reached >= needed else min(1.1 * needed / max(reached, 1.0), 8.0)
+            factor = 1.5 if enough else min(1.1 * needed / max(reached, 1.0), 8.0)
             total = min(max(int(np.ceil(factor * total)), total + _ROUND), limit)
 
 
@@ -242,28 +237,36 @@ def sample_density(
     began = time.perf_counter()
     few = max(_WALKERS[0], 2 * len(proposal.location) + 2)
     walkers = max(few, 2 * (min(int(ess / _STEPS_PLANNED), _WALKERS[1]) // 2))
-    settled = False
     with ThreadPoolExecutor(max_workers=threads) as pool:
         run = _Run(log_density, proposal, seed, pool, judged)
         starts = run.start(few)
         if starts is None:
             values = np.tile(proposal.location, (ENSEMBLES, few, 8, 1))
+            found = _Grown(values, *diagnostics(judged(values)), False, False)
         else:
             values = run.burn_in(starts, _ROUNDS)
             if walkers > few:
                 values = run.advance(run.spread(values, walkers), _ROUND // 2)
-            values, enough, settled = run.grow(values[:, :, -1], ess, _PLAIN_STEPS, shown)
-            if not (enough and settled):
+            found = run.grow(values[:, :, -1], ess, _PLAIN_STEPS, shown)
+            if not (found.enough and found.settled):
                 many = max(walkers, _BENT_WALKERS)
-                starts = run.spread(values, many)
-                run.refit(values, bent=True)
+                starts = run.spread(found.values, many)
+                run.refit(found.values, bent=True)
                 values = run.burn_in(starts, _BENT_ROUNDS)
                 left = BUDGET + _PER_ESS * ess - run.evaluations
                 limit = max(_FIRST_LOOK, int(left / (ENSEMBLES * many)))
-                values, _, settled = run.grow(values[:, :, -1], ess, limit, shown)
-    rhat, bulk = diagnostics(judged(values))
+                found = run.grow(values[:, :, -1], ess, limit, shown)
     looking = time.perf_counter() - began - run.seconds
-    return Sampled(values, run.acceptance, rhat, bulk, run.seconds, looking, run.evaluations, settled)
+    return Sampled(
+        values=found.values,
+        acceptance=run.acceptance,
+        rhat=found.rhat,
+        ess_bulk=found.bulk,
+        seconds=run.seconds,
+        looking=looking,
+        evaluations=run.evaluations,
+        settled=found.settled,
+    )
 
 
 def drift(values: Matrix) -> float:

@@ -30,8 +30,9 @@ from threadpoolctl import threadpool_limits
 
 from zerobeam.analysis.coordinates import SeenCoordinates
 from zerobeam.analysis.fit import fit_likelihood
+from zerobeam.analysis.moves import IndependenceProposal, degrees_of_freedom
 from zerobeam.analysis.posterior import Whitening
-from zerobeam.analysis.sampler import IndependenceProposal, degrees_of_freedom, sample_density
+from zerobeam.analysis.sampler import sample_density
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.density import Density
 from zerobeam.model.problem import Problem

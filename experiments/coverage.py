@@ -57,10 +57,8 @@ _STARTS = 4
 _ROUND = 15  # steps of each walker before the proposal is fitted anew,
 _REFITS, _GOOD = 4, 0.5  # so often at most, while less than this is accepted;
 _ENOUGH, _MOST_STEPS = 10.0, 400  # then so many over the square of the acceptance, and at most
-_WIDER, _HEAVY = (
-    1.3,
-    5.0,
-)  # a refitted proposal is wider than the walkers' spread, its nu smaller: for the tails
+_WIDER = 1.3  # a refitted proposal is so much wider than the walkers' spread,
+_HEAVY = 5.0  # and its nu this: for the tails
 _DIFFERENTIAL = 0.4  # share of the steps
 _CHUNK = 50  # data sets whose walkers go together: what a core keeps near
 _CHANCE = 0.01  # of a false alarm over all levels and parameters of an estimator
@@ -111,7 +109,7 @@ def drawn(problem: Problem, count: int, rng: np.random.Generator) -> DataSets:
     return DataSets(problem, truths, np.concatenate(joints), np.concatenate(spots), tried - len(truths))
 
 
-def likelihood(data: DataSets, which: NDArray[np.intp]) -> tuple[Fits, Estimates]:
+def fitted(data: DataSets) -> Fits:
     """The likelihood fit of every data set, in one call: the best of a few starts, as for a single run."""
     problem, count = data.problem, len(data.joints)
     density = Density(problem, data.joints, data.spots)
@@ -121,16 +119,20 @@ def likelihood(data: DataSets, which: NDArray[np.intp]) -> tuple[Fits, Estimates
     found = modes(density, start_at(problem, np.repeat(z, count, axis=0), data.joints[of]), of)
     cost = np.where(found.converged, found.cost, np.inf).reshape(_STARTS, count)
     best = np.argmin(cost, axis=0) * count + np.arange(count)
-    fits = fit_rows(density, found.x[best])
+    return fit_rows(density, found.x[best])
+
+
+def likelihood(data: DataSets, fits: Fits, which: NDArray[np.intp]) -> Estimates:
+    """The intervals from the curvature at the modes."""
     words = "likelihood fit, intervals from the curvature"
-    return fits, _of_fits("likelihood", words, False, problem.parameters, fits, which)
+    return _of_fits("likelihood", words, False, data.problem.parameters, fits, which)
 
 
 def understated(data: DataSets, which: NDArray[np.intp]) -> Estimates:
     """Control: the likelihood fit with half of the true noise."""
     noise = data.problem.noise
     half = replace(data.problem, noise=replace(noise, joint=noise.joint / 2, spot=noise.spot / 2))
-    fits, _ = likelihood(replace(data, problem=half), which)
+    fits = fitted(replace(data, problem=half))
     words = "control: the noise stated as half of what it is"
     return _of_fits("noise understated by 2", words, True, half.parameters, fits, which)
 
@@ -138,7 +140,7 @@ def understated(data: DataSets, which: NDArray[np.intp]) -> Estimates:
 def midpoint(data: DataSets, which: NDArray[np.intp]) -> Estimates:
     """The paper's cost (eq. 8) with the sandwich covariance."""
     fits = fit_midpoints(data.problem, data.joints)
-    at = (np.cumsum(fits.free) - 1)[which]
+    at = (np.cumsum(fits.free) - 1)[which]  # the targets are no part of this fit
     variance = np.diagonal(fits.covariance, axis1=1, axis2=2)[:, at]
     std = np.sqrt(variance) * data.problem.parameters.prior_std[which]
     words = "midpoint fit of the paper (eq. 8), intervals from its sandwich covariance"
@@ -148,7 +150,7 @@ def midpoint(data: DataSets, which: NDArray[np.intp]) -> Estimates:
 def pseudo_inverse(data: DataSets, fits: Fits, which: NDArray[np.intp]) -> Estimates:
     """Control: the same estimates with the covariance pinv(J'J), as truncating solvers give it."""
     problem, free = data.problem, data.problem.parameters.free
-    at = (np.cumsum(free) - 1)[which]
+    at = problem.parameters.among_free[which]
     scale = problem.parameters.prior_std
     std = np.empty((len(fits.x), len(which)))
     for row, (x, joints, spots) in enumerate(zip(fits.x, data.joints, data.spots, strict=True)):
@@ -193,8 +195,7 @@ def _drawn_together(
     every = np.arange(count)
     coordinates = SeenCoordinates(density)
     centre = coordinates.from_parameters(fits.x[part], every)
-    from_z = np.linalg.inv(coordinates.jacobian(fits.x[part], every))
-    factor = np.linalg.cholesky(from_z @ fits.covariance[part] @ from_z.transpose(0, 2, 1))
+    factor = np.linalg.cholesky(coordinates.covariance(fits.x[part], fits.covariance[part], every))
 
     def place(w: Matrix) -> Matrix:
         """v (count, …, f) of walkers (count * …, f): as many of each data set, one set after the other."""
@@ -366,16 +367,16 @@ def _studied(plan: StudiedPlan, count: int, seed: int, tell: Callable[[float], N
     known = np.array([status[i] in ("identified", "weak") for i in which])
     data = drawn(problem, count, rng)
     tell(0.1)
-    fits, own = likelihood(data, which)
+    fits = fitted(data)
     tell(0.2)
-    estimates = [own, understated(data, which)]
+    estimates = [likelihood(data, fits, which), understated(data, which)]
     if plan.degenerate:
         estimates.append(pseudo_inverse(data, fits, which))
     else:
         estimates.insert(1, midpoint(data, which))
     tell(0.3)
     draws, acceptance = posterior_draws(data, fits, rng, lambda share: tell(0.3 + 0.7 * share))
-    at = (np.cumsum(parameters.free) - 1)[which]
+    at = parameters.among_free[which]
     scale, mean, true = parameters.prior_std[which], parameters.prior_mean[which], data.truths[:, which]
     ranks = (draws[:, :, at] < ((true - mean) / scale)[:, None]).sum(axis=1)
     items = [parameters.items[i] for i in which]
@@ -406,7 +407,7 @@ def _studied(plan: StudiedPlan, count: int, seed: int, tell: Callable[[float], N
 def _of_fits(
     name: str, words: str, control: bool, parameters: Parameters, fits: Fits, which: NDArray[np.intp]
 ) -> Estimates:
-    at = (np.cumsum(parameters.free) - 1)[which]
+    at = parameters.among_free[which]
     std = fits.std[:, at] * parameters.prior_std[which]
     return Estimates(name, words, control, fits.x[:, which], std, fits.converged)
 

@@ -46,6 +46,7 @@ class ShotFunctions:
               for a probe the direction is zero and the origin is its tip
     skeleton  (q, delta) -> points (3, n + 2): base, joint origins and flange in the base frame
     axes      (q, delta) -> axes (3, n): unit joint axes in the base frame
+    midpoint  of two shots of a beam: see `midpoint_function`
 
     `turns` (2n,) are the recorded positions as `Robot.recorded_turns`, `variances` (n + 1,) those of the
     joints and of the spot, `stated` (n + 1,) what the header says of them.
@@ -250,6 +251,7 @@ _BUILT_BY: dict[str, Callable[[ShotFunctions], ca.Function]] = {
     "beam": _beam,
     "skeleton": _skeleton,
     "axes": _axes,
+    "midpoint": lambda functions: midpoint_function(functions.robot, functions.tool),
 }
 
 

@@ -154,10 +154,8 @@ class Density:
 
     def prior_information(self, x: Matrix) -> Matrix:
         """(W, f, f) the part of the information that does not come from the shots."""
-        parameters = self.problem.parameters
-        scale = parameters.prior_std[parameters.free]
         _, _, own = self._distance_slopes(x)
-        return own[:, self._free[:, None], self._free] * np.outer(scale, scale) + np.eye(len(scale))
+        return own[:, self._free[:, None], self._free] * self._scale_squared + np.eye(self.size)
 
     # How it is made up
 
@@ -257,13 +255,14 @@ class Density:
         n, p = problem.robot.n, len(problem.parameters)
         after = n + 3 * len(problem.targets)
         free = problem.parameters.free
-        at_free = np.cumsum(free) - 1
         blocks = []
         for k in range(len(problem.targets)):
             columns = np.concatenate([np.arange(n), n + 3 * k + np.arange(3), np.arange(after, p)])
             local = np.flatnonzero(free[columns])
             rows, others = np.maximum(*np.ix_(local, local)), np.minimum(*np.ix_(local, local))
-            blocks.append(_Block(at_free[columns[local]], local, rows * (rows + 1) // 2 + others))
+            blocks.append(
+                _Block(problem.parameters.among_free[columns[local]], local, rows * (rows + 1) // 2 + others)
+            )
         return blocks
 
     @cached_property

@@ -194,7 +194,9 @@ class Kernel:
         if outer * inner == 0:
             return np.zeros((outer, sum(self._out)))  # compiled code would hoist what is not there
         if self._library is not None:
-            return self._sum_compiled(inputs, outer, inner)
+            call, result = self.ready(inputs, outer, inner)
+            call()
+            return result
         count = outer * inner
         if count not in self._maps:
             self._maps[count] = self.function.map(count)
@@ -216,11 +218,6 @@ class Kernel:
             raise ArithmeticError(f"CasADi could not evaluate {self.function.name()}")
         flat = np.concatenate(outputs, axis=1)
         return flat if inner == 1 else flat.reshape(outer, inner, -1).sum(axis=1)
-
-    def _sum_compiled(self, inputs: Sequence[GridInput], outer: int, inner: int) -> Matrix:
-        call, result = self.ready(inputs, outer, inner)
-        call()
-        return result
 
     def ready(self, inputs: Sequence[GridInput], outer: int, inner: int) -> tuple[Callable[[], None], Matrix]:
         """The bare call of the C function, and where it leaves all outputs (outer, …), one beside the other.

@@ -139,6 +139,11 @@ class Parameters:
         return np.array([not item.held for item in self.items])
 
     @cached_property
+    def among_free(self) -> NDArray[np.int64]:
+        """(p,) where each free parameter stands among the free ones."""
+        return np.cumsum(self.free) - 1
+
+    @cached_property
     def prior_mean(self) -> Matrix:
         return np.array([item.prior_mean for item in self.items])
 

@@ -308,6 +308,11 @@ class Problem:
         return origin.reshape(rows, shots, 3), direction.reshape(rows, shots, 3)
 
 
+def rms_length(miss: Matrix) -> float:
+    """Root mean square length of misses (N, d), mm."""
+    return float(np.sqrt((miss**2).sum(axis=1).mean()))
+
+
 def _distances(header: Header, targets: Sequence[str]) -> tuple[Distance, ...]:
     check_distances(header, targets, file=None, line=None)
     return tuple(

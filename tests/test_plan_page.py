@@ -10,12 +10,12 @@ import re
 import shutil
 import subprocess
 from collections.abc import Callable
-from html.parser import HTMLParser
 from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pages
 import pytest
 from cells import (
     AXIS_LASER,
@@ -39,50 +39,36 @@ from zerobeam.reports import numbers
 from zerobeam.reports.plan_page import NOT_TOLD, plan_page, write_plan_page
 from zerobeam.reports.plan_scene import aimed_postures, plan_scene
 
-VOID = {"meta", "link"}
 Refused = Callable[..., BadInput]
 
 
-class Page(HTMLParser):
-    """Tags with their attributes, scripts, the joints to copy, and the tables' rows of cells."""
+class Page(pages.Page):
+    """With scripts and the joints to copy; the visible text is `words`."""
+
+    void = frozenset({"meta", "link"})
 
     def __init__(self, text: str) -> None:
-        super().__init__(convert_charrefs=True)
-        self.tags: list[tuple[str, dict[str, str | None]]] = []
         self.scripts: list[tuple[dict[str, str | None], str]] = []
-        self.rows: list[list[str]] = []
-        self.words = self.copied = ""
-        self.open: list[str] = []
-        self.feed(text)
-        assert not self.open
+        self.copied = ""
+        super().__init__(text)
+
+    @property
+    def words(self) -> str:
+        return "".join(self.text)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append((tag, dict(attrs)))
-        if tag not in VOID:
-            self.open.append(tag)
+        super().handle_starttag(tag, attrs)
         if tag == "script":
             self.scripts.append((dict(attrs), ""))
-        if tag == "tr":
-            self.rows.append([])
-        if tag in ("td", "th"):
-            self.rows[-1].append("")
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append((tag, dict(attrs)))
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
 
     def handle_data(self, data: str) -> None:
         if "script" in self.open:
             attributes, text = self.scripts[-1]
             self.scripts[-1] = (attributes, text + data)
-        elif "style" not in self.open:
-            self.words += data
+        else:
+            super().handle_data(data)
         if "pre" in self.open:
             self.copied += data
-        if "td" in self.open or "th" in self.open:
-            self.rows[-1][-1] += data.strip()
 
     def row(self, name: str) -> list[str]:
         return next(row for row in self.rows if row[0] == name)

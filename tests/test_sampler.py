@@ -6,14 +6,13 @@ from scipy import stats
 
 from zerobeam.analysis import sampler
 from zerobeam.analysis.bend import Bend
-from zerobeam.analysis.moves import DifferentialMove, IndependenceMove
-from zerobeam.analysis.sampler import (
+from zerobeam.analysis.moves import (
+    DifferentialMove,
+    IndependenceMove,
     IndependenceProposal,
     degrees_of_freedom,
-    diagnostics,
-    drift,
-    sample_density,
 )
+from zerobeam.analysis.sampler import diagnostics, drift, sample_density
 
 
 def t_at_zero(size, nu=6.0, scale=1.0):
