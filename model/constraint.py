@@ -40,10 +40,13 @@ class ShotFunctions:
               weight J' S^-1 J, row by row; f = n + 3 + k (and 2 for the logarithms of the noise factors of
               joints and spot, where `log_det` is "relative")
     seen      (q, delta, target) -> y (3,), the target seen from the flange
+    sighted   the same -> y (3,), jacobian (3, n) by the joints
     place     (q, delta, y) -> target (3,): the way back
     placed    the same -> target (3,), jacobian (3, n + 3) by delta, y
     beam      (q, delta, tool) -> origin (3,), direction (3,): the beam in the base frame (eq. 7);
               for a probe the direction is zero and the origin is its tip
+    hit       (q, delta, tool, centre, normal) -> point (3,), length (1,), jacobian (3, n) by the joints: where
+              the beam meets the plane through `centre` across `normal`, and how far from its origin
     skeleton  (q, delta) -> points (3, n + 2): base, joint origins and flange in the base frame
     axes      (q, delta) -> axes (3, n): unit joint axes in the base frame
     midpoint  of two shots of a beam: see `midpoint_function`
@@ -194,6 +197,19 @@ def _seen(functions: ShotFunctions) -> ca.Function:
     )
 
 
+def _sighted(functions: ShotFunctions) -> ca.Function:
+    q, delta, rotation, translation = _pose(functions)
+    target = ca.SX.sym("target", 3)
+    y = rotation.T @ (target - translation)
+    return ca.Function(
+        "sighted",
+        [q, delta, target],
+        ca.cse([y, ca.densify(ca.jacobian(y, q))]),
+        ["q", "delta", "target"],
+        ["y", "jacobian"],
+    )
+
+
 def _place(functions: ShotFunctions) -> ca.Function:
     q, delta, rotation, translation = _pose(functions)
     y = ca.SX.sym("y", 3)
@@ -229,6 +245,23 @@ def _beam(functions: ShotFunctions) -> ca.Function:
     )
 
 
+def _hit(functions: ShotFunctions) -> ca.Function:
+    q, delta, rotation, translation = _pose(functions)
+    unknown = ca.SX.sym("tool", len(functions.tool.parameter_names))
+    centre, normal = ca.SX.sym("centre", 3), ca.SX.sym("normal", 3)
+    point, direction, _ = functions.tool.beam(unknown)
+    origin, direction = translation + rotation @ point, rotation @ direction
+    length = ca.dot(normal, centre - origin) / ca.dot(normal, direction)
+    hit = origin + length * direction
+    return ca.Function(
+        "hit",
+        [q, delta, unknown, centre, normal],
+        ca.cse([hit, length, ca.densify(ca.jacobian(hit, q))]),
+        ["q", "delta", "tool", "centre", "normal"],
+        ["point", "length", "jacobian"],
+    )
+
+
 def _skeleton(functions: ShotFunctions) -> ca.Function:
     q, delta = ca.SX.sym("q", functions.robot.n), ca.SX.sym("delta", functions.robot.n)
     points = ca.densify(functions.robot.skeleton(q + delta))
@@ -246,9 +279,11 @@ _BUILT_BY: dict[str, Callable[[ShotFunctions], ca.Function]] = {
     "terms": _terms,
     "slopes": _slopes,
     "seen": _seen,
+    "sighted": _sighted,
     "place": _place,
     "placed": _placed,
     "beam": _beam,
+    "hit": _hit,
     "skeleton": _skeleton,
     "axes": _axes,
     "midpoint": lambda functions: midpoint_function(functions.robot, functions.tool),

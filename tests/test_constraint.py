@@ -620,6 +620,48 @@ def test_the_beam_in_the_base_frame(case):
         np.testing.assert_allclose(direction, flange[:3, :3] @ u, atol=1e-12)
 
 
+def test_the_sight_of_a_target_has_its_derivative_by_the_joints(cases, arm_name):
+    case = cases(arm_name, "laser")
+    for q, _, free in case.points:
+        delta, target, _ = case.split(free)
+        y, jacobian = case.call("sighted", q, delta, target)
+        np.testing.assert_allclose(y, case.call("seen", q, delta, target)[0], rtol=0, atol=1e-9)
+        expected = by_complex_step(
+            lambda z, delta=delta, target=target: flange_view(case.arm.pose(z + delta), target), q
+        )
+        np.testing.assert_allclose(jacobian, expected, rtol=0, atol=1e-8)
+
+
+def flange_view(pose: np.ndarray, point: np.ndarray) -> np.ndarray:
+    return pose[:3, :3].T @ (point - pose[:3, 3])
+
+
+@pytest.mark.parametrize("kind", TOOLS[:2])
+def test_where_a_beam_meets_a_plane_and_how_the_spot_moves(cases, arm_name, kind):
+    """J = (I - d n' / (d'n)) (dp/dq + t dd/dq), with the beam's own derivatives by complex steps."""
+    case = cases(arm_name, kind)
+    normal = np.array([0.3, -0.5, 0.8]) / np.linalg.norm([0.3, -0.5, 0.8])
+    for q, _, free in case.points:
+        delta, target, unknowns = case.split(free)
+        point, length, jacobian = case.call("hit", q, delta, unknowns, target, normal)
+        origin, d = case.call("beam", q, delta, unknowns)
+        along = np.dot(normal, target - origin) / np.dot(normal, d)
+        np.testing.assert_allclose(length, [along], rtol=1e-12)
+        np.testing.assert_allclose(point, origin + along * d, rtol=0, atol=1e-8 * max(abs(along), 1.0))
+        assert abs(normal @ (point - target)) < 1e-8 * max(abs(along), 1.0)
+
+        def at(z, delta=delta, unknowns=unknowns):
+            p, u = beam(case.tool, unknowns)
+            flange = case.arm.pose(z + delta)
+            return np.concatenate([moved(flange, p), flange[:3, :3] @ u])
+
+        by = by_complex_step(at, q)
+        onto = np.eye(3) - np.outer(d, normal) / (d @ normal)
+        expected = onto @ (by[:3] + along * by[3:])
+        np.testing.assert_allclose(jacobian, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+        assert np.abs(onto @ by[:3] - expected).max() > 1  # control: without the turn of the beam
+
+
 # --- midpoints --------------------------------------------------------------------------------------
 
 
@@ -707,12 +749,16 @@ def test_every_input_and_output_is_named(case):
         "terms": (weighted, ["quad", "logdet"]),
         "slopes": (weighted, slopes),
         "seen": (["q", "delta", "target"], ["y"]),
+        "sighted": (["q", "delta", "target"], ["y", "jacobian"]),
         "place": (["q", "delta", "y"], ["target"]),
         "placed": (["q", "delta", "y"], ["target", "jacobian"]),
         "beam": (["q", "delta", "tool"], ["origin", "direction"]),
         "skeleton": (["q", "delta"], ["points"]),
         "axes": (["q", "delta"], ["axes"]),
     }
+    if case.tool.kind == "laser":
+        hit = ["point", "length", "jacobian"]
+        named["hit"] = (["q", "delta", "tool", "centre", "normal"], hit)
     for functions in case.by_log_det.values():
         for name, (inputs, outputs) in named.items():
             function = functions.function(name)
