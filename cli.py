@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import signal
 import sys
 import traceback
 import warnings
@@ -90,6 +91,7 @@ class RigName(StrEnum):
     """What can carry a plan out."""
 
     SIMULATED = "simulated"
+    REPLAY = "replay"
 
 
 Json = Annotated[bool, typer.Option("--json", help="Print the machine's answer (JSON) and nothing else.")]
@@ -324,16 +326,63 @@ def run(
         Path, typer.Option("-o", "--out", help="Run file to write (.jsonl).", show_default=False)
     ],
     rig: Annotated[RigName, typer.Option(help="What carries the plan out.")] = RigName.SIMULATED,
+    cell: Annotated[
+        Path | None, typer.Option(help="Cell file (.yaml) of the simulated rig.", show_default=False)
+    ] = None,
+    camera: Annotated[
+        bool, typer.Option("--camera/--no-camera", help="Find the PSD in pictures, or by the beam alone.")
+    ] = True,
+    recorded: Annotated[
+        Path | None, typer.Option(help="Run file that a replay gives back.", show_default=False)
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with a run that was stopped.")] = False,
+    adaptive: Annotated[
+        bool, typer.Option("--adaptive", help="Choose the next posture by the shots so far; end when it is enough.")
+    ] = False,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(help="With --adaptive: the std that is enough (deg; mm). Default: the plan's.", show_default=False),
+    ] = None,
     seed: Seed = 0,
+    as_json: Json = False,
+    json_lines: Annotated[
+        bool, typer.Option("--json-lines", help="Print every event as a line of JSON as it happens.")
+    ] = False,
 ) -> None:
-    """Carry a plan out and record its shots."""
-    from .experiments.procedure import carry_out
+    """Carry a plan out: bring the beam to the target from each posture, record, identify."""
+    from .experiments.recording import Request, record
     from .model.plan import read_plan
+    from .reports.live import live_view
+    from .reports.terminal import print_carried
 
+    if tolerance is not None and not adaptive:
+        raise BadInput("--tolerance is for an adaptive run", remedy="add --adaptive, or leave it out")
     planned = read_plan(plan)
-    with _progress("run") as told:
-        shots = carry_out(planned, rig.value, file, seed, told)
-    out.print(f"{shots} shots recorded in {file}", soft_wrap=True)
+    enough = tolerance if tolerance is not None else planned.header.tolerance.offset_deg
+    request = Request(
+        rig=rig.value,
+        seed=seed,
+        cell=cell,
+        camera=camera,
+        recording=recorded,
+        resume=resume,
+        tolerance=enough if adaptive else None,
+    )
+    with _stoppable(), live_view(err) as seen:
+
+        def told(event: dict[str, Any]) -> None:
+            seen(event)
+            if json_lines:
+                sys.stdout.write(json.dumps(event, ensure_ascii=False, allow_nan=False) + "\n")
+                sys.stdout.flush()
+
+        answer = record(planned, file, request, told)
+    if as_json:
+        _print_json(answer)
+    elif not json_lines:
+        print_carried(out, answer)
+        out.print(f"Run: {file}", soft_wrap=True, markup=False)
+    raise typer.Exit(EXIT_STATUS[answer["verdict"]])
 
 
 @app.command()
@@ -479,6 +528,20 @@ def _progress(title: str) -> Iterator[Callable[[str, float], None]]:
             bar.update(task, description=f"{title}: {stage}", completed=share)
 
         yield told
+
+
+@contextmanager
+def _stoppable() -> Iterator[None]:
+    """A request to end (SIGTERM) stops the motion as Ctrl-C does."""
+
+    def stop(*_: Any) -> NoReturn:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _warn(message: Warning | str, *_: Any, **__: Any) -> None:

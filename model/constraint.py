@@ -45,7 +45,7 @@ class ShotFunctions:
     placed    the same -> target (3,), jacobian (3, n + 3) by delta, y
     beam      (q, delta, tool) -> origin (3,), direction (3,): the beam in the base frame (eq. 7);
               for a probe the direction is zero and the origin is its tip
-    hit       (q, delta, tool, centre, normal) -> point (3,), length (1,), jacobian (3, n) by the joints: where
+    hit       (q, delta, tool, centre, normal) -> point (3,), length, jacobian (3, n) by the joints: where
               the beam meets the plane through `centre` across `normal`, and how far from its origin
     skeleton  (q, delta) -> points (3, n + 2): base, joint origins and flange in the base frame
     axes      (q, delta) -> axes (3, n): unit joint axes in the base frame

@@ -1,34 +1,32 @@
 """Runs: recorded shots in a file of JSON lines, one line a shot, so that a power cut loses one at most.
 
 The first line is the header. A last line that is torn (no JSON) is left out and reported; a bad
-line anywhere else is an error, as is everything that the header does not allow.
+line anywhere else is an error, as is everything that the header does not allow. `journal` writes
+such a file shot by shot.
 """
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
-import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from types import TracebackType
-from typing import Annotated, Any, Self
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field
 
-from .errors import BadInput, RigFault
+from .errors import BadInput
 from .header import RUN_SCHEMA, Header, TargetName, check_header, header_content
 from .limits import check_limits
 from .reading import Place, decode, did_you_mean, parse_json, read_bytes, shown
 from .robot import Matrix, Robot
 from .robot_file import load_robot
 from .validation import FileModel, refusal, require_schema, validate
-from .whole_file import refuse_existing, sync_folder, write_whole
+from .whole_file import refuse_existing, write_whole
 
 ENOUGH_CALIBRATED, ENOUGH_UNCALIBRATED = 4, 6
 
@@ -243,9 +241,20 @@ def check_shot(header: Header, robot: Robot, shot: Shot, *, file: Path | None, l
 
 
 def read_run(path: Path | str) -> Run:
-    """A run file, every line of it checked."""
+    """A run file, every line of it checked; BadInput if there is no shot in it."""
     path = Path(path)
-    content = read_bytes(path)
+    run, torn = recorded(read_bytes(path), path)
+    if not run.shots:
+        found = "a header only" if torn is None else "a header and a torn line"
+        raise BadInput("the run has no shots", found=found, file=path, remedy="record some")
+    return run
+
+
+def recorded(content: bytes, path: Path) -> tuple[Run, int | None]:
+    """The run in a file's content, every line checked, and the number of its last line if that is torn.
+
+    A run that has no shots yet passes.
+    """
     rows, torn = _rows(content, path)
     header_line, top = rows[0]
     if isinstance(top, dict) and "schema" not in top and ("shot" in top or "joints_deg" in top):
@@ -260,9 +269,6 @@ def read_run(path: Path | str) -> Run:
     header = validate(Header, top, file=path, line=_always(header_line))
     robot = load_robot(header.robot, path.parent, file=path, line=header_line)
     check_header(header, robot, file=path, line=_always(header_line))
-    if len(rows) == 1:
-        found = "a header and a torn line" if torn else "a header only"
-        raise BadInput("the run has no shots", found=found, file=path, remedy="record some")
     shots, lines = [], []
     for line, row in rows[1:]:
         if isinstance(row, dict) and "schema" in row:
@@ -275,13 +281,15 @@ def read_run(path: Path | str) -> Run:
             )
         shots.append(validate(Shot, row, file=path, line=_always(line)))
         lines.append(line)
-    warnings = torn + check_shots(header, robot, shots, lines, file=path)
+    warnings: tuple[str, ...] = () if torn is None else (_torn(torn),)
+    if shots:
+        warnings += check_shots(header, robot, shots, lines, file=path)
     sha256 = hashlib.sha256(content).hexdigest()
-    return Run(header, robot, tuple(shots), tuple(lines), header_line, path, sha256, warnings)
+    return Run(header, robot, tuple(shots), tuple(lines), header_line, path, sha256, warnings), torn
 
 
-def _rows(content: bytes, path: Path) -> tuple[list[tuple[int, Any]], tuple[str, ...]]:
-    """(line, value) of every line that is not blank, and a sentence if the last one is torn."""
+def _rows(content: bytes, path: Path) -> tuple[list[tuple[int, Any]], int | None]:
+    """(line, value) of every line that is not blank, and the number of the last one if that is torn."""
     raw = [(i, line) for i, line in enumerate(content.split(b"\n"), start=1) if line.strip()]
     rows: list[tuple[int, Any]] = []
     for number, line in raw:
@@ -292,7 +300,7 @@ def _rows(content: bytes, path: Path) -> tuple[list[tuple[int, Any]], tuple[str,
             text = decode(line, file=path, line=number)
         except BadInput:
             if last:
-                return rows, (_torn(number),)
+                return rows, number
             if not rows and b"\0" in content:
                 raise BadInput(
                     "this is a binary file, not text",
@@ -305,7 +313,7 @@ def _rows(content: bytes, path: Path) -> tuple[list[tuple[int, Any]], tuple[str,
             rows.append((number, parse_json(text, file=path, line=number)))
         except json.JSONDecodeError as error:
             if last:
-                return rows, (_torn(number),)
+                return rows, number
             raise BadInput(
                 f"the line is not JSON: {error.msg} at character {error.pos + 1}",
                 found=shown(text[:70]),
@@ -316,7 +324,7 @@ def _rows(content: bytes, path: Path) -> tuple[list[tuple[int, Any]], tuple[str,
                 file=path,
                 line=number,
             ) from None
-    return rows, ()
+    return rows, None
 
 
 def _always(line: int | None) -> Callable[[Place], int | None]:
@@ -331,11 +339,13 @@ def _torn(line: int) -> str:
 # --- writing ----------------------------------------------------------------------------------------
 
 
-def _header_text(header: Header) -> str:
+def header_text(header: Header) -> str:
+    """The first line of a run file: the stated keys, `schema` first."""
     return _json_line(header_content(header, RUN_SCHEMA))
 
 
-def _shot_text(shot: Shot) -> str:
+def shot_text(shot: Shot) -> str:
+    """The line of a shot in a run file."""
     return _json_line(shot.model_dump(mode="json", exclude_none=True))
 
 
@@ -353,65 +363,4 @@ def write_run(path: Path | str, header: Header, shots: Iterable[Shot]) -> None:
     robot = load_robot(header.robot, path.parent)
     check_header(header, robot, file=None, line=_always(None))
     check_shots(header, robot, shots, [i + 2 for i in range(len(shots))], file=path)
-    write_whole(path, _header_text(header) + "".join(_shot_text(shot) for shot in shots))
-
-
-class RunJournal:
-    """A run file that grows shot by shot; each is on the disk before `append` returns.
-
-    Makes a new file, never writes into or over another. Joints outside their limits are recorded as
-    they are: what happened, happened; `read_run` judges them.
-    """
-
-    def __init__(self, path: Path | str, header: Header) -> None:
-        self.path = Path(path)
-        self.header = header
-        refuse_existing(self.path)
-        self.robot = load_robot(header.robot, self.path.parent)
-        check_header(header, self.robot, file=None, line=_always(None))
-        self._numbers: set[int] = set()
-        self._end = 0
-        try:
-            self._file = open(self.path, "xb")  # noqa: SIM115 - closed by close()
-        except OSError as error:
-            raise BadInput(f"the run cannot be recorded: {error.strerror}", file=self.path) from None
-        self._write(_header_text(header))
-        sync_folder(self.path.parent)
-
-    def append(self, shot: Shot) -> None:
-        """Record one shot; RigFault if it cannot be brought to the disk."""
-        if self._file.closed:
-            raise RigFault(f"{self.path}: the run is closed, shot {shot.shot} was not recorded")
-        check_shot(self.header, self.robot, shot, file=self.path, line=None)
-        if shot.shot in self._numbers:
-            raise BadInput(
-                f"the shot number {shot.shot} is recorded already", allowed="each number once", file=self.path
-            )
-        self._write(_shot_text(shot))
-        self._numbers.add(shot.shot)
-
-    def _write(self, text: str) -> None:
-        content = text.encode("utf-8")
-        try:
-            self._file.write(content)
-            self._file.flush()
-            os.fsync(self._file.fileno())
-        except OSError as error:
-            # What is left of the line would spoil the file for whatever came after it.
-            with contextlib.suppress(OSError):
-                os.truncate(self.path, self._end)
-            with contextlib.suppress(OSError):
-                self._file.close()
-            raise RigFault(f"{self.path}: the run cannot be recorded: {error.strerror}") from error
-        self._end += len(content)
-
-    def close(self) -> None:
-        self._file.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
+    write_whole(path, header_text(header) + "".join(shot_text(shot) for shot in shots))

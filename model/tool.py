@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import casadi as ca
@@ -80,6 +80,11 @@ class Tool:
             direction = direction / ca.sqrt(ca.sumsqr(direction))
             point = point + shift1 * nominal_b1 + shift2 * nominal_b2
         return point, direction, ca.horzcat(*self._across(direction))
+
+    def nominal_beam(self) -> tuple[Matrix, Matrix, Matrix]:
+        """Point (3,) mm, unit direction (3,) and basis (3, 2) of the beam as stated, in the flange frame."""
+        point, direction, across = replace(self, calibrated=True).beam(ca.SX())
+        return ca.DM(point).full()[:, 0], ca.DM(direction).full()[:, 0], ca.DM(across).full()
 
     def _across(self, direction: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Orthonormal b1, b2 across `direction`: the two other axes of the nominal beam axis, made square."""

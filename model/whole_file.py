@@ -10,13 +10,18 @@ from pathlib import Path
 from .errors import BadInput
 
 
-def refuse_existing(path: Path) -> None:
-    """BadInput if something of this name is there, or if there is no folder to put it in."""
+def refuse_existing(path: Path, *, or_else: str = "move it away first") -> None:
+    """BadInput if something of this name is there, or if there is no folder to put it in.
+
+    `or_else` is what may be done with a file that is there, besides choosing another name.
+    """
     if path.exists() or path.is_symlink():
+        folder = path.is_dir()
+        remedy = "move it away first" if folder else or_else
         raise BadInput(
-            "the file exists already" if not path.is_dir() else "there is a folder of this name",
+            "there is a folder of this name" if folder else "the file exists already",
             file=path,
-            remedy="choose another name, or move it away first: nothing is overwritten",
+            remedy=f"choose another name, or {remedy}: nothing is overwritten",
         )
     if not path.parent.is_dir():
         raise BadInput(

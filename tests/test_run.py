@@ -6,9 +6,9 @@ import os
 import numpy as np
 import pytest
 
-from zerobeam.model.errors import BadInput, RigFault
+from zerobeam.model.errors import BadInput
 from zerobeam.model.header import Header
-from zerobeam.model.run import RunJournal, Shot, read_run, write_run
+from zerobeam.model.run import Shot, read_run, write_run
 
 HEADER = {
     "schema": "zerobeam/run/1",
@@ -310,16 +310,13 @@ def test_what_was_written_is_read_again_to_the_last_digit(tmp_path):
 def test_nothing_is_overwritten_and_nothing_unsound_is_written(tmp_path, refused):
     path = tmp_path / "r.jsonl"
     path.write_text("mine")
-    for write in (lambda: write_run(path, model(), SHOTS), lambda: RunJournal(path, model())):
-        assert "exists already" in refused(write).what
+    assert "exists already" in refused(write_run, path, model(), SHOTS).what
     assert path.read_text() == "mine"
     other = tmp_path / "other.jsonl"
     assert "stands twice" in refused(write_run, other, model(), [SHOTS[0], SHOTS[0]]).what
     assert "no shots" in refused(write_run, other, model(), []).what
     assert "no robot" in refused(write_run, other, model(robot="nobody"), SHOTS).what
-    assert "no robot" in refused(RunJournal, other, model(robot="nobody")).what
     assert "does not exist" in refused(write_run, tmp_path / "no" / "r.jsonl", model(), SHOTS).what
-    assert "does not exist" in refused(RunJournal, tmp_path / "no" / "r.jsonl", model()).what
     assert [entry.name for entry in tmp_path.iterdir()] == ["r.jsonl"]
 
 
@@ -330,49 +327,6 @@ def test_a_write_that_fails_leaves_nothing(tmp_path, refused, monkeypatch):
     monkeypatch.setattr(os, "fsync", full)
     assert "No space left" in refused(write_run, tmp_path / "r.jsonl", model(), SHOTS).what
     assert list(tmp_path.iterdir()) == []
-
-
-def test_every_shot_of_a_journal_is_on_the_disk_before_the_next(tmp_path, monkeypatch):
-    synced = []
-    really = os.fsync
-    monkeypatch.setattr(os, "fsync", lambda handle: synced.append(handle) or really(handle))
-    path = tmp_path / "r.jsonl"
-    with RunJournal(path, model()) as journal:
-        assert len(synced) == 2  # the file and its folder
-        for i, each in enumerate(SHOTS, start=1):
-            journal.append(each)
-            assert len(synced) == 2 + i
-            assert read_run(path).shots == tuple(SHOTS[:i])
-    read_run(path).require_analysable()
-
-
-def test_a_journal_takes_only_what_can_be_read_again(tmp_path, refused):
-    with RunJournal(tmp_path / "r.jsonl", model()) as journal:
-        journal.append(SHOTS[0])
-        assert "recorded already" in refused(journal.append, SHOTS[0]).what
-        short = SHOTS[1].model_copy(update={"joints_deg": (1.0,)})
-        assert "wrong number" in refused(journal.append, short).what
-        journal.append(SHOTS[2])
-    assert [each.shot for each in read_run(tmp_path / "r.jsonl").shots] == [0, 2]
-    with pytest.raises(RigFault, match="closed"):
-        journal.append(SHOTS[3])
-
-
-def test_a_journal_on_a_full_disk_keeps_the_shots_before(tmp_path, monkeypatch):
-    def full(_):
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    path = tmp_path / "r.jsonl"
-    with RunJournal(path, model()) as journal:
-        journal.append(SHOTS[0])
-        monkeypatch.setattr(os, "fsync", full)
-        with pytest.raises(RigFault, match="No space left"):
-            journal.append(SHOTS[1])
-        with pytest.raises(RigFault, match="closed"):
-            journal.append(SHOTS[1])
-    run = read_run(path)
-    assert len(run.shots) == 1
-    assert run.warnings == ()
 
 
 def test_shots_of_one_and_the_same_posture_are_refused(run_file):

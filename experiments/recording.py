@@ -1,0 +1,158 @@
+"""A plan, a rig and a run file brought together: what `zerobeam run` does."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from ..model.errors import BadInput, RigFault
+from ..model.header import Header
+from ..model.journal import RunJournal
+from ..model.plan import Plan
+from ..model.robot_file import rebased
+from ..model.run import Shot, read_run
+from .adaptive import Adaptive
+from .procedure import Carried, InTurn, Procedure, Told, recorded_event, told_by
+from .rigs.cell_file import Cell, read_cell
+from .rigs.replay import ReplayRig
+from .rigs.simulated import SimulatedRig
+from .simulate import Truth, simulated_shots
+
+RigName = Literal["simulated", "replay"]
+
+
+@dataclass(frozen=True)
+class Request:
+    """How a plan is to be carried out. `tolerance` (deg; mm) asks for an adaptive run; `cell` and `camera`
+    are of the simulated rig, `recording` of the replay."""
+
+    rig: RigName
+    seed: int = 0
+    cell: Path | None = None
+    camera: bool = True
+    recording: Path | None = None
+    resume: bool = False
+    tolerance: float | None = None
+
+
+def record(plan: Plan, file: Path, request: Request, told: Told) -> dict[str, Any]:
+    """Carry the plan out into the run file `file`; the answer is the last event (docs/files.md).
+
+    Raises BadInput before anything moves, RigFault where the rig stops: the shots so far are in the file.
+    """
+    if plan.header.tool.kind == "probe":
+        return _by_hand(plan, file, request, told)
+    rig, about = _rig(plan, request)
+    header = _header(plan, file, {**rig.provenance(), **about})
+    order = InTurn(len(plan.postures)) if request.tolerance is None else Adaptive(plan, request.tolerance)
+    with _journal(file, header, request) as journal:
+        told(_begin(plan, journal, request))
+        carried = Procedure(plan, rig, journal, order, told).carry_out()
+        torn = journal.torn
+    why = order.reason if isinstance(order, Adaptive) else None
+    answer = _answer(plan, file, carried, torn, why)
+    told(answer)
+    return answer
+
+
+def _by_hand(plan: Plan, file: Path, request: Request, told: Told) -> dict[str, Any]:
+    """A probe is led into its socket by hand: no servo, no sensors; only the simulated rig can do that."""
+    for name, value in (
+        ("--cell", request.cell),
+        ("--recorded", request.recording),
+        ("--adaptive", request.tolerance),
+    ):
+        if value is not None:
+            raise BadInput(f"{name} is for a laser; the plan's tool is a probe", remedy=f"leave {name} out")
+    rng = np.random.default_rng(request.seed)
+    truth = Truth.drawn(plan, rng)
+    about = {"origin": "simulated", "seed": request.seed, **truth.provenance(), "plan sha256": plan.sha256}
+    shots: tuple[Shot, ...] = ()
+    with _journal(file, _header(plan, file, about), request) as journal:
+        told(_begin(plan, journal, request))
+        done = {shot.shot for shot in journal.shots}
+        for shot in simulated_shots(truth, rng):
+            if shot.shot not in done:
+                journal.append(shot)
+                state = told_by(truth.problem, journal.shots)
+                assert state is not None
+                told(recorded_event(shot, len(journal.shots), state))
+        shots, torn = journal.shots, journal.torn
+    carried = Carried(shots, (), told_by(truth.problem, shots), {})
+    answer = _answer(plan, file, carried, torn, None)
+    told(answer)
+    return answer
+
+
+def _rig(plan: Plan, request: Request) -> tuple[SimulatedRig | ReplayRig, dict[str, str | int | float]]:
+    """The rig, and what the run's provenance says of its making."""
+    about: dict[str, str | int | float] = {"plan sha256": plan.sha256}
+    if request.rig == "replay":
+        if request.recording is None:
+            raise BadInput("a replay needs a recording", remedy="name the run to be replayed: --recorded RUN")
+        if request.cell is not None:
+            raise BadInput("--cell is for the simulated rig", remedy="leave it out, or state --rig simulated")
+        run = read_run(request.recording)
+        return ReplayRig(plan, run), {**about, "recording sha256": run.sha256}
+    if request.recording is not None:
+        raise BadInput("--recorded is for a replay", remedy="leave it out, or state --rig replay")
+    cell = Cell()
+    if request.cell is not None:
+        cell, about["cell sha256"] = read_cell(request.cell)
+    if not request.camera:
+        cell, about["camera"] = cell.model_copy(update={"camera": None}), False
+    try:
+        return SimulatedRig(plan, cell, request.seed, resumed=request.resume), about
+    except BadInput as error:
+        raise error.at(request.cell or plan.path, None) from None
+
+
+def _header(plan: Plan, file: Path, about: dict[str, str | int | float]) -> Header:
+    """The plan's header as that of a run in `file`."""
+    robot = rebased(plan.header.robot, plan.path.parent, file.parent)
+    return plan.header.model_copy(update={"provenance": {**plan.header.provenance, **about}, "robot": robot})
+
+
+def _journal(file: Path, header: Header, request: Request) -> RunJournal:
+    return RunJournal.resumed(file, header) if request.resume else RunJournal(file, header)
+
+
+def _begin(plan: Plan, journal: RunJournal, request: Request) -> dict[str, Any]:
+    return {
+        "event": "begin",
+        "rig": request.rig,
+        "file": journal.path.name,
+        "postures": len(plan.postures),
+        "recorded": [shot.shot for shot in journal.shots],
+        "tolerance": request.tolerance,
+    }
+
+
+def _answer(plan: Plan, file: Path, carried: Carried, torn: str | None, why: str | None) -> dict[str, Any]:
+    """`zerobeam/carried/1`."""
+    state = carried.state
+    if state is None:
+        raise RigFault(
+            "no shot could be recorded: " + "; ".join(dict.fromkeys(r.found for r in carried.refused))
+        )
+    notes = [f"Shot {r.shot} was refused ({r.reason}): {r.found}" for r in carried.refused]
+    notes += [torn] if torn else []
+    return {
+        "event": "end",
+        "schema": "zerobeam/carried/1",
+        "file": file.name,
+        "verdict": state.verdict,
+        "headline": state.headline,
+        "parameters": [asdict(item) for item in state.offsets],
+        "p_value": state.p_value,
+        "consistent": state.consistent,
+        "shots": [shot.shot for shot in carried.shots],
+        "refused": [{"shot": r.shot, "reason": r.reason.value, "found": r.found} for r in carried.refused],
+        "saved": None if why is None else len(plan.postures) - len(carried.shots) - len(carried.refused),
+        "why": why,
+        "seconds": {name: round(value, 3) for name, value in carried.seconds.items()},
+        "notes": [*notes, *state.notes],
+    }

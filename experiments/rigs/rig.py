@@ -1,0 +1,60 @@
+"""A rig: an arm with a laser, a PSD and perhaps a camera, as far as the procedure knows it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+from ...model.robot import Matrix
+from ...model.run import Shot
+from ..camera import Camera, Image
+from ..psd import Psd
+
+
+class Rig(Protocol):
+    """What the procedure may do with a rig, and what it is told of its sensors.
+
+    `psds` are the PSDs by the name of the target that each one is, `camera` is None where there is none,
+    `steerable` is False where the arm cannot be led (a recorded run). Joint positions are (n,) rad or mm as
+    the controller counts them. Every method may raise RigFault, which ends the run.
+    """
+
+    psds: Mapping[str, Psd]
+    camera: Camera | None
+    steerable: bool
+
+    def now(self) -> float:
+        """Seconds since the start of the run."""
+        ...
+
+    def wait(self, seconds: float) -> None:
+        """Let so much time pass."""
+        ...
+
+    def begin(self, shot: int, target: str, last: Shot | None) -> None:
+        """Say which shot is coming, at which target, and which was recorded last (None: none yet)."""
+        ...
+
+    def move(self, joints: Matrix) -> None:
+        """Drive all joints there at the cell's speed; returns when the arm stands."""
+        ...
+
+    def joints(self) -> Matrix:
+        """(n,) joint positions as read."""
+        ...
+
+    def currents(self, samples: int) -> Matrix:
+        """(samples, 4) of the PSD, one after another; a sample that did not arrive is a row of NaN."""
+        ...
+
+    def image(self) -> Image:
+        """(height, width) grey values of the camera, 0 to 255."""
+        ...
+
+    def laser(self, on: bool) -> None:
+        """Switch the laser."""
+        ...
+
+    def stop(self) -> None:
+        """Stop the motion and switch the laser off; safe at any moment, more than once."""
+        ...
