@@ -65,7 +65,8 @@ def aim(problem: Problem, x: Matrix, weights: Matrix) -> Aimed:
     off = np.linalg.norm(miss, axis=1)
     best, best_miss = joints.copy(), off.copy()
     active = np.arange(problem.shots)
-    before_last_step = np.full(problem.shots, np.inf)
+    # Where no joint may be turned there is nothing to do.
+    before_last_step = np.full(problem.shots, np.inf if weights.any() else 0.0)
     for _ in range(_ITERATIONS):
         # One step more than the hit needs: an exact gauge shows as one only where the miss is rounding.
         going_on = before_last_step[active] >= _HIT_MM * 1e-3

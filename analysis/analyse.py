@@ -13,6 +13,7 @@ from ..model.parameters import Parameter
 from ..model.problem import Problem, rms_length
 from ..model.robot import Matrix
 from ..model.run import Run
+from .displacement import displacement
 from .fit import LikelihoodFit, fit_likelihood, start_at
 from .hold_out import hold_out
 from .identifiability import Identified, identify, no_better_than
@@ -121,7 +122,15 @@ def _analyse(
         intervals=_intervals(problem, fit, rows, posterior, likelihood) if fit.converged else (),
         robust=robust,
         hold_out=unseen,
-        notes=notes(likelihood, posterior, shots, robust, unseen, run.warnings),
+        notes=notes(
+            likelihood,
+            posterior,
+            displacement(fit) if fit.converged else None,
+            shots,
+            robust,
+            unseen,
+            run.warnings,
+        ),
         inputs=_inputs(run, problem, seed),
     )
     return result, draws

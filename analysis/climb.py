@@ -85,7 +85,8 @@ class Climb:
         sound = np.isfinite(found.cost)
         curvature = np.tile(np.eye(v.shape[1]), (len(v), 1, 1))
         information = np.where(sound[:, None, None], found.curvature, curvature)
-        root = np.asarray(np.linalg.cholesky(np.linalg.inv(information)), dtype=float)
+        # Of the information, not of its inverse, which rounding may leave indefinite.
+        root = np.linalg.inv(np.linalg.cholesky(information)).transpose(0, 2, 1)
         active = np.flatnonzero(sound)
         value, slope = -found.cost, -_times(root.transpose(0, 2, 1), found.slope)
         slope[~sound] = np.inf

@@ -12,7 +12,6 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
 
 from ..model.errors import FitFailed
 from ..model.robot import Matrix
@@ -251,6 +250,8 @@ def _highest_under(rows: Matrix, heights: Matrix) -> tuple[Matrix, float, Matrix
     The program has the most promising candidates as columns; its dual prices all others, so that the
     ceiling holds for them too, and those that are priced too low join.
     """
+    from scipy.optimize import linprog  # for this criterion alone, and slow to come
+
     count = rows.shape[1]
     columns = np.unique(np.argsort(-rows, axis=1)[:, :_COLUMNS])
     ceiling = np.inf

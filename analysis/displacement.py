@@ -23,7 +23,7 @@ _CHANCE = 1e-3  # that a run without a displacement is said to have one; that wh
 _REACH = 0.01  # what moves the misses by less (stds, within its prior std) explains none of them
 _TELLS_MM = 10.0  # a direction that the shots tell no better than this is not told
 _DECIDES = 1e-4  # a shot that decides something alone: the fit leaves no more of its miss than this share
-_ROUNDING = 1e-12
+_ROUNDING = 1e-12  # of the information that all shots together have on a place
 _NEVER = 1e-12  # a chance below this says nothing more: no noise is so normal
 _MOST_NAMED = 3
 _EXCLUDES = 20.0  # likelihood ratio by which one explanation excludes another
@@ -74,10 +74,10 @@ def displacement(fit: LikelihoodFit) -> Displacement | None:
     places and tool explain whatever a displacement would do.
     """
     left = _Left.of(fit)
-    points, gram, slope = _displaced(fit, left)
+    points, gram, slope, floor = _displaced(fit, left)
     if not points:
         return None
-    moved = left.explained(gram, slope, _TELLS_MM**-2)
+    moved = left.explained(gram, slope, floor)
     best = int(np.argmax(moved.score))
     if moved.rank[best] == 0:
         return None
@@ -180,7 +180,6 @@ class _Left(NamedTuple):
         directions with less information than `floor` are not told, and explain nothing."""
         values, vectors = np.linalg.eigh(gram)
         along = (vectors.transpose(0, 2, 1) @ slope[:, :, None])[:, :, 0]
-        floor = max(floor, _ROUNDING * float(values.max(initial=0.0)))
         told = values > floor
         rank = told.sum(axis=1)
         if not self.known:
@@ -190,7 +189,7 @@ class _Left(NamedTuple):
         drop = np.minimum(drop, self.chi2)
         rise = drop if self.known else -self.numbers * np.log1p(-drop / max(self.chi2, 1e-300))
         score = np.where(rank > 0, rise - 2.0 * rank, -np.inf)
-        return _Explained(drop, rank, score, np.maximum(values, floor * _ROUNDING), vectors, along)
+        return _Explained(drop, rank, score, np.maximum(values, _ROUNDING * floor), vectors, along)
 
     @property
     def open_part(self) -> Matrix:
@@ -219,8 +218,9 @@ class _Left(NamedTuple):
         return vectors @ (found.along[i] / values), scale * (vectors / values) @ vectors.T
 
 
-def _displaced(fit: LikelihoodFit, left: _Left) -> tuple[list[ChangePoint], Matrix, Matrix]:
-    """All change points (C,), the information (C, 3, 3) of displacements there (1 / mm^2) and the slopes."""
+def _displaced(fit: LikelihoodFit, left: _Left) -> tuple[list[ChangePoint], Matrix, Matrix, float]:
+    """All change points (C,), the information (C, 3, 3) on displacements there (1 / mm^2), the slopes (C, 3),
+    and the information below which a direction is not told."""
     problem, parameters = fit.problem, fit.problem.parameters
     shots, d = left.miss.shape
     rows = np.arange(shots)
@@ -244,4 +244,6 @@ def _displaced(fit: LikelihoodFit, left: _Left) -> tuple[list[ChangePoint], Matr
         slopes.append(slope)
         numbers = [problem.shot_numbers[i] for i in mine]
         points += [ChangePoint(target, a, b) for a, b in pairwise(numbers)]
-    return points, np.concatenate(grams), np.concatenate(slopes)
+    # What the fit takes out leaves rounding of the size of what was there.
+    floor = max(_TELLS_MM**-2, _ROUNDING * float(np.trace(squares.sum(axis=0))))
+    return points, np.concatenate(grams), np.concatenate(slopes), floor

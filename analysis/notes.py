@@ -7,17 +7,18 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from scipy.special import chdtrc
 
+from .displacement import Displacement, displacement_sentence
 from .result import FitSummary, HoldOut, PosteriorSummary, Robust, ShotResult
 from .verdict import listed
 
-_LACK_OF_FIT = 1e-3  # p-value below which the misfit is not put down to chance
+LACK_OF_FIT = 1e-3  # p-value below which the misfit is not put down to chance
 OUTLYING = 1e-3  # chance, over all shots together, of a miss as long as an outlying one
 _MOST_NAMED = 10
 
 
 def misfit(fit: FitSummary) -> float | None:
     """How many times larger than the stated noise the misses are, or None where they agree with it."""
-    if fit.p_value is None or fit.p_value >= _LACK_OF_FIT or not fit.dof or fit.chi2 is None:
+    if fit.p_value is None or fit.p_value >= LACK_OF_FIT or not fit.dof or fit.chi2 is None:
         return None
     return float(np.sqrt(fit.chi2 / fit.dof))
 
@@ -25,6 +26,7 @@ def misfit(fit: FitSummary) -> float | None:
 def notes(
     fit: FitSummary,
     posterior: PosteriorSummary,
+    displaced: Displacement | None,
     shots: Sequence[ShotResult],
     robust: Robust | None,
     held_out: HoldOut | None,
@@ -33,6 +35,7 @@ def notes(
     """The notes of a result; `warnings` are those of the run's file."""
     return (
         *_on_the_fit(fit, posterior),
+        *((displacement_sentence(displaced),) if displaced is not None and displaced.significant else ()),
         *_on_held_out(held_out),
         *(_on_shots(fit, shots) if robust is None else _on_robust(robust)),
         *warnings,
@@ -61,7 +64,7 @@ def _on_the_fit(fit: FitSummary, posterior: PosteriorSummary) -> Iterator[str]:
 
 
 def _on_held_out(held_out: HoldOut | None) -> Iterator[str]:
-    if held_out is None or held_out.p_value is None or held_out.p_value >= _LACK_OF_FIT:
+    if held_out is None or held_out.p_value is None or held_out.p_value >= LACK_OF_FIT:
         return
     assert held_out.chi2 is not None
     assert held_out.dof

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.special import ndtri, stdtrit
 
 from ..analysis.aim import aim, servo_joints
 from ..analysis.design import Candidates, design
@@ -13,7 +15,7 @@ from ..model.errors import BadInput
 from ..model.plan import Plan
 from ..model.problem import Problem
 from ..model.robot import Matrix
-from ..model.run import ENOUGH_CALIBRATED, ENOUGH_UNCALIBRATED
+from ..model.run import ENOUGH_CALIBRATED, ENOUGH_UNCALIBRATED, Shot
 
 _STARTS = 8
 
@@ -43,11 +45,15 @@ class Adaptive:
         enough = ENOUGH_CALIBRATED if self._problem.tool.calibrated else ENOUGH_UNCALIBRATED
         self._first = self._chosen_together(min(enough, self._problem.shots))
 
-    def following(self, done: set[int], state: SoFar | None) -> int | None:
-        """The next posture, none of `done`; None where the tolerance is reached or no posture is left."""
+    def following(
+        self, recorded: Sequence[Shot], refused: Collection[int], state: SoFar | None
+    ) -> int | None:
+        """The next posture; None where the tolerance is reached or no posture is left."""
+        made = [shot.shot for shot in recorded if shot.shot < self._problem.shots]
+        done = {*made, *refused}
         left = [number for number in range(self._problem.shots) if number not in done]
         if not left:
-            self.reason = "all postures of the plan are shot"
+            self.reason = self.reason or "all postures of the plan are shot"
             return None
         first = [number for number in self._first if number in left]
         if first:
@@ -58,21 +64,29 @@ class Adaptive:
             self.reason = "the shots contradict the model: none is saved"
             return left[0]
         # Without a number to spare nothing could contradict it.
-        if state.worst is not None and state.worst <= self.tolerance and state.p_value is not None:
+        if state.worst is not None and state.dof > 0 and self._wide(state) <= self.tolerance:
             self.reason = f"the worst std is {state.worst:.3g}, within {self.tolerance:g}"
             return None
-        return self._best(left, sorted(done), state.x)
+        return self._best(left, made, state.x)
+
+    def _wide(self, state: SoFar) -> float:
+        """The largest std; where the noise is estimated from few numbers, by chance too small, widened as
+        Student's t widens an interval."""
+        assert state.worst is not None
+        if self._problem.noise.known:
+            return state.worst
+        return state.worst * float(stdtrit(state.dof, 0.975) / ndtri(0.975))
 
     def _chosen_together(self, count: int) -> list[int]:
         roots = self._roots(self._problem.supposed())
         chosen = design(Candidates(roots, self._offsets), count, "A", seed=0, starts=_STARTS)
         return [int(row) for row in chosen.rows]
 
-    def _best(self, left: list[int], done: list[int], x: Matrix) -> int:
+    def _best(self, left: list[int], made: list[int], x: Matrix) -> int:
         """Of the postures `left` the one after which the largest std is the smallest."""
         roots = self._roots(x)
         candidates = Candidates(roots, self._offsets)
-        so_far = candidates.information(np.array(done, dtype=np.int64))
+        so_far = candidates.information(np.array(made, dtype=np.int64))
         after = so_far + roots[left].transpose(0, 2, 1) @ roots[left]
         variances = np.diagonal(np.linalg.inv(after), axis1=1, axis2=2)[:, self._offsets]
         parameters = self._problem.parameters

@@ -21,23 +21,24 @@ from .search import LIT
 from .steering import Belief, come_to, step
 
 ENOUGH_MM = 0.005  # far below what the joints' own noise makes of the beam
-ACCEPTED_MM = (
-    0.05  # where the arm's resolution or its play allow no better; the reading is recorded in any case
-)
-WEAKEST, BRIGHTEST = 0.5, 1.5  # share of the laser's light that a beam on the centre may have
+ACCEPTED_MM = 0.05  # where the arm allows no better
+# Shares of the laser's light that a beam on the centre may have. A second light of a quarter of it, 5 mm off,
+# draws the reading by 1 mm; what is weaker is left to the statistics.
+WEAKEST, BRIGHTEST = 0.5, 1.1
 _SAMPLES = 20
 _STEPS = 30
 _PATIENCE = 4  # steps without getting nearer
+_NEARER = 0.8  # of the way that was left, or less, is nearer
 _LARGEST = np.radians(2.0)
-_TELLING_MM = 0.5  # steps of this length tell whether the spot follows
-_ASTRAY = 0.6  # share of such a step by which it may differ
-_NEAR_MM = 1.0  # from here on the arm comes to every stand from the same side
-_STRIKES = 2  # such steps in a row: the light is not the beam's
+_TELLING_MM = 0.5  # a way of this length tells whether the spot follows
+_FOLLOWS = 0.4  # share of such a step that it does at least: a tetra-lateral PSD falls short at its edge
+_CLEAR = 3.0  # stds of what the joints' noise makes of the spot
+_STRIKES = 2  # times in a row that it does not: the light is not the beam's
 
 
 @dataclass(frozen=True, eq=False)
 class Centred:
-    """`joints` (n,) where the arm was sent, `off_mm` how far off the spot was before each step and at last."""
+    """`joints` (n,) where the arm was sent last, `off_mm` how far off the spot was at each stand."""
 
     joints: Matrix
     off_mm: tuple[float, ...]
@@ -57,41 +58,42 @@ def centre(
     The laser is on; `dark` (4,) are the currents without it, `frame` (3, 3) the PSD's axes in the base
     frame as believed. `told` hears how far off the spot is.
     """
-    spot = _on_face(rig, psd, dark)
+    spot, follows = _on_face(rig, psd, dark), np.eye(2)
     off = [_length(spot.position)]
     told(off[0])
-    nearest, at_nearest, waited, astray = off[0], joints, 0, 0
-    follows = np.eye(2)
+    # The first stand does not count, however near: it was not come to from below.
+    nearest, waited = np.inf, 0
+    asked, seen, idle = 0.0, 0.0, 0  # mm since the light was known to follow; short steps are added up
     while nearest > ENOUGH_MM and waited < _PATIENCE and len(off) <= _STEPS:
-        by_joints = frame[:, :2].T @ belief.call("hit", joints, belief.tool, belief.target, frame[:, 2])[2]
+        _, by_joints = belief.spot(joints, frame)
+        scatter = _length(by_joints * belief.problem.noise.joint)
         after = step(belief, joints, follows @ by_joints, spot.position, _LARGEST)
-        sent = by_joints @ (after - joints)
-        if off[-1] > _NEAR_MM:
-            rig.move(after)
-        else:
-            come_to(rig, belief, after)
-        joints, before, spot = after, spot, _on_face(rig, psd, dark)
-        moved = spot.position - before.position
-        if _length(sent) >= _TELLING_MM:
-            missing = moved - follows @ sent
-            astray = astray + 1 if _length(missing) > _ASTRAY * _length(sent) else 0
-            if astray == _STRIKES:
-                raise Refused(
-                    Reason.NOT_FOLLOWING,
-                    f"sent by {_length(sent):.1f} mm, the light on the PSD moved by {_length(moved):.1f} mm:"
-                    " a reflection, or another light",
-                )
-            follows = follows + np.outer(missing, sent) / (sent @ sent)
+        come_to(rig, belief, after)
+        sent, before, spot = by_joints @ (after - joints), spot, _on_face(rig, psd, dark)
+        joints, moved = after, spot.position - before.position
         off.append(_length(spot.position))
         told(off[-1])
-        waited = 0 if off[-1] < 0.8 * nearest else waited + 1
-        if off[-1] < nearest:
-            nearest, at_nearest = off[-1], joints
-    if nearest > ACCEPTED_MM:
-        raise Refused(Reason.NOT_CONVERGING, f"the spot came no nearer to the centre than {nearest:.2f} mm")
-    if at_nearest is not joints:
-        come_to(rig, belief, at_nearest)
-    return Centred(at_nearest, tuple(off))
+        asked, seen = asked + _length(sent), seen + _length(moved)
+        if asked >= _TELLING_MM:
+            if seen < _FOLLOWS * asked:
+                idle += 1
+            else:
+                asked, seen, idle = 0.0, 0.0, 0
+        if idle == _STRIKES:
+            raise Refused(
+                Reason.NOT_FOLLOWING,
+                f"sent by {asked:.1f} mm, the light on the PSD moved by {seen:.1f} mm: a reflection, or"
+                " another light",
+            )
+        # A step that is long beside the joints' noise, and followed, tells how the spot follows.
+        if _length(sent) >= max(_TELLING_MM, _CLEAR * scatter) and idle == 0:
+            follows = follows + np.outer(moved - follows @ sent, sent) / (sent @ sent)
+        waited = 0 if off[-1] < _NEARER * nearest else waited + 1
+        nearest = min(nearest, off[-1])
+    # Nearer than the joints' noise alone makes it, the spot is as good as centred: its place is recorded.
+    if off[-1] > max(ACCEPTED_MM, scatter):
+        raise Refused(Reason.NOT_CONVERGING, f"the spot stays {off[-1]:.2f} mm off the centre")
+    return Centred(joints, tuple(off))
 
 
 def _length(vector: Matrix) -> float:

@@ -42,10 +42,13 @@ class Box(FileModel):
 class Obstacles(FileModel):
     """The content of an obstacles file: what stands in the cell and how thick the arm is."""
 
-    floor_mm: float | None = Field(default=0.0, description="height of the floor, base frame; null: none")
+    floor_mm: float | None = Field(
+        default=0.0, description="height of the floor, base frame, millimetres; null: none"
+    )
     boxes: list[Box] = Field(default=[], description="boxes that stand in the cell")
     thickness_mm: Positive | None = Field(
-        default=None, description="radius of the arm's links; default 5 % of the stretched arm's length"
+        default=None,
+        description="radius of the arm's links, millimetres; default 5 % of the stretched arm's length",
     )
 
 

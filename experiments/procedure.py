@@ -6,7 +6,7 @@ there before the arm moves on, and a run that is resumed goes on as if it had ne
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -16,6 +16,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..analysis.so_far import SoFar, so_far
+from ..model.errors import RigFault
 from ..model.journal import RunJournal
 from ..model.plan import Plan
 from ..model.problem import Problem
@@ -41,19 +42,47 @@ Told = Callable[[dict[str, Any]], None]
 class Order(Protocol):
     """Which posture comes next."""
 
-    def following(self, done: set[int], state: SoFar | None) -> int | None:
-        """The number of the next posture, none of `done` (recorded or refused); None: it is enough."""
+    def following(
+        self, recorded: Sequence[Shot], refused: Collection[int], state: SoFar | None
+    ) -> int | None:
+        """The number of the next shot, that of its posture in the plan; None: it is enough.
+
+        Decided from what is recorded, and from which postures were refused, alone.
+        """
         ...
 
 
 class InTurn:
-    """All postures of a plan, one after another."""
+    """All postures of a plan of `count`, one after another."""
 
     def __init__(self, count: int) -> None:
         self._count = count
 
-    def following(self, done: set[int], state: SoFar | None) -> int | None:
+    def following(
+        self, recorded: Sequence[Shot], refused: Collection[int], state: SoFar | None
+    ) -> int | None:
+        done = {shot.shot for shot in recorded}.union(refused)
         return next((number for number in range(self._count) if number not in done), None)
+
+
+class Closing:
+    """What `order` says, and in the end the first recorded posture of each target once more: the shot that
+    tells most of whether a target has moved. Its number is that of the posture plus `count`, the plan's."""
+
+    def __init__(self, order: Order, count: int) -> None:
+        self._order, self._count = order, count
+
+    def following(
+        self, recorded: Sequence[Shot], refused: Collection[int], state: SoFar | None
+    ) -> int | None:
+        number = self._order.following(recorded, refused, state)
+        if number is not None:
+            return number
+        done = {shot.shot for shot in recorded}.union(refused)
+        first: dict[str, int] = {}
+        for shot in recorded:
+            first.setdefault(shot.target, shot.shot + self._count)
+        return next((closing for closing in first.values() if closing not in done), None)
 
 
 @dataclass(frozen=True)
@@ -121,13 +150,12 @@ class Procedure:
         return told_by(self._problem, self.journal.shots)
 
     def _following(self, state: SoFar | None) -> int | None:
-        recorded = {shot.shot for shot in self.journal.shots}
-        return self.order.following(recorded | set(self._refused), state)
+        return self.order.following(self.journal.shots, self._refused, state)
 
     def _attempts(self, number: int, state: SoFar | None) -> Shot | None:
         """The shot of a posture, or None where every attempt was refused."""
         last = self.journal.shots[-1] if self.journal.shots else None
-        self.rig.begin(number, self.plan.targets[number], last)
+        self.rig.begin(number, self.plan.targets[self._posture(number)], last)
         for attempt in range(1, ATTEMPTS + 1):
             self.told({"event": "shot", "shot": number, "attempt": attempt, "time_s": self._now()})
             try:
@@ -144,18 +172,23 @@ class Procedure:
     def _belief(self, number: int, state: SoFar | None) -> Belief:
         """Offsets and places by the shots so far; what they say nothing about as supposed."""
         x = self._supposed.copy()
-        if state is not None:
+        # A replay is read as it was recorded: in the axes of what was supposed then, as it does itself.
+        if state is not None and self.rig.steerable:
             seen = {shot.target for shot in self.journal.shots}
             known = ~self._problem.parameters.group("target")
             for k, name in enumerate(self._problem.targets):
                 start = self._problem.robot.n + 3 * k
                 known[start : start + 3] = name in seen
             x[known] = state.x[known]
-        return Belief(self._problem.select(np.array([number])), x)
+        return Belief(self._problem.select(np.array([self._posture(number)])), x)
+
+    def _posture(self, number: int) -> int:
+        """The posture of a shot; a closing shot repeats one."""
+        return number % len(self.plan.postures)
 
     def _shoot(self, number: int, belief: Belief) -> Shot:
-        rig, target = self.rig, self.plan.targets[number]
-        psd, posture = rig.psds[target], self.plan.postures[number]
+        rig, target = self.rig, self.plan.targets[self._posture(number)]
+        psd, posture = rig.psds[target], self.plan.postures[self._posture(number)]
         with self._phase("move"):
             rig.laser(False)
             joints = belief.onto_target(posture) if rig.steerable else None
@@ -181,13 +214,18 @@ class Procedure:
             before = read_joints(rig, joints, tolerance)
             spot = self._steady(read_spot(rig, psd, dark, _SAMPLES))
             read = np.median([before, read_joints(rig, joints, tolerance)], axis=0)
+        robot = self._problem.robot
+        outside = (read < robot.lower) | (read > robot.upper)
+        if self.plan.header.limits == "error" and outside.any():
+            joint = int(np.flatnonzero(outside)[0])
+            raise Refused(Reason.LIMIT, f"joint {joint + 1} is read beyond its limit")
         # The beam's place is known in the PSD's axes; a run wants the target's place across the beam.
         _, _, across = belief.problem.tool.nominal_beam()
         off = -(belief.turned(joints, frame[:, :2] @ spot.position) @ across)
         return Shot(
             shot=number,
             target=target,
-            joints_deg=tuple(round(float(v), 9) for v in read * belief.problem.robot.display),
+            joints_deg=tuple(round(float(v), 9) for v in read * robot.display),
             spot_mm=(round(float(off[0]), 6), round(float(off[1]), 6)),
             time_s=self._now(),
         )

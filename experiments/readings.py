@@ -11,7 +11,7 @@ from .psd import Psd
 from .refused import Reason, Refused
 from .rigs.rig import Rig
 
-_PATIENCE = 8  # readings without a single sample before the link counts as down
+_PATIENCE = 8  # readings of which most is lost before the link counts as down
 _BETWEEN = 0.25  # s, while waiting for it
 _JOINT_READINGS = 3
 
@@ -27,30 +27,31 @@ class Spot:
     drift: Matrix
 
 
-def mean_currents(rig: Rig, psd: Psd, samples: int) -> Matrix:
-    """(m, 4) of the `samples` that arrived; Refused where none does for long, or where they are saturated."""
+def arrived(rig: Rig, psd: Psd, samples: int) -> Matrix:
+    """(m, 4) those of `samples` currents that arrive, more than half; Refused where the link stays down, or
+    where they are saturated."""
     for _ in range(_PATIENCE):
         currents = rig.currents(samples)
-        arrived = currents[np.isfinite(currents).all(axis=1)]
-        if 2 * len(arrived) > samples:
+        sound = currents[np.isfinite(currents).all(axis=1)]
+        if 2 * len(sound) > samples:
             break
         rig.wait(_BETWEEN)
     else:
-        raise Refused(Reason.NO_SIGNAL, "the PSD sends no samples")
-    if psd.saturated(arrived).any():
+        raise Refused(Reason.NO_SIGNAL, "most samples of the PSD do not arrive")
+    if psd.saturated(sound).any():
         raise Refused(Reason.SATURATED, "the PSD has more light than it can tell: shade it, or dim the laser")
-    return np.asarray(arrived)
+    return np.asarray(sound)
 
 
 def read_dark(rig: Rig, psd: Psd, samples: int) -> Matrix:
     """(4,) currents with the laser off: the ambient light's, to be taken off every reading."""
     rig.laser(False)
-    return np.asarray(mean_currents(rig, psd, samples).mean(axis=0))
+    return np.asarray(arrived(rig, psd, samples).mean(axis=0))
 
 
 def read_spot(rig: Rig, psd: Psd, dark: Matrix, samples: int) -> Spot:
     """The laser's spot, without the ambient light."""
-    currents = mean_currents(rig, psd, samples) - dark
+    currents = arrived(rig, psd, samples) - dark
     mean = currents.mean(axis=0)
     half = len(currents) // 2
     first, second = currents[:half].mean(axis=0), currents[half:].mean(axis=0)

@@ -15,7 +15,7 @@ from ..model.plan import Plan
 from ..model.robot_file import rebased
 from ..model.run import Shot, read_run
 from .adaptive import Adaptive
-from .procedure import Carried, InTurn, Procedure, Told, recorded_event, told_by
+from .procedure import Carried, Closing, InTurn, Order, Procedure, Told, recorded_event, told_by
 from .rigs.cell_file import Cell, read_cell
 from .rigs.replay import ReplayRig
 from .rigs.simulated import SimulatedRig
@@ -26,8 +26,8 @@ RigName = Literal["simulated", "replay"]
 
 @dataclass(frozen=True)
 class Request:
-    """How a plan is to be carried out. `tolerance` (deg; mm) asks for an adaptive run; `cell` and `camera`
-    are of the simulated rig, `recording` of the replay."""
+    """How a plan is to be carried out. `tolerance` (deg; mm) asks for an adaptive run, `closing` for closing
+    shots; `cell` and `camera` are of the simulated rig, `recording` of the replay."""
 
     rig: RigName
     seed: int = 0
@@ -36,6 +36,7 @@ class Request:
     recording: Path | None = None
     resume: bool = False
     tolerance: float | None = None
+    closing: bool = False
 
 
 def record(plan: Plan, file: Path, request: Request, told: Told) -> dict[str, Any]:
@@ -47,12 +48,15 @@ def record(plan: Plan, file: Path, request: Request, told: Told) -> dict[str, An
         return _by_hand(plan, file, request, told)
     rig, about = _rig(plan, request)
     header = _header(plan, file, {**rig.provenance(), **about})
-    order = InTurn(len(plan.postures)) if request.tolerance is None else Adaptive(plan, request.tolerance)
+    adaptive = None if request.tolerance is None else Adaptive(plan, request.tolerance)
+    order: Order = adaptive or InTurn(len(plan.postures))
+    if request.closing:
+        order = Closing(order, len(plan.postures))
     with _journal(file, header, request) as journal:
         told(_begin(plan, journal, request))
         carried = Procedure(plan, rig, journal, order, told).carry_out()
         torn = journal.torn
-    why = order.reason if isinstance(order, Adaptive) else None
+    why = None if adaptive is None else adaptive.reason
     answer = _answer(plan, file, carried, torn, why)
     told(answer)
     return answer
@@ -69,7 +73,12 @@ def _by_hand(plan: Plan, file: Path, request: Request, told: Told) -> dict[str, 
             raise BadInput(f"{name} is for a laser; the plan's tool is a probe", remedy=f"leave {name} out")
     rng = np.random.default_rng(request.seed)
     truth = Truth.drawn(plan, rng)
-    about = {"origin": "simulated", "seed": request.seed, **truth.provenance(), "plan sha256": plan.sha256}
+    about: dict[str, str | int | float] = {
+        "origin": "simulated",
+        "seed": request.seed,
+        **truth.provenance(),
+        "plan sha256": plan.sha256,
+    }
     shots: tuple[Shot, ...] = ()
     with _journal(file, _header(plan, file, about), request) as journal:
         told(_begin(plan, journal, request))

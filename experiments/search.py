@@ -8,6 +8,7 @@ with and without the laser. Without a camera, or where its pictures do not help,
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -27,19 +28,20 @@ _DARK_IMAGES = 3
 _LARGEST = np.radians(10.0)
 _ON_CENTRE = 1.5  # px: nearer than this the pictures need not bring the beam
 _AROUND = 8  # directions in which the markers are looked for
-_SPIRAL_STEP = 0.7  # of the face's size
-_WITH_PICTURES, _WITHOUT = 40.0, 130.0  # mm, radius of the spiral
+_SPIRAL_STEP = 0.7  # of the face's size: no hole, however the face is turned about its normal
+_FARTHEST = 130.0  # mm across the beam, radius of the spiral
+_SLANT = 0.3  # cosine of the incidence up to which the spiral is drawn out
 
 
 class Search:
-    """The search of one shot. `joints` (n,) is where the arm was sent last, `belief` knows the target better
-    after pictures, `left` is why pictures could not help (None if they did)."""
+    """The search of one shot, to begin with the laser off. `joints` (n,) is where the arm was sent last,
+    `belief` knows the target better after pictures, `left` is why pictures could not help (None if they
+    did)."""
 
     def __init__(self, rig: Rig, belief: Belief, psd: Psd, joints: Matrix, dark: Matrix) -> None:
         self._rig, self._psd, self._dark = rig, psd, dark
         self.belief, self.joints = belief, joints
         self.left: Refused | None = None
-        self._axis: Matrix | None = None
 
     def run(self) -> None:
         """Bring the beam onto the face; Refused with the reason if it cannot be."""
@@ -63,14 +65,7 @@ class Search:
 
     def frame(self) -> Matrix:
         """(3, 3) the PSD's axes in the base frame under the beam, turned about its normal as it was seen."""
-        frame = self._psd.frame(self.belief.beam(self.joints)[1])
-        if self._axis is None:
-            return frame
-        first, second = self._psd.markers[:, :2]
-        stated, seen = second - first, (frame.T @ self._axis)[:2]
-        turn = np.arctan2(seen[1], seen[0]) - np.arctan2(stated[1], stated[0])
-        about = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
-        return np.asarray(frame @ about)
+        return self._psd.frame(self.belief.beam(self.joints)[1])
 
     # Pictures
 
@@ -85,30 +80,33 @@ class Search:
                     raise Refused(Reason.OUT_OF_VIEW, found.reason)
                 self._go(following)
                 continue
-            centre = self._centre(camera, found.pixels)
-            self.belief = self.belief.with_target(self.belief.call("place", self.joints, centre)[0])
-            error = self._pixel(camera, centre) - self._pixel(camera, self._beam_at(centre))
-            if np.linalg.norm(error) <= _ON_CENTRE:
+            self._place(camera, found.pixels)
+            centre, beam = self._pixels(camera, np.array([self.belief.target, self._beam_there()]))
+            if np.linalg.norm(centre - beam) <= _ON_CENTRE:
                 return
-            self._go(self._image_step(camera, centre, error))
+            self._go(self._image_step(camera, centre - beam))
         raise Refused(Reason.NOT_CONVERGING, f"the markers were not centred in {_LOOKS} pictures")
 
     def _by_spot(self, camera: Camera) -> bool:
-        """Lead the spot onto the middle of the LEDs, in pictures with and without the laser; True if lit."""
+        """Lead the spot onto the middle of the LEDs, in pictures with and without the laser; True if lit.
+
+        Of several lights the one that is where a light was before: as the arm turns, the beam's own stays in
+        its place in the picture, and a reflection goes with the PSD.
+        """
+        before: Matrix | None = None
         for _ in range(_LOOKS):
             self._rig.laser(False)
             dark = self._picture()
             self._rig.laser(True)
             found = self._markers(camera, dark)
-            spots = spot_between(dark, self._picture())
-            if isinstance(found, NoPair) or not spots:
+            lights = np.array([[light.x, light.y] for light in spot_between(dark, self._picture())])
+            if isinstance(found, NoPair) or not len(lights):
                 return False
-            centre = self._centre(camera, found.pixels)
-            beam = self._pixel(camera, self._beam_at(centre))
-            # Of several lights the one where the beam should be: a reflection is elsewhere.
-            spot = min(spots, key=lambda blob: float(np.hypot(blob.x - beam[0], blob.y - beam[1])))
-            error = self._pixel(camera, centre) - np.array([spot.x, spot.y])
-            self._go(self._image_step(camera, centre, error))
+            self._place(camera, found.pixels)
+            centre, beam = self._pixels(camera, np.array([self.belief.target, self._beam_there()]))
+            apart = np.linalg.norm(lights[:, None] - (beam[None] if before is None else before), axis=2)
+            spot, before = lights[apart.min(axis=1).argmin()], lights
+            self._go(self._image_step(camera, centre - spot))
             if self._lit():
                 return True
         return False
@@ -123,71 +121,68 @@ class Search:
     def _markers(self, camera: Camera, picture: Image) -> Pair | NoPair:
         """The two LEDs. Where they are the only lights, they need not be as the PSD is thought to stand."""
         seen = blobs(picture)
-        found = marker_pair(seen, self._expected(camera))
+        expected = self._pixels(camera, self.belief.target + self._leds())
+        found = marker_pair(seen, expected if np.isfinite(expected).all() else None)
         if isinstance(found, NoPair) and len(seen) == len(self._psd.markers):
             return marker_pair(seen)
         return found
 
-    def _marker_axis(self, camera: Camera) -> Matrix:
-        """(3,) mm from the first marker to the second in the camera frame, as the PSD is thought to stand."""
-        _, direction = self.belief.beam(self.joints)
-        first, second = self._psd.markers @ self._psd.frame(direction).T
-        return np.asarray(self.belief.turned(self.joints, second - first) @ camera.mount[:3, :3])
+    def _leds(self) -> Matrix:
+        """(2, 3) mm from the PSD's centre to its markers in the base frame, as it is thought to stand."""
+        return np.asarray(self._psd.markers @ self.frame().T)
 
-    def _expected(self, camera: Camera) -> Matrix | None:
-        """(2, 2) px where the markers should be; None where that cannot be said."""
-        centre = camera.seen(self.belief.call("seen", self.joints, self.belief.target)[0][None])[0]
-        axis = self._marker_axis(camera)
-        pixels = camera.project(np.array([centre - axis / 2, centre + axis / 2]))
-        return pixels if np.isfinite(pixels).all() else None
+    def _place(self, camera: Camera, pixels: Matrix) -> None:
+        """Believe the PSD's centre and its turn about the normal by the pixels (2, 2) of its markers.
 
-    def _centre(self, camera: Camera, pixels: Matrix) -> Matrix:
-        """(3,) mm the PSD's centre in the flange frame, by the pixels (2, 2) of the markers.
-
-        Each marker lies on its ray, and both are where the PSD's axis has them about the centre: four linear
-        equations for three unknowns. How that axis is turned about the line of sight is seen in the picture,
-        and kept for `frame`.
+        Two rays, four equations for the four unknowns. First the turn t: the line a of the markers lies in
+        the plane of both rays, whose normal is w, and turned about n it is cos t a + sin t n x a (+ what a
+        has along n, which is nothing); of its two solutions the one that is less of a turn. Then the centre,
+        which is linear.
         """
-        rays, axis = camera.rays(pixels), self._marker_axis(camera)
-        sight = rays.sum(axis=0) / np.linalg.norm(rays.sum(axis=0))
-        along, apart = (axis @ sight) * sight, rays[1] - rays[0]
-        if apart @ axis < 0:  # the second is where the first should be
-            rays, apart = rays[::-1], -apart
-        axis = along + np.linalg.norm(axis - along) * apart / np.linalg.norm(apart)
-        across = [np.eye(3) - np.outer(ray, ray) for ray in rays]
-        rows = np.concatenate(across)
-        right = np.concatenate([across[0] @ axis / 2, -across[1] @ axis / 2])
-        centre = np.linalg.lstsq(rows, right, rcond=None)[0]
-        (from_base,) = self.belief.call("place", self.joints, np.zeros(3))
-        self._axis = self.belief.call("place", self.joints, camera.mount[:3, :3] @ axis)[0] - from_base
-        return np.asarray(camera.mount[:3, :3] @ centre + camera.mount[:3, 3])
+        rotation, place = self.belief.flange(self.joints)
+        eye = place + rotation @ camera.mount[:3, 3]
+        rays = camera.rays(pixels) @ (rotation @ camera.mount[:3, :3]).T
+        leds, normal, across = self._leds(), self.frame()[:, 2], np.cross(rays[0], rays[1])
+        line = leds[1] - leds[0]
+        turn = np.arctan2(-across @ line, across @ np.cross(normal, line))
+        turn = (turn + np.pi / 2) % np.pi - np.pi / 2
+        self._psd = replace(self._psd, turn=self._psd.turn + float(turn))
+        leds = self._leds()
+        if (leds[1] - leds[0]) @ (rays[1] - rays[0]) < 0:  # the second is where the first should be
+            rays = rays[::-1]
+        beside = [np.eye(3) - np.outer(ray, ray) for ray in rays]
+        right = [plane @ (eye - led) for plane, led in zip(beside, leds, strict=True)]
+        centre = np.linalg.lstsq(np.concatenate(beside), np.concatenate(right), rcond=None)[0]
+        self.belief = self.belief.with_target(centre)
 
-    def _pixel(self, camera: Camera, point: Matrix) -> Matrix:
-        """(2,) px of a point (3,) mm of the flange frame."""
-        return np.asarray(camera.project(camera.seen(point[None]))[0])
+    def _pixels(self, camera: Camera, points: Matrix) -> Matrix:
+        """(N, 2) px of points (N, 3) mm of the base frame; NaN for one that has no image."""
+        rotation, place = self.belief.flange(self.joints)
+        return camera.project(camera.seen((points - place) @ rotation))
 
-    def _beam_at(self, centre: Matrix) -> Matrix:
-        """(3,) mm, flange frame: the point of the beam that is nearest to `centre`."""
+    def _beam_there(self) -> Matrix:
+        """(3,) mm, base frame: the point of the beam that is nearest to the believed target."""
         origin, direction = self.belief.beam(self.joints)
-        (base,) = self.belief.call("seen", self.joints, origin)
-        along = self.belief.turned(self.joints, direction)
-        return np.asarray(base + along * (along @ (centre - base)))
+        return np.asarray(origin + direction * (direction @ (self.belief.target - origin)))
 
-    def _image_step(self, camera: Camera, centre: Matrix, error: Matrix) -> Matrix:
-        """(n,) the joints after a step against an error (2,) px of the centre's image."""
-        target = self.belief.call("place", self.joints, centre)[0]
-        _, by_joints = self.belief.call("sighted", self.joints, target)
-        by_point = camera.project_jacobian(camera.seen(centre[None]))[0] @ camera.mount[:3, :3].T
-        return step(self.belief, self.joints, by_point @ by_joints, error, _LARGEST)
+    def _image_step(self, camera: Camera, error: Matrix) -> Matrix:
+        """(n,) the joints after a step against an error (2,) px of the image of the believed target."""
+        return step(self.belief, self.joints, self._image_jacobian(camera), error, _LARGEST)
+
+    def _image_jacobian(self, camera: Camera) -> Matrix:
+        """(2, n) px/rad (mm): how the image of the believed target moves by the joints."""
+        seen, by_joints = self.belief.call("sighted", self.joints, self.belief.target)
+        return np.asarray(
+            camera.project_jacobian(camera.seen(seen[None]))[0] @ camera.mount[:3, :3].T @ by_joints
+        )
 
     def _look_around(self, camera: Camera) -> Iterator[Matrix]:
-        """Postures that look past the target on all sides, by half the picture's width, then by all of it."""
+        """Postures that look past the target on all sides, by half a picture's height, then a whole one."""
         start, belief = self.joints, self.belief
-        origin, direction = belief.beam(start)
-        far = float(np.linalg.norm(belief.target - origin))
+        far = float(np.linalg.norm(belief.target - belief.beam(start)[0]))
+        axes = belief.flange(start)[0] @ camera.mount[:3, :2]
         for share in (0.5, 1.0):
-            radius = share * far * camera.height / camera.focal[1]
-            for way in _ring(direction, radius, _AROUND):
+            for way in _ring(axes, share * far * camera.height / camera.focal[1], _AROUND):
                 joints = belief.with_target(belief.target + way).onto_target(start)
                 if joints is not None:
                     yield joints
@@ -195,16 +190,22 @@ class Search:
     # The beam alone
 
     def _by_spiral(self) -> bool:
-        """Move the beam in a spiral about the believed centre; True once the PSD is lit."""
-        start, belief = self.joints, self.belief
-        radius = _WITHOUT if self._rig.camera is None or self.left is not None else _WITH_PICTURES
+        """Move the beam in a spiral about the believed centre; True once the PSD is lit.
+
+        The rings are in the plane of the face: across a beam that comes in at a slant the face is narrow.
+        """
+        belief, frame = self.belief, self.frame()
+        direction = belief.beam(self.joints)[1]
         pitch = _SPIRAL_STEP * self._psd.size
-        _, direction = belief.beam(start)
-        for ring in range(round(radius / pitch) + 1):
-            count = max(1, round(2 * np.pi * ring))
-            for way in _ring(direction, ring * pitch, count):
-                joints = belief.with_target(belief.target + way).onto_target(start)
-                if joints is None:
+        self._rig.laser(True)
+        for ring in range(round(_FARTHEST / pitch / max(float(-direction @ frame[:, 2]), _SLANT)) + 1):
+            for place in _ring(np.eye(2), ring * pitch, max(1, round(2 * np.pi * ring))):
+                if np.linalg.norm(np.cross(frame[:, :2] @ place, direction)) > _FARTHEST:
+                    continue
+                spot, by_joints = belief.spot(self.joints, frame)
+                try:
+                    joints = step(belief, self.joints, by_joints, spot - place, _LARGEST)
+                except Refused:  # this side is beyond a joint's limit, the others need not be
                     continue
                 self._go(joints)
                 if self._lit():
@@ -219,12 +220,7 @@ class Search:
         self.joints = joints
 
 
-def _ring(direction: Matrix, radius: float, count: int) -> Iterator[Matrix]:
-    """Points (3,) mm evenly on a ring across `direction`."""
-    side = np.eye(3)[int(np.argmin(np.abs(direction)))]
-    first = np.cross(direction, side)
-    first /= np.linalg.norm(first)
-    second = np.cross(direction, first)
-    for k in range(count):
-        angle = 2 * np.pi * k / count
-        yield radius * (np.cos(angle) * first + np.sin(angle) * second)
+def _ring(axes: Matrix, radius: float, count: int) -> Iterator[Matrix]:
+    """Points (d,) mm evenly on a ring in the plane of two axes (d, 2)."""
+    for angle in 2 * np.pi * np.arange(count) / count:
+        yield radius * (axes @ [np.cos(angle), np.sin(angle)])

@@ -59,15 +59,20 @@ class Belief:
         origin, direction = self.call("beam", joints, self.tool)
         return origin, direction
 
+    def spot(self, joints: Matrix, frame: Matrix) -> tuple[Matrix, Matrix]:
+        """(2,) mm where the beam meets the face of the axes `frame` (3, 3), and (2, n) mm/rad (mm) how that
+        moves by the joints."""
+        point, _, by_joints = self.call("hit", joints, self.tool, self.target, frame[:, 2])
+        return frame[:, :2].T @ (point - self.target), frame[:, :2].T @ by_joints
+
+    def flange(self, joints: Matrix) -> tuple[Matrix, Matrix]:
+        """Rotation (3, 3) and place (3,) mm of the flange in the base frame."""
+        (places,) = self.problem.functions.kernel("place")(joints, self.delta, np.eye(4, 3, -1))
+        return np.asarray((places[1:] - places[0]).T), np.asarray(places[0])
+
     def turned(self, joints: Matrix, vectors: Matrix) -> Matrix:
         """(..., 3) the directions `vectors` (..., 3) of the base frame as seen from the flange."""
-        rotation = np.column_stack(
-            [
-                self.call("seen", joints, axis)[0] - self.call("seen", joints, np.zeros(3))[0]
-                for axis in np.eye(3)
-            ]
-        )
-        return np.asarray(vectors @ rotation.T)
+        return np.asarray(vectors @ self.flange(joints)[0])
 
     def onto_target(self, joints: Matrix) -> Matrix | None:
         """(n,) the joints with the wrist turned onto the target; None where the limits do not allow it."""
@@ -97,17 +102,14 @@ def step(belief: Belief, joints: Matrix, jacobian: Matrix, error: Matrix, larges
     """
     robot, weights = belief.problem.robot, belief.wrist.copy()
     scale = np.where(robot.display > 1, 1.0, 1000.0)
-    for _ in range(int(weights.sum())):
+    while np.count_nonzero(weights) >= len(error):
         weighted = jacobian * (weights * scale**2)
         gram = weighted @ jacobian.T
-        values = np.linalg.eigvalsh(gram)
-        if values[0] <= _DAMPING**2 * values[-1]:
-            break
-        damped = gram + _DAMPING * values[-1] * np.eye(2)
+        damped = gram + _DAMPING * np.linalg.eigvalsh(gram)[-1] * np.eye(2)
         turn = -weighted.T @ np.linalg.solve(damped, error)
         turn *= min(1.0, largest / max(float(np.abs(turn / scale).max()), 1e-300))
         after = joints + turn
-        outside = (after < robot.lower) | (after > robot.upper)
+        outside = (weights > 0) & ((after < robot.lower) | (after > robot.upper))
         if not outside.any():
             return np.asarray(after)
         weights[outside] = 0.0

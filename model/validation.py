@@ -189,7 +189,7 @@ def _models_in(annotation: Any) -> list[type[BaseModel]]:
 
 def require_schema(
     data: object,
-    schema: Literal["zerobeam/run/1", "zerobeam/plan/1", "zerobeam/robot/1"],
+    schema: Literal["zerobeam/run/1", "zerobeam/plan/1", "zerobeam/robot/1", "zerobeam/cell/1"],
     *,
     file: Path,
     line: int | None,

@@ -11,8 +11,8 @@ from rich.table import Table
 from rich.text import Text
 
 from . import numbers
-from .view import advice_words, direction_kind, listed, over_target_words, unit_of, view
-from .wording import clipped, label, sentence
+from .view import advice_words, counted, direction_kind, listed, over_target_words, unit_of, view
+from .wording import clipped, label, sentence, shown
 
 Json = dict[str, Any]
 
@@ -108,6 +108,61 @@ def print_proposal(console: Console, answer: Json) -> None:
             )
         )
         console.print(Text(answer["removed"] + ".", style="dim"))
+
+
+def print_carried(console: Console, answer: Json) -> None:
+    """The end of `run`: verdict, notes, offsets, what was shot and how long it took, what to do next."""
+    print_verdict(console, answer)
+    if not answer["consistent"]:
+        console.print(contradicted(answer["p_value"]))
+    for note in answer["notes"]:
+        console.print(Text("! ", style="bold yellow") + Text(sentence(note)))
+    if answer["parameters"]:
+        console.print(Text("Joint offsets, to be added to the recorded joint positions", style="italic"))
+        table = Table(box=None, pad_edge=False)
+        for name in ("name", "estimate", "std", "status"):
+            table.add_column(name, justify="left" if name in ("name", "status") else "right")
+        for row in answer["parameters"]:
+            table.add_row(label(row["name"]), *_estimate_and_std(row), _status(row["status"]))
+        console.print(table)
+    if answer["consistent"] and answer["p_value"] is not None:
+        chance = numbers.p_value(answer["p_value"])
+        console.print(Text(f"Misses as large as these have p {chance} under the stated noise."))
+    console.print(Text(_shots_line(answer)))
+    if answer["saved"] is not None:
+        console.print(
+            Text(f"Adaptive: {counted(answer['saved'], 'shot')} saved; {sentence(answer['why'] or '')}.")
+        )
+    if any(answer["seconds"].values()):
+        console.print(Text(_seconds_line(answer["seconds"])))
+    console.print(Text("Intervals from the posterior: zerobeam report RUN -o DIR"))
+
+
+def contradicted(p_value: float | None) -> Text:
+    """The warning that shots do not agree with the model, or a target with itself."""
+    chance = "" if p_value is None else f" (p {numbers.p_value(p_value)})"
+    return Text("! ", style="bold yellow") + Text(
+        f"The shots contradict the model{chance}: no estimate or std can be relied on."
+    )
+
+
+def _estimate_and_std(row: Json) -> tuple[str, str]:
+    if row["status"] == "unidentifiable" or row["estimate"] is None or row["std"] is None:
+        return "—", "—"
+    unit = unit_of(row)
+    return numbers.estimate(row["estimate"], row["std"], unit), numbers.spread(row["std"], unit)
+
+
+def _shots_line(answer: Json) -> str:
+    """What was found at a refused shot stands in the notes."""
+    line = f"{counted(len(answer['shots']), 'shot')} recorded"
+    refused = [f"{item['shot']} ({shown(item['reason'])})" for item in answer["refused"]]
+    return f"{line}; refused: {listed(refused)}." if refused else f"{line}, none refused."
+
+
+def _seconds_line(seconds: dict[str, float]) -> str:
+    phases = ", ".join(f"{name} {numbers.significant(value, 2)}" for name, value in seconds.items())
+    return f"This session took {numbers.significant(sum(seconds.values()), 2, 's')}: {phases}."
 
 
 def print_side_by_side(console: Console, titles: Sequence[str], results: Sequence[Json]) -> None:

@@ -27,10 +27,10 @@ from zerobeam import cli
 from zerobeam.analysis.fit import LikelihoodFit, fit_likelihood
 from zerobeam.analysis.result_json import UnsoundResult
 from zerobeam.experiments.demos import demo_runs
+from zerobeam.experiments.schema import SCHEMA_NAMES
 from zerobeam.model.header import RUN_SCHEMA
 from zerobeam.model.problem import Problem
 from zerobeam.model.run import read_run
-from zerobeam.model.schema import SCHEMA_NAMES
 from zerobeam.reports.folder import write_report
 
 GOOD, X_PATTERN, UNCALIBRATED = (case.path for case in demo_runs())

@@ -29,12 +29,12 @@ from zerobeam.analysis.result import Result
 from zerobeam.cli import app
 from zerobeam.experiments.obstacles import Obstacles
 from zerobeam.experiments.plan_making import MadePlan
+from zerobeam.experiments.schema import SCHEMA_NAMES, json_schema
 from zerobeam.model.errors import BadInput
 from zerobeam.model.header import Header, check_header, read_header
 from zerobeam.model.plan import read_plan
 from zerobeam.model.robot_file import load_robot, read_robot
 from zerobeam.model.run import read_run
-from zerobeam.model.schema import SCHEMA_NAMES, json_schema
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]

@@ -13,9 +13,8 @@ from ...model.errors import BadInput
 from ...model.noise import Noise
 from ...model.plan import Plan
 from ...model.problem import Problem
-from ...model.reading import did_you_mean
+from ...model.reading import Place, did_you_mean
 from ...model.robot import Matrix, Robot, shift
-from ...model.robot_file import load_robot
 from ...model.tool import Tool
 from ...model.urdf import roll_pitch_yaw
 from ..camera import Camera
@@ -30,8 +29,8 @@ _FACED_WITHIN = np.cos(np.radians(70.0))  # a face of its own is chosen only if 
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """`truth` has the true offsets; `functions` are of the true arm and beam, the latter by `tool` (4,):
-    tilts, rad, and shifts, mm; `wander` mm across the beam; `centres`, `psds` by target."""
+    """`truth` has the true offsets, tool and centres; `functions` are of the true arm and beam, the latter by
+    `tool` (4,): tilts, rad, and shifts, mm; `wander` mm across the beam; `centres`, `psds` by target."""
 
     truth: Truth
     functions: ShotFunctions
@@ -42,38 +41,56 @@ class Parts:
     psds: dict[str, Psd]
     camera: Camera | None
 
+    def provenance(self) -> dict[str, float]:
+        """The true offsets by name with the unit, and the tool where it is not as stated."""
+        stated = self.truth.provenance()
+        if self.truth.problem.tool.calibrated and self.tool.any():
+            for i, value in enumerate(np.degrees(self.tool[:2]), start=1):
+                stated[f"true tool.tilt{i} (deg)"] = round(float(value), 9)
+            for i, value in enumerate(self.tool[2:], start=1):
+                stated[f"true tool.shift{i} (mm)"] = round(float(value), 9)
+        return stated
+
 
 def assemble(plan: Plan, cell: Cell, rng: np.random.Generator) -> Parts:
     """All parts; BadInput where cell and plan do not go together. The same rng, the same cell."""
     _require_fit(plan, cell)
-    problem = Problem.from_plan(plan)
-    truth = Truth.drawn(plan, rng, cell.arm.drawn_deg)
-    if cell.arm.offsets_deg is not None:
-        truth = Truth.stated(plan, _offsets(cell.arm.offsets_deg, problem))
-    noise = Noise.from_header(plan.header, plan.robot)
-    offsets, _, drawn_tool = problem.split(truth.x)
-    tool = np.zeros(4) if problem.tool.calibrated else drawn_tool
-    if cell.laser.tilt_deg is not None:
-        tool = np.concatenate([np.radians(cell.laser.tilt_deg), tool[2:]])
-    if cell.laser.shift_mm is not None:
-        tool = np.concatenate([tool[:2], cell.laser.shift_mm])
+    drawn = Truth.drawn(plan, rng, cell.arm.drawn_deg)
+    problem = drawn.problem
+    beam = replace(problem.tool, calibrated=False)
+    centres = {name: _centre(plan, cell, problem, name, rng) for name in problem.targets}
+    offsets, _, tool = problem.split(drawn.x)
+    offsets = _offsets(cell, problem, offsets)
+    tool = _tool(cell, np.zeros(4) if problem.tool.calibrated else tool)
+    x = np.concatenate([offsets, *centres.values(), [] if problem.tool.calibrated else tool])
     aimed = aim(problem, problem.supposed(), servo_joints(problem)).problem
     _, directions = aimed.beams(problem.supposed())
-    psds, centres = {}, {}
-    for k, name in enumerate(problem.targets):
-        placed = cell.psd.placed.get(name, PlacedPsd())
-        psds[name] = _psd(cell, placed, directions[problem.target_index == k])
-        centres[name] = _centre(plan, problem, name, placed, rng)
-    robot = geometry_errors(plan.robot, _geometry(cell, plan.robot))
+    noise = Noise.from_header(plan.header, plan.robot)
+    robot = geometry_errors(plan.robot, _geometry(cell))
     return Parts(
-        truth=truth,
-        functions=ShotFunctions(robot, replace(problem.tool, calibrated=False)),
+        truth=Truth(problem, x),
+        functions=ShotFunctions(robot, beam),
         tool=tool,
         wander=noise.spot if cell.laser.wander_mm is None else cell.laser.wander_mm,
         arm=_arm(cell, robot, offsets, noise),
         centres=centres,
-        psds=psds,
+        psds={
+            name: _psd(cell, cell.placed(name), directions[problem.target_index == k])
+            for k, name in enumerate(problem.targets)
+        },
         camera=None if cell.camera is None else _camera(cell.camera, problem.tool),
+    )
+
+
+def same_arm(one: Robot, other: Robot) -> bool:
+    """Whether two robots have the same joints in the same places, whatever their names and limits."""
+    return (
+        one.n == other.n
+        and all(
+            a.kind == b.kind and np.allclose(a.fixed, b.fixed) and np.allclose(a.axis, b.axis)
+            for a, b in zip(one.joints, other.joints, strict=True)
+        )
+        and np.allclose(one.flange, other.flange)
     )
 
 
@@ -89,96 +106,109 @@ def _require_fit(plan: Plan, cell: Cell) -> None:
             found=f"tool.kind: {plan.header.tool.kind}",
             remedy="run the plan without --cell: its shots are then led by hand",
         )
-    if cell.robot is not None:
-        own = load_robot(cell.robot, plan.path.parent)
-        same = own.n == plan.robot.n and all(
-            np.allclose(a.fixed, b.fixed) and a.kind == b.kind
-            for a, b in zip(own.joints, plan.robot.joints, strict=True)
+    own = cell.own_robot()
+    if own is not None and not same_arm(own, plan.robot):
+        raise cell.refuse(
+            ("robot",),
+            "the plan is for another robot than the one in the cell",
+            found=f"the plan's {plan.robot.name} ({plan.robot.n} joints)",
+            allowed=f"the cell's {own.name} ({own.n} joints)",
+            remedy="take the plan of this robot, or correct `robot` in the cell file",
         )
-        if not same or not np.allclose(own.flange, plan.robot.flange):
-            raise BadInput(
-                "the plan is for another robot than the one in the cell",
-                found=f"the plan's {plan.robot.name} ({plan.robot.n} joints)",
-                allowed=f"the cell's {own.name} ({own.n} joints)",
-                remedy="take the plan of this robot, or correct `robot` in the cell file",
-            )
-    known = tuple(dict.fromkeys(plan.targets))
     for name in cell.psd.placed:
-        if name not in known:
-            raise BadInput(
+        if name not in plan.target_names:
+            raise cell.refuse(
+                ("psd", "placed", name),
                 "the cell places a PSD that is no target of the plan",
                 found=name,
-                allowed=", ".join(known),
-                remedy=did_you_mean(name, known) or "take it out, or correct the name",
+                allowed=", ".join(plan.target_names),
+                remedy=did_you_mean(name, plan.target_names) or "take it out, or correct the name",
             )
-    for fault in cell.faults:
-        if isinstance(fault, EncoderGlitch) and fault.joint > plan.robot.n:
-            raise BadInput(
-                "an encoder glitch is of a joint that the arm has not",
-                found=f"joint {fault.joint}",
-                allowed=f"1 to {plan.robot.n}",
+    joints: list[tuple[Place, int]] = [
+        (("arm", "geometry", i), error.joint) for i, error in enumerate(cell.arm.geometry)
+    ]
+    joints += [
+        (("faults", i), fault.joint)
+        for i, fault in enumerate(cell.faults)
+        if isinstance(fault, EncoderGlitch)
+    ]
+    for place, joint in joints:
+        if joint > plan.robot.n:
+            raise cell.refuse(
+                (*place, "joint"),
+                "the arm has no such joint",
+                found=f"joint {joint}",
+                allowed=f"1 to {plan.robot.n} ({plan.robot.name})",
             )
 
 
-def _offsets(stated: dict[str, float], problem: Problem) -> dict[str, float]:
+def _offsets(cell: Cell, problem: Problem, drawn: Matrix) -> Matrix:
+    """(n,) internal units: as drawn, or as stated."""
+    if cell.arm.offsets_deg is None:
+        return drawn
     known = [item.name for item in problem.parameters.items if item.group == "offset"]
-    for name in stated:
+    offsets = np.zeros_like(drawn)
+    for name, value in cell.arm.offsets_deg.items():
         if name not in known:
-            raise BadInput(
+            raise cell.refuse(
+                ("arm", "offsets_deg", name),
                 "the cell states the offset of a joint that there is not",
                 found=name,
                 allowed=", ".join(known),
                 remedy=did_you_mean(name, known) or "correct the name",
             )
-    return stated
+        offsets[known.index(name)] = value
+    return offsets / problem.robot.display
 
 
-def _each_joint(value: EachJoint, robot: Robot, key: str) -> Matrix:
-    """(n,) internal units, from one number or one for each joint in degrees (mm)."""
-    values = np.atleast_1d(np.array(value, dtype=float))
-    if len(values) not in (1, robot.n):
-        raise BadInput(
-            f"arm.{key} has the wrong number of values",
-            found=f"{len(values)} values",
-            allowed=f"one number, or {robot.n}: {robot.name} has {robot.n} joints",
-        )
-    return np.broadcast_to(values, robot.n) / robot.display
+def _tool(cell: Cell, drawn: Matrix) -> Matrix:
+    """(4,) tilts, rad, and shifts, mm: as drawn, or as stated."""
+    tilt, shift_mm = cell.laser.tilt_deg, cell.laser.shift_mm
+    return np.concatenate(
+        [
+            drawn[:2] if tilt is None else np.radians(tilt),
+            drawn[2:] if shift_mm is None else shift_mm,
+        ]
+    )
 
 
 def _arm(cell: Cell, robot: Robot, offsets: Matrix, noise: Noise) -> SimulatedArm:
+    def each_joint(value: EachJoint, key: str) -> Matrix:
+        values = np.atleast_1d(np.array(value, dtype=float))
+        if len(values) not in (1, robot.n):
+            raise cell.refuse(
+                ("arm", key),
+                f"arm.{key} has the wrong number of values",
+                found=f"{len(values)} values",
+                allowed=f"one number, or {robot.n}: {robot.name} has {robot.n} joints",
+            )
+        return np.broadcast_to(values, robot.n) / robot.display
+
     stated = cell.arm
-    repeatability = (
-        noise.joint
-        if stated.repeatability_deg is None
-        else _each_joint(stated.repeatability_deg, robot, "repeatability_deg")
-    )
     return SimulatedArm(
         robot,
         offsets,
-        backlash=_each_joint(stated.backlash_deg, robot, "backlash_deg"),
-        resolution=_each_joint(stated.resolution_deg, robot, "resolution_deg"),
-        repeatability=repeatability,
+        backlash=each_joint(stated.backlash_deg, "backlash_deg"),
+        resolution=each_joint(stated.resolution_deg, "resolution_deg"),
+        repeatability=noise.joint
+        if stated.repeatability_deg is None
+        else each_joint(stated.repeatability_deg, "repeatability_deg"),
         speed=stated.speed,
         acceleration=stated.acceleration_deg_s2 / robot.display,
     )
 
 
-def _geometry(cell: Cell, robot: Robot) -> dict[int, Matrix]:
-    errors = {}
-    for error in cell.arm.geometry:
-        if error.joint > robot.n:
-            raise BadInput(
-                "a geometric error is of a joint that the arm has not",
-                found=f"joint {error.joint}",
-                allowed=f"1 to {robot.n}",
-            )
-        errors[error.joint - 1] = shift(*error.xyz_mm) @ roll_pitch_yaw(*np.radians(error.rpy_deg))
-    return errors
+def _geometry(cell: Cell) -> dict[int, Matrix]:
+    return {
+        error.joint - 1: shift(*error.xyz_mm) @ roll_pitch_yaw(*np.radians(error.rpy_deg))
+        for error in cell.arm.geometry
+    }
 
 
-def _centre(plan: Plan, problem: Problem, name: str, placed: PlacedPsd, rng: np.random.Generator) -> Matrix:
+def _centre(plan: Plan, cell: Cell, problem: Problem, name: str, rng: np.random.Generator) -> Matrix:
     """(3,) mm: as stated, or near where the plan supposes it."""
     by_hand = rng.normal(size=3)  # drawn in any case: other draws do not depend on what is stated
+    placed = cell.placed(name)
     if placed.centre_mm is not None:
         return np.array(placed.centre_mm)
     _, targets, _ = problem.split(problem.supposed())

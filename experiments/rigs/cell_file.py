@@ -7,12 +7,15 @@ the procedure knows of it what a person would: data sheets, and about which way 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self, get_args
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
+from ...model.errors import BadInput
 from ...model.header import Name, Point, Positive, RobotRef, TargetName
-from ...model.reading import read_yaml, shown
+from ...model.reading import Document, Place, did_you_mean, read_yaml, shown
+from ...model.robot import Robot
+from ...model.robot_file import load_robot
 from ...model.validation import FileModel, refusal, require_schema, validate
 
 CELL_SCHEMA: Literal["zerobeam/cell/1"] = "zerobeam/cell/1"
@@ -36,9 +39,34 @@ def _numbers(size: int) -> BeforeValidator:
     return BeforeValidator(check)
 
 
+def _each_joint(value: object) -> object:
+    values = value if isinstance(value, list | tuple) else [value]
+    for i, item in enumerate(values):
+        if isinstance(item, bool) or not isinstance(item, int | float) or not item >= 0:
+            raise refusal(
+                "this cannot be said of a joint",
+                key=(i,) if isinstance(value, list | tuple) else (),
+                found=shown(item),
+                allowed="one number, 0 or more, or a list of them, one for each joint",
+            )
+    return _as_tuple(value)
+
+
+def _normal(value: object) -> object:
+    if value is None or value == "beam":
+        return value
+    if not isinstance(value, list | tuple) or len(value) != 3 or not any(value):
+        raise refusal(
+            "this is no normal of a PSD's face",
+            found=shown(value),
+            allowed="[x, y, z] of any length but zero, or beam",
+        )
+    return tuple(value)
+
+
 Pair = Annotated[tuple[float, float], _numbers(2)]
 # One number for every joint, or a list with one each: degrees, and millimetres for a prismatic joint.
-EachJoint = Annotated[NotNegative | tuple[NotNegative, ...], BeforeValidator(_as_tuple)]
+EachJoint = Annotated[NotNegative | tuple[NotNegative, ...], BeforeValidator(_each_joint)]
 
 
 class GeometryError(FileModel):
@@ -74,6 +102,19 @@ class ArmInCell(FileModel):
     acceleration_deg_s2: Positive = Field(default=300.0, description="of every joint, degrees (mm) / s^2")
     latency_s: NotNegative = Field(default=0.1, description="from a command to the motion, seconds")
 
+    @model_validator(mode="after")
+    def _one_error_a_link(self) -> Self:
+        joints = [error.joint for error in self.geometry]
+        for i, joint in enumerate(joints):
+            if joint in joints[:i]:
+                raise refusal(
+                    f"the link before joint {joint} has two geometric errors",
+                    key=("geometry", i),
+                    allowed="one for each link",
+                    remedy="make one of them",
+                )
+        return self
+
 
 class LaserInCell(FileModel):
     """The true beam."""
@@ -101,7 +142,7 @@ class PlacedPsd(FileModel):
         default=None,
         description="its true centre, base frame, millimetres; default: near the plan's guess, from the seed",
     )
-    normal: Annotated[Point | Literal["beam"] | None, BeforeValidator(_as_tuple)] = Field(
+    normal: Annotated[Point | Literal["beam"] | None, BeforeValidator(_normal)] = Field(
         default=None,
         description="outward normal of its face as a person would state it, base frame; beam: it is turned "
         "towards each beam about its centre; default: as suits the plan's beams",
@@ -118,7 +159,11 @@ class PsdInCell(FileModel):
 
     kind: Literal["duo-lateral", "tetra-lateral"] = Field(default="duo-lateral", description="its layout")
     size_mm: Positive = Field(default=20.0, description="side of the active square, millimetres")
-    housing_mm: Positive = Field(default=120.0, description="side of the housing's front, millimetres")
+    surround_mm: Positive = Field(
+        default=400.0,
+        description="side of the square about it, its housing and what it stands on, where the laser's spot "
+        "can be seen, millimetres",
+    )
     leds_mm: Positive = Field(default=70.0, description="distance of the two LEDs, along x, millimetres")
     noise_mm: Positive = Field(default=0.0005, description="std of a sample at full light, millimetres")
     resolution_mm: Positive = Field(default=0.0001, description="step of a reading, millimetres")
@@ -167,7 +212,9 @@ class _AtShot(FileModel):
 
 class _ForCalls(_AtShot):
     lasts: Count | None = Field(
-        default=None, description="how many readings, images or glances it lasts; default: the whole shot"
+        default=None,
+        description="for how many readings or images from the shot's first on; default: the whole shot, "
+        "every attempt at it",
     )
 
 
@@ -215,9 +262,9 @@ class RobotStop(_AtShot):
 
 
 class PsdBump(_AtShot):
-    """Someone bumps the PSD before this shot; it stays where it is then."""
+    """Someone bumps the PSDs before this shot: in it, and in all of higher numbers, they stand elsewhere."""
 
-    kind: Literal["psd-bump"] = Field(description="the PSD is moved between two shots")
+    kind: Literal["psd-bump"] = Field(description="the PSDs are moved between two shots")
     shift_mm: Point = Field(description="by how much, base frame, millimetres")
 
 
@@ -228,40 +275,47 @@ class ProcessKilled(_AtShot):
     call: Count = Field(description="at which use of the rig since the shot began")
 
 
-def _kind_of(value: object) -> str | None:
-    kind = value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)
-    return f"<{kind}>" if kind in FAULT_KINDS else None
-
-
-FAULT_KINDS = (
-    "psd-dropout",
-    "camera-black",
-    "led-occluded",
-    "reflection",
-    "encoder-glitch",
-    "robot-stop",
-    "psd-bump",
-    "process-killed",
+AnyFault = (
+    PsdDropout | CameraBlack | LedOccluded | Reflection | EncoderGlitch | RobotStop | PsdBump | ProcessKilled
 )
-Fault = Annotated[
-    Annotated[PsdDropout, Tag("<psd-dropout>")]
-    | Annotated[CameraBlack, Tag("<camera-black>")]
-    | Annotated[LedOccluded, Tag("<led-occluded>")]
-    | Annotated[Reflection, Tag("<reflection>")]
-    | Annotated[EncoderGlitch, Tag("<encoder-glitch>")]
-    | Annotated[RobotStop, Tag("<robot-stop>")]
-    | Annotated[PsdBump, Tag("<psd-bump>")]
-    | Annotated[ProcessKilled, Tag("<process-killed>")],
-    Discriminator(
-        _kind_of,
-        custom_error_type="fault_kind",
-        custom_error_message=f"a fault's kind is one of {', '.join(FAULT_KINDS)}",
-    ),
-]
+_FAULTS: dict[str, type[FileModel]] = {
+    get_args(fault.model_fields["kind"].annotation)[0]: fault for fault in get_args(AnyFault)
+}
+FAULT_KINDS = tuple(_FAULTS)
+
+
+def _of_a_kind(value: object) -> object:
+    """Say which kinds there are, and which keys this one has: the others' keys are no help."""
+    if not isinstance(value, dict):
+        return value
+    kind = value.get("kind")
+    if kind not in FAULT_KINDS:
+        raise refusal(
+            "there is no fault of this kind",
+            key=("kind",),
+            found=shown(kind),
+            allowed=", ".join(FAULT_KINDS),
+            remedy=did_you_mean(str(kind), FAULT_KINDS),
+        )
+    for key in value:
+        if key not in (own := _FAULTS[kind].model_fields):
+            raise refusal(
+                f"unknown key {key!r} of a {kind}",
+                key=(key,),
+                found=f"{key}: {shown(value[key])}",
+                allowed=", ".join(own),
+                remedy=did_you_mean(key, own) or "remove it",
+            )
+    return value
+
+
+Fault = Annotated[AnyFault, Field(discriminator="kind"), BeforeValidator(_of_a_kind)]
 
 
 class Cell(FileModel):
-    """The content of a cell file."""
+    """The content of a cell file; one that was read from a file knows where its keys stand there."""
+
+    _document: Document | None = PrivateAttr(default=None)
 
     schema_: Literal["zerobeam/cell/1"] = Field(
         default=CELL_SCHEMA, alias="schema", description="kind and version of the file"
@@ -291,10 +345,45 @@ class Cell(FileModel):
                     )
         return self
 
+    def placed(self, target: str) -> PlacedPsd:
+        """How the PSD that is this target stands."""
+        return self.psd.placed.get(target, PlacedPsd())
+
+    def own_robot(self) -> Robot | None:
+        """The robot that the file names, a path taken relative to the file."""
+        if self.robot is None:
+            return None
+        file = None if self._document is None else self._document.file
+        folder = Path() if file is None else file.parent
+        return load_robot(self.robot, folder, file=file, line=self._line(("robot",)))
+
+    def refuse(
+        self,
+        place: Place,
+        what: str,
+        *,
+        found: object = None,
+        allowed: object = None,
+        remedy: str | None = None,
+    ) -> BadInput:
+        """An error about what stands at `place`, with file and line if it was read from a file."""
+        return BadInput(
+            what,
+            found=found,
+            allowed=allowed,
+            remedy=remedy,
+            file=None if self._document is None else self._document.file,
+            line=self._line(place),
+        )
+
+    def _line(self, place: Place) -> int | None:
+        return None if self._document is None else self._document.line(place)
+
 
 def read_cell(path: Path | str) -> tuple[Cell, str]:
     """A cell file, every key of it checked, and its sha256."""
     document = read_yaml(Path(path))
     require_schema(document.data, CELL_SCHEMA, file=document.file, line=document.line(("schema",)))
-    cell: Any = validate(Cell, document.data, file=document.file, line=document.line)
+    cell = validate(Cell, document.data, file=document.file, line=document.line)
+    cell._document = document
     return cell, document.sha256

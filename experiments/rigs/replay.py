@@ -2,49 +2,57 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ...analysis.aim import servo_joints
 from ...model.errors import BadInput, RigFault
 from ...model.plan import Plan
 from ...model.problem import Problem
 from ...model.robot import Matrix
 from ...model.run import Run, Shot
-from ..camera import Image
+from ..camera import Camera, Image
 from ..psd import Psd
 from ..steering import Belief
+from .assembly import same_arm
 
 _SIZE = 200.0  # mm: a spot that was recorded is on it
 _NOISE = 1e-6  # mm: a recorded spot is a mean already
-_SAME_POSTURE = np.radians(5.0)  # joints that are not turned onto the target stand as planned
+_SAME_POSTURE = 5.0  # deg (mm): joints that are not turned onto the target stand as planned
 
 
 class ReplayRig:
-    """It gives joints and spot of each shot as they were recorded; BadInput for a run of another arm."""
+    """It gives joints and spot of each shot as they were recorded.
+
+    BadInput for a run that is not of this plan: of another arm or tool, at other targets, in other postures.
+    """
 
     steerable = False
-    camera = None
+    camera: Camera | None = None
 
     def __init__(self, plan: Plan, run: Run) -> None:
-        if run.robot.n != plan.robot.n or run.header.tool != plan.header.tool:
+        if not same_arm(run.robot, plan.robot) or run.header.tool != plan.header.tool:
             raise BadInput(
                 "the recording is not of this plan's robot and tool",
                 found=f"{run.robot.name} with a {run.header.tool.kind}",
                 allowed=f"{plan.robot.name} with the plan's {plan.header.tool.kind}",
                 file=run.path,
+                line=run.header_line,
             )
         if run.header.tool.kind != "laser":
             raise BadInput("a probe's run cannot be replayed: it has no spots", file=run.path)
-        self._plan, self._name = plan, run.path.name
+        self._name, self._display = run.path.name, plan.robot.display
+        problem = Problem.from_plan(plan)
+        _require_planned(plan, run, kept=servo_joints(problem) == 0)
         self._shots = {shot.shot: shot for shot in run.shots}
-        self._problem = Problem.from_plan(plan)
-        self._wrist = Belief(self._problem, self._problem.supposed()).wrist > 0
+        self._supposed = Belief(problem.select(np.array([0])), problem.supposed())
         self._on, self._time = False, 0.0
         self._shot = run.shots[0]
         # Each face looks at its beam: what was recorded is across the beam.
         psd = Psd(_SIZE, "duo-lateral", 1000.0, _NOISE, 10.0, np.zeros((2, 3)), None, 0.0)
-        self.psds = dict.fromkeys(plan.target_names, psd)
+        self.psds: Mapping[str, Psd] = dict.fromkeys(plan.target_names, psd)
 
     def provenance(self) -> dict[str, str | int | float]:
         """For the run's header."""
@@ -59,23 +67,14 @@ class ReplayRig:
     def begin(self, shot: int, target: str, last: Shot | None) -> None:
         if shot not in self._shots:
             raise RigFault(f"{self._name} has no shot {shot}: the replay ends here")
-        recorded = self._shots[shot]
-        if recorded.target != target:
-            raise RigFault(f"{self._name}: shot {shot} is at {recorded.target}, the plan's at {target}")
-        off = np.abs(self._read(recorded) - self._plan.postures[shot])[~self._wrist]
-        if (
-            off.size
-            and float(np.radians(off * self._problem.robot.display[~self._wrist]).max()) > _SAME_POSTURE
-        ):
-            raise RigFault(f"{self._name}: shot {shot} was not made in the plan's posture {shot}")
-        self._shot = recorded
+        self._shot, self._on = self._shots[shot], False
 
     def move(self, joints: Matrix) -> None:
         if self._shot.time_s is not None:
             self._time = self._shot.time_s
 
     def joints(self) -> Matrix:
-        return self._read(self._shot)
+        return np.array(self._shot.joints_deg) / self._display
 
     def currents(self, samples: int) -> Matrix:
         if not self._on:
@@ -93,15 +92,35 @@ class ReplayRig:
     def stop(self) -> None:
         self._on = False
 
-    def _read(self, shot: Shot) -> Matrix:
-        return np.asarray(np.array(shot.joints_deg) / self._plan.robot.display)
-
     def _on_face(self, psd: Psd) -> Matrix:
         """(2,) mm the beam on the face, from where the target was across the beam."""
-        joints = self.joints()
-        one = replace(self._problem.select(np.array([0])), joints=joints[None])
-        belief = Belief(one, self._problem.supposed())
+        joints, belief = self.joints(), self._supposed
+        _, _, across = belief.problem.tool.nominal_beam()
         _, direction = belief.beam(joints)
-        _, _, across = one.tool.nominal_beam()
         axes = belief.turned(joints, psd.frame(direction)[:, :2].T) @ across
         return np.asarray(np.linalg.solve(-axes.T, np.array(self._shot.spot_mm or (0.0, 0.0))))
+
+
+def _require_planned(plan: Plan, run: Run, kept: NDArray[np.bool_]) -> None:
+    """BadInput for the first shot that is none of the plan's: the joints (n,) that no servo turns tell it."""
+    for shot, joints, line in zip(run.shots, run.joints, run.lines, strict=True):
+        number = shot.shot
+        if number >= len(plan.postures):
+            found, allowed = f"shot {number}", f"shots 0 to {len(plan.postures) - 1}"
+        elif shot.target != plan.targets[number]:
+            found = f"shot {number} at target {shot.target}"
+            allowed = f"target {plan.targets[number]}, as the plan's posture {number}"
+        else:
+            off = (np.abs(joints - plan.postures[number]) * plan.robot.display)[kept]
+            if off.max(initial=0.0) <= _SAME_POSTURE:
+                continue
+            found = f"shot {number}, whose joint {np.argmax(off) + 1} is {off.max():.1f} deg (mm) off"
+            allowed = f"the plan's posture {number}, but for the joints that the servo turns"
+        raise BadInput(
+            "the recording was not made with this plan",
+            found=found,
+            allowed=allowed,
+            remedy="replay it with the plan that it was made with",
+            file=run.path,
+            line=line,
+        )

@@ -6,11 +6,12 @@ resumed makes the same shots as one that was never stopped.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from ...model.errors import BadInput, RigFault
+from ...model.errors import RigFault
 from ...model.plan import Plan
 from ...model.robot import Matrix
 from ...model.run import Shot
@@ -22,14 +23,13 @@ from .cell_file import (
     Cell,
     EncoderGlitch,
     LedOccluded,
-    PlacedPsd,
     PsdDropout,
     Reflection,
     RobotStop,
 )
 from .faults import Faults
 from .simulated_camera import Scene, render
-from .simulated_psd import SimulatedPsd
+from .simulated_psd import SimulatedPsd, caught
 
 _LED_MM = 2.5
 _SWITCHING = 0.05  # s
@@ -49,7 +49,8 @@ class SimulatedRig:
         self._rng = np.random.default_rng(seed)
         self._parts = assemble(plan, cell, self._rng)
         self._functions, self._arm = self._parts.functions, self._parts.arm
-        self.psds, self.camera = self._parts.psds, self._parts.camera
+        self.psds: Mapping[str, Psd] = self._parts.psds
+        self.camera = self._parts.camera
         self._faults = Faults(cell.faults, resumed=resumed)
         self._time, self._on = 0.0, False
         self._wander, self._face = np.zeros(2), np.eye(3)
@@ -61,7 +62,7 @@ class SimulatedRig:
 
     def provenance(self) -> dict[str, str | int | float]:
         """For the run's header: that it is simulated, and the truth."""
-        return {"origin": "simulated", "seed": self._seed, **self._parts.truth.provenance()}
+        return {"origin": "simulated", "seed": self._seed, **self._parts.provenance()}
 
     # The rig
 
@@ -72,7 +73,7 @@ class SimulatedRig:
         self._time += seconds
 
     def begin(self, shot: int, target: str, last: Shot | None) -> None:
-        self._faults.begin(shot)
+        self._faults.begin(shot, None if last is None else last.shot)
         self._faults.called()
         self._target, self._on = target, False
         self._rng = np.random.default_rng([self._seed, shot])
@@ -110,12 +111,14 @@ class SimulatedRig:
         psd = self.psds[self._target]
         self._time += samples / psd.rate
         hit, light = self._light()
-        reflection = self._faults.met(Reflection) if self._on else None
+        reflection = self._reflection()
         if reflection is not None:
+            place, other = reflection
+            own = 0.0
+            if hit is not None:
+                share, hit = caught(hit, self._cell.laser.radius_mm, psd.size)
+                own = share * light
             # Two lights on the face read as one at their centre.
-            own = light if hit is not None else 0.0
-            other = reflection.light * self._cell.laser.light
-            place = np.array(reflection.at_mm)
             hit = place if hit is None else (own * hit + other * place) / max(own + other, 1e-300)
             light = own + other
         currents = self._devices[self._target].currents(hit, light, samples, self._rng)
@@ -162,22 +165,24 @@ class SimulatedRig:
 
     def _require_sight(self, plan: Plan) -> None:
         """BadInput for a cell in which no posture of the plan has its PSD before it, or its face."""
-        told = []
-        for posture, target in zip(plan.postures, plan.targets, strict=True):
-            offsets = self._parts.truth.x[: plan.robot.n]
-            origin, direction = self._functions.kernel("beam")(posture, offsets, self._parts.tool)
-            way = self._parts.centres[target] - origin[0]
-            aside = float(np.arccos(np.clip(direction[0] @ way / np.linalg.norm(way), -1.0, 1.0)))
+        offsets, aside, front = self._parts.arm.offsets, [], []
+        origins, directions = self._functions.kernel("beam")(plan.postures, offsets, self._parts.tool)
+        for origin, direction, target in zip(origins, directions, plan.targets, strict=True):
+            way = self._parts.centres[target] - origin
             normal = self.psds[target].normal
-            if aside <= _IN_SIGHT and (normal is None or normal @ way < 0):
-                return
-            told.append((aside, target))
-        aside, target = min(told)
-        raise BadInput(
+            aside.append(np.arccos(np.clip(direction @ way / np.linalg.norm(way), -1.0, 1.0)))
+            front.append(normal is None or bool(normal @ way < 0))
+        in_sight = np.array(aside) <= _IN_SIGHT
+        if (in_sight & front).any():
+            return
+        nearest = int(np.argmin(aside))
+        target, off = plan.targets[nearest], np.degrees(aside[nearest])
+        raise self._cell.refuse(
+            ("psd",),
             "the PSD is out of view in every posture of the plan",
-            found=f"{target} stands {np.degrees(aside):.0f} deg aside of the nearest beam"
-            if aside > _IN_SIGHT
-            else f"the face of {target} is turned away from all beams",
+            found=f"the face of {target} is turned away from all beams"
+            if in_sight.any()
+            else f"{target} stands {off:.0f} deg aside of the nearest beam",
             allowed=f"within {np.degrees(_IN_SIGHT):.0f} deg of a beam, on the front of its face",
             remedy="correct psd.placed in the cell file, or the targets of the plan",
         )
@@ -185,7 +190,7 @@ class SimulatedRig:
     def _beam_tool(self) -> Matrix:
         """(4,) tilts and shifts of the beam at this moment."""
         drift = np.radians(self._cell.laser.drift_deg_min) * self._time / 60
-        return self._parts.tool + np.concatenate([drift, self._wander])
+        return np.asarray(self._parts.tool + np.concatenate([drift, self._wander]))
 
     def _centre(self) -> Matrix:
         return np.asarray(self._parts.centres[self._target] + self._faults.bumped())
@@ -194,8 +199,8 @@ class SimulatedRig:
         """How the PSD's face stands: fixed, or turned towards the laser about its centre."""
         link = self._arm.link()
         _, direction = self._functions.kernel("beam")(link, np.zeros_like(link), self._beam_tool())
-        placed = self._cell.psd.placed.get(self._target, PlacedPsd())
-        self._face = self.psds[self._target].frame(direction[0]) @ turned(placed.misturned_deg)
+        misturned = turned(self._cell.placed(self._target).misturned_deg)
+        self._face = self.psds[self._target].frame(direction[0]) @ misturned
 
     def _light(self) -> tuple[Matrix | None, float]:
         """Where the beam hits the PSD's plane, in its frame (2,) mm (None: from behind, or not at all), and
@@ -213,6 +218,13 @@ class SimulatedRig:
             return None, 0.0
         return ((point[0] - centre) @ self._face)[:2], self._cell.laser.light
 
+    def _reflection(self) -> tuple[Matrix, float] | None:
+        """Where a reflection of the laser lights the face, in its frame (2,) mm, and its light, if any."""
+        reflection = self._faults.met(Reflection) if self._on else None
+        if reflection is None:
+            return None
+        return np.array(reflection.at_mm), reflection.light * self._cell.laser.light
+
     def _scene(self, camera: Camera) -> Scene:
         """What the camera may see: the LEDs, and what the laser lights on the PSD's front."""
         stated = self._cell.camera
@@ -226,11 +238,11 @@ class SimulatedRig:
         brightness, size = [stated.led_light] * len(places), [_LED_MM] * len(places)
         hit, light = self._light()
         spots = []
-        if hit is not None and np.abs(hit).max() <= self._cell.psd.housing_mm / 2:
+        if hit is not None and np.abs(hit).max() <= self._cell.psd.surround_mm / 2:
             spots.append((hit, light))
-        reflection = self._faults.met(Reflection) if self._on else None
+        reflection = self._reflection()
         if reflection is not None:
-            spots.append((np.array(reflection.at_mm), light * reflection.light))
+            spots.append(reflection)
         for place, share in spots:
             places.append(np.append(place, 0.0))
             brightness.append(stated.spot_light * share)

@@ -6,12 +6,14 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from .errors import BadInput
-from .header import RUN_SCHEMA, Header
-from .plan import PlanFile
-from .reading import did_you_mean
-from .robot_file import RobotFile
-from .run import Shot
+from ..model.errors import BadInput
+from ..model.header import RUN_SCHEMA, Header
+from ..model.plan import PlanFile
+from ..model.reading import did_you_mean
+from ..model.robot_file import RobotFile
+from ..model.run import Shot
+from .obstacles import Obstacles
+from .rigs.cell_file import Cell
 
 _MODELS: dict[str, type[BaseModel]] = {
     "run-header": Header,
@@ -19,6 +21,8 @@ _MODELS: dict[str, type[BaseModel]] = {
     "plan": PlanFile,
     "header": Header,
     "robot": RobotFile,
+    "obstacles": Obstacles,
+    "cell": Cell,
 }
 SCHEMA_NAMES = tuple(_MODELS)
 
