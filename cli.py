@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 EXIT_STATUS = {"pass": 0, "weak": 1, "degenerate": 1}
 _FAULT = 3
+_INTERRUPTED = 130
 
 app = typer.Typer(
     name="zerobeam",
@@ -337,12 +338,21 @@ def run(
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a run that was stopped.")] = False,
     adaptive: Annotated[
-        bool, typer.Option("--adaptive", help="Choose the next posture by the shots so far; end when it is enough.")
+        bool,
+        typer.Option(
+            "--adaptive", help="Choose the next posture by the shots so far; end when it is enough."
+        ),
     ] = False,
     tolerance: Annotated[
         float | None,
-        typer.Option(help="With --adaptive: the std that is enough (deg; mm). Default: the plan's.", show_default=False),
+        typer.Option(
+            help="With --adaptive: the std that is enough (deg; mm). Default: the plan's.", show_default=False
+        ),
     ] = None,
+    closing: Annotated[
+        bool,
+        typer.Option("--closing", help="Shoot the first posture again at the end: has the PSD moved?"),
+    ] = False,
     seed: Seed = 0,
     as_json: Json = False,
     json_lines: Annotated[
@@ -367,6 +377,7 @@ def run(
         recording=recorded,
         resume=resume,
         tolerance=enough if adaptive else None,
+        closing=closing,
     )
     with _stoppable(), live_view(err) as seen:
 
@@ -376,7 +387,15 @@ def run(
                 sys.stdout.write(json.dumps(event, ensure_ascii=False, allow_nan=False) + "\n")
                 sys.stdout.flush()
 
-        answer = record(planned, file, request, told)
+        try:
+            answer = record(planned, file, request, told)
+        except KeyboardInterrupt:
+            err.print(
+                f"stopped: what is recorded stays in {file}; --resume goes on with it",
+                markup=False,
+                soft_wrap=True,
+            )
+            raise typer.Exit(_INTERRUPTED) from None
     if as_json:
         _print_json(answer)
     elif not json_lines:
@@ -388,11 +407,14 @@ def run(
 @app.command()
 def schema(
     name: Annotated[
-        str | None, typer.Argument(help="run-header, run-shot, plan, header or robot.", show_default=False)
+        str | None,
+        typer.Argument(
+            help="run-header, run-shot, plan, header, robot, obstacles or cell.", show_default=False
+        ),
     ] = None,
 ) -> None:
     """Print the JSON Schema of a file (without a name: which there are)."""
-    from .model.schema import SCHEMA_NAMES, json_schema
+    from .experiments.schema import SCHEMA_NAMES, json_schema
 
     if name is None:
         out.print("\n".join(SCHEMA_NAMES))
@@ -462,12 +484,48 @@ def study_coverage(
 ) -> None:
     """Do the intervals hold the truth as often as they promise? Simulated runs, solved again, tell."""
     from .experiments.coverage import coverage_study
+
+    _study(folder, as_json, lambda told: coverage_study(data_sets, seed, told))
+
+
+@studies.command("cell")
+def study_cell(
+    folder: Annotated[Path, typer.Option("-o", "--out", help="Folder for the study.", show_default=False)],
+    runs: Annotated[int, typer.Option(min=20, help="Simulated runs of each plan.")] = 200,
+    camera: Annotated[
+        bool, typer.Option("--camera/--no-camera", help="Find the PSD in pictures, or by the beam alone.")
+    ] = True,
+    seed: Seed = 0,
+    as_json: Json = False,
+) -> None:
+    """Does the whole chain hold what it promises? Runs in the simulated cell, from plan to offsets, tell."""
+    from .experiments.cell_study import cell_study
+
+    _study(folder, as_json, lambda told: cell_study(runs, seed, told, camera=camera))
+
+
+@studies.command("table2")
+def study_table2(
+    folder: Annotated[Path, typer.Option("-o", "--out", help="Folder for the study.", show_default=False)],
+    seed: Seed = 0,
+    as_json: Json = False,
+) -> None:
+    """What joint noise would make three runs scatter as those of the paper's Table 2 did?"""
+    from .experiments.table2 import table2_study
+
+    _study(folder, as_json, lambda told: table2_study(seed, told))
+
+
+def _study(
+    folder: Path, as_json: bool, studied: Callable[[Callable[[str, float], None]], dict[str, Any]]
+) -> NoReturn:
+    """Carry a study out, write it, print it; the status says whether it agrees."""
     from .reports.study_page import check_target, write_study
     from .reports.study_terminal import print_study
 
     check_target(folder)
-    with _progress("study") as told:
-        answer = coverage_study(data_sets, seed, told)
+    with _stoppable(), _progress("study") as told:
+        answer = studied(told)
         told("writing", 1.0)
         paths = write_study(folder, answer)
     if as_json:
@@ -558,7 +616,7 @@ def main() -> NoReturn:
         sys.exit(error.exit_status)
     except KeyboardInterrupt:
         err.print("stopped")
-        sys.exit(130)
+        sys.exit(_INTERRUPTED)
     except Exception:  # noqa: BLE001 - told in full, and the last thing that happens
         # Python's own status for this is 1, which is a verdict here.
         traceback.print_exc()

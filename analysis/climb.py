@@ -86,7 +86,7 @@ class Climb:
         curvature = np.tile(np.eye(v.shape[1]), (len(v), 1, 1))
         information = np.where(sound[:, None, None], found.curvature, curvature)
         # Of the information, not of its inverse, which rounding may leave indefinite.
-        root = np.linalg.inv(np.linalg.cholesky(information)).transpose(0, 2, 1)
+        root = np.asarray(np.linalg.inv(np.linalg.cholesky(information)).transpose(0, 2, 1), dtype=float)
         active = np.flatnonzero(sound)
         value, slope = -found.cost, -_times(root.transpose(0, 2, 1), found.slope)
         slope[~sound] = np.inf

@@ -36,6 +36,7 @@ from ..model.parameters import Parameters
 from ..model.problem import Problem
 from ..model.robot import Matrix
 from ..model.robot_file import load_robot
+from .agreement import accuracy, held_share, nothing_known
 from .candidates import candidates
 from .patterns import pattern
 from .planning import Planner
@@ -433,43 +434,24 @@ def _estimator(
     judged = np.ones_like(known) if estimates.control else known
     alarm = _CHANCE / max(int(judged.sum()) * len(LEVELS), 1)
     for j, item in enumerate(items):
+        shown = (error[:, j] * item.display, estimates.std[kept, j] * item.display)
         row: dict[str, Any] = {
             "name": item.name,
             "unit": item.unit,
             "status": status[which[j]],
-            "bias": None,
-            "bias_mcse": None,
-            "rmse": None,
-            "predicted_std": None,
+            **(accuracy(*shown) if judged[j] else nothing_known()),
             "coverage": [],
         }
         if judged[j]:
-            show = item.display
-            row["bias"] = float(error[:, j].mean()) * show
-            row["bias_mcse"] = float(error[:, j].std(ddof=1) / np.sqrt(len(error))) * show
-            row["rmse"] = float(np.sqrt((error[:, j] ** 2).mean())) * show
-            row["predicted_std"] = float(np.sqrt((estimates.std[kept, j] ** 2).mean())) * show
             for level in LEVELS:
                 if ranks is None:
                     held = int((off[:, j] <= stats.norm.ppf((1 + level) / 2)).sum())
                 else:
                     cut = round((1 - level) / 2 * (DRAWS + 1))
                     held = int(((ranks[kept, j] >= cut) & (ranks[kept, j] <= DRAWS - cut)).sum())
-                test = stats.binomtest(held, len(error), level)
-                interval = test.proportion_ci(0.95)
-                good = bool(test.pvalue >= alarm)
-                agrees, compared = agrees and good, compared + 1
-                row["coverage"].append(
-                    {
-                        "level": level,
-                        "held": held,
-                        "of": len(error),
-                        "share": held / len(error),
-                        "low": float(interval.low),
-                        "high": float(interval.high),
-                        "agrees": good,
-                    }
-                )
+                share = held_share(held, len(error), level, alarm)
+                agrees, compared = agrees and share["agrees"], compared + 1
+                row["coverage"].append(share)
         rows.append(row)
     return {
         "name": estimates.name,

@@ -9,7 +9,6 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from ..model.robot import Matrix
 from .camera import Image
@@ -152,6 +151,8 @@ def _background(grey: NDArray[np.int16]) -> tuple[float, float]:
 def _blobs(grey: NDArray[np.int16], full: NDArray[np.bool_]) -> list[Blob]:
     """The lights in a picture or in a difference of two; `full` says where it is saturated."""
     background, threshold = _background(grey)
+    from scipy import ndimage  # slow to come, and a cell without a camera does without
+
     labels, _ = ndimage.label(grey > background + threshold, np.ones((3, 3)))
     found = []
     for label, box in enumerate(ndimage.find_objects(labels), start=1):

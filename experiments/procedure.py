@@ -6,7 +6,7 @@ there before the arm moves on, and a run that is resumed goes on as if it had ne
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -15,13 +15,16 @@ from typing import Any, Protocol
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from ..analysis.fit import fit_likelihood
 from ..analysis.so_far import SoFar, so_far
 from ..model.errors import RigFault
-from ..model.journal import RunJournal
+from ..model.parameters import Parameters
 from ..model.plan import Plan
 from ..model.problem import Problem
+from ..model.robot import Matrix
 from ..model.run import Shot
 from .centring import WEAKEST, centre
+from .order import Order
 from .readings import Spot, read_dark, read_joints, read_spot
 from .refused import Reason, Refused
 from .rigs.rig import Rig
@@ -34,55 +37,23 @@ _SETTLE_S = 0.5
 _SAMPLES = 100
 _DRIFTS = 6.0  # stds by which the spot may move while it is averaged, and so many mm more
 _DRIFTS_MM = 0.02
+_NEAR = {"mm": 100.0, "deg": np.radians(1.5)}  # std of what is supposed, for aiming
 _READ_ALIKE = 6.0  # stds of a joint reading
 
 Told = Callable[[dict[str, Any]], None]
 
 
-class Order(Protocol):
-    """Which posture comes next."""
+class Journal(Protocol):
+    """Where shots are kept: `RunJournal`, on the disk, or a list of simulated ones."""
 
-    def following(
-        self, recorded: Sequence[Shot], refused: Collection[int], state: SoFar | None
-    ) -> int | None:
-        """The number of the next shot, that of its posture in the plan; None: it is enough.
-
-        Decided from what is recorded, and from which postures were refused, alone.
-        """
+    @property
+    def shots(self) -> tuple[Shot, ...]:
+        """All that are kept, in their order."""
         ...
 
-
-class InTurn:
-    """All postures of a plan of `count`, one after another."""
-
-    def __init__(self, count: int) -> None:
-        self._count = count
-
-    def following(
-        self, recorded: Sequence[Shot], refused: Collection[int], state: SoFar | None
-    ) -> int | None:
-        done = {shot.shot for shot in recorded}.union(refused)
-        return next((number for number in range(self._count) if number not in done), None)
-
-
-class Closing:
-    """What `order` says, and in the end the first recorded posture of each target once more: the shot that
-    tells most of whether a target has moved. Its number is that of the posture plus `count`, the plan's."""
-
-    def __init__(self, order: Order, count: int) -> None:
-        self._order, self._count = order, count
-
-    def following(
-        self, recorded: Sequence[Shot], refused: Collection[int], state: SoFar | None
-    ) -> int | None:
-        number = self._order.following(recorded, refused, state)
-        if number is not None:
-            return number
-        done = {shot.shot for shot in recorded}.union(refused)
-        first: dict[str, int] = {}
-        for shot in recorded:
-            first.setdefault(shot.target, shot.shot + self._count)
-        return next((closing for closing in first.values() if closing not in done), None)
+    def append(self, shot: Shot) -> None:
+        """Keep one; it is safe when this returns."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -110,7 +81,7 @@ class Procedure:
 
     plan: Plan
     rig: Rig
-    journal: RunJournal
+    journal: Journal
     order: Order
     told: Told
     seconds: dict[str, float] = field(default_factory=lambda: dict.fromkeys(PHASES, 0.0))
@@ -135,7 +106,7 @@ class Procedure:
         state = self.state()
         while (number := self._following(state)) is not None:
             began = sum(self.seconds.values())
-            shot = self._attempts(number, state)
+            shot = self._attempts(number)
             if shot is None:
                 continue
             self.journal.append(shot)
@@ -152,14 +123,15 @@ class Procedure:
     def _following(self, state: SoFar | None) -> int | None:
         return self.order.following(self.journal.shots, self._refused, state)
 
-    def _attempts(self, number: int, state: SoFar | None) -> Shot | None:
+    def _attempts(self, number: int) -> Shot | None:
         """The shot of a posture, or None where every attempt was refused."""
+        belief = self._belief(number)
         last = self.journal.shots[-1] if self.journal.shots else None
         self.rig.begin(number, self.plan.targets[self._posture(number)], last)
         for attempt in range(1, ATTEMPTS + 1):
             self.told({"event": "shot", "shot": number, "attempt": attempt, "time_s": self._now()})
             try:
-                return self._shoot(number, self._belief(number, state))
+                return self._shoot(number, belief)
             except Refused as refused:
                 why = {"shot": number, "reason": refused.reason.value, "found": refused.found}
                 if attempt < ATTEMPTS:
@@ -169,18 +141,33 @@ class Procedure:
                     self.told({"event": "refused", **why})
         return None
 
-    def _belief(self, number: int, state: SoFar | None) -> Belief:
+    def _belief(self, number: int) -> Belief:
         """Offsets and places by the shots so far; what they say nothing about as supposed."""
-        x = self._supposed.copy()
+        return Belief(self._problem.select(np.array([self._posture(number)])), self._believed())
+
+    def _believed(self) -> Matrix:
+        """(p,) where shots are aimed: the mode of the shots so far, with the noise as stated.
+
+        Few shots can be explained by targets far away or by offsets of many degrees, as wide priors allow;
+        the next shots would then be aimed far aside. For aiming both are kept near what is supposed.
+        """
+        x, shots = self._supposed.copy(), self.journal.shots
         # A replay is read as it was recorded: in the axes of what was supposed then, as it does itself.
-        if state is not None and self.rig.steerable:
-            seen = {shot.target for shot in self.journal.shots}
-            known = ~self._problem.parameters.group("target")
-            for k, name in enumerate(self._problem.targets):
-                start = self._problem.robot.n + 3 * k
-                known[start : start + 3] = name in seen
-            x[known] = state.x[known]
-        return Belief(self._problem.select(np.array([self._posture(number)])), x)
+        if not shots or not self.rig.steerable:
+            return x
+        parameters = self._problem.parameters
+        items = tuple(
+            replace(item, prior_mean=float(mean), prior_std=min(item.prior_std, _NEAR[item.unit]))
+            if item.group in ("target", "offset") and not item.held
+            else item
+            for item, mean in zip(parameters.items, x, strict=True)
+        )
+        near, _ = replace(self._problem, parameters=Parameters(items)).with_noise_of(x)
+        found = fit_likelihood(with_shots(near, shots), starts=0).x
+        x[: len(found)] = found
+        seen = {shot.target for shot in shots}
+        told = [item.group != "target" or item.name.rpartition(".")[0] in seen for item in parameters.items]
+        return np.where(told, x, self._supposed)
 
     def _posture(self, number: int) -> int:
         """The posture of a shot; a closing shot repeats one."""
@@ -276,14 +263,15 @@ def recorded_event(shot: Shot, recorded: int, state: SoFar) -> dict[str, Any]:
 
 def told_by(problem: Problem, shots: Sequence[Shot]) -> SoFar | None:
     """What shots tell of the unknowns of a plan's problem; None without any."""
-    if not shots:
-        return None
-    return so_far(
-        replace(
-            problem,
-            joints=np.array([shot.joints_deg for shot in shots]) / problem.robot.display,
-            spots=np.array([shot.spot_mm or np.zeros(problem.tool.miss_size) for shot in shots]),
-            target_index=np.array([problem.targets.index(shot.target) for shot in shots], dtype=np.int64),
-            shot_numbers=tuple(shot.shot for shot in shots),
-        )
+    return so_far(with_shots(problem, shots)) if shots else None
+
+
+def with_shots(problem: Problem, shots: Sequence[Shot]) -> Problem:
+    """The unknowns of a plan's problem, with these shots in place of its postures."""
+    return replace(
+        problem,
+        joints=np.array([shot.joints_deg for shot in shots]) / problem.robot.display,
+        spots=np.array([shot.spot_mm or np.zeros(problem.tool.miss_size) for shot in shots]),
+        target_index=np.array([problem.targets.index(shot.target) for shot in shots], dtype=np.int64),
+        shot_numbers=tuple(shot.shot for shot in shots),
     )

@@ -15,7 +15,8 @@ from ..model.plan import Plan
 from ..model.robot_file import rebased
 from ..model.run import Shot, read_run
 from .adaptive import Adaptive
-from .procedure import Carried, Closing, InTurn, Order, Procedure, Told, recorded_event, told_by
+from .order import Closing, InTurn, Order
+from .procedure import Carried, Procedure, Told, recorded_event, told_by
 from .rigs.cell_file import Cell, read_cell
 from .rigs.replay import ReplayRig
 from .rigs.simulated import SimulatedRig

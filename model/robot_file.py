@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Literal, Self
 
@@ -163,7 +164,7 @@ def load_robot(
             raise _no_file(path, file, line)
         return read_urdf(path, ref.base, ref.tip)
     if ref in built_in_robots():
-        return read_robot(BUILT_IN / f"{ref}.yaml")
+        return _built_in_robot(ref)
     if ref.lower().endswith((".yaml", ".yml")):
         path = folder / ref
         if not path.exists():
@@ -181,6 +182,11 @@ def load_robot(
         file=file,
         line=line,
     )
+
+
+@cache
+def _built_in_robot(name: str) -> Robot:
+    return read_robot(BUILT_IN / f"{name}.yaml")
 
 
 def _no_file(path: Path, file: Path | None, line: int | None) -> BadInput:

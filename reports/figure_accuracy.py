@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from . import numbers
 from .canvas import Picture, bare_y, new_figure, style, to_svg
 from .palette import light
-from .study_view import ratio_std, rmse_ratios
+from .study_coverage import ratio_std, rmse_ratios
 from .wording import clipped, in_font, label
 
 if TYPE_CHECKING:

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 from . import numbers
 from .canvas import WIDTH, Picture, bare_y, new_figure, style, to_svg
 from .palette import light
-from .study_view import NOT_DETERMINED, determined, percent, share, solved, standing, worst_at
+from .study_coverage import solved
+from .study_shares import determined, percent, share, standing, worst_at
+from .study_view import NOT_DETERMINED
 from .wording import clipped, in_font, label
 
 if TYPE_CHECKING:

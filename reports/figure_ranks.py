@@ -9,7 +9,7 @@ import numpy as np
 from . import numbers
 from .canvas import WIDTH, Picture, new_figure, style, to_svg
 from .palette import light
-from .study_view import standing
+from .study_shares import standing
 from .wording import clipped, in_font, label
 
 if TYPE_CHECKING:

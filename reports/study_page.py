@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,20 +14,14 @@ from ..analysis.result_json import UnsoundResult, dumps
 from . import whole_folder
 from .canvas import Picture, themed
 from .html import TEMPLATES, style, template
-from .study_view import determined, study_view
+from .studies import STUDIES, Study, study_of
 from .whole_folder import Kind, write_folder
 from .wording import shown
 
 Json = dict[str, Any]
 
 SCHEMA = "zerobeam/study/1"
-_JSON, _COVERAGE, _RANKS = "study.json", "coverage.csv", "ranks.csv"
-_STUDY = Kind(
-    noun="study",
-    names=frozenset({"study.html", "study.pdf", _JSON, _COVERAGE, _RANKS, "figures"}),
-    mark=_JSON,
-    schema=SCHEMA,
-)
+_JSON = "study.json"
 
 
 @dataclass(frozen=True)
@@ -37,8 +32,7 @@ class StudyPaths:
     html: Path
     pdf: Path
     study: Path
-    coverage: Path
-    ranks: Path
+    tables: tuple[Path, ...]
     figures: tuple[Path, ...]
 
 
@@ -47,23 +41,22 @@ def write_study(folder: Path, answer: Json) -> StudyPaths:
 
     Whole or not at all. Raises BadInput where `folder` is a file, is not ours, or cannot be written,
     UnsoundResult where a parameter that a data set cannot tell has a number, ValueError where `answer` is
-    of another schema or holds a number that is not finite.
+    of another schema or of no known study, or holds a number that is not finite.
     """
-    names = write_folder(folder, _STUDY, lambda aside: _write_files(aside, answer))
+    names = write_folder(folder, _kind(folder), lambda aside: _write_files(aside, answer))
     return StudyPaths(
         folder=folder,
         html=folder / "study.html",
         pdf=folder / "study.pdf",
         study=folder / _JSON,
-        coverage=folder / _COVERAGE,
-        ranks=folder / _RANKS,
+        tables=tuple(folder / name for name in study_of(answer).tables),
         figures=tuple(folder / "figures" / name for name in names),
     )
 
 
 def check_target(folder: Path) -> None:
     """Raise BadInput unless a study may be written to `folder`; to be asked before one is computed."""
-    whole_folder.check_target(folder, _STUDY)
+    whole_folder.check_target(folder, _kind(folder))
 
 
 def study_html(view: Json, pictures: dict[str, Picture]) -> str:
@@ -81,20 +74,33 @@ def study_html(view: Json, pictures: dict[str, Picture]) -> str:
     )
 
 
+def _kind(folder: Path) -> Kind:
+    """What may be replaced in `folder`: the files of the study that stands there, and of no other study.
+
+    So a table of somebody's own is safe even if another study has one of that name.
+    """
+    try:
+        study = STUDIES.get(str(json.loads((folder / _JSON).read_text(encoding="utf-8"))["study"]))
+    except (OSError, ValueError, TypeError, KeyError):
+        study = None
+    tables = study.tables if study is not None else ()
+    return Kind("study", frozenset({"study.html", "study.pdf", _JSON, "figures", *tables}), _JSON, SCHEMA)
+
+
 def _write_files(folder: Path, answer: Json) -> list[str]:
     """All files of the study into an empty folder; the names of the figures."""
     if answer.get("schema") != SCHEMA:
         raise ValueError(f"a study is of schema {SCHEMA}, not {answer.get('schema')!r}")
-    _refuse_made_up(answer)
+    study = study_of(answer)
+    refuse_made_up(answer, study)
     text = dumps(answer)
 
-    from .study_figures import study_pictures
     from .typeset import typeset
 
-    view, drawn = study_view(answer), study_pictures(answer)
+    view, drawn = study.view(answer), study.pictures(answer)
     (folder / _JSON).write_text(text, encoding="utf-8")
-    (folder / _COVERAGE).write_text(_table(_coverage_rows(answer)), encoding="utf-8")
-    (folder / _RANKS).write_text(_table(_rank_rows(answer)), encoding="utf-8")
+    for name, rows in study.tables.items():
+        (folder / name).write_text(_table(rows(answer)), encoding="utf-8")
     (folder / "study.html").write_text(study_html(view, drawn), encoding="utf-8")
     (folder / "study.pdf").write_bytes(typeset("study.typ", view, drawn))
     (folder / "figures").mkdir()
@@ -103,21 +109,39 @@ def _write_files(folder: Path, answer: Json) -> list[str]:
     return [f"{name}.svg" for name in drawn]
 
 
-def _refuse_made_up(answer: Json) -> None:
-    """UnsoundResult if an estimator that is no control claims anything about what a data set cannot tell."""
-    for plan in answer["plans"]:
-        for estimator in plan["estimators"]:
-            for row in estimator["parameters"]:
-                if row["status"] == "unidentifiable" and not estimator["control"]:
-                    numbers = (row[key] for key in ("bias", "bias_mcse", "rmse", "predicted_std"))
-                    if row["coverage"] or any(number is not None for number in numbers):
-                        raise UnsoundResult(
-                            f"the study is unsound and was not written: plan {plan['name']!r}, estimator"
-                            f" {estimator['name']!r}: {row['name']!r} is unidentifiable, but has numbers"
-                        )
+def refuse_made_up(answer: Json, study: Study) -> None:
+    """UnsoundResult if anything that is no control claims a number of what a data set cannot tell.
+
+    A parameter is whatever has a `status`, wherever it stands in the answer.
+    """
+    for where in _made_up(answer, study.stated):
+        names = ", ".join(map(repr, where))
+        raise UnsoundResult(
+            f"the study is unsound and was not written: {names} is unidentifiable, but has numbers"
+        )
 
 
-# ── plain tables ──────────────────────────────────────────────────────────────────────────────
+def _made_up(
+    value: object, stated: frozenset[str], control: bool = False, where: tuple[str, ...] = ()
+) -> Iterator[tuple[str, ...]]:
+    """Names, from the plan down, of the unidentifiable parameters with a number that is not `stated`."""
+    if isinstance(value, dict):
+        control = value.get("control", control) is True
+        where = (*where, str(value["name"])) if "name" in value else where
+        if value.get("status") == "unidentifiable" and not control:
+            if any(_has_number(item) for key, item in value.items() if key not in stated):
+                yield where
+            return
+        value = list(value.values())
+    if isinstance(value, list):
+        for item in value:
+            yield from _made_up(item, stated, control, where)
+
+
+def _has_number(value: object) -> bool:
+    if isinstance(value, dict | list):
+        return any(map(_has_number, value.values() if isinstance(value, dict) else value))
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _table(rows: Iterator[Json]) -> str:
@@ -130,39 +154,3 @@ def _table(rows: Iterator[Json]) -> str:
             writer.writeheader()
         writer.writerow({key: shown(cell) if isinstance(cell, str) else cell for key, cell in row.items()})
     return out.getvalue()
-
-
-def _coverage_rows(answer: Json) -> Iterator[Json]:
-    """One row for each plan, estimator, parameter and level."""
-    for plan in answer["plans"]:
-        for estimator in plan["estimators"]:
-            for parameter in estimator["parameters"]:
-                told = determined(parameter, estimator["control"])
-                entries = {entry["level"]: entry for entry in parameter["coverage"]} if told else {}
-                for level in answer["settings"]["levels"]:
-                    entry = entries.get(level, {})
-                    yield {
-                        "plan": plan["name"],
-                        "estimator": estimator["name"],
-                        "control": estimator["control"],
-                        "parameter": parameter["name"],
-                        "status": parameter["status"],
-                        "level": level,
-                        **{key: entry.get(key) for key in ("held", "of", "share", "low", "high", "agrees")},
-                    }
-
-
-def _rank_rows(answer: Json) -> Iterator[Json]:
-    """One row for each plan, sampler, parameter and bin."""
-    for plan in answer["plans"]:
-        for part in plan["sbc"]:
-            for parameter in part["parameters"]:
-                for number, count in enumerate(parameter["ranks"]):
-                    yield {
-                        "plan": plan["name"],
-                        "estimator": part["name"],
-                        "control": part["control"],
-                        "parameter": parameter["name"],
-                        "bin": number,
-                        "count": count,
-                    }

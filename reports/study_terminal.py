@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from .study_view import (
-    NOT_DETERMINED,
-    percent,
-    share,
-    share_interval,
-    standing,
-    study_view,
-    undetermined,
-    worst_at,
-)
+from .studies import study_view
+from .study_coverage import comparison, overview_caption
+from .study_shares import BY_CHANCE, percent, share, share_interval, standing, undetermined, worst_at
+from .study_view import NOT_DETERMINED
 from .terminal import MARK, STYLE
 from .view import counted, listed
 from .wording import clipped, label, sentence, shown
@@ -28,21 +24,67 @@ _LONGEST_NAME = 26
 
 
 def print_study(out: Console, answer: Json) -> None:
-    """Verdict and notes, then for each plan and estimator the worst-covered parameter of each level."""
+    """Verdict and notes, then the first section of the study's page, or what it has of its own for this."""
     told = study_view(answer)
     verdict = told["verdict"]
     style = "bold blue" if answer["agrees"] else "bold yellow"
     out.print(Text(f"{verdict['word']}. ", style=style) + Text(verdict["sentence"]))
     for note in told["notes"]:
         out.print(Text("! ", style="bold yellow") + Text(note))
-    out.print(Text(f"{told['overview']['caption']}, with its 95 % binomial interval", style="italic"))
-    out.print(Text(told["by_chance"], style="dim"))
+    own = _OWN.get(answer["study"])
+    if own is not None:
+        own(out, answer)
+        return
+    first = told["sections"][0]
+    for block in (*first["lead"], *first["blocks"]):
+        _print_block(out, block)
+
+
+def _print_block(out: Console, block: Json) -> None:
+    kind, it = block["kind"], block["it"]
+    if kind == "text":
+        out.print(Text(it))
+    elif kind == "facts":
+        for fact in it:
+            out.print(Text(f"{fact['name']}: ", style="dim") + Text(fact["text"]))
+    elif kind == "legend":
+        # What the marks mean is said on the page.
+        for entry in it["reasons"]:
+            mark = Text(f"{MARK[entry['status']]} {entry['names']} ", style=STYLE[entry["status"]])
+            out.print(mark + Text(entry["text"]))
+    elif kind == "table":
+        out.print(Text(it["caption"], style="italic"))
+        out.print(_table(it))
+
+
+def _table(it: Json) -> Table:
+    table = Table(box=None, pad_edge=False)
+    for column in it["columns"]:
+        table.add_column(escape(column["text"]), justify=column["align"])
+    for row in it["rows"]:
+        cells: list[Text] = []
+        for cell in row["cells"]:
+            mark = cell["mark"]
+            text = f"{MARK[mark]} {cell['text']}" if mark else clipped(cell["text"], _LONGEST_NAME)
+            cells.append(Text(text, style=STYLE[mark] if mark else ""))
+            cells.extend(Text("") for _ in range(cell["span"] - 1))
+        table.add_row(*cells)
+    return table
+
+
+# ── coverage ──────────────────────────────────────────────────────────────────────────────────
+
+
+def _print_coverage(out: Console, answer: Json) -> None:
+    """For each plan and estimator the worst-covered parameter of each level."""
+    out.print(Text(f"{overview_caption()}, with its 95 % binomial interval", style="italic"))
+    out.print(Text(BY_CHANCE, style="dim"))
     levels = answer["settings"]["levels"]
     for plan in answer["plans"]:
         out.print()
         out.print(Text(f"Plan {clipped(plan['name'], 60)}", style="bold") + Text(_about(plan)))
         out.print(_coverage(plan, levels))
-        if untold := undetermined(plan):
+        if untold := undetermined(plan["estimators"]):
             style = STYLE["unidentifiable"]
             out.print(
                 Text(f"{MARK['unidentifiable']} {NOT_DETERMINED}: ", style=style) + Text(listed(untold))
@@ -51,9 +93,9 @@ def print_study(out: Console, answer: Json) -> None:
             # The sentence says what the ranks are; the mark, whether that is as it must be.
             ranks = Text(f"Ranks, {clipped(part['name'], _LONGEST_NAME)}: ")
             out.print(ranks + _standing(part) + Text(f". {sentence(part['sentence'])}"))
-    if told["comparison"] is not None:
+    if said := comparison(answer["plans"]):
         out.print()
-        out.print(Text(told["comparison"]["sentence"]))
+        out.print(Text(said))
 
 
 def _about(plan: Json) -> str:
@@ -87,3 +129,6 @@ def _worst(estimator: Json, level: float) -> Text:
 def _standing(part: Json) -> Text:
     mark, words = standing(part)
     return Text(f"{MARK[mark]} {words}", style=STYLE[mark])
+
+
+_OWN: dict[str, Callable[[Console, Json], None]] = {"coverage": _print_coverage}

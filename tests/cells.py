@@ -25,7 +25,7 @@ AXIS_LASER = {**LASER, "direction": [0, 0, 1]}
 PROBE = {"kind": "probe", "calibrated": True, "point_mm": [60, 20, 150]}
 OPEN_PROBE = {**PROBE, "calibrated": False}
 
-# Means of the ten runs of Table 2, degrees.
+# Means of the three runs of Table 2, degrees.
 TABLE_2 = {"delta2": -1.2168, "delta3": -0.6931, "delta4": 0.1129, "delta5": 0.0053, "delta6": -0.0382}
 
 

@@ -1,4 +1,4 @@
-"""Coverage studies made up for the tests of their report: agreeing, disagreeing, hostile."""
+"""Studies made up for the tests of their pages: coverage, cell, table2; each with a hostile one."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from example_results import HOSTILE_NAMES
 from scipy.special import chdtrc
-from scipy.stats import binomtest, norm
+from scipy.stats import binomtest, chi2, norm
 
 Json = dict[str, Any]
 
@@ -196,4 +196,263 @@ def _sbc(rng: np.random.Generator, name: str, control: bool, width: float) -> Js
         "sentence": "The ranks are uniform." if not control else "The truth lies in the tails far too often.",
         "parameters": rows,
         "power": "a std too small by 10 % would be seen with probability 0.97",
+    }
+
+
+# ── the simulated cell ────────────────────────────────────────────────────────────────────────
+
+RUNS = 200
+# name, words, control, shots, stds of δ2 … δ6 (NaN: not determined), the intervals' width, mean seconds by
+# phase, spread of the total, shots saved by the adaptive order
+_CELL_PLANS: tuple[tuple[Any, ...], ...] = (
+    ("y-pattern", "the paper's seven postures", False, 7, (0.021, 0.034, 0.029, 0.041, 0.087), 1.0,
+     (38.2, 61.7, 92.4, 14.0), 21.3, None),
+    ("optimal", "seven shots chosen by A-optimality", False, 7, (0.011, 0.014, 0.010, 0.022, 0.043), 1.0,
+     (52.6, 70.3, 88.1, 14.0), 24.8, None),
+    ("adaptive", "the same candidates, the next one chosen after each shot", False, 7,
+     (0.015, 0.019, 0.014, 0.027, 0.048), 1.0, (41.9, 50.8, 66.5, 10.6), 33.5, 1.74),
+    ("x-pattern", "the second joint hardly moves", False, 7, (math.nan, 0.21, 0.164, 0.55, 1.9), 1.0,
+     (36.3, 58.2, 90.8, 14.0), 20.2, None),
+    ("noise understated", "the y-pattern, told half the noise of joints and spot", True, 7,
+     (0.021, 0.034, 0.029, 0.041, 0.087), 0.5, (38.4, 61.2, 92.9, 14.0), 21.9, None),
+)  # fmt: skip
+
+
+def cell_study() -> Json:
+    """Five plans through the whole chain; one cannot tell delta2, one is a control that fails."""
+    return copy.deepcopy(_cell())
+
+
+def hostile_cell() -> Json:
+    """Harmful names; a plan without any result, one beyond the limit, a control that is not seen to fail."""
+    answer = cell_study()
+    answer["agrees"] = False
+    answer["title"], answer["headline"], answer["notes"] = (
+        HOSTILE_NAMES[0],
+        HOSTILE_NAMES[1],
+        [*HOSTILE_NAMES],
+    )
+    for plan, name, robot in zip(answer["plans"], HOSTILE_NAMES, reversed(HOSTILE_NAMES), strict=False):
+        plan["name"], plan["robot"], plan["words"], plan["sentence"] = name, robot, name, HOSTILE_NAMES[7]
+        plan["parameters"][1]["name"] = HOSTILE_NAMES[0]
+    answer["plans"][4]["agrees"] = True
+    late = answer["plans"][1]
+    late["seconds"]["total"]["max"], late["within_limit"] = 402.5, False
+    empty = answer["plans"][0]
+    empty |= {
+        "agrees": False,
+        "failed": RUNS,
+        "failures": ["the beam is lost", HOSTILE_NAMES[0]],
+        "within_limit": None,
+        "computing_s": None,
+    }
+    empty["shots_used"] = dict.fromkeys(("mean", "min", "max"))
+    empty["seconds"] = {phase: {"mean": None, "max": None} for phase in empty["seconds"]}
+    for row in empty["parameters"]:
+        row |= dict.fromkeys(("bias", "bias_mcse", "rmse", "predicted_std", "coverage"))
+    return answer
+
+
+@functools.cache
+def _cell() -> Json:
+    rng = np.random.default_rng(5)
+    return {
+        "schema": "zerobeam/study/1",
+        "study": "cell",
+        "title": "Does the automated cell keep its promises?",
+        "headline": "Through images, PSD and encoders the 95 % intervals hold the truth as often as they"
+        " promise, and the control is seen to be wrong.",
+        "agrees": True,
+        "settings": {
+            "runs": RUNS, "seed": 0, "level": 0.95, "camera": True, "chance": 0.01, "limit_s": 360.0
+        },
+        "seconds": 1874.2,
+        "versions": {"zerobeam": "0.1.0", "numpy": "2.3.4"},
+        "plans": [_cell_plan(rng, *plan) for plan in _CELL_PLANS],
+        "notes": ["delta1 is held: it is the base frame, and no data tell it."],
+    }  # fmt: skip
+
+
+def _cell_plan(
+    rng: np.random.Generator,
+    name: str,
+    words: str,
+    control: bool,
+    shots: int,
+    stds: tuple[float, ...],
+    width: float,
+    means: tuple[float, ...],
+    spread: float,
+    saved: float | None,
+) -> Json:
+    phases = dict(zip(("move", "search", "servo", "settle", "total"), (*means, sum(means)), strict=True))
+    longest = phases["total"] + 3 * spread
+    return {
+        "name": name,
+        "words": words,
+        "control": control,
+        "agrees": not control,
+        "sentence": "All shares lie within the binomial error."
+        if not control
+        else "Far too few hold the truth.",
+        "robot": "irb1600",
+        "shots": shots,
+        "noise": {"joint_deg": 0.01, "spot_mm": 0.05},
+        "runs": RUNS,
+        "failed": 0,
+        "failures": [],
+        "refused": 3,
+        "contradicted": 2,
+        "parameters": [_cell_parameter(rng, f"delta{i + 2}", std, width) for i, std in enumerate(stds)],
+        "seconds": {
+            phase: {"mean": mean, "max": longest * mean / phases["total"]} for phase, mean in phases.items()
+        },
+        "within_limit": longest <= 360,
+        "shots_used": {"mean": shots - (saved or 0), "min": 5 if saved else shots, "max": shots},
+        "saved": saved,
+        "computing_s": 1.83,
+    }
+
+
+def _cell_parameter(rng: np.random.Generator, name: str, std: float, width: float) -> Json:
+    row: Json = dict.fromkeys(("bias", "bias_mcse", "rmse", "predicted_std", "coverage"))
+    if math.isnan(std):
+        return {"name": name, "unit": "deg", "status": "unidentifiable", **row}
+    rmse = std * (1 + rng.normal() / math.sqrt(2 * RUNS))
+    mcse = rmse / math.sqrt(RUNS)
+    share = 2 * norm.cdf(1.959964 * width) - 1
+    held = int(rng.binomial(RUNS, share))
+    low, high = binomtest(held, RUNS).proportion_ci(0.95)
+    return {
+        "name": name,
+        "unit": "deg",
+        "status": "weak" if std > 0.05 else "identified",
+        "bias": rng.normal() * mcse,
+        "bias_mcse": mcse,
+        "rmse": rmse,
+        "predicted_std": std * width,
+        "coverage": {
+            "level": 0.95, "held": held, "of": RUNS, "share": held / RUNS,
+            "low": float(low), "high": float(high),
+            "agrees": bool(binomtest(held, RUNS, 0.95).pvalue > 0.01 / 25),
+        },
+    }  # fmt: skip
+
+
+# ── the paper's Table 2 ───────────────────────────────────────────────────────────────────────
+
+_TABLE_2 = (
+    (-1.136002, -0.653953, 0.133136, 0.065242, -0.040463),
+    (-1.217583, -0.735420, 0.116557, 0.016004, -0.040011),
+    (-1.296875, -0.689902, 0.088857, -0.065201, -0.034254),
+)
+_PRINTED_STD = (0.0804, 0.0408, 0.0224, 0.0659, 0.0035)
+# name, words, std of each offset for 1° of joint noise (NaN: not determined), joint noise, interval, p-value
+_TABLE_2_PLANS: tuple[tuple[Any, ...], ...] = (
+    ("y-pattern", "the paper's seven postures", (2.1, 3.4, 2.9, 4.1, 8.7), 0.0112, (0.0079, 0.0193), 0.0007),
+    ("optimal", "seven shots by A-optimality", (1.1, 1.4, 1.0, 2.2, 4.3), 0.0214, (0.015, 0.037), 0.002),
+    ("x-pattern", "joint 2 hardly moves", (math.nan, 21, 16.4, 55, 190), 0.0015, (0.001, 0.003), 0.031),
+)  # fmt: skip
+
+
+def table2_study() -> Json:
+    """The paper's three runs against three plans, of which one cannot tell delta2."""
+    return copy.deepcopy(_table2())
+
+
+def hostile_table2() -> Json:
+    """Harmful names; a plan for which no joint noise could be found, and nothing was simulated."""
+    answer = table2_study()
+    answer["agrees"] = False
+    answer["title"], answer["headline"], answer["notes"] = (
+        HOSTILE_NAMES[0],
+        HOSTILE_NAMES[1],
+        [*HOSTILE_NAMES],
+    )
+    answer["paper"]["offsets"][1], answer["paper"]["notes"] = HOSTILE_NAMES[3], [*HOSTILE_NAMES]
+    for plan, name in zip(answer["plans"], HOSTILE_NAMES, strict=False):
+        plan["name"], plan["words"], plan["sentence"] = name, name, HOSTILE_NAMES[7]
+        plan["parameters"][1]["name"] = HOSTILE_NAMES[0]
+    empty = answer["plans"][0]
+    empty |= dict.fromkeys(("joint_deg", "low", "high", "p_value", "chi2", "chance")) | {"agrees": False}
+    answer["plans"][1] |= {"low": 0.0, "agrees": False}
+    for row in empty["parameters"]:
+        row |= dict.fromkeys(("predicted_std", "alone_deg", "simulated_std", "simulated"))
+    return answer
+
+
+@functools.cache
+def _table2() -> Json:
+    runs = np.array(_TABLE_2)
+    std = runs.std(axis=0, ddof=1)
+    return {
+        "schema": "zerobeam/study/1",
+        "study": "table2",
+        "title": "What does the scatter of the paper's three runs say?",
+        "headline": "One joint noise does not explain all five standard deviations: delta6 repeats too well.",
+        "agrees": True,
+        "settings": {"seed": 0, "runs": 3, "simulated": 2000},
+        "seconds": 12.7,
+        "versions": {"zerobeam": "0.1.0", "numpy": "2.3.4"},
+        "paper": {
+            "offsets": [f"delta{i}" for i in range(2, 7)],
+            "experiments": [list(run) for run in _TABLE_2],
+            "mean": runs.mean(axis=0).tolist(),
+            "std": std.tolist(),
+            "printed_mean": [-1.2168, -0.6931, 0.1129, 0.0053, -0.0382],
+            "printed_std": list(_PRINTED_STD),
+            "notes": ["The printed means and standard deviations follow from the printed runs."],
+        },
+        "plans": [_table2_plan(np.random.default_rng(7), std, *plan) for plan in _TABLE_2_PLANS],
+        "notes": ["delta1 is held: it is the base frame, and no data tell it."],
+    }
+
+
+def _table2_plan(
+    rng: np.random.Generator,
+    paper: Any,
+    name: str,
+    words: str,
+    gains: tuple[float, ...],
+    joint_deg: float,
+    bounds: tuple[float, float],
+    p_value: float,
+) -> Json:
+    def of_three(probability: float) -> float:
+        return math.sqrt(chi2.ppf(probability, 2) / 2)
+
+    rows = []
+    for i, (std, gain) in enumerate(zip(paper.tolist(), gains, strict=True)):
+        sure = {"paper_std": std, "low": std / of_three(0.975), "high": std / of_three(0.025)}
+        row: Json = {"name": f"delta{i + 2}", "unit": "deg", "status": "identified", **sure}
+        if math.isnan(gain):
+            ours: Json = dict.fromkeys(("predicted_std", "alone_deg", "simulated_std", "simulated"))
+            row["status"] = "unidentifiable"
+        else:
+            predicted = gain * joint_deg
+            ours = {
+                "predicted_std": predicted,
+                "alone_deg": std / gain,
+                "simulated_std": predicted * of_three(rng.uniform(0.1, 0.9)),
+                "simulated": {
+                    key: predicted * of_three(p)
+                    for key, p in (("q2_5", 0.025), ("median", 0.5), ("q97_5", 0.975))
+                },
+            }
+        rows.append(row | ours)
+    return {
+        "name": name,
+        "words": words,
+        "shots": 7,
+        "spot_mm": 0.05,
+        "joint_deg": joint_deg,
+        "low": bounds[0],
+        "high": bounds[1],
+        "p_value": p_value,
+        "agrees": True,
+        "chi2": 9.82,
+        "dof": 10,
+        "chance": 0.9123,
+        "sentence": "No one joint noise explains all five standard deviations.",
+        "parameters": rows,
     }

@@ -11,7 +11,8 @@ from cells import TABLE_2, good_plan, pattern_plan, plan_of, simulated
 from command_line import plan_file
 
 from zerobeam.experiments.adaptive import Adaptive
-from zerobeam.experiments.procedure import Carried, InTurn, Order, Procedure, told_by
+from zerobeam.experiments.order import InTurn, Order
+from zerobeam.experiments.procedure import Carried, Procedure, told_by
 from zerobeam.experiments.rigs.cell_file import Cell
 from zerobeam.experiments.rigs.simulated import SimulatedRig
 from zerobeam.model.errors import BadInput
@@ -128,7 +129,7 @@ def test_a_tolerance_must_be_above_zero_and_something_free(pool: Plan) -> None:
 
 
 def test_an_estimated_noise_is_not_believed_from_a_number_or_two(tmp_path: Path) -> None:
-    """With one degree of freedom the scale may come out far too small: Student's t asks for 6.5 times less."""
+    """With few numbers to spare the scale may come out far too small: Student's t asks for more."""
     plan = good_plan(6, noise={"scale": "estimated"})
     problem = Problem.from_plan(plan)
     _, run = simulated(plan, TABLE_2)

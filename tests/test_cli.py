@@ -239,8 +239,47 @@ def test_report_prints_the_json_that_it_wrote(tmp_path: Path) -> None:
 def test_run_records_a_plan_that_can_be_analysed(tmp_path: Path, plans: dict[str, Path]) -> None:
     file = tmp_path / "run.jsonl"
     told = zerobeam("run", plans["good"], "-o", file, "--seed", "3")
-    assert told == Answer(0, f"8 shots recorded in {file}\n", "")
+    assert (told.status, told.err) == (0, "")
+    assert told.out.startswith("Pass.")
+    assert "8 shots recorded, none refused" in " ".join(told.out.split())
+    assert told.out.endswith(f"Run: {file}\n")
     assert zerobeam("analyse", file, "--json").status == 0
+
+
+def test_run_prints_one_answer_or_every_event(tmp_path: Path, plans: dict[str, Path]) -> None:
+    asked = ("run", plans["good"], "--seed", "3", "--no-camera")
+    answer = zerobeam(*asked, "-o", tmp_path / "a.jsonl", "--json")
+    assert (answer.status, answer.err) == (0, "")
+    lines = zerobeam(*asked, "-o", tmp_path / "b.jsonl", "--json-lines")
+    events = [json.loads(line) for line in lines.out.splitlines()]
+    assert [event["event"] for event in events if event["event"] in ("begin", "recorded", "end")] == [
+        "begin",
+        *["recorded"] * 8,
+        "end",
+    ]
+    assert {**events[-1], "file": "a.jsonl"} == answer.json
+    assert (tmp_path / "a.jsonl").read_bytes() == (tmp_path / "b.jsonl").read_bytes()
+
+
+def test_run_ends_with_the_status_of_its_verdict(tmp_path: Path, plans: dict[str, Path]) -> None:
+    told = zerobeam("run", plans["x"], "-o", tmp_path / "run.jsonl", "--no-camera", "--json")
+    assert told.status == 1
+    assert told.json["verdict"] == "degenerate"
+    untold = {row["name"] for row in told.json["parameters"] if row["estimate"] is None}
+    assert "delta2" in untold
+
+
+def test_run_adapts_within_a_tolerance_and_says_what_that_saved(
+    tmp_path: Path, plans: dict[str, Path]
+) -> None:
+    file = tmp_path / "run.jsonl"
+    told = zerobeam("run", plans["good"], "-o", file, "--no-camera", "--adaptive", "--tolerance", "2")
+    assert told.status in (0, 1)
+    assert "within 2" in " ".join(told.out.split())
+    closing = zerobeam("run", plans["good"], "-o", tmp_path / "c.jsonl", "--no-camera", "--closing", "--json")
+    assert closing.json["shots"] == [*range(8), 8]
+    refused = zerobeam("run", plans["good"], "-o", tmp_path / "d.jsonl", "--tolerance", "1").refused()
+    assert "--tolerance is for an adaptive run" in refused
 
 
 def test_import_csv_tells_what_it_understood(tmp_path: Path) -> None:

@@ -18,7 +18,8 @@ import pytest
 from cells import good_plan, plan_of
 from command_line import plan_file
 
-from zerobeam.experiments.procedure import Carried, InTurn, Procedure
+from zerobeam.experiments.order import InTurn
+from zerobeam.experiments.procedure import Carried, Procedure
 from zerobeam.experiments.rigs.cell_file import (
     FAULT_KINDS,
     Cell,

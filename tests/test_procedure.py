@@ -11,7 +11,8 @@ import pytest
 from cells import OPEN_LASER, good_plan, header, irb1600, plan_of
 from command_line import plan_file
 
-from zerobeam.experiments.procedure import ATTEMPTS, PHASES, Carried, InTurn, Procedure
+from zerobeam.experiments.order import InTurn
+from zerobeam.experiments.procedure import ATTEMPTS, PHASES, Carried, Procedure
 from zerobeam.experiments.rigs.cell_file import Cell
 from zerobeam.experiments.rigs.simulated import SimulatedRig
 from zerobeam.model.errors import RigFault

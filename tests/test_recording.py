@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -269,3 +270,18 @@ def test_a_simulated_run_takes_its_time_on_its_own_clock(tmp_path: Path, plan: P
     simulated = sum(answer["seconds"].values())
     assert simulated > 20
     assert time.monotonic() - began < simulated
+
+
+def test_a_closing_shot_repeats_the_first_posture_and_is_replayed(tmp_path: Path, plan: Plan) -> None:
+    closing = replace(QUICK, closing=True)
+    answer = record(plan, tmp_path / "run.jsonl", closing, silent)
+    assert answer["shots"] == [*range(7), 7]
+    run = read_run(tmp_path / "run.jsonl")
+    # The same posture but for the wrist, which is turned onto the target by what is known by then.
+    np.testing.assert_allclose(run.joints[7, :3], run.joints[0, :3], rtol=0, atol=np.radians(1e-3))
+    replayed = Request("replay", recording=tmp_path / "run.jsonl", closing=True)
+    assert record(plan, tmp_path / "again.jsonl", replayed, silent)["shots"] == answer["shots"]
+    rows = (tmp_path / "run.jsonl").read_bytes().splitlines(keepends=True)
+    (tmp_path / "part.jsonl").write_bytes(b"".join(rows[:-1]))
+    record(plan, tmp_path / "part.jsonl", replace(closing, resume=True), silent)
+    assert (tmp_path / "part.jsonl").read_bytes() == b"".join(rows)

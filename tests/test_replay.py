@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from cells import AXIS_LASER, OPEN_LASER, PROBE, good_plan, header, plan_of, run_of, simulated
 
-from zerobeam.experiments.procedure import InTurn, Procedure
+from zerobeam.experiments.order import InTurn
+from zerobeam.experiments.procedure import Procedure
 from zerobeam.experiments.rigs.cell_file import Cell
 from zerobeam.experiments.rigs.replay import ReplayRig
 from zerobeam.experiments.rigs.rig import Rig
@@ -106,7 +107,7 @@ def test_the_recording_must_be_of_the_plans_shots(plan: Plan, recorded: Run) -> 
     for shot, found in (
         (first.model_copy(update={"target": "other"}), "shot 0 at target other"),
         (first.model_copy(update={"joints_deg": tuple(turned)}), r"shot 0, whose joint 2 is 6\.0 deg"),
-        (first.model_copy(update={"shot": 4}), "shot 4"),
+        (first.model_copy(update={"shot": 8}), "shot 8"),
     ):
         with pytest.raises(BadInput, match=f"not made with this plan\n  found:   {found}") as caught:
             ReplayRig(plan, with_shots(recorded, shot))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import functools
 import io
 import json
@@ -15,23 +16,25 @@ from typing import Any
 
 import pypdf
 import pytest
-from example_studies import FORBIDDEN, agreeing, disagreeing, hostile
+from example_studies import FORBIDDEN, agreeing, cell_study, disagreeing, hostile
 from pages import Page, assert_fetches_nothing
 from test_browser import _BROWSERS, opened
 from test_pdf import cells, text_of
 
 from zerobeam.analysis.result_json import UnsoundResult
 from zerobeam.model.errors import BadInput
-from zerobeam.reports import study_page, whole_folder
+from zerobeam.reports import whole_folder
 from zerobeam.reports.canvas import Picture
-from zerobeam.reports.study_figures import study_pictures
+from zerobeam.reports.studies import STUDIES, study_of, study_view
+from zerobeam.reports.study_coverage import comparison
 from zerobeam.reports.study_page import check_target, study_html, write_study
-from zerobeam.reports.study_view import NOT_DETERMINED, study_view
+from zerobeam.reports.study_view import NOT_DETERMINED
 from zerobeam.reports.typeset import typeset
 
 Json = dict[str, Any]
 Refused = Callable[..., BadInput]
 
+SHARES = "Share of intervals that hold the truth, in %, with its"
 ANSWERS = {"agreeing": agreeing, "disagreeing": disagreeing, "hostile": hostile}
 WHOLE = {
     "study.html",
@@ -47,13 +50,19 @@ WHOLE = {
 
 @functools.cache
 def drawn_of(name: str) -> dict[str, Picture]:
-    return study_pictures(ANSWERS[name]())
+    answer = ANSWERS[name]()
+    return study_of(answer).pictures(answer)
+
+
+def draw_once(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    study = dataclasses.replace(STUDIES["coverage"], pictures=lambda _: drawn_of(name))
+    monkeypatch.setitem(STUDIES, "coverage", study)
 
 
 @pytest.fixture
 def drawn_before(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures are drawn once for all tests of the folder, which are about its files."""
-    monkeypatch.setattr("zerobeam.reports.study_figures.study_pictures", lambda _: drawn_of("agreeing"))
+    draw_once(monkeypatch, "agreeing")
 
 
 def page_of(answer: Json, drawn: dict[str, Picture] | None = None) -> str:
@@ -62,6 +71,13 @@ def page_of(answer: Json, drawn: dict[str, Picture] | None = None) -> str:
 
 def everything(root: Path) -> set[str]:
     return {str(path.relative_to(root)) for path in root.rglob("*")}
+
+
+def tables_of(view: Json, start: str) -> list[Json]:
+    """Tables of a view whose caption begins so, in the page's order."""
+    blocks = [block for section in view["sections"] for block in (*section["lead"], *section["blocks"])]
+    tables = [block["it"] for block in blocks if block["kind"] == "table"]
+    return [table for table in tables if table["caption"].startswith(start)]
 
 
 def words(svg: str) -> str:
@@ -139,7 +155,9 @@ def test_every_cell_and_sentence_of_the_page_is_in_the_pdf(name: str) -> None:
     view = study_view(ANSWERS[name]())
     reader = pypdf.PdfReader(io.BytesIO(typeset("study.typ", view, drawn_of(name))))
     text = text_of(reader).replace(" ", "")
-    for said in [*cells(view), view["verdict"]["sentence"], view["comparison"]["sentence"], *view["notes"]]:
+    compared = comparison(ANSWERS[name]()["plans"])
+    assert "Above 1 the midpoint fit is the worse." in compared
+    for said in [*cells(view), view["verdict"]["sentence"], compared, *view["notes"]]:
         assert re.sub(r"\s", "", said) in text, said
     titles = [entry["/Title"] for entry in reader.outline if not isinstance(entry, list)]
     assert titles[:3] == ["All plans", "How it was done", "Plan good"]
@@ -150,7 +168,9 @@ def test_the_tables_in_csv_say_what_the_answer_says(tmp_path: Path, drawn_before
     answer = agreeing()
     paths = write_study(tmp_path / "out", answer)
     assert json.loads(paths.study.read_text(encoding="utf-8")) == answer
-    shares = list(csv.DictReader(io.StringIO(paths.coverage.read_text(encoding="utf-8"))))
+    coverage, rank = paths.tables
+    assert (coverage.name, rank.name) == ("coverage.csv", "ranks.csv")
+    shares = list(csv.DictReader(io.StringIO(coverage.read_text(encoding="utf-8"))))
     assert len(shares) == 3 * 5 * 5 * 4
     wanted = [
         entry or {"level": level}
@@ -163,7 +183,7 @@ def test_the_tables_in_csv_say_what_the_answer_says(tmp_path: Path, drawn_before
         assert float(row["level"]) == entry["level"]
         assert row["held"] == str(entry.get("held", ""))
         assert row["high"] == str(entry.get("high", ""))
-    ranks = list(csv.DictReader(io.StringIO(paths.ranks.read_text(encoding="utf-8"))))
+    ranks = list(csv.DictReader(io.StringIO(rank.read_text(encoding="utf-8"))))
     assert len(ranks) == 3 * 2 * 5 * 20
     assert sum(int(row["count"]) for row in ranks) == 3 * 2 * 5 * 1000
 
@@ -247,8 +267,9 @@ def made_up() -> Json:
 def test_an_undetermined_parameter_has_no_number_whatever_the_answer_holds() -> None:
     for answer in (agreeing(), made_up()):
         answer["plans"] = answer["plans"][2:]
-        view, drawn = study_view(answer), study_pictures(answer)
-        tables = [view["plans"][0][name]["rows"] for name in ("coverage", "accuracy")]
+        view, drawn = study_view(answer), study_of(answer).pictures(answer)
+        tables = [table["rows"] for start in (SHARES, "Bias and root") for table in tables_of(view, start)]
+        assert len(tables) == 2
         told = [[cell["text"] for cell in row["cells"]] for rows in tables for row in rows]
         # In coverage all estimators but the pseudo-inverse, in accuracy every one.
         assert [row[1:] for row in told if row[0] == "δ2"].count([NOT_DETERMINED]) == 4 + 5
@@ -263,7 +284,7 @@ def test_an_undetermined_parameter_has_no_number_whatever_the_answer_holds() -> 
 
 def test_a_control_may_show_that_its_claim_is_wrong() -> None:
     """The pseudo-inverse claims to know the offset that no data tell; its intervals never hold the truth."""
-    rows = study_view(agreeing())["plans"][2]["coverage"]["rows"]
+    rows = tables_of(study_view(agreeing()), SHARES)[2]["rows"]
     claimed = [row["cells"] for row in rows if row["cells"][0]["text"] == "δ2"][-1]
     assert [float(cell["text"].split(" ")[0]) < 1 for cell in claimed[1:]] == [True] * 4
 
@@ -295,7 +316,7 @@ def test_the_page_is_one_well_formed_file_that_fetches_nothing(name: str) -> Non
 def test_hostile_names_are_shown_as_they_are_and_do_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("zerobeam.reports.study_figures.study_pictures", lambda _: drawn_of("hostile"))
+    draw_once(monkeypatch, "hostile")
     paths = write_study(tmp_path / "out", hostile())
     assert everything(tmp_path / "out") == WHOLE
     page = paths.html.read_text(encoding="utf-8")
@@ -308,7 +329,8 @@ def test_hostile_names_are_shown_as_they_are_and_do_nothing(
     assert '#import "/etc/passwd": *; $x^2$ *bold* `raw` @cite <label>' in text
     assert "root:" not in text
     assert "\\U0001f3af target" in text
-    assert "\u202e" not in paths.ranks.read_text(encoding="utf-8")
+    for table in paths.tables:
+        assert "\u202e" not in table.read_text(encoding="utf-8")
 
 
 @pytest.mark.browser
@@ -403,5 +425,35 @@ def test_what_is_not_a_study_of_ours_is_refused_and_left_alone(tmp_path: Path, r
     check_target(tmp_path / "absent")
 
 
-def test_the_kind_of_folder_names_every_file_that_is_written() -> None:
-    assert {name.split("/")[0] for name in WHOLE} == study_page._STUDY.names
+def test_of_a_study_only_its_own_files_are_replaced(tmp_path: Path, refused: Refused) -> None:
+    """A table that another study would have here is somebody's own."""
+    (tmp_path / "study.json").write_text('{"schema": "zerobeam/study/1", "study": "table2"}')
+    for name in STUDIES["table2"].tables:
+        (tmp_path / name).write_text("before")
+    own = tmp_path / "parameters.csv"
+    own.write_text("mine")
+    assert own.name in STUDIES["cell"].tables
+    for answer in (cell_study(), agreeing()):
+        assert own.name in str(refused(check_target, tmp_path))
+        assert own.name in str(refused(write_study, tmp_path, answer))
+    assert own.read_text() == "mine"
+    own.unlink()
+    write_study(tmp_path, cell_study())
+    assert {path.name for path in tmp_path.glob("*.csv")} == {"parameters.csv", "time.csv", "plans.csv"}
+
+
+@pytest.mark.parametrize("named", ['"another"', "null", "[1]", '{"a": 1}'])
+def test_of_a_study_that_is_not_known_no_table_is_replaced(
+    tmp_path: Path, refused: Refused, named: str
+) -> None:
+    (tmp_path / "study.json").write_text(f'{{"schema": "zerobeam/study/1", "study": {named}}}')
+    check_target(tmp_path)
+    (tmp_path / "coverage.csv").write_text("mine")
+    assert "coverage.csv" in str(refused(check_target, tmp_path))
+
+
+@pytest.mark.parametrize("named", ["another", None, ["cell"]])
+def test_an_answer_of_no_known_study_is_not_written(tmp_path: Path, named: object) -> None:
+    with pytest.raises(ValueError, match="one of coverage, cell, table2"):
+        write_study(tmp_path / "a" / "out", {**cell_study(), "study": named})
+    assert everything(tmp_path) == set()

@@ -104,17 +104,18 @@ class ReplayRig:
 def _require_planned(plan: Plan, run: Run, kept: NDArray[np.bool_]) -> None:
     """BadInput for the first shot that is none of the plan's: the joints (n,) that no servo turns tell it."""
     for shot, joints, line in zip(run.shots, run.joints, run.lines, strict=True):
-        number = shot.shot
-        if number >= len(plan.postures):
-            found, allowed = f"shot {number}", f"shots 0 to {len(plan.postures) - 1}"
+        count = len(plan.postures)
+        number = shot.shot % count  # a closing shot is in the posture of the first
+        if shot.shot >= 2 * count:
+            found, allowed = f"shot {shot.shot}", f"shots 0 to {count - 1}, and closing shots"
         elif shot.target != plan.targets[number]:
-            found = f"shot {number} at target {shot.target}"
+            found = f"shot {shot.shot} at target {shot.target}"
             allowed = f"target {plan.targets[number]}, as the plan's posture {number}"
         else:
             off = (np.abs(joints - plan.postures[number]) * plan.robot.display)[kept]
             if off.max(initial=0.0) <= _SAME_POSTURE:
                 continue
-            found = f"shot {number}, whose joint {np.argmax(off) + 1} is {off.max():.1f} deg (mm) off"
+            found = f"shot {shot.shot}, whose joint {np.argmax(off) + 1} is {off.max():.1f} deg (mm) off"
             allowed = f"the plan's posture {number}, but for the joints that the servo turns"
         raise BadInput(
             "the recording was not made with this plan",

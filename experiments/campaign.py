@@ -1,0 +1,177 @@
+"""Many runs of the procedure, each in a simulated cell of its own, side by side in processes.
+
+A run depends on its seed alone: the arm that is drawn, where its PSD stands, all noise. So the answer is the
+same for any number of processes.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from multiprocessing import get_context, parent_process
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from ..analysis.so_far import SoFar
+from ..model.errors import ZerobeamError
+from ..model.plan import Plan
+from ..model.run import Shot
+from .adaptive import Adaptive
+from .order import InTurn, Order
+from .procedure import Procedure, RefusedShot
+from .rigs.cell_file import Cell
+from .rigs.simulated import SimulatedRig
+
+Progress = Callable[[float], None]  # the share of all runs that is done
+
+
+@dataclass(frozen=True, eq=False)
+class Repeated:
+    """What is carried out again and again; a `tolerance` (deg; mm) asks for the adaptive order."""
+
+    plan: Plan
+    cell: Cell
+    tolerance: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class CellRun:
+    """What one run came to.
+
+    `truth` has the true offsets and tool by name, deg and mm; `seconds` of the cell's clock by phase.
+    `state` is None where no shot was recorded or the rig stopped, and `failure` says why. `computing` is
+    the time that it took, s: the only thing that differs from one computer to another.
+    """
+
+    seed: int
+    truth: dict[str, float]
+    shots: tuple[Shot, ...]
+    refused: tuple[RefusedShot, ...]
+    state: SoFar | None
+    seconds: dict[str, float]
+    failure: str | None
+    computing: float
+
+
+class MemoryJournal:
+    """The shots of a run that needs no file."""
+
+    def __init__(self) -> None:
+        self._shots: list[Shot] = []
+
+    @property
+    def shots(self) -> tuple[Shot, ...]:
+        return tuple(self._shots)
+
+    def append(self, shot: Shot) -> None:
+        self._shots.append(shot)
+
+
+def seeds(seed: int, count: int) -> tuple[int, ...]:
+    """One for each run; the first of many are those of fewer."""
+    return tuple(int(np.random.SeedSequence([seed, run]).generate_state(1)[0]) for run in range(count))
+
+
+def carried(repeated: Repeated, seed: int) -> CellRun:
+    """One run, in memory."""
+    began = time.perf_counter()
+    plan, tolerance = repeated.plan, repeated.tolerance
+    order: Order = InTurn(len(plan.postures)) if tolerance is None else Adaptive(plan, tolerance)
+    journal = MemoryJournal()
+    truth: dict[str, float] = {}
+    seconds: dict[str, float] = {}
+    refused: tuple[RefusedShot, ...] = ()
+    state: SoFar | None = None
+    failure: str | None = None
+    try:
+        rig = SimulatedRig(plan, repeated.cell, seed)
+        truth = _truth(rig)
+        procedure = Procedure(plan, rig, journal, order, _silent)
+        seconds = procedure.seconds
+        found = procedure.carry_out()
+        refused, state = found.refused, found.state
+        if state is None:
+            failure = "; ".join(dict.fromkeys(refusal.found for refusal in refused))
+    except ZerobeamError as error:
+        failure = str(error)
+    spent = time.perf_counter() - began
+    return CellRun(seed, truth, journal.shots, refused, state, seconds, failure, spent)
+
+
+def campaign(
+    works: Sequence[Repeated], of: Sequence[int], told: Progress, processes: int | None = None
+) -> list[list[CellRun]]:
+    """Each of `works` with each of the seeds `of`, in that order; as many `processes` as there are cores.
+
+    Ctrl-C ends it with the runs that are under way.
+    """
+    processes = processes or os.cpu_count() or 1
+    jobs = [(k, seed) for k in range(len(works)) for seed in of]
+    done = _here(works, jobs) if processes == 1 else _aside(works, jobs, processes)
+    found: dict[int, CellRun] = {}
+    for job, run in done:
+        found[job] = run
+        told(len(found) / len(jobs))
+    return [[found[k * len(of) + i] for i in range(len(of))] for k in range(len(works))]
+
+
+def _here(works: Sequence[Repeated], jobs: Sequence[tuple[int, int]]) -> Iterator[tuple[int, CellRun]]:
+    for job, (k, seed) in enumerate(jobs):
+        yield job, carried(works[k], seed)
+
+
+def _aside(
+    works: Sequence[Repeated], jobs: Sequence[tuple[int, int]], processes: int
+) -> Iterator[tuple[int, CellRun]]:
+    # Spawned, not forked: a fork takes the locks of threads along, but not the threads.
+    with ProcessPoolExecutor(
+        processes, mp_context=get_context("spawn"), initializer=_start, initargs=(tuple(works),)
+    ) as pool:
+        asked = {pool.submit(_one, k, seed): job for job, (k, seed) in enumerate(jobs)}
+        try:
+            for answered in as_completed(asked):
+                yield asked[answered], answered.result()
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+_works: tuple[Repeated, ...] = ()  # of a worker, which is sent them once
+
+
+def _start(works: tuple[Repeated, ...]) -> None:
+    global _works
+    _works = works
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that waits for this one
+    threadpool_limits(limits=1)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """A worker whose parent was killed would wait for work for ever."""
+    parent = parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
+
+
+def _one(k: int, seed: int) -> CellRun:
+    return carried(_works[k], seed)
+
+
+def _truth(rig: SimulatedRig) -> dict[str, float]:
+    """As the rig's provenance tells it: true delta2 (deg)."""
+    told = {
+        tuple(name.split()): value for name, value in rig.provenance().items() if name.startswith("true ")
+    }
+    return {name: float(value) for (_, name, _), value in told.items()}
+
+
+def _silent(event: dict[str, Any]) -> None:
+    pass
