@@ -20,6 +20,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import casadi as ca
+import numpy as np
 
 from .kernel import Kernel
 from .robot import Robot, Turn
@@ -79,6 +80,30 @@ class ShotFunctions:
             hoisted = _HOISTED if name in ("terms", "slopes") else ()
             self._kernels[name, compile] = Kernel(self.function(name), compile=compile, hoisted=hoisted)
         return self._kernels[name, compile]
+
+
+_made: dict[bytes, ShotFunctions] = {}
+_MOST_MADE = 32
+
+
+def shot_functions(
+    robot: Robot, tool: Tool, log_det: Literal["none", "relative", "whole"] = "none"
+) -> ShotFunctions:
+    """Those of this arm and tool, made once for all that are the same: to build and compile them takes longer
+    than most of what is asked of them."""
+    numbers = [part for joint in robot.joints for part in (joint.fixed, joint.axis)] + [
+        robot.flange,
+        tool.point,
+    ]
+    if tool.direction is not None:
+        numbers.append(tool.direction)
+    kinds = [joint.kind for joint in robot.joints] + [tool.kind, str(tool.calibrated), log_det]
+    key = " ".join(kinds).encode() + b"".join(np.asarray(part, dtype=float).tobytes() for part in numbers)
+    if key not in _made:
+        if len(_made) == _MOST_MADE:
+            _made.pop(next(iter(_made)))
+        _made[key] = ShotFunctions(robot, tool, log_det)
+    return _made[key]
 
 
 class _Shot:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .constraint import ShotFunctions
+from .constraint import ShotFunctions, shot_functions
 from .errors import BadInput
 from .kernel import Index
 from .noise import Noise
@@ -91,7 +91,7 @@ class Problem:
             tool=tool,
             noise=noise,
             parameters=Parameters.build(robot, tool, noise, header, names),
-            functions=ShotFunctions(robot, tool, "relative" if noise.separate else "none"),
+            functions=shot_functions(robot, tool, "relative" if noise.separate else "none"),
             joints=np.asarray(joints, dtype=float),
             spots=np.zeros((len(joints), tool.miss_size)) if spots is None else spots,
             shot_numbers=tuple(range(len(joints)) if shot_numbers is None else shot_numbers),
@@ -140,7 +140,7 @@ class Problem:
         noise = Noise(np.sqrt(variances[:-1]), float(np.sqrt(variances[-1])), estimated=False)
         kept = ~self.parameters.group("noise")
         items = tuple(item for item in self.parameters.items if item.group != "noise")
-        functions = ShotFunctions(self.robot, self.tool)
+        functions = shot_functions(self.robot, self.tool)
         problem = replace(self, noise=noise, parameters=Parameters(items), functions=functions)
         return problem, x[kept]
 

@@ -89,7 +89,6 @@ CASES = [
         (fault("reflection", 6, light=0.09, at_mm=[8.0, -6.0]),),
         "recorded",
         shots=ENOUGH,
-        noticed=True,
         # The spot is read where the centre of both lights is: 0.09 / 1.09 of the 10 mm to the reflection.
         off_mm=10 * 0.09 / 1.09 + STDS * SPOT_MM,
     ),
@@ -158,7 +157,8 @@ def session(plan: Plan, cell: Cell, file: Path, *, resumed: bool = False) -> Ses
 
 KILLED = """
 import sys
-from zerobeam.experiments.procedure import InTurn, Procedure
+from zerobeam.experiments.order import InTurn
+from zerobeam.experiments.procedure import Procedure
 from zerobeam.experiments.rigs.cell_file import read_cell
 from zerobeam.experiments.rigs.simulated import SimulatedRig
 from zerobeam.model.journal import RunJournal

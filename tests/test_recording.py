@@ -72,19 +72,24 @@ def plan(tmp_path_factory: pytest.TempPathFactory) -> Plan:
     return read_plan(plan_file(folder / "plan.yaml", good_plan(7)))
 
 
+@pytest.fixture
+def short_plan(tmp_path: Path) -> Plan:
+    return read_plan(plan_file(tmp_path / "short.yaml", good_plan(5)))
+
+
 def silent(event: dict[str, Any]) -> None:
     pass
 
 
 @posix
 def test_killed_at_fifty_instants_no_shot_is_lost_and_the_run_ends_the_same(
-    tmp_path: Path, plan: Plan
+    tmp_path: Path, short_plan: Plan
 ) -> None:
-    arguments = [sys.executable, "-c", NURSERY, str(plan.path), str(tmp_path), str(KILLS)]
+    arguments = [sys.executable, "-c", NURSERY, str(short_plan.path), str(tmp_path), str(KILLS)]
     told = subprocess.run(arguments, capture_output=True, text=True, timeout=300, check=False)
     assert told.returncode == 0, told.stderr
     unbroken = (tmp_path / "unbroken.jsonl").read_bytes()
-    assert len(read_run(tmp_path / "unbroken.jsonl").shots) == 7
+    assert len(read_run(tmp_path / "unbroken.jsonl").shots) == 5
     killed_with = []
     for line in told.stdout.splitlines():
         kill, killed, *reported = map(int, line.split())

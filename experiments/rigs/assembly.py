@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...analysis.aim import aim, servo_joints
-from ...model.constraint import ShotFunctions
+from ...model.constraint import ShotFunctions, shot_functions
 from ...model.errors import BadInput
 from ...model.noise import Noise
 from ...model.plan import Plan
@@ -69,7 +69,7 @@ def assemble(plan: Plan, cell: Cell, rng: np.random.Generator) -> Parts:
     robot = geometry_errors(plan.robot, _geometry(cell))
     return Parts(
         truth=Truth(problem, x),
-        functions=ShotFunctions(robot, beam),
+        functions=shot_functions(robot, beam),
         tool=tool,
         wander=noise.spot if cell.laser.wander_mm is None else cell.laser.wander_mm,
         arm=_arm(cell, robot, offsets, noise),
