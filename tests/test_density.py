@@ -6,7 +6,7 @@ from made_problem import DISTANCE, OPEN_LASER, OPEN_PROBE, PROBE, TOOLS, Made, h
 from plain_model import DESIGNED, arm, by_complex_step, by_differences
 from scipy import integrate, stats
 
-from zerobeam.model import kernel
+from zerobeam.model import constraint, kernel
 from zerobeam.model.density import Density
 from zerobeam.model.problem import Problem
 from zerobeam.model.robot import Robot
@@ -550,6 +550,7 @@ def test_without_a_compiler_the_numbers_are_the_same(arms, name, scale, monkeypa
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", kernel.KernelWarning)
         monkeypatch.setattr(kernel, "_compiler", lambda: None)
+        monkeypatch.setattr(constraint, "_made", {})  # not those that are compiled already
         plain, not_by_c = results(Density(Made(arms[name], stated).problem, *data))
     assert (by_c, not_by_c) == (True, False)
     for one, two in zip(compiled, plain, strict=True):

@@ -1,9 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from made_problem import DISTANCE, OPEN_LASER, OPEN_PROBE, PROBE, SEEN, TOOLS, Made, header
 from plain_model import DESIGNED, arm, beam, by_complex_step, by_differences
 
 from zerobeam.model import problem as problem_module
+from zerobeam.model.constraint import ShotFunctions
 from zerobeam.model.plan import read_plan, write_plan
 from zerobeam.model.problem import Distance, Problem
 from zerobeam.model.robot import Robot
@@ -189,7 +192,8 @@ def test_a_noise_that_leaves_a_direction_free_is_refused(arms, refused):
 
 
 def test_many_shots_are_compiled_and_the_numbers_stay(made, monkeypatch):
-    problem, functions = made.problem, made.problem.functions
+    functions = ShotFunctions(made.problem.robot, made.problem.tool)
+    problem = replace(made.problem, functions=functions)
     delta, _, tool = problem.split(made.walkers(3))
     plain = [*problem.linearise(made.x), problem.nearest_targets(delta, tool)]
     assert set(functions._kernels) == {("linear", False), ("beam", False)}

@@ -55,7 +55,8 @@ def drawn_of(name: str) -> dict[str, Picture]:
 
 
 def draw_once(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    study = dataclasses.replace(STUDIES["coverage"], pictures=lambda _: drawn_of(name))
+    drawn = drawn_of(name)  # by what draws them, before that is replaced
+    study = dataclasses.replace(STUDIES["coverage"], pictures=lambda _: drawn)
     monkeypatch.setitem(STUDIES, "coverage", study)
 
 
