@@ -145,9 +145,8 @@ def _answer(plan: Plan, file: Path, carried: Carried, torn: str | None, why: str
     """`zerobeam/carried/1`."""
     state = carried.state
     if state is None:
-        raise RigFault(
-            "no shot could be recorded: " + "; ".join(dict.fromkeys(r.found for r in carried.refused))
-        )
+        why_not = dict.fromkeys(f"{refused.reason}: {refused.found}" for refused in carried.refused)
+        raise RigFault(f"no shot could be recorded: {'; '.join(why_not)}")
     notes = [f"Shot {r.shot} was refused ({r.reason}): {r.found}" for r in carried.refused]
     notes += [torn] if torn else []
     return {

@@ -221,8 +221,8 @@ def table2_study(
             _on_eq_8(predictions[0], found[0].joint_deg),
             "Whether one noise explains all is asked along the principal axes of the predicted covariance"
             " (likelihood ratio; its chance from the simulated triples, which follow the linear model). It is"
-            " the second statistic that was tried: one factor for each offset instead gives p = 0.08 on the"
-            " Y-Pattern and 0.06 on the optimal plan. Take its p-value for a hint, not for a proof.",
+            " the second statistic that was tried, after one factor for each offset, which does not see stds"
+            " far below what is predicted: take its p-value for a hint, not for a proof.",
             "The joint noise is what differs from one shot to another. What is the same in all three runs,"
             " errors of the arm's geometry above all, does not show in their scatter.",
         ],

@@ -258,7 +258,7 @@ def test_every_fault_has_its_effect(tmp_path: Path, monkeypatch: pytest.MonkeyPa
             "1 to 6",
         ),
         ("psd:\n  placed:\n    psdd: {}\n", 4, "did you mean 'psd'?"),
-        ("psd:\n  placed:\n    psd: {centre_mm: [-900, 0, 3000]}\n", 2, "out of view in every posture"),
+        ("psd:\n  placed:\n    psd: {centre_mm: [-900, 0, 3000]}\n", 2, "out of view in 3 of the plan's 3"),
         ("robot: arm.yaml\n", 2, "the file of the robot is not there"),
     ],
 )

@@ -186,3 +186,28 @@ def test_an_open_tool_and_two_targets_are_carried_out(tmp_path: Path) -> None:
     assert done.state is not None
     assert done.state.consistent
     assert "delta6" not in done.state.std  # held with an open tool
+
+
+def test_too_weak_a_laser_is_refused_and_said(tmp_path: Path, plan: Plan) -> None:
+    done = carried(plan, tmp_path / "run.jsonl", laser={"light": 0.3})
+    assert {refused.reason.value for refused in done.refused} == {"too weak"}
+    assert "30% of the laser's light arrives" in done.refused[0].found
+    assert (done.shots, done.state) == ((), None)
+
+
+def test_a_spot_that_moves_while_it_is_averaged_is_refused(tmp_path: Path, plan: Plan) -> None:
+    """As where the arm still swings, or someone leans on the table."""
+    rig = SimulatedRig(plan, Cell.model_validate({"camera": None}), 3)
+    currents = rig.currents
+
+    def moving(samples: int) -> Matrix:
+        read = currents(samples)
+        if rig._on and samples == 100 and rig._faults._shot == 2:  # the average before a shot is recorded
+            read[:, 0] += np.linspace(0, 0.02, samples)
+            read[:, 1] -= np.linspace(0, 0.02, samples)
+        return read
+
+    rig.currents = moving  # type: ignore[method-assign]
+    done = carried(plan, tmp_path / "run.jsonl", rig=rig)
+    assert [(refused.shot, refused.reason.value) for refused in done.refused] == [(2, "unsteady")]
+    assert [shot.shot for shot in done.shots] == [0, 1, 3, 4, 5]
