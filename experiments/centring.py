@@ -22,7 +22,7 @@ from .steering import Belief, come_to, step
 
 ENOUGH_MM = 0.005  # far below what the joints' own noise makes of the beam
 ACCEPTED_MM = 0.05  # where the arm allows no better
-# Shares of the laser's light that a beam on the centre may have. A second light of a quarter of it, 5 mm off,
+# Shares of the laser's light that a beam on the centre may have. A second light of a tenth of it, 10 mm off,
 # draws the reading by 1 mm; what is weaker is left to the statistics.
 WEAKEST, BRIGHTEST = 0.5, 1.1
 _SAMPLES = 20
