@@ -27,6 +27,10 @@ from .model.errors import BadInput, ZerobeamError
 if TYPE_CHECKING:
     from .analysis.result import Draws, Result
     from .analysis.robust import Loss
+    from .experiments.exporters.calibration import Calibration
+    from .experiments.importers import Imported
+    from .experiments.recording import Controller
+    from .model.run import Run
 
 EXIT_STATUS = {"pass": 0, "weak": 1, "degenerate": 1}
 _FAULT = 3
@@ -46,6 +50,10 @@ studies = typer.Typer(
     help="Does zerobeam hold what it promises? Studies over simulated runs.", no_args_is_help=True
 )
 app.add_typer(studies, name="study")
+exports = typer.Typer(
+    help="Write the offsets of a run as people apply them: only what its shots tell.", no_args_is_help=True
+)
+app.add_typer(exports, name="export")
 
 out = Console(highlight=False, soft_wrap=False)
 err = Console(stderr=True, highlight=False)
@@ -63,6 +71,30 @@ class LengthUnit(StrEnum):
 
     MM = "mm"
     M = "m"
+
+
+class ClockUnit(StrEnum):
+    """Units that recorded times come in."""
+
+    S = "s"
+    MS = "ms"
+    US = "us"
+    NS = "ns"
+
+
+class J3Origin(StrEnum):
+    """What the third joint's angle is counted from."""
+
+    GROUND = "ground"
+    LINK = "link"
+
+
+class KnownLog(StrEnum):
+    """Logs over time whose layout is known."""
+
+    UR = "ur"
+    EGM = "egm"
+    ROBODK = "robodk"
 
 
 class PlanKind(StrEnum):
@@ -93,6 +125,7 @@ class RigName(StrEnum):
 
     SIMULATED = "simulated"
     REPLAY = "replay"
+    ABB = "abb"
 
 
 Json = Annotated[bool, typer.Option("--json", help="Print the machine's answer (JSON) and nothing else.")]
@@ -117,6 +150,22 @@ HoldOut = Annotated[
 ]
 RunFile = Annotated[Path, typer.Argument(help="Run file (.jsonl).", show_default=False)]
 PlanFile = Annotated[Path, typer.Argument(help="Plan file (.yaml).", show_default=False)]
+ExportFile = Annotated[Path, typer.Option("-o", "--out", help="File to write.", show_default=False)]
+AllowWeak = Annotated[
+    bool, typer.Option("--allow-weak", help="Export weak offsets too; the file marks them.")
+]
+AllowDisplaced = Annotated[
+    bool,
+    typer.Option("--allow-displaced", help="Export although a target seems to have moved; the file says so."),
+]
+Without = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="Leave this offset out (delta4): it counts as 0. Repeatable.",
+        metavar="NAME",
+        show_default=False,
+    ),
+]
 
 
 def _print_version(asked: bool) -> None:
@@ -349,6 +398,23 @@ def run(
             help="With --adaptive: the std that is enough (deg; mm). Default: the plan's.", show_default=False
         ),
     ] = None,
+    host: Annotated[
+        str | None, typer.Option(help="ABB: address of the controller.", show_default=False)
+    ] = None,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="ABB: port of Robot Web Services.")] = 80,
+    egm_port: Annotated[int, typer.Option(min=1, max=65535, help="ABB: own UDP port for EGM.")] = 6510,
+    sensor_port: Annotated[
+        int, typer.Option(min=1, max=65535, help="ABB: port of PSD and camera at the host.")
+    ] = 6520,
+    user: Annotated[
+        str | None, typer.Option(help="ABB: user, else ZEROBEAM_ABB_USER.", show_default=False)
+    ] = None,
+    password: Annotated[
+        str | None,
+        typer.Option(help="ABB: password, else ZEROBEAM_ABB_PASSWORD or the keyring.", show_default=False),
+    ] = None,
+    speed: Annotated[float, typer.Option(help="ABB: share of the joints' top speeds.")] = 0.25,
+    yes: Annotated[bool, typer.Option("--yes", help="ABB: move without asking first.")] = False,
     closing: Annotated[
         bool,
         typer.Option("--closing", help="Shoot the first posture again at the end: has the PSD moved?"),
@@ -378,6 +444,9 @@ def run(
         resume=resume,
         tolerance=enough if adaptive else None,
         closing=closing,
+        controller=_abb(host, port, egm_port, sensor_port, user, password, speed, yes)
+        if rig is RigName.ABB
+        else None,
     )
     with _stoppable(), live_view(err) as seen:
 
@@ -405,6 +474,67 @@ def run(
 
 
 @app.command()
+def controller(
+    plan: Annotated[
+        Path | None,
+        typer.Argument(
+            help="Plan file (.yaml): robot, tool and targets. Default: an IRB1600 and one PSD.",
+            show_default=False,
+        ),
+    ] = None,
+    cell: Annotated[Path | None, typer.Option(help="Cell file (.yaml).", show_default=False)] = None,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of Robot Web Services (0: any).")] = 8080,
+    egm_port: Annotated[
+        int, typer.Option(min=0, max=65535, help="UDP port of the client that EGM goes to (0: any).")
+    ] = 6510,
+    sensor_port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port of PSD and camera (0: any).")
+    ] = 6520,
+    bind: Annotated[str, typer.Option(help="Address to listen at.")] = "127.0.0.1",
+    client: Annotated[str, typer.Option(help="Address of the client that EGM goes to.")] = "127.0.0.1",
+    lost: Annotated[float, typer.Option(min=0, max=1, help="Share of EGM packets that are lost.")] = 0.0,
+    late: Annotated[float, typer.Option(min=0, max=1, help="Share that comes 20 ms late.")] = 0.0,
+    duplicated: Annotated[float, typer.Option(min=0, max=1, help="Share that comes twice.")] = 0.0,
+    reordered: Annotated[float, typer.Option(min=0, max=1, help="Share that comes behind the next.")] = 0.0,
+    seed: Seed = 0,
+) -> None:
+    """A simulated ABB IRC5 to learn and to test with: Robot Web Services and EGM. Ctrl-C ends it."""
+    import threading
+
+    from .experiments.controller.own_plan import own_plan
+    from .experiments.controller.packet_line import PacketFaults
+    from .experiments.controller.simulated_controller import SimulatedController
+    from .experiments.rigs.cell_file import Cell, read_cell
+    from .model.plan import read_plan
+
+    planned = own_plan() if plan is None else read_plan(plan)
+    stands = Cell() if cell is None else read_cell(cell)[0]
+    faults = PacketFaults(lost=lost, late=late, duplicated=duplicated, reordered=reordered)
+    with _stoppable():
+        try:
+            with SimulatedController(
+                planned,
+                stands,
+                seed,
+                port=port,
+                egm_port=egm_port,
+                sensor_port=sensor_port,
+                bind=bind,
+                client=client,
+                packet_faults=faults,
+            ) as simulated:
+                out.print(f"Robot Web Services: {simulated.url}", soft_wrap=True, markup=False)
+                out.print(f"EGM: to {client}, port {simulated.egm_port}", soft_wrap=True, markup=False)
+                out.print(
+                    f"PSD and camera: {bind}, port {simulated.sensor_port}", soft_wrap=True, markup=False
+                )
+                out.print("Ctrl-C ends it.")
+                threading.Event().wait()
+        except KeyboardInterrupt:
+            raise typer.Exit(0) from None
+
+
+@app.command()
 def schema(
     name: Annotated[
         str | None,
@@ -424,22 +554,59 @@ def schema(
     _print_json(json_schema(name))
 
 
+_HeaderFile = Annotated[
+    Path, typer.Option("--header", help="Header file (.yaml): robot, tool, noise.", show_default=False)
+]
+_RunFile = Annotated[
+    Path, typer.Option("-o", "--out", help="Run file to write (.jsonl).", show_default=False)
+]
+_TargetEach = Annotated[
+    list[str],
+    typer.Option(help="Target of a file's shots: once for each file, in their order.", show_default=False),
+]
+_Targets = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="Target of a file's shots: once for each file, in their order, unless the files name them.",
+        show_default=False,
+    ),
+]
+_StillDeg = Annotated[
+    float, typer.Option(help="At rest: each joint within so many degrees.", show_default=False)
+]
+_StillSeconds = Annotated[float, typer.Option(help="At rest: for at least so long.", show_default=False)]
+_StillMm = Annotated[
+    float | None, typer.Option(help="At rest: each prismatic joint within so many mm.", show_default=False)
+]
+_PointNames = Annotated[
+    str | None,
+    typer.Option(help="Points to use, by name: a,b,c (default: all).", show_default=False),
+]
+
+
+def _named(text: str | None) -> list[str] | None:
+    return None if text is None else [name.strip() for name in text.split(",")]
+
+
+def _write_imported(imported: Imported, file: Path) -> None:
+    from .model.run import write_run
+
+    for line in imported.understood:
+        out.print(line, markup=False)
+    write_run(file, imported.header, imported.shots)
+    out.print(f"{len(imported.shots)} shots written to {file}", soft_wrap=True, markup=False)
+
+
 @imports.command("csv")
 def import_csv(
     files: Annotated[list[Path], typer.Argument(help="CSV files, one posture a row.", show_default=False)],
-    header: Annotated[
-        Path, typer.Option(help="Header file (.yaml): robot, tool, noise.", show_default=False)
-    ],
+    header: _HeaderFile,
     units: Annotated[AngleUnit, typer.Option(help="Unit of the angles.", show_default=False)],
-    target: Annotated[
-        list[str],
-        typer.Option(
-            help="Target of a file's shots: once for each file, in their order.", show_default=False
-        ),
-    ],
-    file: Annotated[
-        Path, typer.Option("-o", "--out", help="Run file to write (.jsonl).", show_default=False)
-    ],
+    file: _RunFile,
+    target: _Targets = None,
+    target_column: Annotated[
+        str | None, typer.Option(help="Column with each row's target, instead.", show_default=False)
+    ] = None,
     lengths: Annotated[
         LengthUnit | None, typer.Option(help="Unit of prismatic joints.", show_default=False)
     ] = None,
@@ -449,30 +616,189 @@ def import_csv(
     columns: Annotated[
         str | None,
         typer.Option(
-            help="Columns of joint 1, 2, …, by name: a,b,c (with --header-row).", show_default=False
+            help="Columns of joint 1, 2, …: a,b,c by name (with --header-row) or number, from 1.",
+            show_default=False,
         ),
     ] = None,
     delimiter: Annotated[str, typer.Option(help="What stands between two numbers.")] = ",",
+    decimal: Annotated[str, typer.Option(help="Decimal sign: . or ,")] = ".",
+    j3: Annotated[J3Origin, typer.Option(help="Joint 3 is counted from; FANUC: ground.")] = J3Origin.LINK,
+    spot_columns: Annotated[
+        str | None, typer.Option(help="Columns of spot_mm: dx,dy in mm.", show_default=False)
+    ] = None,
+    shot_column: Annotated[
+        str | None, typer.Option(help="Column of the shots' numbers.", show_default=False)
+    ] = None,
+    time_column: Annotated[str | None, typer.Option(help="Column of times.", show_default=False)] = None,
+    time_units: Annotated[
+        ClockUnit | None, typer.Option(help="Unit of the times.", show_default=False)
+    ] = None,
+    still_deg: Annotated[
+        float | None,
+        typer.Option(
+            help="A shot is where the arm is at rest: each joint within so many degrees, …",
+            show_default=False,
+        ),
+    ] = None,
+    still_s: Annotated[
+        float | None, typer.Option(help="… for at least so many seconds.", show_default=False)
+    ] = None,
+    still_mm: _StillMm = None,
+    marker_column: Annotated[
+        str | None,
+        typer.Option(help="Only stands in which this column becomes other than 0.", show_default=False),
+    ] = None,
 ) -> None:
     """Recorded joint positions in CSV files. Units and target names are stated, never guessed."""
     from .experiments import importers
-    from .model.run import write_run
 
+    if (still_deg is None) != (still_s is None) or (still_mm is not None and still_deg is None):
+        raise BadInput(
+            "standing still is half stated", remedy="state both --still-deg and --still-s, or none"
+        )
+    still = None
+    if still_deg is not None and still_s is not None:
+        still = importers.Stillness(still_deg, still_s, still_mm)
     imported = importers.import_csv(
         files,
-        target,
+        target or [],
         units.value,
         header,
         file,
         header_row=header_row,
-        columns=None if columns is None else [name.strip() for name in columns.split(",")],
+        columns=_named(columns),
         delimiter=delimiter,
         lengths=None if lengths is None else lengths.value,
+        decimal=decimal,
+        target_column=target_column,
+        shot_column=shot_column,
+        spot_columns=_named(spot_columns),
+        time_column=time_column,
+        time_units=None if time_units is None else time_units.value,
+        marker_column=marker_column,
+        j3=j3.value,
+        still=still,
     )
-    for line in imported.understood:
-        out.print(line, markup=False)
-    write_run(file, imported.header, imported.shots)
-    out.print(f"{len(imported.shots)} shots written to {file}", soft_wrap=True, markup=False)
+    _write_imported(imported, file)
+
+
+@imports.command("ros")
+def import_ros(
+    files: Annotated[
+        list[Path], typer.Argument(help="ROS 1 or 2 bags: .bag, .mcap, .db3 or folder.", show_default=False)
+    ],
+    header: _HeaderFile,
+    file: _RunFile,
+    still_deg: _StillDeg,
+    still_s: _StillSeconds,
+    still_mm: _StillMm = None,
+    target: _Targets = None,
+    columns: Annotated[
+        str | None,
+        typer.Option(
+            help="Names of joint 1, 2, … in the messages: a,b,c (default: the robot's own).",
+            show_default=False,
+        ),
+    ] = None,
+    topic: Annotated[
+        str | None, typer.Option(help="Topic of the arm, if there are several.", show_default=False)
+    ] = None,
+    marker_topic: Annotated[
+        str | None,
+        typer.Option(
+            help="Only stands at a message on this topic; a std_msgs/String names the target.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
+    """Joint states in ROS bags: a shot is where the arm is at rest (and a marker says so)."""
+    from .experiments import importers
+
+    imported = importers.import_ros(
+        files,
+        target or [],
+        header,
+        file,
+        still=importers.Stillness(still_deg, still_s, still_mm),
+        columns=_named(columns),
+        topic=topic,
+        marker_topic=marker_topic,
+    )
+    _write_imported(imported, file)
+
+
+@imports.command("log")
+def import_log(
+    kind: Annotated[
+        KnownLog,
+        typer.Argument(
+            help="ur: RTDE recording; egm: ABB EGM log of abb_libegm; robodk: MonitorJoints.",
+            show_default=False,
+        ),
+    ],
+    files: Annotated[list[Path], typer.Argument(help="Logs as CSV files.", show_default=False)],
+    header: _HeaderFile,
+    target: _TargetEach,
+    file: _RunFile,
+    still_deg: _StillDeg,
+    still_s: _StillSeconds,
+    still_mm: _StillMm = None,
+    delimiter: Annotated[
+        str | None, typer.Option(help="What stands between two values, if not as usual.", show_default=False)
+    ] = None,
+    marker_column: Annotated[
+        str | None,
+        typer.Option(help="Only stands in which this column becomes other than 0.", show_default=False),
+    ] = None,
+) -> None:
+    """Logs over time of a known layout: a shot is where the arm is at rest. Other logs: import csv."""
+    from .experiments import importers
+
+    imported = importers.import_log(
+        kind.value,
+        files,
+        target,
+        header,
+        file,
+        still=importers.Stillness(still_deg, still_s, still_mm),
+        delimiter=delimiter,
+        marker_column=marker_column,
+    )
+    _write_imported(imported, file)
+
+
+@imports.command("fanuc")
+def import_fanuc(
+    files: Annotated[list[Path], typer.Argument(help="TP programs as text (.ls).", show_default=False)],
+    header: _HeaderFile,
+    target: _TargetEach,
+    file: _RunFile,
+    j3: Annotated[
+        J3Origin,
+        typer.Option(help="What joint 3 is counted from; on the pendant: ground.", show_default=False),
+    ],
+    points: _PointNames = None,
+) -> None:
+    """Positions of TP programs that were taught with the beam on the target, in joint representation."""
+    from .experiments import importers
+
+    _write_imported(
+        importers.import_fanuc(files, target, header, file, j3=j3.value, points=_named(points)), file
+    )
+
+
+@imports.command("kuka")
+def import_kuka(
+    files: Annotated[list[Path], typer.Argument(help="Data lists (.dat).", show_default=False)],
+    header: _HeaderFile,
+    target: _TargetEach,
+    file: _RunFile,
+    points: _PointNames = None,
+) -> None:
+    """Axis positions (AXIS, E6AXIS) that were taught with the beam on the target."""
+    from .experiments import importers
+
+    _write_imported(importers.import_kuka(files, target, header, file, points=_named(points)), file)
 
 
 @studies.command("coverage")
@@ -536,6 +862,152 @@ def _study(
     raise typer.Exit(0 if answer["agrees"] else 1)
 
 
+@exports.command("urdf")
+def export_urdf(
+    run: RunFile,
+    file: ExportFile,
+    allow_weak: AllowWeak = False,
+    allow_displaced: AllowDisplaced = False,
+    without: Without = None,
+    as_json: Json = False,
+) -> None:
+    """A corrected copy of the run's URDF: the offsets in the origins of its joints."""
+    from .experiments.exporters.urdf_origins import urdf_text
+
+    _export(run, file, allow_weak, allow_displaced, without, as_json, urdf_text)
+
+
+@exports.command("moc")
+def export_moc(
+    run: RunFile,
+    file: ExportFile,
+    against: Annotated[
+        Path | None,
+        typer.Option(help="The controller's MOC.cfg: write a diff against it.", show_default=False),
+    ] = None,
+    motor_sign: Annotated[
+        str | None,
+        typer.Option(
+            help="1 if a reading rises with cal_offset (at a positive ratio), -1 if it falls; one, or one a"
+            " joint: 1,-1,…",
+            show_default=False,
+        ),
+    ] = None,
+    ratio: Annotated[
+        str | None,
+        typer.Option(
+            help="Motor turns for one turn of each joint: R1,R2,…, negative if against each other.",
+            show_default=False,
+        ),
+    ] = None,
+    unit: Annotated[str, typer.Option(help="Mechanical unit: its motors are UNIT_1, UNIT_2, …")] = "rob1",
+    allow_weak: AllowWeak = False,
+    allow_displaced: AllowDisplaced = False,
+    without: Without = None,
+    as_json: Json = False,
+) -> None:
+    """ABB: changes of the motors' calibration offsets, as a diff to look at. Nothing is applied."""
+    from .experiments.exporters.moc_offsets import Gears, moc_text
+
+    def text(recorded: Run, calibration: Calibration) -> str:
+        gears = Gears.stated(ratio, motor_sign, recorded.robot.n)
+        return moc_text(calibration, gears, against, unit)
+
+    _export(run, file, allow_weak, allow_displaced, without, as_json, text)
+
+
+@exports.command("rapid")
+def export_rapid(
+    run: RunFile,
+    file: ExportFile,
+    allow_weak: AllowWeak = False,
+    allow_displaced: AllowDisplaced = False,
+    without: Without = None,
+    as_json: Json = False,
+) -> None:
+    """ABB: a RAPID module with functions that correct a jointtarget by the offsets."""
+    from .experiments.exporters.rapid_module import rapid_text
+
+    _export(
+        run,
+        file,
+        allow_weak,
+        allow_displaced,
+        without,
+        as_json,
+        lambda _, calibration: rapid_text(calibration),
+    )
+
+
+@exports.command("json")
+def export_json(
+    run: RunFile,
+    file: ExportFile,
+    allow_weak: AllowWeak = False,
+    allow_displaced: AllowDisplaced = False,
+    without: Without = None,
+    as_json: Json = False,
+) -> None:
+    """The offsets with their uncertainty as JSON, for programs."""
+    from .experiments.exporters.offsets_json import json_text
+
+    _export(
+        run,
+        file,
+        allow_weak,
+        allow_displaced,
+        without,
+        as_json,
+        lambda _, calibration: json_text(calibration),
+    )
+
+
+@exports.command("csv")
+def export_csv(
+    run: RunFile,
+    file: ExportFile,
+    allow_weak: AllowWeak = False,
+    allow_displaced: AllowDisplaced = False,
+    without: Without = None,
+    as_json: Json = False,
+) -> None:
+    """The offsets with their uncertainty as a table, for spreadsheets."""
+    from .experiments.exporters.offsets_csv import csv_text
+
+    _export(
+        run, file, allow_weak, allow_displaced, without, as_json, lambda _, calibration: csv_text(calibration)
+    )
+
+
+def _export(
+    run: Path,
+    file: Path,
+    allow_weak: bool,
+    allow_displaced: bool,
+    without: list[str] | None,
+    as_json: bool,
+    text: Callable[[Run, Calibration], str],
+) -> None:
+    """Judge a run, write what may be applied, say what was written."""
+    from .experiments.exporters.calibration import calibration
+    from .experiments.exporters.offsets_json import document
+    from .model.run import read_run
+    from .model.whole_file import refuse_existing, write_whole
+
+    refuse_existing(file)
+    recorded = read_run(run)
+    told = calibration(
+        recorded, allow_weak=allow_weak, allow_displaced=allow_displaced, without=without or ()
+    )
+    write_whole(file, text(recorded, told))
+    if as_json:
+        _print_json(document(told))
+        return
+    for line in told.head:
+        out.print(line, markup=False, soft_wrap=True)
+    out.print(f"Written to {file}", markup=False, soft_wrap=True)
+
+
 def _numbers(text: str, count: int, option: str) -> tuple[float, ...]:
     """`count` finite numbers, separated by commas."""
     try:
@@ -586,6 +1058,32 @@ def _progress(title: str) -> Iterator[Callable[[str, float], None]]:
             bar.update(task, description=f"{title}: {stage}", completed=share)
 
         yield told
+
+
+def _abb(
+    host: str | None,
+    port: int,
+    egm_port: int,
+    sensor_port: int,
+    user: str | None,
+    password: str | None,
+    speed: float,
+    yes: bool,
+) -> Controller:
+    """How the controller is reached and driven; a person is asked before the first motion."""
+    import os
+
+    from .experiments.controller.sensor_server import RemoteSensors
+    from .experiments.recording import Controller
+    from .experiments.rigs.abb import Caution
+    from .experiments.rigs.abb_access import find_access
+
+    def confirm(text: str) -> bool:
+        return yes or typer.confirm(text, err=True)
+
+    access = find_access(os.environ, host=host, port=port, user=user, password=password)
+    caution = Caution(confirm, speed, egm_port)
+    return Controller(access, RemoteSensors(access.address, sensor_port), caution)
 
 
 @contextmanager

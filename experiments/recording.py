@@ -17,18 +17,29 @@ from ..model.run import Shot, read_run
 from .adaptive import Adaptive
 from .order import Closing, InTurn, Order
 from .procedure import Carried, Procedure, Told, recorded_event, told_by
+from .rigs.abb import AbbRig, Caution, Sensors
+from .rigs.abb_access import Access
 from .rigs.cell_file import Cell, read_cell
 from .rigs.replay import ReplayRig
 from .rigs.simulated import SimulatedRig
 from .simulate import Truth, simulated_shots
 
-RigName = Literal["simulated", "replay"]
+RigName = Literal["simulated", "replay", "abb"]
+
+
+@dataclass(frozen=True)
+class Controller:
+    """How an ABB controller is reached, what senses beside it, and how carefully it is driven."""
+
+    access: Access
+    sensors: Sensors
+    caution: Caution
 
 
 @dataclass(frozen=True)
 class Request:
     """How a plan is to be carried out. `tolerance` (deg; mm) asks for an adaptive run, `closing` for closing
-    shots; `cell` and `camera` are of the simulated rig, `recording` of the replay."""
+    shots; `cell` and `camera` are of the simulated rig, `recording` of the replay, `controller` of ABB's."""
 
     rig: RigName
     seed: int = 0
@@ -38,6 +49,7 @@ class Request:
     resume: bool = False
     tolerance: float | None = None
     closing: bool = False
+    controller: Controller | None = None
 
 
 def record(plan: Plan, file: Path, request: Request, told: Told) -> dict[str, Any]:
@@ -72,6 +84,10 @@ def _by_hand(plan: Plan, file: Path, request: Request, told: Told) -> dict[str, 
     ):
         if value is not None:
             raise BadInput(f"{name} is for a laser; the plan's tool is a probe", remedy=f"leave {name} out")
+    if request.rig != "simulated":
+        raise BadInput(
+            f"the rig {request.rig} cannot lead a probe", remedy="use a laser, or --rig simulated to rehearse"
+        )
     rng = np.random.default_rng(request.seed)
     truth = Truth.drawn(plan, rng)
     about: dict[str, str | int | float] = {
@@ -97,9 +113,19 @@ def _by_hand(plan: Plan, file: Path, request: Request, told: Told) -> dict[str, 
     return answer
 
 
-def _rig(plan: Plan, request: Request) -> tuple[SimulatedRig | ReplayRig, dict[str, str | int | float]]:
+def _rig(
+    plan: Plan, request: Request
+) -> tuple[SimulatedRig | ReplayRig | AbbRig, dict[str, str | int | float]]:
     """The rig, and what the run's provenance says of its making."""
     about: dict[str, str | int | float] = {"plan sha256": plan.sha256}
+    if request.rig == "abb":
+        for name, value in (("--cell", request.cell), ("--recorded", request.recording)):
+            if value is not None:
+                raise BadInput(f"{name} is not for the ABB rig", remedy=f"leave {name} out")
+        if request.controller is None:
+            raise BadInput("the ABB rig needs a controller", remedy="state --host")
+        reached = request.controller
+        return AbbRig(plan, reached.access, reached.sensors, reached.caution), about
     if request.rig == "replay":
         if request.recording is None:
             raise BadInput("a replay needs a recording", remedy="name the run to be replayed: --recorded RUN")

@@ -143,8 +143,8 @@ def test_a_block_of_commands_is_read_as_a_person_reads_it() -> None:
 def test_every_file_of_a_page_is_valid(name: str, tmp_path: Path) -> None:
     for path in prepare(read(PAGES[NAMES.index(name)]), tmp_path):
         text = path.read_text(encoding="utf-8")
-        if path.suffix == ".csv":
-            continue  # what a CSV file means stands in the command that imports it
+        if path.suffix in (".csv", ".ls", ".dat"):
+            continue  # what these mean stands in the command that imports them
         if "zerobeam/run/1" in text:
             run = read_run(path)
             run.require_analysable()
@@ -194,10 +194,11 @@ def test_every_command_that_a_page_names_exists() -> None:
     for page in [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]:
         text = read(page)
         code = [block.text for block in blocks(text)] + re.findall(r"`([^`\n]+)`", text)
-        named |= set(re.findall(r"\bzerobeam ((?:(?:import|study) )?[a-z][a-z0-9]*)\b", "\n".join(code)))
+        command = r"\bzerobeam ((?:(?:import|study|export) )?[a-z][a-z0-9]*)\b"
+        named |= set(re.findall(command, "\n".join(code)))
     assert named <= known, named - known
-    # `import` and `study` alone are groups of commands; every command that does something is documented.
-    assert known - named <= {"import", "study"}
+    # Three alone are groups of commands; every command that does something is documented.
+    assert known - named <= {"import", "study", "export"}
 
 
 def test_every_make_target_that_a_page_names_exists() -> None:

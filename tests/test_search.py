@@ -132,7 +132,7 @@ def test_markers_out_of_view_are_looked_for_around() -> None:
 
 
 def test_markers_that_are_nowhere_are_a_reason() -> None:
-    shot = start(1400.0, 3)
+    shot = start(20.0, 3, psd={"placed": {"misturned_deg": [180.0, 0.0, 0.0]}})  # its back is turned
     with pytest.raises(Refused) as refused:
         shot.search().run()
     assert refused.value.reason == Reason.OUT_OF_VIEW

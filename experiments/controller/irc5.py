@@ -1,0 +1,296 @@
+"""The state of the controller: panel, RAPID, mastership, signals, and the arm that they move."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Generator
+from typing import Literal
+
+import numpy as np
+
+from ...model.robot import Matrix
+from .cell_behind import CellBehind
+from .drive import Drive
+from .egm import Egm
+from .rapid_data import RapidData
+from .return_code import (
+    EXECUTION_STATE,
+    HELD,
+    INVALID_ARGUMENT,
+    MODE_REJECT,
+    NOT_HELD,
+    REJECTED,
+    Refused,
+)
+
+CYCLE = 0.004  # s
+PATIENCE = 1.0  # s without a word of the client: the timer of command 1, CommTimeout of EGMSetupUC
+GUIDED_SPEED = np.radians(20.0)  # rad/s, MaxSpeedDeviation of EGMActJoint
+LASER = "zb_laser"
+DOMAINS = ("cfg", "motion", "rapid")
+
+ControllerState = Literal["motoroff", "motoron", "emergencystop", "emergencystopreset"]
+Mode = Literal["AUTO", "MANR", "MANF"]
+_MOVE, _GUIDE = 1.0, 2.0
+_SILENT = 1.0
+_CRAWL = 1e-9  # share of the top speeds at a speed ratio of 0: the drive has no standstill on the way
+
+
+class Irc5:
+    """A controller with the program of `zerobeam_egm` in it; attributes are what its panel says.
+
+    Every use takes its `lock`: `turn` and what a person does take it themselves, what a client asks for is
+    called with it held.
+    """
+
+    def __init__(self, cell: CellBehind, egm: Egm) -> None:
+        self.lock = threading.RLock()
+        self.cell, self.egm = cell, egm
+        self.state: ControllerState = "motoron"
+        self.mode: Mode = "AUTO"
+        self.speed_ratio = 100
+        self.running = False
+        self.cycle_mode = "forever"
+        self.reason = ""  # why the program has stopped by itself, "" where it has not
+        self.data = RapidData()
+        self.signals = {LASER: 0}
+        self.masters: dict[str, str] = {}  # domain: session
+        self.remote: dict[str, bool] = {}  # session: whether remote manual mode privilege is granted to it
+        self.seconds = 0.0  # of motion: those of the cell's clock
+        self._now = 0.0  # of the talk
+        robot = cell.robot
+        self._drive = Drive(cell.counts(), cell.top_speed, cell.acceleration, CYCLE)
+        self._display, self._lower, self._upper = robot.display, robot.lower, robot.upper
+        self._main = self._program()
+
+    # What the arm does
+
+    def turn(self, now: float, cycles: int = 1) -> None:
+        """What has come by EGM is taken, so many cycles of program and motion are gone through, and where
+        the arm is is told; `now` in seconds."""
+        with self.lock:
+            self._now = now
+            self.egm.receive(now)
+            for _ in range(cycles):
+                self._cycle()
+            self.egm.tell(
+                now,
+                self.joints_deg(),
+                self._drive.at * self._display,
+                motors_on=self.state == "motoron",
+                running=self.running,
+                met=self._drive.arrived,
+            )
+
+    def _cycle(self) -> None:
+        """4 ms of program and motion."""
+        if self.running:
+            next(self._main)
+        # The program may have stopped in this step.
+        self._drive.advance(held=not self.running)
+        self.seconds += CYCLE
+        self.cell.drive(self._drive.at, self.seconds)
+
+    def joints_deg(self) -> Matrix:
+        """(6,) as the encoders say."""
+        with self.lock:
+            return self.cell.counts() * self._display
+
+    @property
+    def standing(self) -> bool:
+        return self._drive.standing
+
+    # What a person at the panel does
+
+    def press_emergency_stop(self) -> None:
+        with self.lock:
+            self.state, self.running = "emergencystop", False
+
+    def release_emergency_stop(self) -> None:
+        """The button comes out: the motors stay off until they are switched on."""
+        with self.lock:
+            if self.state == "emergencystop":
+                self.state = "emergencystopreset"
+
+    def turn_key(self, mode: Mode) -> None:
+        """The mode switch: it stops the program and takes the motors off, and what manual mode had
+        granted."""
+        with self.lock:
+            self.mode, self.running = mode, False
+            self.remote.clear()
+            if self.state == "motoron":
+                self.state = "motoroff"
+
+    def grant_remote(self) -> None:
+        """The person at the pendant says yes to all who ask for remote manual mode privilege."""
+        with self.lock:
+            self.remote = dict.fromkeys(self.remote, True)
+
+    # What a client asks for
+
+    def set_state(self, wanted: str) -> None:
+        """Motors on or off."""
+        if wanted not in ("motoron", "motoroff"):
+            raise Refused(INVALID_ARGUMENT, f"ctrl-state={wanted}")
+        self._require_automatic()
+        if self.state == "emergencystop":
+            raise Refused(REJECTED, "emergency stop")
+        if wanted == "motoroff":
+            self.running = False
+        self.state = "motoron" if wanted == "motoron" else "motoroff"
+
+    def set_speed_ratio(self, text: str) -> None:
+        self._require_automatic()
+        try:
+            ratio = float(text)
+        except ValueError:
+            ratio = -1.0
+        if not (0 <= ratio <= 100 and ratio == int(ratio)):
+            raise Refused(INVALID_ARGUMENT, f"speed-ratio={text[:80]}")
+        self.speed_ratio = int(ratio)
+
+    def start(self, cycle_mode: str, session: str) -> None:
+        self._require_automatic()
+        self._require_not_held("motion", session)
+        if self.state != "motoron" or self.running:
+            raise Refused(EXECUTION_STATE, f"{self.state}, {self.execution}")
+        if cycle_mode in ("once", "forever"):
+            self.cycle_mode = cycle_mode
+        elif cycle_mode != "asis":
+            raise Refused(INVALID_ARGUMENT, f"cycle={cycle_mode[:80]}")
+        self.running, self.reason = True, ""
+
+    def stop(self) -> None:
+        """Anyone may, in any mode."""
+        self.running = False
+
+    def reset_program_pointer(self, session: str) -> None:
+        self._require_automatic()
+        self._require_not_held("rapid", session)
+        if self.running:
+            raise Refused(EXECUTION_STATE, self.execution)
+        self.egm.end()
+        self._drive.rest()
+        self._main = self._program()
+
+    @property
+    def execution(self) -> Literal["running", "stopped"]:
+        return "running" if self.running else "stopped"
+
+    def write(self, name: str, value: str, session: str) -> None:
+        """A datum of the module: mastership of RAPID is taken for it where nobody has it."""
+        self._require_privilege(session)
+        self._require_not_held("rapid", session)
+        self.data.written(name, value)
+
+    def set_signal(self, name: str, value: str, session: str) -> None:
+        self._require_privilege(session)
+        if value not in ("0", "1"):
+            raise Refused(INVALID_ARGUMENT, f"lvalue={value[:80]}")
+        self.signals[name] = int(value)
+        self.cell.switch(self.signals[LASER] == 1)
+
+    def request(self, domains: tuple[str, ...], session: str) -> None:
+        """Mastership of all these domains, or of none."""
+        self._require_privilege(session)
+        for domain in domains:
+            self._require_not_held(domain, session)
+        self.masters.update(dict.fromkeys(domains, session))
+
+    def release(self, domains: tuple[str, ...], session: str) -> None:
+        if any(self.masters.get(domain) != session for domain in domains):
+            raise Refused(NOT_HELD)
+        for domain in domains:
+            del self.masters[domain]
+
+    def leave(self, session: str) -> None:
+        """A session is over: it holds nothing any more."""
+        self.masters = {domain: holder for domain, holder in self.masters.items() if holder != session}
+        self.remote.pop(session, None)
+
+    def _require_automatic(self) -> None:
+        if self.mode != "AUTO":
+            raise Refused(MODE_REJECT, self.mode)
+
+    def _require_privilege(self, session: str) -> None:
+        if self.mode != "AUTO" and not self.remote.get(session, False):
+            raise Refused(REJECTED, f"{self.mode} without remote manual mode privilege")
+
+    def _require_not_held(self, domain: str, session: str) -> None:
+        if self.masters.get(domain, session) != session:
+            raise Refused(HELD, domain)
+
+    # The program, a step of which is 4 ms: what is said of it in the package's docstring
+
+    def _program(self) -> Generator[None]:
+        data = self.data
+        data.set("zb_start", False)
+        data.set("zb_command", 0.0)
+        while True:
+            while not data.flag("zb_start"):
+                yield
+            data.set("zb_start", False)
+            data.set("zb_error", 0.0)
+            command = data.number("zb_command")
+            if command == _MOVE:
+                yield from self._move()
+            elif command == _GUIDE:
+                yield from self._guide()
+            data.set("zb_done", data.number("zb_done") + 1)
+            yield
+
+    def _move(self) -> Generator[None]:
+        """VelSet, MoveAbsJ with a fine point."""
+        target = np.array(self.data.joints_deg("zb_target")) / self._display
+        yield from self._require_within_limits(target)
+        share = np.clip(self.data.number("zb_speed"), 1, 100) / 100
+        ratio: int | None = None
+        self.cell.sent(target)
+        watched = self._now
+        while True:
+            if self._now - watched >= PATIENCE:
+                watched = self._now
+                if self.data.number("zb_command") == 0:
+                    yield from self._exit()
+                self.data.set("zb_command", 0.0)
+            if ratio != self.speed_ratio:
+                ratio = self.speed_ratio
+                self._drive.go(target, max(share * ratio / 100, _CRAWL))
+            yield
+            if self._drive.arrived:
+                return
+
+    def _guide(self) -> Generator[None]:
+        """EGMRunJoint until the client has enough, or is silent for too long; EGM_STOP_HOLD."""
+        self._drive.rest()
+        self.egm.begin(self._now)
+        error = 0.0
+        while self.data.number("zb_command") == _GUIDE:
+            if self.egm.silence(self._now) > PATIENCE:
+                error = _SILENT
+                break
+            if self.egm.reference_deg is not None:
+                reference = self.egm.reference_deg / self._display
+                yield from self._require_within_limits(reference)
+                self._drive.follow(reference, GUIDED_SPEED)
+            yield
+        self._drive.rest()
+        while not self._drive.standing:
+            yield
+        self.egm.end("MCI_ERROR" if error else "MCI_STOPPED")
+        self.data.set("zb_error", error)
+
+    def _exit(self) -> Generator[None]:
+        """StopMove and EXIT: the program is over, a new start begins at main."""
+        self.data.set("zb_error", _SILENT)
+        self.running, self.reason = False, "the client has fallen silent"
+        self._drive.rest()
+        self._main = self._program()
+        yield  # to the end of this step; nobody asks for another
+
+    def _require_within_limits(self, joints: Matrix) -> Generator[None]:
+        """Execution stops at a motion error, and again at every new start from there."""
+        outside = np.flatnonzero((joints < self._lower) | (joints > self._upper))
+        while outside.size:
+            self.running, self.reason = False, f"joint {outside[0] + 1} would leave its limits"
+            yield

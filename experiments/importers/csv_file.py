@@ -1,0 +1,299 @@
+"""Runs from plain CSV files: units, targets and columns are stated, never guessed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from ...model.errors import BadInput
+from ...model.reading import shown
+from ...model.robot import Matrix, Robot
+from .imported import Found, Imported, Job, one_target_each
+from .joint3 import J3, J3_TOLD, from_ground
+from .log import Log, Mark
+from .stands import Stillness, held
+from .table import Table, check_signs, read_table
+
+PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+TimeUnit = Literal["s", "ms", "us", "ns"]
+
+
+@dataclass(frozen=True)
+class CsvLayout:
+    """How the CSV files are laid out. Columns are stated by name (with a `header_row`) or number, from 1.
+
+    `columns` are those of joint 1, 2, … in this order, others are left out; without it the files hold the
+    joints alone, joint 1 first. `lengths` is the unit of prismatic joints, to be stated if there are any.
+    `spot_columns` are dx and dy in mm, as `spot_mm` of a run. `marker_column` is neither empty nor 0 where a
+    shot begins. `changes_only`: a row is written only where the joints changed, and holds until the next.
+    """
+
+    units: Literal["deg", "rad"]
+    header_row: bool = False
+    columns: tuple[str, ...] | None = None
+    delimiter: str = ","
+    lengths: Literal["mm", "m"] | None = None
+    decimal: str = "."
+    target_column: str | None = None
+    shot_column: str | None = None
+    spot_columns: tuple[str, ...] | None = None
+    time_column: str | None = None
+    time_units: TimeUnit | None = None
+    marker_column: str | None = None
+    j3: J3 = "link"
+    changes_only: bool = False
+
+    def check(self, robot: Robot) -> None:
+        """BadInput for what no file could satisfy."""
+        if self.units not in ("deg", "rad"):
+            raise BadInput(
+                "the unit of the angles must be stated", found=shown(self.units), allowed="deg, rad"
+            )
+        slides = any(joint.kind == "prismatic" for joint in robot.joints)
+        if slides and self.lengths not in ("mm", "m"):
+            raise BadInput(
+                "the unit of the prismatic joints must be stated",
+                found=f"{robot.name} has prismatic joints",
+                allowed="mm, m",
+            )
+        check_signs(self.delimiter, self.decimal)
+        if self.time_column is not None and self.time_units is None:
+            raise BadInput("the unit of the times must be stated", allowed=", ".join(PER_SECOND))
+        if self.spot_columns is not None and len(self.spot_columns) != 2:
+            raise BadInput(
+                "a spot has two columns", found=", ".join(self.spot_columns), allowed="dx,dy in mm"
+            )
+        if self.columns is None:
+            return
+        if not self.header_row and not all(name.isdecimal() for name in self.columns):
+            raise BadInput(
+                "columns are named, but no header row is stated",
+                remedy="say that the files have a header row, if they have one, or state numbers from 1",
+            )
+        if len(self.columns) != robot.n or len(set(self.columns)) != robot.n:
+            raise BadInput(
+                "one column is wanted for each joint",
+                found=", ".join(self.columns),
+                allowed=f"{robot.n} different ones ({robot.name} has {robot.n} joints)",
+            )
+
+    @property
+    def joints_alone(self) -> bool:
+        """Whether the files hold nothing but joints, in their order."""
+        others = (
+            self.target_column,
+            self.shot_column,
+            self.spot_columns,
+            self.time_column,
+            self.marker_column,
+        )
+        return self.columns is None and all(other is None for other in others)
+
+
+def import_csv(
+    files: Sequence[Path | str],
+    target_names: Sequence[str],
+    units: Literal["deg", "rad"],
+    header_path: Path | str,
+    out: Path | str,
+    *,
+    header_row: bool = False,
+    columns: Sequence[str] | None = None,
+    delimiter: str = ",",
+    lengths: Literal["mm", "m"] | None = None,
+    decimal: str = ".",
+    target_column: str | None = None,
+    shot_column: str | None = None,
+    spot_columns: Sequence[str] | None = None,
+    time_column: str | None = None,
+    time_units: TimeUnit | None = None,
+    marker_column: str | None = None,
+    j3: J3 = "link",
+    still: Stillness | None = None,
+) -> Imported:
+    """Shots from CSV files: one a row, or with `still` one for each stand of the arm.
+
+    All shots of a file are at the one target stated for it, or at that in `target_column`. `header_path` is a
+    header YAML file; `out` is the run file that is going to be written, so that the robot's path in the
+    header can be made relative to it. Nothing is written. BadInput, with file and line, for whatever is not
+    as stated. The layout is that of `CsvLayout`.
+    """
+    layout = CsvLayout(
+        units,
+        header_row,
+        None if columns is None else tuple(columns),
+        delimiter,
+        lengths,
+        decimal,
+        target_column,
+        shot_column,
+        None if spot_columns is None else tuple(spot_columns),
+        time_column,
+        time_units,
+        marker_column,
+        j3,
+    )
+    return import_layout(files, target_names, layout, header_path, out, still=still)
+
+
+def import_layout(
+    files: Sequence[Path | str],
+    target_names: Sequence[str],
+    layout: CsvLayout,
+    header_path: Path | str,
+    out: Path | str,
+    *,
+    still: Stillness | None,
+) -> Imported:
+    """Shots from files of a layout; the rest is as in `import_csv`."""
+    job = Job.begin(files, header_path)
+    layout.check(job.robot)
+    if layout.target_column is None:
+        one_target_each(job.paths, target_names)
+        targets: list[str | None] = list(target_names)
+    elif target_names:
+        raise BadInput("targets are stated both by name and by a column", remedy="state one of the two")
+    else:
+        targets = [None] * len(job.paths)
+    _check_shots(layout, still)
+    found = [
+        _found(path, target, job.robot, layout, still)
+        for path, target in zip(job.paths, targets, strict=True)
+    ]
+    return job.finish(found, out, [*_units_told(layout, job.robot), *_columns_told(layout)])
+
+
+def _check_shots(layout: CsvLayout, still: Stillness | None) -> None:
+    if still is None and layout.marker_column is not None:
+        raise BadInput(
+            "a column of markers is stated, but not what counts as standing still",
+            remedy="state the tolerance and the least time (--still-deg, --still-s)",
+        )
+    if still is None:
+        return
+    if layout.time_column is None:
+        raise BadInput("stands can only be found with a column of times", remedy="state it and its unit")
+    if layout.shot_column is not None:
+        raise BadInput("a stand has many rows, and no number of its own", remedy="leave the shot column out")
+    if layout.target_column is not None and layout.marker_column is None:
+        raise BadInput(
+            "the target of a stand cannot be read from a column without markers",
+            remedy="state a marker column, or one target for each file",
+        )
+
+
+def _found(path: Path, target: str | None, robot: Robot, layout: CsvLayout, still: Stillness | None) -> Found:
+    table = read_table(
+        path,
+        header_row=layout.header_row,
+        delimiter=layout.delimiter,
+        decimal=layout.decimal,
+        joints_of=robot if layout.joints_alone else None,
+    )
+    joints = table.numbers(_joint_columns(table, robot, layout)) * _to_display(layout, robot)
+    if layout.j3 == "ground":
+        joints = from_ground(joints, robot)
+    spots = times = None
+    if layout.spot_columns is not None:
+        spots = table.numbers([table.column(name) for name in layout.spot_columns])
+    if layout.time_column is not None and layout.time_units is not None:
+        clock = table.numbers([table.column(layout.time_column)])[:, 0]
+        times = (clock - clock[0]) / PER_SECOND[layout.time_units]
+    names = None if layout.target_column is None else table.texts(table.column(layout.target_column))
+    if still is not None and times is not None:
+        marks = None if layout.marker_column is None else _marks(table, layout.marker_column, times, names)
+        if layout.changes_only:
+            still.tolerance(robot)
+            times, joints = held(times, joints, still.seconds)
+        return Log(path, times, joints, spots, marks).shots(robot, still, target)
+    return Found(
+        path,
+        "row",
+        joints,
+        [target] * len(joints) if target is not None else names or [],
+        lines=table.lines,
+        numbers=None if layout.shot_column is None else _shot_numbers(table, layout.shot_column),
+        spots=spots,
+        times=times,
+    )
+
+
+def _joint_columns(table: Table, robot: Robot, layout: CsvLayout) -> list[int]:
+    """Index of the column of each joint."""
+    if layout.columns is not None:
+        return [table.column(name) for name in layout.columns]
+    own = [joint.name for joint in robot.joints]
+    names = table.names or ()
+    if not layout.joints_alone or (
+        table.names is not None and (len(names) != robot.n or (set(names) == set(own) and list(names) != own))
+    ):
+        raise BadInput(
+            "the columns are not simply the joints in their order",
+            found=", ".join(names) or f"{table.width} columns",
+            allowed=f"{robot.n} columns, joint 1 first ({', '.join(own)})",
+            remedy="name the columns of joint 1, 2, … in this order",
+            file=table.path,
+            line=table.header_line or None,
+        )
+    return list(range(robot.n))
+
+
+def _marks(table: Table, stated: str, times: Matrix, names: list[str] | None) -> list[Mark]:
+    """A mark at each row where the column becomes something, or something else."""
+    texts = table.texts(table.column(stated))
+    values = [text if text.lower() not in ("", "0", "0.0", "false", "nan") else None for text in texts]
+    return [
+        Mark(float(times[i]), None if names is None else names[i])
+        for i, value in enumerate(values)
+        if value is not None and (i == 0 or value != values[i - 1])
+    ]
+
+
+def _shot_numbers(table: Table, stated: str) -> list[int]:
+    column = table.column(stated)
+    for line, text in zip(table.lines, table.texts(column), strict=True):
+        if not text.isdecimal():
+            raise BadInput(
+                f"column {column + 1} is not the number of a shot",
+                found=shown(text),
+                allowed="whole numbers from 0",
+                file=table.path,
+                line=line,
+            )
+    return [int(text) for text in table.texts(column)]
+
+
+def _to_display(layout: CsvLayout, robot: Robot) -> Matrix:
+    """(n,) degrees or mm in one unit of the file."""
+    angle = 1.0 if layout.units == "deg" else math.degrees(1.0)
+    length = 1000.0 if layout.lengths == "m" else 1.0
+    return np.array([angle if joint.kind == "revolute" else length for joint in robot.joints])
+
+
+def _units_told(layout: CsvLayout, robot: Robot) -> list[str]:
+    angles = "angles in radians, turned into degrees" if layout.units == "rad" else "angles in degrees"
+    if not all(joint.kind == "revolute" for joint in robot.joints):
+        angles += f"; prismatic joints in {layout.lengths}"
+    return [angles, *([J3_TOLD] if layout.j3 == "ground" else [])]
+
+
+def _columns_told(layout: CsvLayout) -> list[str]:
+    if layout.columns is not None:
+        told = [f"columns by name, joint 1 first: {', '.join(layout.columns)}"]
+    else:
+        row = "below a header row" if layout.header_row else "no header row"
+        told = [f"columns as they stand, joint 1 first; {row}"]
+    others = {
+        "target": layout.target_column,
+        "number of the shot": layout.shot_column,
+        "spot in mm (dx, dy)": None if layout.spot_columns is None else ", ".join(layout.spot_columns),
+        f"time in {layout.time_units}": layout.time_column,
+        "marker": layout.marker_column,
+    }
+    told += [f"{what}: column {name}" for what, name in others.items() if name is not None]
+    return told

@@ -1,0 +1,222 @@
+"""ROS recordings: sensor_msgs/JointState in ROS 1 bags, ROS 2 bags and mcap files, read without ROS.
+
+By definition of JointState (JointState.msg) positions are radians, metres where the joint slides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...model.errors import BadInput
+from ...model.reading import did_you_mean
+from ...model.robot import Robot
+from .imported import Imported, Job, one_target_each
+from .log import Log, Mark
+from .stands import Stillness
+
+if TYPE_CHECKING:
+    from rosbags.highlevel import AnyReader
+    from rosbags.interfaces import Connection
+
+_JOINT_STATE = "sensor_msgs/msg/JointState"
+
+
+def import_ros(
+    files: Sequence[Path | str],
+    target_names: Sequence[str],
+    header_path: Path | str,
+    out: Path | str,
+    *,
+    still: Stillness,
+    columns: Sequence[str] | None = None,
+    topic: str | None = None,
+    marker_topic: str | None = None,
+) -> Imported:
+    """Shots from bags: where the arm stood still, or of these where a message on `marker_topic` says so.
+
+    `columns` are the names of joint 1, 2, … in the messages, by default the robot's own. `topic` must be
+    stated where there are several of joint states. A marker of text (std_msgs/String) names the target,
+    unless `target_names`, one for each file, do. Times are those at which the messages were recorded.
+    """
+    job = Job.begin(files, header_path)
+    robot = job.robot
+    names = [joint.name for joint in robot.joints] if columns is None else list(columns)
+    if len(names) != robot.n or len(set(names)) != robot.n:
+        raise BadInput(
+            "one name is wanted for each joint",
+            found=", ".join(names),
+            allowed=f"{robot.n} different names ({robot.name} has {robot.n} joints)",
+        )
+    if target_names or marker_topic is None:
+        one_target_each(job.paths, target_names)
+    targets: list[str | None] = [*target_names] if target_names else [None] * len(job.paths)
+    found, topics = [], []
+    for path, target in zip(job.paths, targets, strict=True):
+        log, read = _read(path, robot, names, topic, marker_topic)
+        topics.append(read)
+        found.append(log.shots(robot, still, target))
+    told = [
+        f"joint states on {', '.join(dict.fromkeys(topics))}, in radians by definition of JointState"
+        + ("" if all(joint.kind == "revolute" for joint in robot.joints) else "; prismatic joints in metres"),
+        f"joints by name, joint 1 first: {', '.join(names)}",
+        "every stand is a shot" if marker_topic is None else f"shots by markers on {marker_topic}",
+    ]
+    return job.finish(found, out, told)
+
+
+def _read(
+    path: Path, robot: Robot, names: Sequence[str], topic: str | None, marker_topic: str | None
+) -> tuple[Log, str]:
+    """The log of a bag, and the topic that it was read from."""
+    if not path.exists():
+        raise BadInput("there is no such file", file=path, remedy="name a .bag, .mcap, .db3 or folder")
+    with _opened(path) as reader:
+        states = [c for c in reader.connections if c.msgtype == _JOINT_STATE]
+        chosen = _topic(states, topic, reader, path)
+        stamps, rows = [], []
+        seen: dict[str, None] = {}
+        for stamp, message in _messages(reader, [c for c in states if c.topic == chosen], path):
+            seen.update(dict.fromkeys(message.name))
+            row = _positions(message, names, chosen, path)
+            if row is not None:
+                stamps.append(stamp)
+                rows.append(row)
+        if not rows:
+            raise _no_joints(names, list(seen), chosen, path)
+        marks = None
+        if marker_topic is not None:
+            markers = [c for c in reader.connections if c.topic == marker_topic]
+            if not markers:
+                raise _no_topic(marker_topic, reader, path)
+            marks = [
+                Mark((stamp - stamps[0]) * 1e-9, _target(message))
+                for stamp, message in _messages(reader, markers, path)
+            ]
+    per_unit = np.array([joint.display if joint.kind == "revolute" else 1000.0 for joint in robot.joints])
+    times = np.array([(stamp - stamps[0]) * 1e-9 for stamp in stamps])
+    return Log(path, times, np.array(rows) * per_unit, marks=marks), chosen
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[AnyReader]:
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        raise BadInput(
+            "reading ROS bags needs the library rosbags, which is not installed",
+            remedy='pip install "zerobeam[ros]"',
+        ) from None
+    try:
+        # Older ROS 2 bags hold no definitions; those of JointState and std_msgs are the same in all of them.
+        with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
+            yield reader
+    except BadInput:
+        raise
+    except Exception as error:  # noqa: BLE001 - the library lets through what its parsers meet in a torn file
+        raise BadInput(
+            "the bag cannot be read: it is torn, corrupted or not a bag",
+            found=" ".join(str(error).split()) or type(error).__name__,
+            allowed="a ROS 1 .bag, a ROS 2 bag folder, .mcap or .db3",
+            remedy="repair it with the tools of ROS (rosbag reindex, ros2 bag reindex, mcap recover)",
+            file=path,
+        ) from None
+
+
+def _messages(reader: AnyReader, connections: list[Connection], path: Path) -> Iterator[tuple[int, Any]]:
+    """(ns, message) in the order of recording; BadInput if there are fewer than the bag says."""
+    count = 0
+    for connection, stamp, raw in reader.messages(connections=connections):
+        count += 1
+        yield stamp, reader.deserialize(raw, connection.msgtype)
+    promised = sum(connection.msgcount for connection in connections)
+    if count != promised:
+        raise BadInput(
+            "the bag is not whole",
+            found=f"{count} messages on {connections[0].topic}",
+            allowed=f"{promised}, as the bag itself says",
+            remedy="repair it with the tools of ROS, or record anew",
+            file=path,
+        )
+
+
+def _topic(states: Sequence[Connection], topic: str | None, reader: AnyReader, path: Path) -> str:
+    there = sorted({connection.topic for connection in states})
+    if topic is not None:
+        if topic not in there:
+            if topic in reader.topics:
+                raise BadInput(
+                    "the topic has no joint states",
+                    found=f"{topic} of type {reader.topics[topic].msgtype}",
+                    allowed=", ".join(there) or _JOINT_STATE,
+                    file=path,
+                )
+            raise _no_topic(topic, reader, path)
+        return topic
+    if not there:
+        raise BadInput(
+            "the bag has no joint states",
+            found=", ".join(sorted(reader.topics)) or "no topics",
+            allowed=f"a topic of type {_JOINT_STATE}",
+            file=path,
+        )
+    if len(there) > 1:
+        raise BadInput(
+            "the bag has several topics of joint states",
+            found=", ".join(there),
+            remedy="state which one is of the arm (--topic)",
+            file=path,
+        )
+    return there[0]
+
+
+def _no_topic(topic: str, reader: AnyReader, path: Path) -> BadInput:
+    there = sorted(reader.topics)
+    return BadInput(
+        "there is no topic of this name",
+        found=topic,
+        allowed=", ".join(there),
+        remedy=did_you_mean(topic, there),
+        file=path,
+    )
+
+
+def _positions(message: Any, names: Sequence[str], topic: str, path: Path) -> list[float] | None:
+    """Positions in the order of `names`; None for a message of other joints (a gripper's, say)."""
+    there = list(message.name)
+    if not set(names) & set(there):
+        return None
+    if not set(names) <= set(there):
+        raise _no_joints(names, there, topic, path)
+    position = dict(zip(there, message.position, strict=False))
+    values = [float(position.get(name, np.nan)) for name in names]
+    if not np.all(np.isfinite(values)):
+        raise BadInput(
+            f"a message on {topic} lacks a position",
+            found=", ".join(f"{name} {value:g}" for name, value in zip(names, values, strict=True)),
+            allowed="a finite number for each joint",
+            file=path,
+        )
+    return values
+
+
+def _no_joints(names: Sequence[str], there: Sequence[str], topic: str, path: Path) -> BadInput:
+    missing = next(name for name in names if name not in there)
+    return BadInput(
+        f"the messages on {topic} have no joint {missing!r}",
+        found=", ".join(there) or "no joints",
+        allowed=", ".join(names),
+        remedy=did_you_mean(missing, there) or "state the names of joint 1, 2, … (--columns)",
+        file=path,
+    )
+
+
+def _target(message: Any) -> str | None:
+    """The text of a std_msgs/String; other markers say when, not where."""
+    text = getattr(message, "data", None)
+    return text if isinstance(text, str) else None

@@ -1,0 +1,183 @@
+"""Text files of rows and columns: numbers with their line, columns by name or number, nothing guessed."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...model.errors import BadInput
+from ...model.reading import did_you_mean, read_text, shown
+from ...model.robot import Matrix, Robot
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of text cells, all of one width, and their `lines`; `names` are of the header row, if any."""
+
+    path: Path
+    names: tuple[str, ...] | None
+    header_line: int
+    rows: list[list[str]]
+    lines: list[int]
+    decimal: str
+
+    @property
+    def width(self) -> int:
+        return len(self.rows[0])
+
+    def column(self, stated: str) -> int:
+        """Index of a column that is stated by its name, or by its number counted from 1."""
+        if self.names is not None and stated in self.names:
+            return self.names.index(stated)
+        if stated.isdecimal() and 1 <= int(stated) <= self.width:
+            return int(stated) - 1
+        if self.names is None:
+            raise BadInput(
+                "there is no column of this number",
+                found=stated,
+                allowed=f"1 to {self.width}",
+                remedy="names can be used where the files have a header row, if that is said",
+                file=self.path,
+                line=self.lines[0],
+            )
+        raise BadInput(
+            "there is no column of this name",
+            found=stated,
+            allowed=", ".join(self.names),
+            remedy=_other_delimiter(self.names) or did_you_mean(stated, self.names),
+            file=self.path,
+            line=self.header_line,
+        )
+
+    def numbers(self, columns: list[int]) -> Matrix:
+        """(N, columns) finite numbers; BadInput with line and column of the first that is none."""
+        return np.array([[self._value(i, column) for column in columns] for i in range(len(self.rows))])
+
+    def texts(self, column: int) -> list[str]:
+        return [row[column] for row in self.rows]
+
+    def _value(self, row: int, column: int) -> float:
+        text = self.rows[row][column]
+        value = number(text, self.decimal)
+        if value is None or not math.isfinite(value):
+            raise BadInput(
+                f"column {column + 1} is not a {'finite ' if value is not None else ''}number",
+                found=shown(text),
+                allowed=f"finite numbers with a decimal {'point' if self.decimal == '.' else 'comma'}",
+                remedy="take out a row that was not fully recorded",
+                file=self.path,
+                line=self.lines[row],
+            )
+        return value
+
+
+def number(text: str, decimal: str = ".") -> float | None:
+    """The number, finite or not; None where the text is none (Python alone takes 1_000 for one)."""
+    if "_" in text or (decimal == "," and "." in text):
+        return None
+    try:
+        return float(text.replace(",", ".") if decimal == "," else text)
+    except ValueError:
+        return None
+
+
+def check_signs(delimiter: str, decimal: str) -> None:
+    """BadInput for a delimiter or a decimal sign that cannot be one."""
+    if decimal not in (".", ","):
+        raise BadInput("this cannot be a decimal sign", found=shown(decimal), allowed=". or ,")
+    if len(delimiter) != 1 or delimiter in '."\r\n+-' or delimiter.isalnum():
+        raise BadInput(
+            "this cannot stand between values",
+            found=shown(delimiter),
+            allowed="one character: , ; or tab",
+        )
+    if delimiter == decimal:
+        raise BadInput(
+            "the decimal comma and the delimiter are the same",
+            found=shown(delimiter),
+            remedy="state what stands between two numbers, such as ;",
+        )
+
+
+def read_table(
+    path: Path, *, header_row: bool, delimiter: str, decimal: str, joints_of: Robot | None
+) -> Table:
+    """The table of a file. Without a header row `joints_of` means: its columns are a robot's joints."""
+    text, _ = read_text(path)
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, strict=True)
+    rows: list[list[str]] = []
+    lines: list[int] = []
+    try:
+        for cells in reader:
+            if any(cell.strip() for cell in cells):
+                rows.append([cell.strip() for cell in cells])
+                lines.append(reader.line_num)
+    except csv.Error as error:
+        raise BadInput(f"the file is not valid CSV: {error}", file=path, line=reader.line_num) from None
+    if not rows:
+        raise BadInput("the file has no rows", file=path)
+    names, header_line = None, 0
+    if header_row:
+        names, header_line = tuple(rows.pop(0)), lines.pop(0)
+        _check_names(names, header_line, path, delimiter, decimal)
+        if not rows:
+            raise BadInput("the file has a header row only", file=path)
+        width, whose = len(names), "the header row"
+    else:
+        if len(rows[0]) > 1 and not any(number(cell, decimal) is not None for cell in rows[0]):
+            raise BadInput(
+                "the first row holds no numbers",
+                found=shown(delimiter.join(rows[0])),
+                allowed="numbers" if joints_of is None else f"{joints_of.n} numbers",
+                remedy="if it is a header row, say that there is one",
+                file=path,
+                line=lines[0],
+            )
+        width, whose = len(rows[0]), "the first row"
+        if joints_of is not None:
+            width, whose = joints_of.n, f"{joints_of.name}, which has {joints_of.n} joints"
+    for cells, line in zip(rows, lines, strict=True):
+        if len(cells) != width:
+            whole = not header_row and line == lines[0]
+            raise _wrong_count(cells, width, whose, whole, path, line)
+    return Table(path, names, header_line, rows, lines, decimal)
+
+
+def _check_names(names: tuple[str, ...], line: int, path: Path, delimiter: str, decimal: str) -> None:
+    if all(number(name, decimal) is not None for name in names):
+        raise BadInput(
+            "the first row is not a header row: it holds numbers only",
+            found=shown(delimiter.join(names)),
+            remedy="do not state a header row: the first row would be lost",
+            file=path,
+            line=line,
+        )
+    for name in names:
+        if names.count(name) > 1:
+            raise BadInput("two columns have the same name", found=shown(name), file=path, line=line)
+
+
+def _wrong_count(cells: list[str], width: int, whose: str, first: bool, path: Path, line: int) -> BadInput:
+    # The first row decides whether the file is of another robot; a later one is broken in itself.
+    remedy = _other_delimiter(cells)
+    if remedy is None and first:
+        remedy = "take out the columns that are no joints, or name the columns"
+    return BadInput(
+        "the row has the wrong number of values",
+        found=f"{len(cells)} values",
+        allowed=f"{width}, as {whose}",
+        remedy=remedy,
+        file=path,
+        line=line,
+    )
+
+
+def _other_delimiter(cells: Sequence[str]) -> str | None:
+    other = next((sign for sign in ";\t, " if len(cells) == 1 and sign in cells[0]), None)
+    return None if other is None else f"the values seem to be parted by {shown(other)}: state the delimiter"
