@@ -150,6 +150,16 @@ HoldOut = Annotated[
 ]
 RunFile = Annotated[Path, typer.Argument(help="Run file (.jsonl).", show_default=False)]
 PlanFile = Annotated[Path, typer.Argument(help="Plan file (.yaml).", show_default=False)]
+HeaderFile = Annotated[
+    Path, typer.Option("--header", help="Header file (.yaml): robot, tool, noise.", show_default=False)
+]
+NewRunFile = Annotated[
+    Path, typer.Option("-o", "--out", help="Run file to write (.jsonl).", show_default=False)
+]
+StudyFolder = Annotated[Path, typer.Option("-o", "--out", help="Folder for the study.", show_default=False)]
+Camera = Annotated[
+    bool, typer.Option("--camera/--no-camera", help="Find the PSD in pictures, or by the beam alone.")
+]
 ExportFile = Annotated[Path, typer.Option("-o", "--out", help="File to write.", show_default=False)]
 AllowWeak = Annotated[
     bool, typer.Option("--allow-weak", help="Export weak offsets too; the file marks them.")
@@ -294,9 +304,7 @@ def plan(
     kind: Annotated[
         PlanKind, typer.Argument(help="x or y: the paper's patterns; optimal.", show_default=False)
     ],
-    header: Annotated[
-        Path, typer.Option(help="Header file (.yaml): robot, tool, noise.", show_default=False)
-    ],
+    header: HeaderFile,
     target: Annotated[
         str, typer.Option(help="Where the target stands: X,Y,Z in mm, base frame.", show_default=False)
     ],
@@ -372,16 +380,12 @@ def plan(
 @app.command()
 def run(
     plan: PlanFile,
-    file: Annotated[
-        Path, typer.Option("-o", "--out", help="Run file to write (.jsonl).", show_default=False)
-    ],
+    file: NewRunFile,
     rig: Annotated[RigName, typer.Option(help="What carries the plan out.")] = RigName.SIMULATED,
     cell: Annotated[
         Path | None, typer.Option(help="Cell file (.yaml) of the simulated rig.", show_default=False)
     ] = None,
-    camera: Annotated[
-        bool, typer.Option("--camera/--no-camera", help="Find the PSD in pictures, or by the beam alone.")
-    ] = True,
+    camera: Camera = True,
     recorded: Annotated[
         Path | None, typer.Option(help="Run file that a replay gives back.", show_default=False)
     ] = None,
@@ -554,12 +558,6 @@ def schema(
     _print_json(json_schema(name))
 
 
-_HeaderFile = Annotated[
-    Path, typer.Option("--header", help="Header file (.yaml): robot, tool, noise.", show_default=False)
-]
-_RunFile = Annotated[
-    Path, typer.Option("-o", "--out", help="Run file to write (.jsonl).", show_default=False)
-]
 _TargetEach = Annotated[
     list[str],
     typer.Option(help="Target of a file's shots: once for each file, in their order.", show_default=False),
@@ -577,6 +575,10 @@ _StillDeg = Annotated[
 _StillSeconds = Annotated[float, typer.Option(help="At rest: for at least so long.", show_default=False)]
 _StillMm = Annotated[
     float | None, typer.Option(help="At rest: each prismatic joint within so many mm.", show_default=False)
+]
+_MarkerColumn = Annotated[
+    str | None,
+    typer.Option(help="Only stands in which this column becomes other than 0.", show_default=False),
 ]
 _PointNames = Annotated[
     str | None,
@@ -600,9 +602,9 @@ def _write_imported(imported: Imported, file: Path) -> None:
 @imports.command("csv")
 def import_csv(
     files: Annotated[list[Path], typer.Argument(help="CSV files, one posture a row.", show_default=False)],
-    header: _HeaderFile,
+    header: HeaderFile,
     units: Annotated[AngleUnit, typer.Option(help="Unit of the angles.", show_default=False)],
-    file: _RunFile,
+    file: NewRunFile,
     target: _Targets = None,
     target_column: Annotated[
         str | None, typer.Option(help="Column with each row's target, instead.", show_default=False)
@@ -644,10 +646,7 @@ def import_csv(
         float | None, typer.Option(help="… for at least so many seconds.", show_default=False)
     ] = None,
     still_mm: _StillMm = None,
-    marker_column: Annotated[
-        str | None,
-        typer.Option(help="Only stands in which this column becomes other than 0.", show_default=False),
-    ] = None,
+    marker_column: _MarkerColumn = None,
 ) -> None:
     """Recorded joint positions in CSV files. Units and target names are stated, never guessed."""
     from .experiments import importers
@@ -687,8 +686,8 @@ def import_ros(
     files: Annotated[
         list[Path], typer.Argument(help="ROS 1 or 2 bags: .bag, .mcap, .db3 or folder.", show_default=False)
     ],
-    header: _HeaderFile,
-    file: _RunFile,
+    header: HeaderFile,
+    file: NewRunFile,
     still_deg: _StillDeg,
     still_s: _StillSeconds,
     still_mm: _StillMm = None,
@@ -737,19 +736,16 @@ def import_log(
         ),
     ],
     files: Annotated[list[Path], typer.Argument(help="Logs as CSV files.", show_default=False)],
-    header: _HeaderFile,
+    header: HeaderFile,
     target: _TargetEach,
-    file: _RunFile,
+    file: NewRunFile,
     still_deg: _StillDeg,
     still_s: _StillSeconds,
     still_mm: _StillMm = None,
     delimiter: Annotated[
         str | None, typer.Option(help="What stands between two values, if not as usual.", show_default=False)
     ] = None,
-    marker_column: Annotated[
-        str | None,
-        typer.Option(help="Only stands in which this column becomes other than 0.", show_default=False),
-    ] = None,
+    marker_column: _MarkerColumn = None,
 ) -> None:
     """Logs over time of a known layout: a shot is where the arm is at rest. Other logs: import csv."""
     from .experiments import importers
@@ -770,9 +766,9 @@ def import_log(
 @imports.command("fanuc")
 def import_fanuc(
     files: Annotated[list[Path], typer.Argument(help="TP programs as text (.ls).", show_default=False)],
-    header: _HeaderFile,
+    header: HeaderFile,
     target: _TargetEach,
-    file: _RunFile,
+    file: NewRunFile,
     j3: Annotated[
         J3Origin,
         typer.Option(help="What joint 3 is counted from; on the pendant: ground.", show_default=False),
@@ -790,9 +786,9 @@ def import_fanuc(
 @imports.command("kuka")
 def import_kuka(
     files: Annotated[list[Path], typer.Argument(help="Data lists (.dat).", show_default=False)],
-    header: _HeaderFile,
+    header: HeaderFile,
     target: _TargetEach,
-    file: _RunFile,
+    file: NewRunFile,
     points: _PointNames = None,
 ) -> None:
     """Axis positions (AXIS, E6AXIS) that were taught with the beam on the target."""
@@ -803,7 +799,7 @@ def import_kuka(
 
 @studies.command("coverage")
 def study_coverage(
-    folder: Annotated[Path, typer.Option("-o", "--out", help="Folder for the study.", show_default=False)],
+    folder: StudyFolder,
     data_sets: Annotated[int, typer.Option(min=100, help="Simulated runs of each plan.")] = 1000,
     seed: Seed = 0,
     as_json: Json = False,
@@ -816,11 +812,9 @@ def study_coverage(
 
 @studies.command("cell")
 def study_cell(
-    folder: Annotated[Path, typer.Option("-o", "--out", help="Folder for the study.", show_default=False)],
+    folder: StudyFolder,
     runs: Annotated[int, typer.Option(min=20, help="Simulated runs of each plan.")] = 200,
-    camera: Annotated[
-        bool, typer.Option("--camera/--no-camera", help="Find the PSD in pictures, or by the beam alone.")
-    ] = True,
+    camera: Camera = True,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
@@ -832,7 +826,7 @@ def study_cell(
 
 @studies.command("table2")
 def study_table2(
-    folder: Annotated[Path, typer.Option("-o", "--out", help="Folder for the study.", show_default=False)],
+    folder: StudyFolder,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:

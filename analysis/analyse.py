@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from scipy.special import chdtrc, stdtrit
+from scipy.special import stdtrit
 from threadpoolctl import threadpool_limits
 
 from ..model.errors import BadInput
@@ -16,7 +16,7 @@ from ..model.run import Run
 from .displacement import displacement
 from .fit import LikelihoodFit, fit_likelihood, start_at
 from .hold_out import hold_out
-from .identifiability import Identified, identify, no_better_than
+from .identifiability import Identified, identify_at
 from .influence import influence
 from .midpoint import MidpointFit, fit_midpoint
 from .notes import OUTLYING, misfit, notes
@@ -85,9 +85,8 @@ def _analyse(
     midpoint = fit_midpoint(problem)
     tell("fit", 1.0)
     tell("identifiability", 0.0)
-    identified = identify(problem, fit.x, fit.weight)
+    identified = identify_at(fit)
     std = problem.parameters.unscaled(fit.std)
-    identified = no_better_than(problem, identified, std)
     tell("identifiability", 1.0)
     draws: Draws | None = None
     if fit.converged:
@@ -138,8 +137,8 @@ def _analyse(
 
 def require_noise_data(problem: Problem) -> None:
     """Raise BadInput where the noise scale is to be estimated from no more numbers than unknowns."""
-    free = int(problem.parameters.free.sum())
-    if not problem.noise.known and problem.data_size <= free:
+    if not problem.tells_noise:
+        free = int(problem.parameters.free.sum())
         raise BadInput(
             "the noise scale cannot be estimated from so few shots",
             found=f"{problem.data_size} numbers from {problem.shots} shots for {free} unknowns",
@@ -292,10 +291,9 @@ def _profile_width(problem: Problem, summary: FitSummary) -> float:
 
 def _likelihood_summary(problem: Problem, fit: LikelihoodFit, identified: Identified) -> FitSummary:
     before, _ = problem.linearise(start_at(problem, np.zeros((1, len(fit.z))))[0])
-    chi2 = float(fit.whitened.residual @ fit.whitened.residual)
-    dof = problem.data_size - identified.facts.rank
+    chi2, dof, p_value = fit.against_noise(identified.facts.rank)
     message = None
-    if dof <= 0:
+    if dof == 0:
         message = "as many unknowns as numbers: the fit cannot be checked against the noise"
     elif not problem.noise.known:
         message = "the noise is estimated from these misses, so they cannot contradict it"
@@ -308,8 +306,8 @@ def _likelihood_summary(problem: Problem, fit: LikelihoodFit, identified: Identi
         rms_mm=rms_length(fit.whitened.miss),
         rms_before_mm=rms_length(before),
         chi2=chi2,
-        dof=max(dof, 0),
-        p_value=float(chdtrc(dof, chi2)) if dof > 0 and problem.noise.known else None,
+        dof=dof,
+        p_value=p_value,
         noise_scale=float(1 / np.sqrt(fit.weight)) if problem.noise.estimated else None,
         other_basins=fit.other_basins,
         message=message,

@@ -7,9 +7,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtrc
 
 from ..model.density import Density
 from ..model.kernel import Index
@@ -49,6 +51,15 @@ class Fits:
         return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
 
 
+class AgainstNoise(NamedTuple):
+    """Chi-squared of the residuals, its degrees of freedom, and the chance of one as large by the stated
+    noise: None where the noise is estimated or no number is left to contradict it."""
+
+    chi2: float
+    dof: int
+    p_value: float | None
+
+
 @dataclass(frozen=True, eq=False)
 class LikelihoodFit:
     """The best mode of one run, a row of `Fits`."""
@@ -75,6 +86,13 @@ class LikelihoodFit:
     def std(self) -> Matrix:
         """(f,) of the free parameters, scaled by their priors."""
         return np.sqrt(np.diag(self.covariance))
+
+    def against_noise(self, rank: int) -> AgainstNoise:
+        """The residuals against the stated noise, of which the data's `rank` is taken up by the fit."""
+        chi2 = float(self.whitened.residual @ self.whitened.residual)
+        dof = max(self.problem.data_size - rank, 0)
+        judged = dof > 0 and self.problem.noise.known
+        return AgainstNoise(chi2, dof, float(chdtrc(dof, chi2)) if judged else None)
 
 
 def fit_likelihood(

@@ -7,7 +7,7 @@ shots that hit. There is no pseudo-inverse here: where the data say nothing, the
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,9 @@ from ..model.robot import Matrix
 from .aim import aim, moving_joints
 from .mechanisms import Mechanism, mechanisms, unexplained
 from .result import Identifiability, NullDirection, Status
+
+if TYPE_CHECKING:
+    from .fit import LikelihoodFit
 
 _ROUNDING = 1e-11  # singular values below this share of a unit column are rounding
 _PART = 1e-6  # a parameter with less than this in a unit null vector has no part in it
@@ -78,6 +81,13 @@ def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
         null_space=tuple(null_space),
     )
     return Identified(status, data_std, facts)
+
+
+def identify_at(fit: LikelihoodFit) -> Identified:
+    """Judge the shots of a fit at its mode, and no parameter better than the std found there."""
+    problem = fit.problem
+    identified = identify(problem, fit.x, fit.weight)
+    return no_better_than(problem, identified, problem.parameters.unscaled(fit.std))
 
 
 def no_better_than(problem: Problem, identified: Identified, std: Matrix) -> Identified:

@@ -69,6 +69,6 @@ def _blocks(problem: Problem, fit: LikelihoodFit) -> tuple[Matrix, Matrix, NDArr
     """Whitened Jacobians (N, d, f) and misses (N, d) of the shots, and which decide something alone."""
     d, rows = problem.tool.miss_size, problem.shots * problem.tool.miss_size
     root = np.sqrt(fit.weight)
-    blocks = fit.whitened.jacobian[:rows, problem.parameters.free].reshape(problem.shots, d, -1) * root
+    blocks = problem.roots(fit.whitened) * root
     _, decides = leverages(blocks, fit.covariance)
     return blocks, fit.whitened.residual[:rows].reshape(problem.shots, d) * root, decides

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..model.problem import Problem
 from ..model.robot import Matrix
@@ -100,9 +99,8 @@ def advice(problem: Problem, x: Matrix) -> Advice | None:
     aimed = aim(problem.select(rows).moved(joints), x, servo_joints(problem))
     turned = aimed.problem.joints
     inside = np.asarray(((turned >= robot.lower) & (turned <= robot.upper)).all(axis=1))
-    free = problem.parameters.free
-    own = _informations(problem, x, free)
-    new = _informations(aimed.problem, x, free)
+    own = _informations(problem, x)
+    new = _informations(aimed.problem, x)
     total = _information(problem, x)
     before = _worst(problem, np.sqrt(np.diag(np.linalg.inv(total))))
     best: Advice | None = None
@@ -124,10 +122,9 @@ def _information(problem: Problem, x: Matrix) -> Matrix:
     return jacobian.T @ jacobian + np.eye(jacobian.shape[1])
 
 
-def _informations(problem: Problem, x: Matrix, free: NDArray[np.bool_]) -> Matrix:
+def _informations(problem: Problem, x: Matrix) -> Matrix:
     """(N, f, f) of each shot alone, without priors."""
-    rows = problem.shots * problem.tool.miss_size
-    blocks = problem.whiten(x).jacobian[:rows, free].reshape(problem.shots, problem.tool.miss_size, -1)
+    blocks = problem.roots(problem.whiten(x))
     return np.asarray(blocks.transpose(0, 2, 1) @ blocks)
 
 

@@ -120,7 +120,7 @@ def _sandwich(
     """
     d, rows = problem.tool.miss_size, problem.shots * problem.tool.miss_size
     whitened = problem.whiten(x)
-    jacobian = whitened.jacobian[:rows, problem.parameters.free].reshape(problem.shots, d, -1) / scale
+    jacobian = problem.roots(whitened) / scale
     misses = whitened.residual[:rows].reshape(problem.shots, d) / scale
     prior = Density(problem).prior_information(x[None])[0]
     root = np.sqrt(weights)[:, None]

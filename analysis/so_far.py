@@ -8,13 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from scipy.special import chdtrc
-
 from ..model.problem import Problem
 from ..model.robot import Matrix
 from .displacement import Displacement, displacement, displacement_sentence
 from .fit import LikelihoodFit, fit_likelihood
-from .identifiability import Identified, identify, no_better_than
+from .identifiability import Identified, identify_at
 from .notes import LACK_OF_FIT
 from .result import Status, Verdict
 from .verdict import verdict, verdict_sentence
@@ -84,16 +82,14 @@ class SoFar:
 def so_far(problem: Problem) -> SoFar:
     """What the shots of `problem` (one at least) tell."""
     judged = problem
-    if not problem.noise.known and problem.data_size <= int(problem.parameters.free.sum()):
+    if not problem.tells_noise:
         # Nothing is known while the noise cannot be estimated; the stated one serves to aim the next shot.
         judged, _ = problem.with_noise_of(problem.supposed())
     fit = fit_likelihood(judged, starts=0)
     told = fit.converged and judged is problem
-    identified = identify(judged, fit.x, fit.weight)
-    identified = no_better_than(judged, identified, judged.parameters.unscaled(fit.std))
+    identified = identify_at(fit)
     moved = displacement(fit) if told else None
-    dof = problem.data_size - identified.facts.rank
-    chi2 = float(fit.whitened.residual @ fit.whitened.residual)
+    _, dof, p_value = fit.against_noise(identified.facts.rank)
     x = problem.supposed()
     x[: len(fit.x)] = fit.x
     return SoFar(
@@ -102,8 +98,8 @@ def so_far(problem: Problem) -> SoFar:
         verdict=verdict(problem, identified) if told else "degenerate",
         headline=verdict_sentence(problem, identified) if told else "These shots tell no offset yet.",
         offsets=tuple(_offsets(judged, fit, identified, told)),
-        dof=max(dof, 0),
-        p_value=float(chdtrc(dof, chi2)) if told and dof > 0 and problem.noise.known else None,
+        dof=dof,
+        p_value=p_value if told else None,
         displaced=moved if moved is not None and moved.significant else None,
     )
 

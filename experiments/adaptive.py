@@ -96,6 +96,4 @@ class Adaptive:
     def _roots(self, x: Matrix) -> Matrix:
         """(N, d, f) whitened Jacobians of all postures, turned onto their targets at x (p,)."""
         aimed = aim(self._problem, x, servo_joints(self._problem)).problem
-        rows, d = aimed.shots * aimed.tool.miss_size, aimed.tool.miss_size
-        whitened = aimed.whiten(x).jacobian[:rows, aimed.parameters.free]
-        return np.asarray(whitened.reshape(aimed.shots, d, -1))
+        return aimed.roots(aimed.whiten(x))

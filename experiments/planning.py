@@ -73,8 +73,7 @@ class Planner:
         free = parameters.free
         whitened = self._problem.whiten(self._x)
         self._factor = whitened.factor
-        rows = len(found.postures) * self._problem.tool.miss_size
-        roots = whitened.jacobian[:rows, free].reshape(len(found.postures), self._problem.tool.miss_size, -1)
+        roots = self._problem.roots(whitened)
         self._offsets = [item for item in parameters.items if item.group == "offset" and not item.held]
         if not self._offsets:
             raise BadInput("there is nothing to plan for: every offset is held", remedy="free some in `held`")

@@ -89,6 +89,7 @@ class Procedure:
     def __post_init__(self) -> None:
         self._problem = Problem.from_plan(self.plan)
         self._supposed = self._problem.supposed()
+        self._near = _near_supposed(self._problem, self._supposed)
         self._refused: dict[int, RefusedShot] = {}
 
     def carry_out(self) -> Carried:
@@ -146,25 +147,14 @@ class Procedure:
         return Belief(self._problem.select(np.array([self._posture(number)])), self._believed())
 
     def _believed(self) -> Matrix:
-        """(p,) where shots are aimed: the mode of the shots so far, with the noise as stated.
-
-        Few shots can be explained by targets far away or by offsets of many degrees, as wide priors allow;
-        the next shots would then be aimed far aside. For aiming both are kept near what is supposed.
-        """
+        """(p,) where shots are aimed: the mode of the shots so far, by `_near_supposed`."""
         x, shots = self._supposed.copy(), self.journal.shots
         # A replay is read as it was recorded: in the axes of what was supposed then, as it does itself.
         if not shots or not self.rig.steerable:
             return x
-        parameters = self._problem.parameters
-        items = tuple(
-            replace(item, prior_mean=float(mean), prior_std=min(item.prior_std, _NEAR[item.unit]))
-            if item.group in ("target", "offset") and not item.held
-            else item
-            for item, mean in zip(parameters.items, x, strict=True)
-        )
-        near, _ = replace(self._problem, parameters=Parameters(items)).with_noise_of(x)
-        found = fit_likelihood(with_shots(near, shots), starts=0).x
+        found = fit_likelihood(with_shots(self._near, shots), starts=0).x
         x[: len(found)] = found
+        parameters = self._problem.parameters
         seen = {shot.target for shot in shots}
         told = [item.group != "target" or item.name.rpartition(".")[0] in seen for item in parameters.items]
         return np.where(told, x, self._supposed)
@@ -243,6 +233,21 @@ class Procedure:
             yield
         finally:
             self.seconds[name] += self.rig.now() - began
+
+
+def _near_supposed(problem: Problem, x: Matrix) -> Problem:
+    """The problem for aiming: the noise as stated, offsets and targets near what is supposed, x (p,).
+
+    Few shots can be explained by targets far away or by offsets of many degrees, as wide priors allow; the
+    next shots would then be aimed far aside.
+    """
+    items = tuple(
+        replace(item, prior_mean=float(mean), prior_std=min(item.prior_std, _NEAR[item.unit]))
+        if item.group in ("target", "offset") and not item.held
+        else item
+        for item, mean in zip(problem.parameters.items, x, strict=True)
+    )
+    return replace(problem, parameters=Parameters(items)).with_noise_of(x)[0]
 
 
 def recorded_event(shot: Shot, recorded: int, state: SoFar) -> dict[str, Any]:

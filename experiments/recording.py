@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -77,13 +78,10 @@ def record(plan: Plan, file: Path, request: Request, told: Told) -> dict[str, An
 
 def _by_hand(plan: Plan, file: Path, request: Request, told: Told) -> dict[str, Any]:
     """A probe is led into its socket by hand: no servo, no sensors; only the simulated rig can do that."""
-    for name, value in (
-        ("--cell", request.cell),
-        ("--recorded", request.recording),
-        ("--adaptive", request.tolerance),
-    ):
-        if value is not None:
-            raise BadInput(f"{name} is for a laser; the plan's tool is a probe", remedy=f"leave {name} out")
+    _refuse(
+        {"--cell": request.cell, "--recorded": request.recording, "--adaptive": request.tolerance},
+        "is for a laser; the plan's tool is a probe",
+    )
     if request.rig != "simulated":
         raise BadInput(
             f"the rig {request.rig} cannot lead a probe", remedy="use a laser, or --rig simulated to rehearse"
@@ -119,9 +117,7 @@ def _rig(
     """The rig, and what the run's provenance says of its making."""
     about: dict[str, str | int | float] = {"plan sha256": plan.sha256}
     if request.rig == "abb":
-        for name, value in (("--cell", request.cell), ("--recorded", request.recording)):
-            if value is not None:
-                raise BadInput(f"{name} is not for the ABB rig", remedy=f"leave {name} out")
+        _refuse({"--cell": request.cell, "--recorded": request.recording}, "is not for the ABB rig")
         if request.controller is None:
             raise BadInput("the ABB rig needs a controller", remedy="state --host")
         reached = request.controller
@@ -144,6 +140,13 @@ def _rig(
         return SimulatedRig(plan, cell, request.seed, resumed=request.resume), about
     except BadInput as error:
         raise error.at(request.cell or plan.path, None) from None
+
+
+def _refuse(options: Mapping[str, object], why: str) -> None:
+    """BadInput for the first of the options that is stated."""
+    for name, value in options.items():
+        if value is not None:
+            raise BadInput(f"{name} {why}", remedy=f"leave {name} out")
 
 
 def _header(plan: Plan, file: Path, about: dict[str, str | int | float]) -> Header:

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..analysis.aim import aim, servo_joints
 from ..model.errors import RigFault
-from ..model.header import Header
 from ..model.plan import Plan
 from ..model.problem import Problem
 from ..model.robot import Matrix
-from ..model.robot_file import rebased
 from ..model.run import Shot
 
 
@@ -120,10 +117,3 @@ def simulated_readings(problem: Problem, truths: Matrix, rng: np.random.Generato
     if problem.tool.kind != "laser":
         spots = np.zeros_like(spots)
     return Readings(joints.reshape(count, shots, -1), spots, met)
-
-
-def simulated_run_header(plan: Plan, truth: Truth, file: Path, seed: int) -> Header:
-    """The plan's header as that of a run in `file`, with the truth and the seed in its provenance."""
-    provenance = {**plan.header.provenance, "origin": "simulated", "seed": seed, **truth.provenance()}
-    robot = rebased(plan.header.robot, plan.path.parent, file.parent)
-    return plan.header.model_copy(update={"provenance": provenance, "robot": robot})

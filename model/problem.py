@@ -155,6 +155,11 @@ class Problem:
         """Number of residuals: d for each shot, one for each distance."""
         return self.shots * self.tool.miss_size + len(self.distances)
 
+    @property
+    def tells_noise(self) -> bool:
+        """Whether the noise is known, or there are more numbers than unknowns to estimate it from."""
+        return self.noise.known or self.data_size > int(self.parameters.free.sum())
+
     @cached_property
     def columns(self) -> Index:
         """(N, n + 3 + k): where the columns of each shot's own Jacobian stand among the parameters."""
@@ -262,6 +267,12 @@ class Problem:
             jacobian[:, row, n + 3 * stated.second : n + 3 * stated.second + 3] = along
             jacobian[:, row, n + 3 * stated.first : n + 3 * stated.first + 3] = -along
         return residual, jacobian
+
+    def roots(self, whitened: Whitened) -> Matrix:
+        """(N, d, f) each shot's whitened Jacobian by the free parameters: its information is their square."""
+        d = self.tool.miss_size
+        jacobian = whitened.jacobian[: self.shots * d, self.parameters.free]
+        return np.asarray(jacobian.reshape(self.shots, d, -1))
 
     def nearest_targets(self, delta: Matrix, tool: Matrix, joints: Matrix | None = None) -> Matrix:
         """(W, K, 3) mm: for each target the point nearest to all its beams (or the mean of the tips).

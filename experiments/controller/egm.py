@@ -16,8 +16,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...model.errors import BadInput
 from ...model.robot import Matrix
+from ..extras import missing_extra
 from .packet_line import PacketFaults, PacketLine
 
 _LARGEST = 65536
@@ -144,7 +144,5 @@ def _messages() -> Any:
         from abb_robot_client._egm_protobuf import egm_pb2
         from google.protobuf.message import DecodeError
     except ImportError:
-        raise BadInput(
-            "EGM needs the extra `abb`, which is not installed", remedy='pip install "zerobeam[abb]"'
-        ) from None
+        raise missing_extra("EGM", "abb") from None
     return _Messages(egm_pb2, DecodeError)

@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtrc, stdtrit
+from scipy.special import stdtrit
 from threadpoolctl import threadpool_limits
 
 from ...analysis.analyse import require_noise_data
 from ...analysis.displacement import displacement, displacement_sentence
-from ...analysis.fit import LikelihoodFit, fit_likelihood
-from ...analysis.identifiability import Identified, identify, no_better_than
+from ...analysis.fit import AgainstNoise, LikelihoodFit, fit_likelihood
+from ...analysis.identifiability import Identified, identify_at
 from ...analysis.notes import LACK_OF_FIT
 from ...analysis.result import Status
 from ...analysis.verdict import listed, reason_for
@@ -138,11 +138,11 @@ def _calibration(run: Run, allow_weak: bool, allow_displaced: bool, without: Seq
             f"{run.path}: the fit did not converge ({fit.reason}): nothing can be exported\n"
             "  to do:   look at the run with zerobeam analyse; record more shots, in varied postures"
         )
-    identified = identify(problem, fit.x, fit.weight)
+    identified = identify_at(fit)
     std = problem.parameters.unscaled(fit.std)
-    identified = no_better_than(problem, identified, std)
-    dof = problem.data_size - identified.facts.rank
-    _require_consistent(problem, fit, dof)
+    against = fit.against_noise(identified.facts.rank)
+    dof = against.dof
+    _require_consistent(fit, against)
     moved = _displaced(fit, allow_displaced)
     quantile = float(stdtrit(dof, 0.975)) if problem.noise.estimated and dof > 0 else _NORMAL_95
     names = problem.parameters.names[: run.robot.n]
@@ -178,17 +178,16 @@ def _calibration(run: Run, allow_weak: bool, allow_displaced: bool, without: Seq
     )
 
 
-def _require_consistent(problem: Problem, fit: LikelihoodFit, dof: int) -> None:
+def _require_consistent(fit: LikelihoodFit, against: AgainstNoise) -> None:
     """BadInput where estimates and stds may not be relied on although the fit converged.
 
     There is no option to go on: with noise that is understated no status means anything, and the run's header
     can state it as it is.
     """
-    chi2 = float(fit.whitened.residual @ fit.whitened.residual)
-    if problem.noise.known and dof > 0 and chdtrc(dof, chi2) < LACK_OF_FIT:
+    if against.p_value is not None and against.p_value < LACK_OF_FIT:
         raise BadInput(
             "the shots contradict the model, so no offset can be relied on",
-            found=f"misses {np.sqrt(chi2 / dof):.1f} times what the stated noise explains",
+            found=f"misses {np.sqrt(against.chi2 / against.dof):.1f} times what the stated noise explains",
             allowed=f"misses as large as these with a chance of at least {LACK_OF_FIT:g}",
             remedy="look for the cause with zerobeam report (a shot or target that is off, geometry, play);"
             " or state the noise as it is: noise.scale: estimated in the header widens all intervals",

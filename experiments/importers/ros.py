@@ -15,6 +15,7 @@ import numpy as np
 from ...model.errors import BadInput
 from ...model.reading import did_you_mean
 from ...model.robot import Robot
+from ..extras import missing_extra
 from .imported import Imported, Job, one_target_each
 from .log import Log, Mark
 from .stands import Stillness
@@ -108,10 +109,7 @@ def _opened(path: Path) -> Iterator[AnyReader]:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
-        raise BadInput(
-            "reading ROS bags needs the library rosbags, which is not installed",
-            remedy='pip install "zerobeam[ros]"',
-        ) from None
+        raise missing_extra("reading ROS bags", "ros", needed="the library rosbags") from None
     try:
         # Older ROS 2 bags hold no definitions; those of JointState and std_msgs are the same in all of them.
         with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:

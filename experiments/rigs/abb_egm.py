@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from ...model.errors import BadInput, RigFault
+from ...model.errors import RigFault
 from ...model.robot import Matrix
+from ..extras import missing_extra
 
 DEAD_MAN_S = 0.1  # without feedback, and the arm is told nothing more
 _FIRST_S = 5.0  # until the first EgmRobot
@@ -41,10 +42,7 @@ class Guidance:
             from abb_robot_client._egm_protobuf import egm_pb2
             from google.protobuf.message import DecodeError
         except ImportError:
-            raise BadInput(
-                "the ABB rig needs the extra `abb`, which is not installed",
-                remedy='pip install "zerobeam[abb]"',
-            ) from None
+            raise missing_extra("the ABB rig", "abb") from None
         self._messages: Any = egm_pb2
         self._unreadable: Any = DecodeError
         self._controller, self._speed = controller, speed

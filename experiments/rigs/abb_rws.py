@@ -7,7 +7,8 @@ import time
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from ...model.errors import BadInput, RigFault
+from ...model.errors import RigFault
+from ..extras import missing_extra
 from .abb_access import Access
 
 T = TypeVar("T")
@@ -46,10 +47,7 @@ class Session:
             import requests
             from abb_robot_client import rws
         except ImportError:
-            raise BadInput(
-                "the ABB rig needs the extra `abb`, which is not installed",
-                remedy='pip install "zerobeam[abb]"',
-            ) from None
+            raise missing_extra("the ABB rig", "abb") from None
         base = f"http://{access.address}:{access.port}"
         self._requests, self._error = requests, rws.ABBException
         self._rws = rws.RWS(base, access.user, access.password.reveal())
