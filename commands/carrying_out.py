@@ -1,0 +1,211 @@
+"""The commands that move an arm, or stand in for one: run, controller."""
+
+from __future__ import annotations
+
+import json
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ..model.errors import BadInput
+from .console import EXIT_STATUS, INTERRUPTED, err, out, print_json, stoppable
+from .options import Camera, Json, NewRunFile, PlanFile, Seed
+
+if TYPE_CHECKING:
+    from ..experiments.recording import Controller
+
+
+class RigName(StrEnum):
+    """What can carry a plan out."""
+
+    SIMULATED = "simulated"
+    REPLAY = "replay"
+    ABB = "abb"
+
+
+def run(
+    plan: PlanFile,
+    file: NewRunFile,
+    rig: Annotated[RigName, typer.Option(help="What carries the plan out.")] = RigName.SIMULATED,
+    cell: Annotated[
+        Path | None, typer.Option(help="Cell file (.yaml) of the simulated rig.", show_default=False)
+    ] = None,
+    camera: Camera = True,
+    recorded: Annotated[
+        Path | None, typer.Option(help="Run file that a replay gives back.", show_default=False)
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with a run that was stopped.")] = False,
+    adaptive: Annotated[
+        bool,
+        typer.Option(
+            "--adaptive", help="Choose the next posture by the shots so far; end when it is enough."
+        ),
+    ] = False,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(
+            help="With --adaptive: the std that is enough (deg; mm). Default: the plan's.", show_default=False
+        ),
+    ] = None,
+    host: Annotated[
+        str | None, typer.Option(help="ABB: address of the controller.", show_default=False)
+    ] = None,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="ABB: port of Robot Web Services.")] = 80,
+    egm_port: Annotated[int, typer.Option(min=1, max=65535, help="ABB: own UDP port for EGM.")] = 6510,
+    sensor_port: Annotated[
+        int, typer.Option(min=1, max=65535, help="ABB: port of PSD and camera at the host.")
+    ] = 6520,
+    user: Annotated[
+        str | None, typer.Option(help="ABB: user, else ZEROBEAM_ABB_USER.", show_default=False)
+    ] = None,
+    password: Annotated[
+        str | None,
+        typer.Option(help="ABB: password, else ZEROBEAM_ABB_PASSWORD or the keyring.", show_default=False),
+    ] = None,
+    speed: Annotated[float, typer.Option(help="ABB: share of the joints' top speeds.")] = 0.25,
+    yes: Annotated[bool, typer.Option("--yes", help="ABB: move without asking first.")] = False,
+    closing: Annotated[
+        bool,
+        typer.Option("--closing", help="Shoot the first posture again at the end: has the PSD moved?"),
+    ] = False,
+    seed: Seed = 0,
+    as_json: Json = False,
+    json_lines: Annotated[
+        bool, typer.Option("--json-lines", help="Print every event as a line of JSON as it happens.")
+    ] = False,
+) -> None:
+    """Carry a plan out: bring the beam to the target from each posture, record, identify."""
+    from ..experiments.recording import Request, record
+    from ..model.plan import read_plan
+    from ..reports.live import live_view
+    from ..reports.terminal import print_carried
+
+    if tolerance is not None and not adaptive:
+        raise BadInput("--tolerance is for an adaptive run", remedy="add --adaptive, or leave it out")
+    planned = read_plan(plan)
+    enough = tolerance if tolerance is not None else planned.header.tolerance.offset_deg
+    request = Request(
+        rig=rig.value,
+        seed=seed,
+        cell=cell,
+        camera=camera,
+        recording=recorded,
+        resume=resume,
+        tolerance=enough if adaptive else None,
+        closing=closing,
+        controller=_abb(host, port, egm_port, sensor_port, user, password, speed, yes)
+        if rig is RigName.ABB
+        else None,
+    )
+    with stoppable(), live_view(err) as seen:
+
+        def told(event: dict[str, Any]) -> None:
+            seen(event)
+            if json_lines:
+                sys.stdout.write(json.dumps(event, ensure_ascii=False, allow_nan=False) + "\n")
+                sys.stdout.flush()
+
+        try:
+            answer = record(planned, file, request, told)
+        except KeyboardInterrupt:
+            err.print(
+                f"stopped: what is recorded stays in {file}; --resume goes on with it",
+                markup=False,
+                soft_wrap=True,
+            )
+            raise typer.Exit(INTERRUPTED) from None
+    if as_json:
+        print_json(answer)
+    elif not json_lines:
+        print_carried(out, answer)
+        out.print(f"Run: {file}", soft_wrap=True, markup=False)
+    raise typer.Exit(EXIT_STATUS[answer["verdict"]])
+
+
+def controller(
+    plan: Annotated[
+        Path | None,
+        typer.Argument(
+            help="Plan file (.yaml): robot, tool and targets. Default: an IRB1600 and one PSD.",
+            show_default=False,
+        ),
+    ] = None,
+    cell: Annotated[Path | None, typer.Option(help="Cell file (.yaml).", show_default=False)] = None,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of Robot Web Services (0: any).")] = 8080,
+    egm_port: Annotated[
+        int, typer.Option(min=0, max=65535, help="UDP port of the client that EGM goes to (0: any).")
+    ] = 6510,
+    sensor_port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port of PSD and camera (0: any).")
+    ] = 6520,
+    bind: Annotated[str, typer.Option(help="Address to listen at.")] = "127.0.0.1",
+    client: Annotated[str, typer.Option(help="Address of the client that EGM goes to.")] = "127.0.0.1",
+    lost: Annotated[float, typer.Option(min=0, max=1, help="Share of EGM packets that are lost.")] = 0.0,
+    late: Annotated[float, typer.Option(min=0, max=1, help="Share that comes 20 ms late.")] = 0.0,
+    duplicated: Annotated[float, typer.Option(min=0, max=1, help="Share that comes twice.")] = 0.0,
+    reordered: Annotated[float, typer.Option(min=0, max=1, help="Share that comes behind the next.")] = 0.0,
+    seed: Seed = 0,
+) -> None:
+    """A simulated ABB IRC5 to learn and to test with: Robot Web Services and EGM. Ctrl-C ends it."""
+    import threading
+
+    from ..experiments.controller.own_plan import own_plan
+    from ..experiments.controller.packet_line import PacketFaults
+    from ..experiments.controller.simulated_controller import SimulatedController
+    from ..experiments.rigs.cell_file import Cell, read_cell
+    from ..model.plan import read_plan
+
+    planned = own_plan() if plan is None else read_plan(plan)
+    stands = Cell() if cell is None else read_cell(cell)[0]
+    faults = PacketFaults(lost=lost, late=late, duplicated=duplicated, reordered=reordered)
+    with stoppable():
+        try:
+            with SimulatedController(
+                planned,
+                stands,
+                seed,
+                port=port,
+                egm_port=egm_port,
+                sensor_port=sensor_port,
+                bind=bind,
+                client=client,
+                packet_faults=faults,
+            ) as simulated:
+                out.print(f"Robot Web Services: {simulated.url}", soft_wrap=True, markup=False)
+                out.print(f"EGM: to {client}, port {simulated.egm_port}", soft_wrap=True, markup=False)
+                out.print(
+                    f"PSD and camera: {bind}, port {simulated.sensor_port}", soft_wrap=True, markup=False
+                )
+                out.print("Ctrl-C ends it.")
+                threading.Event().wait()
+        except KeyboardInterrupt:
+            raise typer.Exit(0) from None
+
+
+def _abb(
+    host: str | None,
+    port: int,
+    egm_port: int,
+    sensor_port: int,
+    user: str | None,
+    password: str | None,
+    speed: float,
+    yes: bool,
+) -> Controller:
+    """How the controller is reached and driven; a person is asked before the first motion."""
+    import os
+
+    from ..experiments.controller.sensor_server import RemoteSensors
+    from ..experiments.recording import Controller
+    from ..experiments.rigs.abb import Caution
+    from ..experiments.rigs.abb_access import find_access
+
+    def confirm(text: str) -> bool:
+        return yes or typer.confirm(text, err=True)
+
+    access = find_access(os.environ, host=host, port=port, user=user, password=password)
+    caution = Caution(confirm, speed, egm_port)
+    return Controller(access, RemoteSensors(access.address, sensor_port), caution)

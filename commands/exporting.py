@@ -1,0 +1,183 @@
+"""`zerobeam export`: the offsets of a run as people apply them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from .console import out, print_json
+from .options import Json, RunFile
+
+if TYPE_CHECKING:
+    from ..experiments.exporters.calibration import Calibration
+    from ..model.run import Run
+
+exports = typer.Typer(
+    help="Write the offsets of a run as people apply them: only what its shots tell.", no_args_is_help=True
+)
+
+ExportFile = Annotated[Path, typer.Option("-o", "--out", help="File to write.", show_default=False)]
+AllowWeak = Annotated[
+    bool, typer.Option("--allow-weak", help="Export weak offsets too; the file marks them.")
+]
+AllowDisplaced = Annotated[
+    bool,
+    typer.Option("--allow-displaced", help="Export although a target seems to have moved; the file says so."),
+]
+Without = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="Leave this offset out (delta4): it counts as 0. Repeatable.",
+        metavar="NAME",
+        show_default=False,
+    ),
+]
+
+
+@exports.command("urdf")
+def export_urdf(
+    run: RunFile,
+    file: ExportFile,
+    allow_weak: AllowWeak = False,
+    allow_displaced: AllowDisplaced = False,
+    without: Without = None,
+    as_json: Json = False,
+) -> None:
+    """A corrected copy of the run's URDF: the offsets in the origins of its joints."""
+    from ..experiments.exporters.urdf_origins import urdf_text
+
+    _export(run, file, allow_weak, allow_displaced, without, as_json, urdf_text)
+
+
+@exports.command("moc")
+def export_moc(
+    run: RunFile,
+    file: ExportFile,
+    against: Annotated[
+        Path | None,
+        typer.Option(help="The controller's MOC.cfg: write a diff against it.", show_default=False),
+    ] = None,
+    motor_sign: Annotated[
+        str | None,
+        typer.Option(
+            help="1 if a reading rises with cal_offset (at a positive ratio), -1 if it falls; one, or one a"
+            " joint: 1,-1,…",
+            show_default=False,
+        ),
+    ] = None,
+    ratio: Annotated[
+        str | None,
+        typer.Option(
+            help="Motor turns for one turn of each joint: R1,R2,…, negative if against each other.",
+            show_default=False,
+        ),
+    ] = None,
+    unit: Annotated[str, typer.Option(help="Mechanical unit: its motors are UNIT_1, UNIT_2, …")] = "rob1",
+    allow_weak: AllowWeak = False,
+    allow_displaced: AllowDisplaced = False,
+    without: Without = None,
+    as_json: Json = False,
+) -> None:
+    """ABB: changes of the motors' calibration offsets, as a diff to look at. Nothing is applied."""
+    from ..experiments.exporters.moc_offsets import Gears, moc_text
+
+    def text(recorded: Run, calibration: Calibration) -> str:
+        gears = Gears.stated(ratio, motor_sign, recorded.robot.n)
+        return moc_text(calibration, gears, against, unit)
+
+    _export(run, file, allow_weak, allow_displaced, without, as_json, text)
+
+
+@exports.command("rapid")
+def export_rapid(
+    run: RunFile,
+    file: ExportFile,
+    allow_weak: AllowWeak = False,
+    allow_displaced: AllowDisplaced = False,
+    without: Without = None,
+    as_json: Json = False,
+) -> None:
+    """ABB: a RAPID module with functions that correct a jointtarget by the offsets."""
+    from ..experiments.exporters.rapid_module import rapid_text
+
+    _export(
+        run,
+        file,
+        allow_weak,
+        allow_displaced,
+        without,
+        as_json,
+        lambda _, calibration: rapid_text(calibration),
+    )
+
+
+@exports.command("json")
+def export_json(
+    run: RunFile,
+    file: ExportFile,
+    allow_weak: AllowWeak = False,
+    allow_displaced: AllowDisplaced = False,
+    without: Without = None,
+    as_json: Json = False,
+) -> None:
+    """The offsets with their uncertainty as JSON, for programs."""
+    from ..experiments.exporters.offsets_json import json_text
+
+    _export(
+        run,
+        file,
+        allow_weak,
+        allow_displaced,
+        without,
+        as_json,
+        lambda _, calibration: json_text(calibration),
+    )
+
+
+@exports.command("csv")
+def export_csv(
+    run: RunFile,
+    file: ExportFile,
+    allow_weak: AllowWeak = False,
+    allow_displaced: AllowDisplaced = False,
+    without: Without = None,
+    as_json: Json = False,
+) -> None:
+    """The offsets with their uncertainty as a table, for spreadsheets."""
+    from ..experiments.exporters.offsets_csv import csv_text
+
+    _export(
+        run, file, allow_weak, allow_displaced, without, as_json, lambda _, calibration: csv_text(calibration)
+    )
+
+
+def _export(
+    run: Path,
+    file: Path,
+    allow_weak: bool,
+    allow_displaced: bool,
+    without: list[str] | None,
+    as_json: bool,
+    text: Callable[[Run, Calibration], str],
+) -> None:
+    """Judge a run, write what may be applied, say what was written."""
+    from ..experiments.exporters.calibration import calibration
+    from ..experiments.exporters.offsets_json import document
+    from ..model.run import read_run
+    from ..model.whole_file import refuse_existing, write_whole
+
+    refuse_existing(file)
+    recorded = read_run(run)
+    told = calibration(
+        recorded, allow_weak=allow_weak, allow_displaced=allow_displaced, without=without or ()
+    )
+    write_whole(file, text(recorded, told))
+    if as_json:
+        print_json(document(told))
+        return
+    for line in told.head:
+        out.print(line, markup=False, soft_wrap=True)
+    out.print(f"Written to {file}", markup=False, soft_wrap=True)

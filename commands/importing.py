@@ -1,0 +1,295 @@
+"""`zerobeam import`: runs from recorded files that people have."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ..model.errors import BadInput
+from .console import out
+from .options import HeaderFile, NewRunFile
+
+if TYPE_CHECKING:
+    from ..experiments.importers import Imported
+
+imports = typer.Typer(help="Make a run from recorded files that people have.", no_args_is_help=True)
+
+
+class AngleUnit(StrEnum):
+    """Units that angles come in."""
+
+    DEG = "deg"
+    RAD = "rad"
+
+
+class LengthUnit(StrEnum):
+    """Units that lengths come in."""
+
+    MM = "mm"
+    M = "m"
+
+
+class ClockUnit(StrEnum):
+    """Units that recorded times come in."""
+
+    S = "s"
+    MS = "ms"
+    US = "us"
+    NS = "ns"
+
+
+class J3Origin(StrEnum):
+    """What the third joint's angle is counted from."""
+
+    GROUND = "ground"
+    LINK = "link"
+
+
+class KnownLog(StrEnum):
+    """Logs over time whose layout is known."""
+
+    UR = "ur"
+    EGM = "egm"
+    ROBODK = "robodk"
+
+
+_TargetEach = Annotated[
+    list[str],
+    typer.Option(help="Target of a file's shots: once for each file, in their order.", show_default=False),
+]
+_Targets = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="Target of a file's shots: once for each file, in their order, unless the files name them.",
+        show_default=False,
+    ),
+]
+_StillDeg = Annotated[
+    float, typer.Option(help="At rest: each joint within so many degrees.", show_default=False)
+]
+_StillSeconds = Annotated[float, typer.Option(help="At rest: for at least so long.", show_default=False)]
+_StillMm = Annotated[
+    float | None, typer.Option(help="At rest: each prismatic joint within so many mm.", show_default=False)
+]
+_MarkerColumn = Annotated[
+    str | None,
+    typer.Option(help="Only stands in which this column becomes other than 0.", show_default=False),
+]
+_PointNames = Annotated[
+    str | None,
+    typer.Option(help="Points to use, by name: a,b,c (default: all).", show_default=False),
+]
+
+
+@imports.command("csv")
+def import_csv(
+    files: Annotated[list[Path], typer.Argument(help="CSV files, one posture a row.", show_default=False)],
+    header: HeaderFile,
+    units: Annotated[AngleUnit, typer.Option(help="Unit of the angles.", show_default=False)],
+    file: NewRunFile,
+    target: _Targets = None,
+    target_column: Annotated[
+        str | None, typer.Option(help="Column with each row's target, instead.", show_default=False)
+    ] = None,
+    lengths: Annotated[
+        LengthUnit | None, typer.Option(help="Unit of prismatic joints.", show_default=False)
+    ] = None,
+    header_row: Annotated[
+        bool, typer.Option("--header-row", help="The first row names the columns.")
+    ] = False,
+    columns: Annotated[
+        str | None,
+        typer.Option(
+            help="Columns of joint 1, 2, …: a,b,c by name (with --header-row) or number, from 1.",
+            show_default=False,
+        ),
+    ] = None,
+    delimiter: Annotated[str, typer.Option(help="What stands between two numbers.")] = ",",
+    decimal: Annotated[str, typer.Option(help="Decimal sign: . or ,")] = ".",
+    j3: Annotated[J3Origin, typer.Option(help="Joint 3 is counted from; FANUC: ground.")] = J3Origin.LINK,
+    spot_columns: Annotated[
+        str | None, typer.Option(help="Columns of spot_mm: dx,dy in mm.", show_default=False)
+    ] = None,
+    shot_column: Annotated[
+        str | None, typer.Option(help="Column of the shots' numbers.", show_default=False)
+    ] = None,
+    time_column: Annotated[str | None, typer.Option(help="Column of times.", show_default=False)] = None,
+    time_units: Annotated[
+        ClockUnit | None, typer.Option(help="Unit of the times.", show_default=False)
+    ] = None,
+    still_deg: Annotated[
+        float | None,
+        typer.Option(
+            help="A shot is where the arm is at rest: each joint within so many degrees, …",
+            show_default=False,
+        ),
+    ] = None,
+    still_s: Annotated[
+        float | None, typer.Option(help="… for at least so many seconds.", show_default=False)
+    ] = None,
+    still_mm: _StillMm = None,
+    marker_column: _MarkerColumn = None,
+) -> None:
+    """Recorded joint positions in CSV files. Units and target names are stated, never guessed."""
+    from ..experiments import importers
+
+    if (still_deg is None) != (still_s is None) or (still_mm is not None and still_deg is None):
+        raise BadInput(
+            "standing still is half stated", remedy="state both --still-deg and --still-s, or none"
+        )
+    still = None
+    if still_deg is not None and still_s is not None:
+        still = importers.Stillness(still_deg, still_s, still_mm)
+    imported = importers.import_csv(
+        files,
+        target or [],
+        units.value,
+        header,
+        file,
+        header_row=header_row,
+        columns=_named(columns),
+        delimiter=delimiter,
+        lengths=None if lengths is None else lengths.value,
+        decimal=decimal,
+        target_column=target_column,
+        shot_column=shot_column,
+        spot_columns=_named(spot_columns),
+        time_column=time_column,
+        time_units=None if time_units is None else time_units.value,
+        marker_column=marker_column,
+        j3=j3.value,
+        still=still,
+    )
+    _write_imported(imported, file)
+
+
+@imports.command("ros")
+def import_ros(
+    files: Annotated[
+        list[Path], typer.Argument(help="ROS 1 or 2 bags: .bag, .mcap, .db3 or folder.", show_default=False)
+    ],
+    header: HeaderFile,
+    file: NewRunFile,
+    still_deg: _StillDeg,
+    still_s: _StillSeconds,
+    still_mm: _StillMm = None,
+    target: _Targets = None,
+    columns: Annotated[
+        str | None,
+        typer.Option(
+            help="Names of joint 1, 2, … in the messages: a,b,c (default: the robot's own).",
+            show_default=False,
+        ),
+    ] = None,
+    topic: Annotated[
+        str | None, typer.Option(help="Topic of the arm, if there are several.", show_default=False)
+    ] = None,
+    marker_topic: Annotated[
+        str | None,
+        typer.Option(
+            help="Only stands at a message on this topic; a std_msgs/String names the target.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
+    """Joint states in ROS bags: a shot is where the arm is at rest (and a marker says so)."""
+    from ..experiments import importers
+
+    imported = importers.import_ros(
+        files,
+        target or [],
+        header,
+        file,
+        still=importers.Stillness(still_deg, still_s, still_mm),
+        columns=_named(columns),
+        topic=topic,
+        marker_topic=marker_topic,
+    )
+    _write_imported(imported, file)
+
+
+@imports.command("log")
+def import_log(
+    kind: Annotated[
+        KnownLog,
+        typer.Argument(
+            help="ur: RTDE recording; egm: ABB EGM log of abb_libegm; robodk: MonitorJoints.",
+            show_default=False,
+        ),
+    ],
+    files: Annotated[list[Path], typer.Argument(help="Logs as CSV files.", show_default=False)],
+    header: HeaderFile,
+    target: _TargetEach,
+    file: NewRunFile,
+    still_deg: _StillDeg,
+    still_s: _StillSeconds,
+    still_mm: _StillMm = None,
+    delimiter: Annotated[
+        str | None, typer.Option(help="What stands between two values, if not as usual.", show_default=False)
+    ] = None,
+    marker_column: _MarkerColumn = None,
+) -> None:
+    """Logs over time of a known layout: a shot is where the arm is at rest. Other logs: import csv."""
+    from ..experiments import importers
+
+    imported = importers.import_log(
+        kind.value,
+        files,
+        target,
+        header,
+        file,
+        still=importers.Stillness(still_deg, still_s, still_mm),
+        delimiter=delimiter,
+        marker_column=marker_column,
+    )
+    _write_imported(imported, file)
+
+
+@imports.command("fanuc")
+def import_fanuc(
+    files: Annotated[list[Path], typer.Argument(help="TP programs as text (.ls).", show_default=False)],
+    header: HeaderFile,
+    target: _TargetEach,
+    file: NewRunFile,
+    j3: Annotated[
+        J3Origin,
+        typer.Option(help="What joint 3 is counted from; on the pendant: ground.", show_default=False),
+    ],
+    points: _PointNames = None,
+) -> None:
+    """Positions of TP programs that were taught with the beam on the target, in joint representation."""
+    from ..experiments import importers
+
+    _write_imported(
+        importers.import_fanuc(files, target, header, file, j3=j3.value, points=_named(points)), file
+    )
+
+
+@imports.command("kuka")
+def import_kuka(
+    files: Annotated[list[Path], typer.Argument(help="Data lists (.dat).", show_default=False)],
+    header: HeaderFile,
+    target: _TargetEach,
+    file: NewRunFile,
+    points: _PointNames = None,
+) -> None:
+    """Axis positions (AXIS, E6AXIS) that were taught with the beam on the target."""
+    from ..experiments import importers
+
+    _write_imported(importers.import_kuka(files, target, header, file, points=_named(points)), file)
+
+
+def _named(text: str | None) -> list[str] | None:
+    return None if text is None else [name.strip() for name in text.split(",")]
+
+
+def _write_imported(imported: Imported, file: Path) -> None:
+    from ..model.run import write_run
+
+    for line in imported.understood:
+        out.print(line, markup=False)
+    write_run(file, imported.header, imported.shots)
+    out.print(f"{len(imported.shots)} shots written to {file}", soft_wrap=True, markup=False)

@@ -1,0 +1,293 @@
+"""The commands that make plans and judge plans and runs: demo, check, analyse, report, plan, schema."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ..model.errors import BadInput
+from .console import EXIT_STATUS, FAULT, out, print_json, progress
+from .options import HeaderFile, Json, PlanFile, RunFile, Seed
+
+if TYPE_CHECKING:
+    from ..analysis.result import Draws, Result
+    from ..analysis.robust import Loss
+
+
+class PlanKind(StrEnum):
+    """How a plan is made: the paper's two patterns, or the best of many candidates."""
+
+    X = "x"
+    Y = "y"
+    OPTIMAL = "optimal"
+
+
+class CriterionName(StrEnum):
+    """What an optimal plan minimises: mean, generalised or largest variance of the offsets."""
+
+    A = "A"
+    D = "D"
+    E = "E"
+
+
+class LossName(StrEnum):
+    """How a robust fit weighs a far miss."""
+
+    HUBER = "huber"
+    STUDENT = "student"
+
+
+Picture = Annotated[
+    Path | None, typer.Option(help="Write a page with the plan in 3D (.html).", show_default=False)
+]
+Ess = Annotated[float, typer.Option(min=100, help="Effective posterior draws asked of every parameter.")]
+Robust = Annotated[
+    LossName | None,
+    typer.Option(
+        help="Fit once more with this loss, which far misses pull less; names outliers.", show_default=False
+    ),
+]
+HoldOut = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="Fit once more without this target and look how it does there; repeatable, * and ? match.",
+        metavar="NAME",
+        show_default=False,
+    ),
+]
+
+
+def demo(
+    folder: Annotated[
+        Path, typer.Option("-o", "--out", help="Folder for the reports.", show_default=True)
+    ] = Path("zerobeam-demo"),
+) -> None:
+    """The main job on three built-in runs: a good one, an X-Pattern, an uncalibrated tool."""
+    from ..analysis.result_json import to_json
+    from ..experiments.demos import demo_runs
+    from ..model.run import read_run
+    from ..reports.folder import check_target, write_report
+    from ..reports.terminal import print_side_by_side, print_verdict
+
+    cases = demo_runs()
+    for case in cases:
+        check_target(folder / case.name)
+    answers = []
+    for case in cases:
+        with progress(case.title) as told:
+            result, draws = _analysed(read_run(case.path), 0, 1000.0, told)
+        write_report(folder / case.name, result, draws)
+        answers.append(to_json(result))
+    print_side_by_side(out, [case.title for case in cases], answers)
+    for case, answer in zip(cases, answers, strict=True):
+        out.print(f"\n[bold]{case.title}[/bold]: {case.about}")
+        print_verdict(out, answer)
+        out.print(f"Report: {folder / case.name / 'report.html'}", soft_wrap=True)
+
+
+def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> None:
+    """Will this plan work? The verdict before any shot."""
+    from ..analysis.check import check as judge
+    from ..analysis.check import check_json
+    from ..model.plan import read_plan
+    from ..reports.terminal import print_check
+
+    planned = read_plan(plan)
+    answer = check_json(judge(planned))
+    if picture is not None:
+        from ..reports.plan_page import write_plan_page
+
+        write_plan_page(picture, planned)
+    if as_json:
+        print_json(answer)
+    else:
+        print_check(out, answer)
+    raise typer.Exit(EXIT_STATUS[answer["verdict"]])
+
+
+def analyse(
+    run: RunFile,
+    as_json: Json = False,
+    seed: Seed = 0,
+    ess: Ess = 1000.0,
+    robust: Robust = None,
+    hold_out: HoldOut = None,
+) -> None:
+    """What the offsets are, and how sure one may be."""
+    from ..analysis.result_json import to_json
+    from ..model.run import read_run
+    from ..reports.terminal import print_result
+
+    recorded = read_run(run)
+    with progress("analyse") as told:
+        result, _ = _analysed(recorded, seed, ess, told, robust, hold_out)
+    answer = to_json(result)
+    if as_json:
+        print_json(answer)
+    else:
+        print_result(out, answer)
+    raise typer.Exit(_status(result))
+
+
+def report(
+    run: RunFile,
+    folder: Annotated[Path, typer.Option("-o", "--out", help="Folder for the report.", show_default=False)],
+    as_json: Json = False,
+    seed: Seed = 0,
+    ess: Ess = 1000.0,
+    robust: Robust = None,
+    hold_out: HoldOut = None,
+) -> None:
+    """The report of a run: report.html, report.pdf, result.json, posterior.nc and the figures."""
+    from ..analysis.result_json import to_json
+    from ..model.run import read_run
+    from ..reports.folder import check_target, write_report
+    from ..reports.terminal import print_result
+
+    recorded = read_run(run)
+    check_target(folder)
+    with progress("report") as told:
+        result, draws = _analysed(recorded, seed, ess, told, robust, hold_out)
+        told("writing", 0.0)
+        paths = write_report(folder, result, draws)
+        told("writing", 1.0)
+    if as_json:
+        print_json(to_json(result))
+    else:
+        print_result(out, to_json(result))
+        out.print(f"Report: {paths.html}", soft_wrap=True)
+    raise typer.Exit(_status(result))
+
+
+def plan(
+    kind: Annotated[
+        PlanKind, typer.Argument(help="x or y: the paper's patterns; optimal.", show_default=False)
+    ],
+    header: HeaderFile,
+    target: Annotated[
+        str, typer.Option(help="Where the target stands: X,Y,Z in mm, base frame.", show_default=False)
+    ],
+    file: Annotated[
+        Path, typer.Option("-o", "--out", help="Plan file to write (.yaml).", show_default=False)
+    ],
+    shots: Annotated[int, typer.Option(min=2, help="Number of shots.")] = 7,
+    candidates: Annotated[int, typer.Option(min=10, help="Postures to choose from.")] = 10_000,
+    criterion: Annotated[
+        CriterionName, typer.Option(help="What an optimal plan minimises.")
+    ] = CriterionName.A,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(help="Take the fewest shots that reach this std (deg; mm).", show_default=False),
+    ] = None,
+    max_shots: Annotated[int, typer.Option(min=2, help="With --tolerance: shots at the most.")] = 30,
+    facing: Annotated[
+        str, typer.Option(help="Outward normal of the target's face: X,Y,Z, or any.")
+    ] = "0,0,1",
+    acceptance: Annotated[
+        float, typer.Option(help="Largest angle between beam and that normal, deg.")
+    ] = 60.0,
+    beam: Annotated[str, typer.Option(help="Shortest and longest beam, mm: MIN,MAX.")] = "200,2000",
+    margin: Annotated[float, typer.Option(min=0, help="Kept to every joint limit, deg.")] = 5.0,
+    obstacles: Annotated[
+        Path | None, typer.Option(help="Obstacles file (.yaml): floor, boxes.", show_default=False)
+    ] = None,
+    seed: Seed = 0,
+    as_json: Json = False,
+    picture: Picture = None,
+) -> None:
+    """Make a plan: the paper's X- or Y-Pattern, or the best of many candidate postures."""
+    from ..experiments.obstacles import Obstacles, read_obstacles
+    from ..experiments.plan_making import Request, make_plan
+    from ..model.header import read_header
+    from ..model.plan import read_plan
+    from ..reports.terminal import print_proposal
+
+    request = Request(
+        kind=kind.value,
+        header=read_header(header),
+        header_folder=header.parent,
+        target=_numbers(target, 3, "--target"),
+        shots=shots,
+        candidates=candidates,
+        criterion=criterion.value,
+        tolerance=tolerance,
+        max_shots=max_shots,
+        facing=None if facing == "any" else _numbers(facing, 3, "--facing"),
+        acceptance_deg=acceptance,
+        beam_mm=_numbers(beam, 2, "--beam"),
+        margin_deg=margin,
+        obstacles=Obstacles() if obstacles is None else read_obstacles(obstacles),
+        seed=seed,
+    )
+    with progress("plan") as told:
+        made = make_plan(request, file, told)
+    answer = made.as_json()
+    if picture is not None and made.file is not None:
+        from ..reports.plan_page import write_plan_page
+
+        write_plan_page(picture, read_plan(made.file))
+    if as_json:
+        print_json(answer)
+    else:
+        print_proposal(out, answer)
+        if made.file is not None:
+            out.print(f"Plan: {made.file}", soft_wrap=True, markup=False)
+    # No plan within the tolerance is an answer, as a weak verdict is.
+    raise typer.Exit(1 if made.checked is None else EXIT_STATUS[made.checked["verdict"]])
+
+
+def schema(
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            help="run-header, run-shot, plan, header, robot, obstacles or cell.", show_default=False
+        ),
+    ] = None,
+) -> None:
+    """Print the JSON Schema of a file (without a name: which there are)."""
+    from ..experiments.schema import SCHEMA_NAMES, json_schema
+
+    if name is None:
+        out.print("\n".join(SCHEMA_NAMES))
+        return
+    if name not in SCHEMA_NAMES:
+        raise BadInput("there is no schema of that name", found=name, allowed=", ".join(SCHEMA_NAMES))
+    print_json(json_schema(name))
+
+
+def _numbers(text: str, count: int, option: str) -> tuple[float, ...]:
+    """`count` finite numbers, separated by commas."""
+    try:
+        values = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        values = ()
+    if len(values) != count or not all(math.isfinite(value) for value in values):
+        raise BadInput(
+            f"{option} is not understood",
+            found=text,
+            allowed=f"{count} numbers separated by commas",
+        )
+    return values
+
+
+def _analysed(
+    recorded: Any,
+    seed: int,
+    ess: float,
+    told: Callable[[str, float], None],
+    robust: LossName | None = None,
+    held_out: list[str] | None = None,
+) -> tuple[Result, Draws | None]:
+    from ..analysis.analyse import analyse as judge
+
+    loss: Loss | None = None if robust is None else robust.value
+    return judge(recorded, seed=seed, ess=ess, robust=loss, held_out=held_out or (), progress=told)
+
+
+def _status(result: Result) -> int:
+    return EXIT_STATUS[result.verdict] if result.likelihood.converged else FAULT

@@ -1,0 +1,22 @@
+"""Options and arguments that several commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Json = Annotated[bool, typer.Option("--json", help="Print the machine's answer (JSON) and nothing else.")]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of all that is random: the same seed, the same answer.")]
+RunFile = Annotated[Path, typer.Argument(help="Run file (.jsonl).", show_default=False)]
+PlanFile = Annotated[Path, typer.Argument(help="Plan file (.yaml).", show_default=False)]
+HeaderFile = Annotated[
+    Path, typer.Option("--header", help="Header file (.yaml): robot, tool, noise.", show_default=False)
+]
+NewRunFile = Annotated[
+    Path, typer.Option("-o", "--out", help="Run file to write (.jsonl).", show_default=False)
+]
+Camera = Annotated[
+    bool, typer.Option("--camera/--no-camera", help="Find the PSD in pictures, or by the beam alone.")
+]
