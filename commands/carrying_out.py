@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from contextlib import ExitStack
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,6 +17,9 @@ from .options import Camera, Json, NewRunFile, PlanFile, Seed
 
 if TYPE_CHECKING:
     from ..experiments.recording import Controller
+    from ..experiments.rigs.abb import Caution
+    from ..experiments.rigs.abb_access import Access
+    from ..model.plan import Plan
 
 
 class RigName(StrEnum):
@@ -58,6 +62,10 @@ def run(
     sensor_port: Annotated[
         int, typer.Option(min=1, max=65535, help="ABB: port of PSD and camera at the host.")
     ] = 6520,
+    sensors: Annotated[
+        Path | None,
+        typer.Option(help="ABB: sensors file; else those of the simulated controller.", show_default=False),
+    ] = None,
     user: Annotated[
         str | None, typer.Option(help="ABB: user, else ZEROBEAM_ABB_USER.", show_default=False)
     ] = None,
@@ -66,6 +74,9 @@ def run(
         typer.Option(help="ABB: password, else ZEROBEAM_ABB_PASSWORD or the keyring.", show_default=False),
     ] = None,
     speed: Annotated[float, typer.Option(help="ABB: share of the joints' top speeds.")] = 0.25,
+    laser: Annotated[
+        str, typer.Option(help="ABB: digital output of the laser, NETWORK/UNIT/NAME.")
+    ] = "Local/DRV_1/zb_laser",
     yes: Annotated[bool, typer.Option("--yes", help="ABB: move without asking first.")] = False,
     closing: Annotated[
         bool,
@@ -85,22 +96,29 @@ def run(
 
     if tolerance is not None and not adaptive:
         raise BadInput("--tolerance is for an adaptive run", remedy="add --adaptive, or leave it out")
+    if sensors is not None and rig is not RigName.ABB:
+        raise BadInput("--sensors is for the ABB rig", remedy="add --rig abb, or leave it out")
     planned = read_plan(plan)
     enough = tolerance if tolerance is not None else planned.header.tolerance.offset_deg
-    request = Request(
-        rig=rig.value,
-        seed=seed,
-        cell=cell,
-        camera=camera,
-        recording=recorded,
-        resume=resume,
-        tolerance=enough if adaptive else None,
-        closing=closing,
-        controller=_abb(host, port, egm_port, sensor_port, user, password, speed, yes)
-        if rig is RigName.ABB
-        else None,
-    )
-    with stoppable(), live_view(err) as seen:
+    with ExitStack() as opened:
+        reached: Controller | None = None
+        if rig is RigName.ABB:
+            # Access, then caution, then sensors: what is stated wrongly is said before a port is opened.
+            access, caution = _access(host, port, user, password), _caution(speed, egm_port, laser, yes)
+            reached = _controller(opened, planned, access, sensors, sensor_port, caution)
+        request = Request(
+            rig=rig.value,
+            seed=seed,
+            cell=cell,
+            camera=camera,
+            recording=recorded,
+            resume=resume,
+            tolerance=enough if adaptive else None,
+            closing=closing,
+            controller=reached,
+        )
+        opened.enter_context(stoppable())
+        seen = opened.enter_context(live_view(err))
 
         def told(event: dict[str, Any]) -> None:
             seen(event)
@@ -147,6 +165,13 @@ def controller(
     late: Annotated[float, typer.Option(min=0, max=1, help="Share that comes 20 ms late.")] = 0.0,
     duplicated: Annotated[float, typer.Option(min=0, max=1, help="Share that comes twice.")] = 0.0,
     reordered: Annotated[float, typer.Option(min=0, max=1, help="Share that comes behind the next.")] = 0.0,
+    amplifier: Annotated[
+        Path | None,
+        typer.Option(
+            help="PSD calibration file (.yaml): the PSDs also stand at serial ports, to try a sensors file.",
+            show_default=False,
+        ),
+    ] = None,
     seed: Seed = 0,
 ) -> None:
     """A simulated ABB IRC5 to learn and to test with: Robot Web Services and EGM. Ctrl-C ends it."""
@@ -154,58 +179,73 @@ def controller(
 
     from ..experiments.controller.own_plan import own_plan
     from ..experiments.controller.packet_line import PacketFaults
+    from ..experiments.controller.sensor_server import CellSensors
     from ..experiments.controller.simulated_controller import SimulatedController
     from ..experiments.rigs.cell_file import Cell, read_cell
+    from ..experiments.sensors.stand_in import stand_ins
     from ..model.plan import read_plan
 
     planned = own_plan() if plan is None else read_plan(plan)
     stands = Cell() if cell is None else read_cell(cell)[0]
     faults = PacketFaults(lost=lost, late=late, duplicated=duplicated, reordered=reordered)
-    with stoppable():
+    with stoppable(), ExitStack() as opened:
         try:
-            with SimulatedController(
-                planned,
-                stands,
-                seed,
-                port=port,
-                egm_port=egm_port,
-                sensor_port=sensor_port,
-                bind=bind,
-                client=client,
-                packet_faults=faults,
-            ) as simulated:
-                out.print(f"Robot Web Services: {simulated.url}", soft_wrap=True, markup=False)
-                out.print(f"EGM: to {client}, port {simulated.egm_port}", soft_wrap=True, markup=False)
-                out.print(
-                    f"PSD and camera: {bind}, port {simulated.sensor_port}", soft_wrap=True, markup=False
+            simulated = opened.enter_context(
+                SimulatedController(
+                    planned,
+                    stands,
+                    seed,
+                    port=port,
+                    egm_port=egm_port,
+                    sensor_port=sensor_port,
+                    bind=bind,
+                    client=client,
+                    packet_faults=faults,
                 )
-                out.print("Ctrl-C ends it.")
-                threading.Event().wait()
+            )
+            out.print(f"Robot Web Services: {simulated.url}", soft_wrap=True, markup=False)
+            out.print(f"EGM: to {client}, port {simulated.egm_port}", soft_wrap=True, markup=False)
+            out.print(f"PSD and camera: {bind}, port {simulated.sensor_port}", soft_wrap=True, markup=False)
+            if amplifier is not None:
+                beside = CellSensors(simulated.irc5)
+                for target, device in stand_ins(opened, beside, amplifier).items():
+                    out.print(f"PSD amplifier of {target}: {device}", soft_wrap=True, markup=False)
+            out.print("Ctrl-C ends it.")
+            threading.Event().wait()
         except KeyboardInterrupt:
             raise typer.Exit(0) from None
 
 
-def _abb(
-    host: str | None,
-    port: int,
-    egm_port: int,
-    sensor_port: int,
-    user: str | None,
-    password: str | None,
-    speed: float,
-    yes: bool,
-) -> Controller:
-    """How the controller is reached and driven; a person is asked before the first motion."""
+def _access(host: str | None, port: int, user: str | None, password: str | None) -> Access:
     import os
 
-    from ..experiments.controller.sensor_server import RemoteSensors
-    from ..experiments.recording import Controller
-    from ..experiments.rigs.abb import Caution
     from ..experiments.rigs.abb_access import find_access
+
+    return find_access(os.environ, host=host, port=port, user=user, password=password)
+
+
+def _caution(speed: float, egm_port: int, laser: str, yes: bool) -> Caution:
+    """A person is asked before the first motion."""
+    from ..experiments.rigs.abb import Caution, Signal
 
     def confirm(text: str) -> bool:
         return yes or typer.confirm(text, err=True)
 
-    access = find_access(os.environ, host=host, port=port, user=user, password=password)
-    caution = Caution(confirm, speed, egm_port)
-    return Controller(access, RemoteSensors(access.address, sensor_port), caution)
+    return Caution(confirm, speed, egm_port, Signal.stated(laser))
+
+
+def _controller(
+    opened: ExitStack, plan: Plan, access: Access, sensors: Path | None, sensor_port: int, caution: Caution
+) -> Controller:
+    """How the controller is reached, and what senses beside it: closed with `opened`."""
+    from ..experiments.controller.sensor_server import RemoteSensors
+    from ..experiments.recording import Controller
+    from ..experiments.sensors.real_sensors import read_sensors
+
+    if sensors is None:
+        remote = RemoteSensors(access.address, sensor_port)
+        opened.callback(remote.close)
+        return Controller(access, remote, caution)
+    own = read_sensors(sensors, plan)
+    opened.callback(own.close)
+    return Controller(access, own, caution, own.provenance())

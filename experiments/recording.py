@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -35,6 +35,7 @@ class Controller:
     access: Access
     sensors: Sensors
     caution: Caution
+    about: Mapping[str, str] = field(default_factory=dict)  # what the run's provenance says of the sensors
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,7 @@ def _rig(
         if request.controller is None:
             raise BadInput("the ABB rig needs a controller", remedy="state --host")
         reached = request.controller
-        return AbbRig(plan, reached.access, reached.sensors, reached.caution), about
+        return AbbRig(plan, reached.access, reached.sensors, reached.caution), {**about, **reached.about}
     if request.rig == "replay":
         if request.recording is None:
             raise BadInput("a replay needs a recording", remedy="name the run to be replayed: --recorded RUN")

@@ -46,7 +46,17 @@ def validate(
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        complaints = error.errors(include_url=False)
+        try:
+            complaints = error.errors(include_url=False)
+        except UnicodeEncodeError as broken:
+            raise BadInput(
+                "a name holds half a letter (a lone surrogate)",
+                found=ascii(broken.object),
+                allowed="text that can be written in UTF-8",
+                remedy="write the name anew",
+                file=file,
+                line=line(()),
+            ) from None
     order = {"extra_forbidden": 0, "missing": 1}
     worst = min(complaints, key=lambda complaint: order.get(complaint["type"], 2))
     raise _told(model, data, worst, file, line)
@@ -189,7 +199,14 @@ def _models_in(annotation: Any) -> list[type[BaseModel]]:
 
 def require_schema(
     data: object,
-    schema: Literal["zerobeam/run/1", "zerobeam/plan/1", "zerobeam/robot/1", "zerobeam/cell/1"],
+    schema: Literal[
+        "zerobeam/run/1",
+        "zerobeam/plan/1",
+        "zerobeam/robot/1",
+        "zerobeam/cell/1",
+        "zerobeam/sensors/1",
+        "zerobeam/psd-calibration/1",
+    ],
     *,
     file: Path,
     line: int | None,

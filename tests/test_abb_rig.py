@@ -10,8 +10,8 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator
-from dataclasses import asdict
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, replace
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 from types import ModuleType
@@ -20,8 +20,9 @@ from typing import Any
 import numpy as np
 import pytest
 from cells import good_plan
+from controllers import Watched, quick, unhurried
 
-from zerobeam.experiments.controller import irc5
+from zerobeam.experiments.controller import irc5, resources
 from zerobeam.experiments.controller.packet_line import PacketFaults
 from zerobeam.experiments.controller.rapid_data import RapidData
 from zerobeam.experiments.controller.sensor_server import CellSensors
@@ -29,7 +30,7 @@ from zerobeam.experiments.controller.simulated_controller import SimulatedContro
 from zerobeam.experiments.order import InTurn
 from zerobeam.experiments.procedure import Procedure
 from zerobeam.experiments.rigs import abb_egm, abb_rws
-from zerobeam.experiments.rigs.abb import MODULE, AbbRig, Caution
+from zerobeam.experiments.rigs.abb import MODULE, AbbRig, Caution, Signal
 from zerobeam.experiments.rigs.abb_access import HOST, PASSWORD, SERVICE, USER, Access, Secret, find_access
 from zerobeam.experiments.rigs.abb_egm import DEAD_MAN_S, Guidance, duration
 from zerobeam.experiments.rigs.abb_rws import Session
@@ -53,8 +54,10 @@ def plan() -> Plan:
 
 @pytest.fixture(autouse=True)
 def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Requests without their spacing; the controller's limit is that of `controller`."""
+    """Requests without their spacing; the controller's limit is that of `controller`. Time-outs that a busy
+    machine does not meet by itself, until `hurried`."""
     monkeypatch.setattr(abb_rws, "_SPACING_S", 0.0)
+    unhurried(monkeypatch)
 
 
 @pytest.fixture
@@ -133,8 +136,9 @@ def test_the_laser_is_off_after_a_stop(controller: SimulatedController, rig: Abb
     ids=["bad line"],
 )
 def test_a_plan_is_carried_out_on_a_bad_line(
-    controller: SimulatedController, rig: AbbRig, plan: Plan, tmp_path: Path
+    controller: SimulatedController, rig: AbbRig, plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    quick(monkeypatch)
     with RunJournal(tmp_path / "run.jsonl", plan.header) as journal:
         Procedure(plan, rig, journal, InTurn(1), lambda event: None).carry_out()
     run = read_run(tmp_path / "run.jsonl")
@@ -151,6 +155,38 @@ def test_time_goes_on_where_a_resumed_run_was(
     last = type("Last", (), {"time_s": 100.0})()
     rig.begin(3, "psd", last)
     assert 100.0 <= rig.now() < 110.0
+
+
+def test_the_laser_is_the_output_that_is_stated(
+    controller: SimulatedController, plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    laser = Signal.stated("EtherNetIP/Board_10/doLaser")
+    with pytest.raises(
+        RigFault, match=r"\(digital output EtherNetIP/Board_10/doLaser\): the controller does not have it"
+    ):
+        begun(rig_of(controller, plan, laser=laser)).laser(True)
+    monkeypatch.setattr(resources, "_DEVICE", "EtherNetIP/Board_10/")
+    there = controller.irc5
+    there.signals["doLaser"] = 0
+    rig = begun(rig_of(controller, plan, laser=laser))
+    rig.laser(True)
+    assert there.signals == {"zb_laser": 0, "doLaser": 1}
+    rig.stop()
+    assert there.signals == {"zb_laser": 0, "doLaser": 0}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("", "zb_laser", "Local/DRV_1", "Local//a", "Local/x/", "Local/DRV_1/a/b", "Local/../a"),
+        *("Local/DRV_1/a?b", "Local/DRV 1/a", "Local/DRV_1/1a", "Local/DRV_1/ä", "Local/DRV_1/a\n"),
+        "Local/DRV_1/" + "a" * 33,
+    ],
+)
+def test_a_signal_that_is_none_is_bad_input(text: str) -> None:
+    with pytest.raises(BadInput, match=r"(?s)no digital output.*NETWORK/UNIT/NAME"):
+        Signal.stated(text)
+    assert str(Signal.stated("Local/DRV_1/zb_laser")) == str(Signal()) == "Local/DRV_1/zb_laser"
 
 
 def test_the_profile_keeps_to_speed_and_acceleration() -> None:
@@ -227,8 +263,10 @@ def test_it_refuses_to_begin_in_a_wrong_state(
 
 
 @pytest.mark.parametrize("mode", ["MANR", "MANF"])
-def test_it_refuses_manual_mode(controller: SimulatedController, rig: AbbRig, mode: Any) -> None:
-    controller.irc5.mode = mode
+@pytest.mark.parametrize("state", ["motoron", "motoroff"])
+def test_it_refuses_manual_mode(controller: SimulatedController, rig: AbbRig, mode: Any, state: Any) -> None:
+    """And does not ask for motors that cannot be switched on before the key is turned."""
+    controller.irc5.mode, controller.irc5.state = mode, state
     with pytest.raises(RigFault, match=rf"not in automatic mode \({mode}\): turn the key"):
         begun(rig)
 
@@ -239,6 +277,31 @@ def test_it_refuses_a_program_that_runs_already(controller: SimulatedController,
     with pytest.raises(RigFault, match="running already: stop it on the FlexPendant"):
         rig.move(np.full(6, 0.1))
     assert controller.irc5.running  # it is not ours to stop
+
+
+def test_other_motion_tasks_are_refused(
+    controller: SimulatedController, rig: AbbRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """MultiMove: the library would deactivate them without a word."""
+    told = resources._told
+
+    def two(there: irc5.Irc5, asked: resources.Asked) -> tuple[resources.State, ...]:
+        states = told(there, asked)
+        if asked.path != "rw/rapid/tasks":
+            return states
+        other = {**states[0].values, "name": "T_ROB2", "active": "On" if active else "Off"}
+        return (*states, replace(states[0], title="T_ROB2", values=other))
+
+    monkeypatch.setattr(resources, "_told", two)
+    active = True
+    with pytest.raises(
+        RigFault, match=r"other motion tasks are active \(T_ROB2\), this rig drives the arm of"
+    ):
+        begun(rig).move(np.full(6, 0.1))
+    assert not controller.irc5.running
+    active = False
+    begun(rig).move(np.full(6, 0.1))
+    assert controller.irc5.running
 
 
 def test_a_wrong_password_is_said(controller: SimulatedController, plan: Plan) -> None:
@@ -259,65 +322,87 @@ def test_a_module_that_is_not_loaded_is_said(
     controller: SimulatedController, rig: AbbRig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(RapidData, "__contains__", lambda data, name: False)
-    with pytest.raises(RigFault, match=f"module {MODULE} .is it loaded.*does not have it"):
+    with pytest.raises(RigFault, match=f"module {MODULE}: the controller does not have it: is it loaded"):
         begun(rig).move(np.full(6, 0.1))
 
 
 # What goes wrong on the way
 
 
-def pressed(controller: SimulatedController, seconds: float) -> threading.Timer:
-    timer = threading.Timer(seconds, controller.irc5.press_emergency_stop)
-    timer.start()
-    return timer
+def on_its_way(controller: SimulatedController, deg: float, what: Callable[[], None]) -> None:
+    """It happens once a joint has moved so far: a clock of its own could be late, or early."""
+    watched, began = Watched(controller), controller.irc5.joints_deg()
+
+    def look(now: float) -> None:
+        if np.abs(controller.irc5.joints_deg() - began).max() > deg:
+            watched.lookers.clear()
+            what()
+
+    watched.lookers.append(look)
 
 
 def test_an_emergency_stop_during_a_far_move(controller: SimulatedController, rig: AbbRig) -> None:
-    controller.speed_up = 1
-    timer = pressed(controller, 0.4)
+    on_its_way(controller, 5.0, controller.irc5.press_emergency_stop)
     with pytest.raises(RigFault, match="an emergency stop is pressed"):
         begun(rig).move(np.full(6, 1.0))
-    timer.join()
     assert np.degrees(rig.joints()).max() < 50  # it did not get there
 
 
 def test_an_emergency_stop_during_guidance(controller: SimulatedController, rig: AbbRig) -> None:
     joints = guided(rig)
-    timer = pressed(controller, 0.1)
+    on_its_way(controller, 0.5, controller.irc5.press_emergency_stop)
     with pytest.raises(RigFault, match="an emergency stop is pressed"):
         rig.move(joints + 0.08)
-    timer.join()
     assert not controller.irc5.running
 
 
-def test_a_short_break_is_borne(controller: SimulatedController, rig: AbbRig) -> None:
-    joints = guided(rig)
-    controller.pull_cable(0.05)
-    rig.move(joints + 0.03)
-    np.testing.assert_allclose(rig.joints(), joints + 0.03, atol=np.radians(0.002))
+PATIENCE = irc5.PATIENCE
+
+
+def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From now on the dead man's and RAPID's time-outs are as they are, and answers not waited for long."""
+    monkeypatch.setattr(abb_egm, "DEAD_MAN_S", DEAD_MAN_S)
+    monkeypatch.setattr(irc5, "PATIENCE", PATIENCE)
+    monkeypatch.setattr(abb_rws, "ANSWER_S", 0.2)
+
+
+def test_an_emergency_stop_before_guidance_has_begun(
+    controller: SimulatedController, rig: AbbRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is told, and not that no EGM comes."""
+    begun(rig).move(np.full(6, 0.2))
+    monkeypatch.setattr(abb_egm, "_FIRST_S", 0.1)
+    command = AbbRig._command
+
+    def late(rig: AbbRig, number: int) -> None:
+        controller.irc5.press_emergency_stop()
+        command(rig, number)
+
+    monkeypatch.setattr(AbbRig, "_command", late)
+    with pytest.raises(RigFault, match="an emergency stop is pressed"):
+        rig.move(np.full(6, 0.21))
 
 
 def test_no_feedback_for_a_tenth_of_a_second_stops_the_arm(
-    controller: SimulatedController, rig: AbbRig
+    controller: SimulatedController, rig: AbbRig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     joints = guided(rig)
-    timer = threading.Timer(0.1, controller.pull_cable, [0.5])
-    timer.start()
+    hurried(monkeypatch)
+    time.sleep(0.05)  # until guidance has taken its next feedback by that
+    monkeypatch.setattr(abb_rws, "ANSWER_S", 5.0)  # until the cable is in again, and the stop is told
+    on_its_way(controller, 0.5, lambda: controller.pull_cable(0.5))
     with pytest.raises(RigFault, match=f"no feedback by EGM for {DEAD_MAN_S * 1000:.0f} ms"):
         rig.move(joints + 0.08)
     assert np.abs(rig.joints() - joints).max() < 0.07  # it stands on its way
     assert not controller.irc5.running  # and was told so as soon as the cable was back
 
 
-@pytest.fixture
-def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No long wait for answers of a controller whose cable is out."""
-    monkeypatch.setattr(abb_rws, "ANSWER_S", 0.2)
-
-
-@pytest.mark.usefixtures("impatient")
-def test_a_cable_that_is_gone_for_good(controller: SimulatedController, rig: AbbRig) -> None:
+def test_a_cable_that_is_gone_for_good(
+    controller: SimulatedController, rig: AbbRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
     joints = guided(rig)
+    hurried(monkeypatch)
+    time.sleep(0.05)  # until guidance has taken its next feedback by that
     controller.pull_cable()
     with pytest.raises(RigFault, match=r"no feedback by EGM.*could not be told to stop: press the emergency"):
         rig.move(joints + 0.03)
@@ -328,23 +413,28 @@ def test_a_cable_that_is_gone_for_good(controller: SimulatedController, rig: Abb
 def test_the_beat_keeps_a_far_move_going(
     controller: SimulatedController, rig: AbbRig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(irc5, "PATIENCE", 0.3)
+    monkeypatch.setattr(irc5, "PATIENCE", 0.4)
     controller.speed_up = 1
     begun(rig).move(np.array([0.7, 0, 0, 0, 0, 0]))
     assert rig.now() > 0.7  # there were ticks on its way
     np.testing.assert_allclose(rig.joints()[0], 0.7, atol=5e-6)
 
 
-@pytest.mark.usefixtures("impatient")
-def test_a_far_move_without_a_cable_is_stopped_by_rapid(controller: SimulatedController, rig: AbbRig) -> None:
+def test_a_far_move_without_a_cable_is_stopped_by_rapid(
+    controller: SimulatedController, rig: AbbRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
     controller.speed_up = 1
-    timer = threading.Timer(0.3, controller.pull_cable)
-    timer.start()
+
+    def pull() -> None:
+        hurried(monkeypatch)
+        controller.pull_cable()
+
+    on_its_way(controller, 2.0, pull)
     with pytest.raises(
         RigFault, match=r"no answer for 0.2 s.*could not be told to stop: press the emergency"
     ):
         begun(rig).move(np.array([3.0, 0, 0, 0, 0, 0]))
-    ends = time.monotonic() + 3.0
+    ends = time.monotonic() + 10.0
     while controller.irc5.running and time.monotonic() < ends:
         time.sleep(0.02)
     assert controller.irc5.data.number("zb_error") == 1
@@ -352,19 +442,26 @@ def test_a_far_move_without_a_cable_is_stopped_by_rapid(controller: SimulatedCon
     controller.put_cable()
 
 
-@pytest.mark.usefixtures("impatient")
-def test_a_stop_that_cannot_be_told_is_a_fault(controller: SimulatedController, rig: AbbRig) -> None:
+def test_a_stop_that_cannot_be_told_is_a_fault(
+    controller: SimulatedController, rig: AbbRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
     guided(rig)
+    monkeypatch.setattr(abb_rws, "ANSWER_S", 0.2)
     controller.pull_cable()
     with pytest.raises(RigFault, match="The arm may move and the laser may shine: press the emergency stop"):
         rig.stop()
     controller.put_cable()
 
 
-def test_a_fault_of_guidance_is_seen_between_moves(controller: SimulatedController, rig: AbbRig) -> None:
+def test_a_fault_of_guidance_is_seen_between_moves(
+    controller: SimulatedController, rig: AbbRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
     guided(rig)
-    controller.pull_cable(0.2)
-    time.sleep(0.3)
+    hurried(monkeypatch)
+    time.sleep(0.05)
+    monkeypatch.setattr(abb_rws, "ANSWER_S", 5.0)
+    controller.pull_cable(0.3)
+    time.sleep(0.4)
     with pytest.raises(RigFault, match="no feedback by EGM"):
         rig.currents(1)
 
@@ -521,12 +618,11 @@ def test_the_password_is_in_no_output(
     rig = rig_of(controller, plan, confirm=lambda text: not told.append(text))
     header = plan.header.model_copy(update={"provenance": rig.provenance()})
     path = tmp_path / "run.jsonl"
-    timer = pressed(controller, 0.6)
+    on_its_way(controller, 2.0, controller.irc5.press_emergency_stop)
     with RunJournal(path, header) as journal:
         procedure = Procedure(plan, rig, journal, InTurn(1), told.append)
         with pytest.raises(RigFault) as stopped:
             procedure.carry_out()
-    timer.join()
     everything = (
         str(stopped.getrepr(style="long", showlocals=True))
         + repr(told)
@@ -535,7 +631,7 @@ def test_the_password_is_in_no_output(
         + repr(access(controller))
     )
     outputs = everything + caplog.text + "".join(capfd.readouterr())
-    assert "emergency stop" in outputs  # there was something to be found
+    assert "an emergency stop is pressed" in outputs  # there was something to be found
     assert WORD not in outputs
     assert "/rw/panel/ctrlstate" in caplog.text
     for word in (NAME, "127.0.0.1"):

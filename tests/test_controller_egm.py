@@ -111,7 +111,7 @@ def test_an_emergency_stop_is_told() -> None:
     with guided() as (irc5, _, guide):
         guide.lead(np.array([0, 0, 0, 60.0, 0, 0]), 0.2)
         irc5.irc5.press_emergency_stop()
-        heard = guide.lead(np.array([0, 0, 0, 60.0, 0, 0]), 0.3)
+        heard = guide.lead(np.array([0, 0, 0, 60.0, 0, 0]), 1.0)  # it brakes, on a busy machine too
         state = heard[-1][1]
         message = state.robot_message
         assert not state.motors_on

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from controllers import FAST, NAME, Client, abb_rws, controller, plan
+from controllers import FAST, NAME, Client, client_rws, controller, plan
 
 from zerobeam.experiments.controller.irc5 import PATIENCE
 from zerobeam.experiments.controller.rws import REQUESTS_A_SECOND
@@ -35,7 +35,7 @@ def client(irc5: SimulatedController) -> Iterator[Client]:
 
 
 def code(call: Callable[[], Any]) -> int:
-    with pytest.raises(abb_rws.ABBException) as caught:
+    with pytest.raises(client_rws.ABBException) as caught:
         call()
     return int(caught.value.code)
 
@@ -150,7 +150,7 @@ def test_data_are_written_and_read_in_their_types(client: Client) -> None:
     client.write("zb_start", "TRUE")
     assert client.get_rapid_variable(NAME + "zb_start") == "TRUE"
     joints = np.array([1.25, -2.5, 3.0, -100.125, 5.0, 359.5])
-    target = abb_rws.JointTarget(np.radians(joints), np.radians(np.full(6, 9e9)))
+    target = client_rws.JointTarget(np.radians(joints), np.radians(np.full(6, 9e9)))
     client.set_rapid_variable_jointtarget(NAME + "zb_target", target)
     assert "[9E+09,9E+09" in client.get_rapid_variable(NAME + "zb_target")
     assert np.allclose(np.degrees(client.get_rapid_variable_jointtarget(NAME + "zb_target").robax), joints)

@@ -41,11 +41,14 @@ class CellBehind(SimulatedRig):
         self.robot, self.acceleration = robot, cell.arm.acceleration_deg_s2 / robot.display
         self.top_speed = np.array([joint.speed or 1.0 for joint in robot.joints])  # as the simulated arm's
         self._arm.begin(self._rng, np.clip(np.zeros(robot.n), robot.lower, robot.upper))
+        self._driven: Matrix | None = None
 
     def drive(self, joints: Matrix, seconds: float) -> None:
         """The arm's counts go to the joints (n,) at that time of the controller's clock."""
         self._time = seconds
-        self._arm.move(joints)
+        if joints is not self._driven:  # a drive that stands gives the very same, 250 times a second
+            self._driven = joints
+            self._arm.move(joints)
 
     def counts(self) -> Matrix:
         """(n,) where the encoders say that the joints are, rad."""

@@ -47,6 +47,8 @@ class Drive:
 
     def advance(self, held: bool) -> None:
         """One step; `held` brakes on the way, and the goal stays what it is."""
+        if self.standing and (held or self._resting or self.arrived):
+            return
         speed, acceleration = self._limits
         step = self._step
         change = np.maximum(acceleration * step, 1e-300)  # a joint that has no way to go has none

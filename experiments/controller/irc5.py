@@ -265,12 +265,14 @@ class Irc5:
         self._drive.rest()
         self.egm.begin(self._now)
         error = 0.0
+        followed: Matrix | None = None
         while self.data.number("zb_command") == _GUIDE:
             if self.egm.silence(self._now) > PATIENCE:
                 error = _SILENT
                 break
-            if self.egm.reference_deg is not None:
-                reference = self.egm.reference_deg / self._display
+            if self.egm.reference_deg is not None and self.egm.reference_deg is not followed:
+                followed = self.egm.reference_deg
+                reference = followed / self._display
                 yield from self._require_within_limits(reference)
                 self._drive.follow(reference, GUIDED_SPEED)
             yield

@@ -1,7 +1,11 @@
 """What the controller says when it refuses: HTTP status, return code, words.
 
 The codes and their names are those of "Robot controller return codes" in the manual of Robot Web Services
-(3HAC050973-001); which status goes with which is as RobotWare 6.16 was seen to answer, where that is public.
+(3HAC050973-001). Answers of RobotWare 6.16 have been published for a symbol, a resource or a signal that
+there is not, an invalid argument, a start in the wrong state, mastership that another client holds and a
+signal written in manual mode. Assumed, for want of anything public, are MODE_REJECT and NOT_HELD with their
+status, and that HELD answers whatever needs what another client holds (it may be MASTER_REJECT, -1073445859,
+as well: the rig knows both).
 """
 
 from __future__ import annotations

@@ -17,6 +17,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from http.cookies import CookieError, SimpleCookie
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from socketserver import TCPServer
 from typing import Any
 from urllib.parse import parse_qsl, urlsplit
 from xml.sax.saxutils import escape, quoteattr
@@ -116,6 +117,9 @@ class RwsServer(ThreadingHTTPServer):
         self.plugged.set()
         self.gate = Gate(users, self._left, requests_a_second)
         super().__init__(address, _Handler)
+
+    def server_bind(self) -> None:
+        TCPServer.server_bind(self)  # HTTPServer's would ask the name service for its own name
 
     def _left(self, session: str) -> None:
         with self.controller.lock:

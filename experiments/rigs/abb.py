@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import re
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ import numpy as np
 
 from ...model.errors import BadInput, RigFault
 from ...model.plan import Plan
+from ...model.reading import shown
 from ...model.robot import Matrix, Robot
 from ...model.run import Shot
 from ..camera import Camera, Image
@@ -38,7 +40,8 @@ _GUIDED_SPEED = 15.0  # deg/s, below MaxSpeedDeviation in the RAPID module
 _TOP_SPEED = np.radians(60.0)  # rad/s, where the robot file states none
 _BEGIN_S, _STALL_S, _STALL_DEG = 3.0, 5.0, 0.001
 _SAME_DEG = 0.1  # between the reading by RWS and that by EGM
-_SIGNAL = ("zb_laser", "Local", "DRV_1")
+_TASK = "T_ROB1"
+_IO_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")  # RAPID's names; all three go into an address
 
 _STATES = {
     "motoroff": "the motors are off: switch them on",
@@ -66,15 +69,45 @@ class Sensors(Protocol):
 
 
 @dataclass(frozen=True)
+class Signal:
+    """A digital output, by the names that Robot Web Services have for it, its network and its device."""
+
+    name: str = "zb_laser"
+    network: str = "Local"
+    unit: str = "DRV_1"
+
+    def __post_init__(self) -> None:
+        if not all(_IO_NAME.fullmatch(part) for part in (self.network, self.unit, self.name)):
+            raise BadInput(
+                "this is no digital output of the controller",
+                found=shown(str(self)),
+                allowed="NETWORK/UNIT/NAME, each a letter and then letters, digits and _, 32 in all",
+                remedy=f"state it as it stands under /rw/iosystem/signals, such as --laser {Signal()}",
+            )
+
+    @classmethod
+    def stated(cls, text: str) -> Signal:
+        """From NETWORK/UNIT/NAME."""
+        network, _, rest = text.partition("/")
+        unit, _, name = rest.partition("/")
+        return cls(name, network, unit)
+
+    def __str__(self) -> str:
+        return f"{self.network}/{self.unit}/{self.name}"
+
+
+@dataclass(frozen=True)
 class Caution:
     """How the arm may move: `confirm` is asked once, before the first motion, with what is going to happen.
 
-    `share` is of the joints' top speeds, in (0, 1]. `egm_port` is the own UDP port that EGM comes to.
+    `share` is of the joints' top speeds, in (0, 1]. `egm_port` is the own UDP port that EGM comes to,
+    `laser` the output that switches the laser.
     """
 
     confirm: Callable[[str], bool]
     share: float = USUAL_SHARE
     egm_port: int = 6510
+    laser: Signal = Signal()
 
     def __post_init__(self) -> None:
         if not 0.01 <= self.share <= 1:
@@ -182,10 +215,8 @@ class AbbRig:
     def laser(self, on: bool) -> None:
         self._require_guided()
         self._lit = True  # whatever becomes of the request
-        signal, network, unit = _SIGNAL
         self._request(
-            f"switching the laser (digital output {signal} of {network}/{unit})",
-            lambda rws: rws.set_digital_io(signal, on, network, unit),
+            f"switching the laser (digital output {self._caution.laser})", lambda rws: self._switch(rws, on)
         )
         self._lit = on
 
@@ -200,8 +231,7 @@ class AbbRig:
             failed += self._try("stopping RAPID", lambda rws: rws.stop())
             self._running = bool(failed)
         if self._lit:
-            signal, network, unit = _SIGNAL
-            dark = self._try("laser off", lambda rws: rws.set_digital_io(signal, False, network, unit))
+            dark = self._try("laser off", lambda rws: self._switch(rws, False))
             self._lit = bool(dark)
             failed += dark
         if not failed:
@@ -225,12 +255,9 @@ class AbbRig:
     def _require_ready(self) -> None:
         """Automatic, motors on, no emergency stop; RigFault that says which is not."""
         self._require_motors()
-        mode = self._request("reading the operating mode", lambda rws: rws.get_operation_mode())
-        if mode != "AUTO":
-            raise self._failed(
-                f"the controller is not in automatic mode ({mode}): turn the key to automatic and confirm on "
-                "the FlexPendant"
-            )
+        manual = self._manual()
+        if manual:
+            raise self._failed(manual)
 
     def _require_motors(self) -> None:
         why = self._motors_off()
@@ -240,7 +267,21 @@ class AbbRig:
     def _motors_off(self) -> str:
         """Why they are, and what to do; "" where they are on."""
         state = self._request("reading the controller's state", lambda rws: rws.get_controller_state())
-        return "" if state == "motoron" else _STATES.get(state, f"the controller is in the state {state}")
+        if state == "motoron":
+            return ""
+        # The key takes the motors off, and to switch them on before it is turned back does not help.
+        by_key = self._manual() if state == "motoroff" else ""
+        return by_key or _STATES.get(state, f"the controller is in the state {state}")
+
+    def _manual(self) -> str:
+        """What to do about the operating mode; "" where it is automatic."""
+        mode = self._request("reading the operating mode", lambda rws: rws.get_operation_mode())
+        if mode == "AUTO":
+            return ""
+        return (
+            f"the controller is not in automatic mode ({mode}): turn the key to automatic and confirm on the "
+            "FlexPendant"
+        )
 
     def _require_running(self) -> None:
         if self._execution() != "running":
@@ -261,7 +302,8 @@ class AbbRig:
         guided = self._guidance is not None and bool(self._guidance.fault)
         self.stop()
         if self._running:
-            return RigFault(f"{why}. RAPID could not be told to stop: press the emergency stop")
+            shines = ", and the laser may shine" if self._lit else ""
+            return RigFault(f"{why}. RAPID could not be told to stop{shines}: press the emergency stop")
         if guided:
             # EGM tells that the motors are off; why they are is known to the panel.
             with contextlib.suppress(RigFault):
@@ -288,6 +330,13 @@ class AbbRig:
         if self._execution() == "running":
             raise RigFault("a RAPID program is running already: stop it on the FlexPendant first")
         ask = self._request
+        tasks = ask("reading the RAPID tasks", lambda rws: rws.get_tasks())
+        others = [name for name, task in tasks.items() if task.motiontask and task.active and name != _TASK]
+        if others:  # MultiMove: the library's `start` would deactivate them without a word
+            raise RigFault(
+                f"other motion tasks are active ({', '.join(others)}), this rig drives the arm of {_TASK} "
+                "alone: deselect them in the FlexPendant's task selection panel"
+            )
         self._write("zb_command", str(_NONE_YET))
         ask("setting the program pointer to main", lambda rws: rws.resetpp())
         self._running, self._faulty = True, False  # from here on a stop is due, whatever comes back
@@ -321,7 +370,12 @@ class AbbRig:
             self._done = self._number("zb_done")
             self._guidance = Guidance(access.here, caution.egm_port, access.address, self._speed)
             self._command(_GUIDE)
-            at, read = self._guidance.first(), self._read_deg()
+            try:
+                at = self._guidance.first()
+            except RigFault:
+                self._require_running()  # what stopped the program tells more
+                raise
+            read = self._read_deg()
             if np.abs(at - read).max() > _SAME_DEG:
                 raise RigFault(
                     f"EGM says that the joints stand at {_told(at)} deg, Robot Web Services "
@@ -361,16 +415,20 @@ class AbbRig:
     def _read_deg(self) -> Matrix:
         return self.joints() * self._robot.display
 
+    def _switch(self, rws: Any, on: bool) -> None:
+        laser = self._caution.laser
+        rws.set_digital_io(laser.name, on, laser.network, laser.unit)
+
     def _number(self, name: str) -> float:
         value: float = self._request(
-            f"reading {name} of the RAPID module {MODULE} (is it loaded?)",
+            f"reading {name} of the RAPID module {MODULE}",
             lambda rws: rws.get_rapid_variable_num(f"{MODULE}/{name}"),
         )
         return value
 
     def _write(self, name: str, value: str) -> None:
         self._request(
-            f"writing {name} of the RAPID module {MODULE} (is it loaded?)",
+            f"writing {name} of the RAPID module {MODULE}",
             lambda rws: rws.set_rapid_variable(f"{MODULE}/{name}", value),
         )
 

@@ -20,6 +20,7 @@ from ...model.robot import Matrix
 from ..extras import missing_extra
 
 DEAD_MAN_S = 0.1  # without feedback, and the arm is told nothing more
+_LOOK_S = 0.05  # at a time, for feedback: how soon the end is noticed
 _FIRST_S = 5.0  # until the first EgmRobot
 _ARRIVE_S = 5.0  # behind the end of the profile
 _LONGEST_STEP_S = 0.012  # of the profile at a time: where packets were lost it waits, and does not jump
@@ -129,7 +130,7 @@ class Guidance:
         while not self._over:
             left = deadline - time.monotonic()
             # What waits in the socket is feedback even if this thread comes late to it: look before judging.
-            ready, _, _ = select.select([self._socket], [], [], min(max(left, 0.0), DEAD_MAN_S))
+            ready, _, _ = select.select([self._socket], [], [], min(max(left, 0.0), _LOOK_S))
             message, source = self._newest() if ready else (None, ("", 0))
             if message is None:
                 if left > 0:

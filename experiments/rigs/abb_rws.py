@@ -23,6 +23,8 @@ _REFUSALS = {
     -1073442809: "RAPID is not in a state for that; look at the event log of the FlexPendant",
     -1073445862: "another client holds the write access: release it there (RobotStudio: Release Write "
     "Access), or log the other client off",
+    -1073445859: "this client has no write access: release that of another (RobotStudio: Release Write "
+    "Access), or give this user the grants",
     -1073445860: "it is not allowed in this operating mode: turn the key to automatic and confirm on the "
     "FlexPendant",
     -1073445881: "the controller rejects it: is it in automatic, are the grants of this user wide enough, is "
@@ -126,5 +128,5 @@ def _judge(response: Any, **_: Any) -> None:
     if code in _REFUSALS:
         raise RigFault(f"{_REFUSALS[code]} (code {code})")
     if status == 404 or code in _NOT_FOUND:
-        raise RigFault("the controller does not have it")
+        raise RigFault("the controller does not have it: is it loaded, or configured, under this name?")
     raise RigFault(f"the controller refuses (HTTP {status}, code {code})")

@@ -25,11 +25,11 @@ Share = Annotated[float, Field(gt=0, le=1)]
 Count = Annotated[int, Field(ge=1)]
 
 
-def _as_tuple(value: object) -> object:
+def as_tuple(value: object) -> object:
     return tuple(value) if isinstance(value, list) else value
 
 
-def _numbers(size: int) -> BeforeValidator:
+def numbers(size: int) -> BeforeValidator:
     def check(value: object) -> object:
         if not isinstance(value, list | tuple) or len(value) != size:
             found = f"{len(value)} values" if isinstance(value, list | tuple) else shown(value)
@@ -49,10 +49,10 @@ def _each_joint(value: object) -> object:
                 found=shown(item),
                 allowed="one number, 0 or more, or a list of them, one for each joint",
             )
-    return _as_tuple(value)
+    return as_tuple(value)
 
 
-def _normal(value: object) -> object:
+def face_normal(value: object) -> object:
     if value is None or value == "beam":
         return value
     if not isinstance(value, list | tuple) or len(value) != 3 or not any(value):
@@ -64,7 +64,7 @@ def _normal(value: object) -> object:
     return tuple(value)
 
 
-Pair = Annotated[tuple[float, float], _numbers(2)]
+Pair = Annotated[tuple[float, float], numbers(2)]
 # One number for every joint, or a list with one each: degrees, and millimetres for a prismatic joint.
 EachJoint = Annotated[NotNegative | tuple[NotNegative, ...], BeforeValidator(_each_joint)]
 
@@ -95,7 +95,7 @@ class ArmInCell(FileModel):
         default=0.0002, description="step of the joints' encoders, degrees (mm)"
     )
     backlash_deg: EachJoint = Field(default=0.0, description="play of the gears, degrees (mm)")
-    geometry: Annotated[tuple[GeometryError, ...], BeforeValidator(_as_tuple)] = Field(
+    geometry: Annotated[tuple[GeometryError, ...], BeforeValidator(as_tuple)] = Field(
         default=(), description="links that are not as drawn"
     )
     speed: Share = Field(default=0.25, description="share of the joints' top speeds")
@@ -142,7 +142,7 @@ class PlacedPsd(FileModel):
         default=None,
         description="its true centre, base frame, millimetres; default: near the plan's guess, from the seed",
     )
-    normal: Annotated[Point | Literal["beam"] | None, BeforeValidator(_normal)] = Field(
+    normal: Annotated[Point | Literal["beam"] | None, BeforeValidator(face_normal)] = Field(
         default=None,
         description="outward normal of its face as a person would state it, base frame; beam: it is turned "
         "towards each beam about its centre; default: as suits the plan's beams",
@@ -185,7 +185,7 @@ class CameraInCell(FileModel):
     width_px: Count = Field(default=640, description="columns")
     height_px: Count = Field(default=480, description="rows")
     focal_px: Positive = Field(default=700.0, description="focal length, pixels")
-    distortion: Annotated[tuple[float, float, float, float, float], _numbers(5)] = Field(
+    distortion: Annotated[tuple[float, float, float, float, float], numbers(5)] = Field(
         default=(-0.2, 0.05, 0.0005, -0.0005, 0.0), description="k1, k2, p1, p2, k3 (Brown-Conrady)"
     )
     beside_mm: Pair = Field(
@@ -329,7 +329,7 @@ class Cell(FileModel):
     camera: CameraInCell | None = Field(
         default=CameraInCell(), description="the camera on the flange; null: there is none"
     )
-    faults: Annotated[tuple[Fault, ...], BeforeValidator(_as_tuple)] = Field(
+    faults: Annotated[tuple[Fault, ...], BeforeValidator(as_tuple)] = Field(
         default=(), description="what goes wrong on purpose"
     )
 

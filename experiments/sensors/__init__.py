@@ -1,0 +1,1 @@
+"""Real sensors beside a controller: PSD amplifiers on serial lines, a camera by OpenCV, and their files."""

@@ -1,0 +1,174 @@
+"""What stands beside a controller (YAML, `zerobeam/sensors/1`): PSDs at serial ports, a camera or none.
+
+Nothing that a reading depends on has a default.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
+
+from ...model.errors import BadInput
+from ...model.header import Name, Point, Positive, TargetName
+from ...model.reading import Document, Place, read_yaml
+from ...model.validation import FileModel, refusal, require_schema, validate
+from ..rigs.cell_file import Count, Pair, as_tuple, face_normal, numbers
+
+SENSORS_SCHEMA: Literal["zerobeam/sensors/1"] = "zerobeam/sensors/1"
+
+_SOURCES = ("device", "video", "folder")
+
+
+class SerialPort(FileModel):
+    """Where an amplifier is plugged in."""
+
+    device: Name = Field(description="the port's path, as /dev/ttyUSB0, or its name, as COM3")
+    baud: Count = Field(description="its speed, bits a second")
+
+
+class PsdBeside(FileModel):
+    """One PSD with its amplifier."""
+
+    kind: Literal["duo-lateral", "tetra-lateral"] = Field(description="its layout")
+    size_mm: Positive = Field(description="side of the active square, millimetres")
+    rate_hz: Positive = Field(description="samples a second that the amplifier takes")
+    noise_mm: Positive = Field(
+        description="std of one sample at full light at the centre, as measured with the arm at rest, "
+        "millimetres"
+    )
+    markers_mm: Annotated[tuple[Point, Point] | None, BeforeValidator(as_tuple)] = Field(
+        default=None,
+        description="the two LEDs in the PSD's frame, millimetres; a camera needs them, and nothing else",
+    )
+    normal: Annotated[Point | Literal["beam"], BeforeValidator(face_normal)] = Field(
+        description="outward normal of its face, base frame; beam: it is turned towards each beam"
+    )
+    turn_deg: float = Field(
+        description="turn of its x axis about that normal from the base's x axis made square to it (the y "
+        "axis where the normal is within 20 degrees of x), degrees"
+    )
+    serial: SerialPort = Field(description="where its amplifier is plugged in")
+    calibration: Name = Field(description="path of the calibration file, relative to this file")
+
+
+class Mount(FileModel):
+    """The pose of the camera's frame (z forward, x right, y down in the picture) in the flange frame."""
+
+    xyz_mm: Point = Field(description="its origin, millimetres")
+    rpy_deg: Point = Field(description="its turn about fixed x, y, z of the flange, degrees")
+
+
+class CameraBeside(FileModel):
+    """The camera on the flange, and where its pictures come from."""
+
+    device: Annotated[int, Field(ge=0)] | None = Field(
+        default=None, description="number of a camera of this computer, from 0"
+    )
+    video: Name | None = Field(
+        default=None,
+        description="a stream's URL, or the path of a video or of numbered pictures (shot-%03d.png), "
+        "relative to this file",
+    )
+    folder: Name | None = Field(
+        default=None,
+        description="a folder of pictures that are taken in the order of their names, relative to this file",
+    )
+    held_frames: Annotated[int, Field(ge=0)] = Field(
+        description="how many frames that are given next may be older than the asking: those that camera and "
+        "driver hold, and the one under way"
+    )
+    width_px: Count = Field(description="columns")
+    height_px: Count = Field(description="rows")
+    focal_px: Pair = Field(description="focal lengths along x and y, pixels")
+    centre_px: Pair = Field(description="the optical axis in the picture, the first pixel's centre (0, 0)")
+    distortion: Annotated[tuple[float, float, float, float, float], numbers(5)] = Field(
+        description="k1, k2, p1, p2, k3 (Brown-Conrady, in OpenCV's order)"
+    )
+    mount: Mount = Field(description="its pose on the flange")
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        stated = [source for source in _SOURCES if getattr(self, source) is not None]
+        if len(stated) != 1:
+            raise refusal(
+                "where the camera's pictures come from is not clear",
+                found=" and ".join(stated) or "none of them",
+                allowed=f"one of {', '.join(_SOURCES)}",
+            )
+        for i, focal in enumerate(self.focal_px):
+            if focal <= 0:
+                raise refusal(
+                    "this is no focal length", key=("focal_px", i), found=f"{focal:g}", allowed="above 0"
+                )
+        return self
+
+
+class SensorsFile(FileModel):
+    """The content of a sensors file."""
+
+    _document: Document | None = PrivateAttr(default=None)
+
+    schema_: Literal["zerobeam/sensors/1"] = Field(alias="schema", description="kind and version of the file")
+    psds: dict[TargetName, PsdBeside] = Field(description="by target; a plan may use some of them only")
+    camera: CameraBeside | None = Field(description="the camera on the flange; null: there is none")
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        devices: dict[str, str] = {}
+        for target, psd in self.psds.items():
+            if psd.serial.device in devices:
+                raise refusal(
+                    f"the PSDs of {devices[psd.serial.device]} and {target} are at the same port",
+                    key=("psds", target, "serial", "device"),
+                    found=psd.serial.device,
+                    allowed="one amplifier, one PSD",
+                )
+            devices[psd.serial.device] = target
+            if self.camera is not None and psd.markers_mm is None:
+                raise refusal(
+                    f"a camera looks for the LEDs of {target}, and where they are is not stated",
+                    key=("psds", target),
+                    remedy="add markers_mm, or state camera: null",
+                )
+        return self
+
+    @property
+    def folder(self) -> Path:
+        """What paths in it are relative to."""
+        return Path() if self._document is None else self._document.file.parent
+
+    @property
+    def sha256(self) -> str | None:
+        """Of the file's bytes."""
+        return None if self._document is None else self._document.sha256
+
+    def refuse(
+        self,
+        place: Place,
+        what: str,
+        *,
+        found: object = None,
+        allowed: object = None,
+        remedy: str | None = None,
+    ) -> BadInput:
+        """An error about what stands at `place`, with file and line if it was read from a file."""
+        document = self._document
+        return BadInput(
+            what,
+            found=found,
+            allowed=allowed,
+            remedy=remedy,
+            file=None if document is None else document.file,
+            line=None if document is None else document.line(place),
+        )
+
+
+def read_sensors_file(path: Path) -> SensorsFile:
+    """A sensors file, every key of it checked; nothing is opened."""
+    document = read_yaml(path)
+    require_schema(document.data, SENSORS_SCHEMA, file=path, line=document.line(("schema",)))
+    stated = validate(SensorsFile, document.data, file=path, line=document.line)
+    stated._document = document
+    return stated

@@ -1,0 +1,143 @@
+"""An amplifier that is none, on a pseudo-terminal: to try a sensors file, or a program, without hardware.
+
+POSIX only, as pseudo-terminals are.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import threading
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from ...model.robot import Matrix
+from ..rigs.abb import Sensors
+from .calibration import read_calibration
+from .line import IDENTITY, LONGEST, MOST_SAMPLES, Sample, asked, read_sample, told
+
+_POLL_S = 0.02
+
+
+@dataclass(frozen=True)
+class LineFaults:
+    """What goes wrong on the line on purpose: shares of its lines, and `silent` for no line at all.
+
+    A `lost` line is not sent, of a `torn` one the end is missing, a `wrong` one has a character changed under
+    its checksum, and before some there is `garbage`.
+    """
+
+    lost: float = 0.0
+    torn: float = 0.0
+    wrong: float = 0.0
+    garbage: float = 0.0
+    silent: bool = False
+
+
+class AmplifierStandIn:
+    """It calls itself `name` and tells `counts(samples)` (samples, 4), a row of NaN: not sent.
+
+    `device` is the path of its serial port, which goes when it is closed; `faults` may be changed at any
+    time.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        counts: Callable[[int], Matrix],
+        faults: LineFaults = LineFaults(),
+        seed: int = 0,
+    ) -> None:
+        import pty
+        import tty
+
+        self.name, self.faults = name, faults
+        self._counts, self._rng = counts, np.random.default_rng(seed)
+        self._own, self._other = pty.openpty()
+        tty.setraw(self._other)  # no echo, before the other side has set up anything
+        os.set_blocking(self._own, False)
+        self.device = os.ttyname(self._other)
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._serve, name="amplifier-stand-in", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """The port goes, as if the cable were pulled."""
+        if not self._over.is_set():
+            self._over.set()
+            self._thread.join()
+            os.close(self._own)
+            os.close(self._other)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _serve(self) -> None:
+        rest = b""
+        while not self._over.is_set():
+            if select.select([self._own], [], [], _POLL_S)[0]:
+                *lines, rest = (rest + os.read(self._own, LONGEST)).split(b"\n")
+                rest = rest[-LONGEST:]
+                for line in lines:
+                    self._answer(line)
+
+    def _answer(self, line: bytes) -> None:
+        if self.faults.silent:
+            return
+        request = asked(line)
+        if line == IDENTITY.rstrip():
+            self._say(f"I {self.name}")
+        elif request is not None and 1 <= request[1] <= MOST_SAMPLES:
+            for index, counts in enumerate(self._counts(request[1])):
+                if np.isfinite(counts).all():
+                    self._say(read_sample(Sample(request[0], index, tuple(int(count) for count in counts))))
+
+    def _say(self, body: str) -> None:
+        """A line, with what is wrong with it."""
+        line, faults = told(body), self.faults
+        lost, torn, wrong, garbage = self._rng.random(4) < (
+            faults.lost,
+            faults.torn,
+            faults.wrong,
+            faults.garbage,
+        )
+        if garbage:
+            self._send(self._rng.bytes(5))
+        if wrong:
+            at = len(body) // 2
+            line = line[:at] + bytes([line[at] ^ 1]) + line[at + 1 :]  # a digit becomes another
+        if torn:
+            line = line[: len(line) // 2]
+        if not lost:
+            self._send(line)
+
+    def _send(self, line: bytes) -> None:
+        """Wait for room, but not for a client that has gone."""
+        while line and not self._over.is_set():
+            if select.select([], [self._own], [], _POLL_S)[1]:
+                line = line[os.write(self._own, line) :]
+
+
+def stand_ins(opened: ExitStack, sensors: Sensors, calibration: Path) -> dict[str, str]:
+    """By target: the serial port at which an amplifier of this calibration tells what its PSD reads."""
+    own, _ = read_calibration(calibration)
+
+    def counts(target: str) -> Callable[[int], Matrix]:
+        kind = sensors.psds[target].kind
+        return lambda samples: own.counts(sensors.currents(target, samples), kind)
+
+    return {
+        target: opened.enter_context(AmplifierStandIn(own.amplifier, counts(target))).device
+        for target in sensors.psds
+    }

@@ -1,0 +1,64 @@
+"""Lines of a PSD amplifier: what was sent is read, and nothing else."""
+
+from __future__ import annotations
+
+import pytest
+
+from zerobeam.experiments.sensors.line import (
+    LONGEST,
+    Sample,
+    asked,
+    asking,
+    heard,
+    read_sample,
+    sample_of,
+    told,
+)
+
+SAMPLE = Sample(65535, 9999, (-8388608, 8388607, 0, -12))
+
+
+def test_the_checksum_is_the_documented_one() -> None:
+    """Its check value (Williams, A painless guide to CRC error detection algorithms)."""
+    assert told("123456789") == b"123456789*29B1\n"
+    assert told("D 7 0 1200 1189 1203 1190") == b"D 7 0 1200 1189 1203 1190*6F48\n"
+
+
+def test_a_sample_comes_back_as_it_was() -> None:
+    line = told(read_sample(SAMPLE))
+    assert len(line) <= LONGEST
+    for end in (b"\n", b"\r\n", b""):
+        body = heard(line.rstrip(b"\n") + end)
+        assert body is not None
+        assert sample_of(body) == SAMPLE
+    assert asked(asking(17, 100)) == (17, 100)
+
+
+def test_no_changed_character_and_no_missing_one_goes_unnoticed() -> None:
+    line = told(read_sample(SAMPLE)).rstrip()
+    for at in range(len(line)):
+        assert heard(line[:at]) is None
+        assert heard(line[:at] + line[at + 1 :]) is None
+        for bit in range(8):
+            changed = line[:at] + bytes([line[at] ^ 1 << bit]) + line[at + 1 :]
+            body = heard(changed)
+            # A checksum in small letters is the same one.
+            assert body is None or changed.upper() == line
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "D 1 0 5 6 7",
+        "D 1 0 5 6 7 8 9",
+        "D 1 0 5 6 7 8.5",
+        "D 1 0 5 6 7 x",
+        "D 1 -1 5 6 7 8",
+        "I D 1 0 5 6 7 8",
+        "",
+    ],
+)
+def test_a_line_whose_checksum_is_right_is_not_yet_a_sample(body: str) -> None:
+    assert heard(told(body)) == body
+    assert sample_of(body) is None
+    assert sample_of("D 1 0 5 6 7 8") == Sample(1, 0, (5, 6, 7, 8))
