@@ -23,6 +23,9 @@ from .levenberg_marquardt import Minima
 from .noise_factors import marginal_noise
 
 _SAME_BASIN = 0.5  # posterior stds: two modes nearer than this are one
+CONTRADICTED = 1e-4  # a chance below which misses and priors together are no chance
+MANY_STARTS = 64
+_FEW_NUMBERS = 3.0  # to each unknown: below that a wrong basin can pass for a fit
 _WORTH_TELLING = 12.0  # log-posterior units: a basin further down carries less than 1e-5 of the mass
 
 
@@ -87,6 +90,16 @@ class LikelihoodFit:
         """(f,) of the free parameters, scaled by their priors."""
         return np.sqrt(np.diag(self.covariance))
 
+    @property
+    def chance(self) -> float | None:
+        """That misses and scaled parameters are as large together, where the noise is known: at the mode
+        their squares have the chi-squared of as many degrees of freedom as there are numbers. Unlike
+        `against_noise` it tells of a wrong basin even if no number is left over."""
+        if not self.problem.noise.known:
+            return None
+        squares = float(self.whitened.residual @ self.whitened.residual + self.z @ self.z)
+        return float(chdtrc(self.problem.data_size, squares))
+
     def against_noise(self, rank: int) -> AgainstNoise:
         """The residuals against the stated noise, of which the data's `rank` is taken up by the fit."""
         chi2 = float(self.whitened.residual @ self.whitened.residual)
@@ -99,6 +112,8 @@ def fit_likelihood(
     problem: Problem, *, starts: int = 8, seed: int = 0, eliminate_targets: bool = False
 ) -> LikelihoodFit:
     """Fit from zero offsets and from `starts` further points drawn from the priors; the best mode wins.
+
+    If that contradicts noise and priors, with few numbers, the best may be elsewhere: more starts are tried.
 
     With `eliminate_targets` the way up is searched in offsets and tool alone (`elimination`); the mode is the
     same. Raises ValueError where the elimination is not exact.
@@ -119,6 +134,9 @@ def fit_likelihood(
         if found.converged[row] and near and all(_apart(found, row, known) for known in basins):
             basins.append(row)
     fit = _single(problem, found, best, len(basins) - 1)
+    few = problem.data_size < _FEW_NUMBERS * density.size
+    if 0 < starts < MANY_STARTS and few and fit.chance is not None and fit.chance < CONTRADICTED:
+        return fit_likelihood(problem, starts=MANY_STARTS, seed=seed, eliminate_targets=eliminate_targets)
     if not (problem.noise.separate and fit.converged):
         return fit
     # The common mode of noise factors and all else has too small a noise.

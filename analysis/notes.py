@@ -25,6 +25,7 @@ def misfit(fit: FitSummary) -> float | None:
 
 def notes(
     fit: FitSummary,
+    contradicted: bool,
     posterior: PosteriorSummary,
     displaced: Displacement | None,
     shots: Sequence[ShotResult],
@@ -32,9 +33,10 @@ def notes(
     held_out: HoldOut | None,
     warnings: Sequence[str],
 ) -> tuple[str, ...]:
-    """The notes of a result; `warnings` are those of the run's file."""
+    """The notes of a result; `contradicted`: misses and priors together are no chance, `warnings` are those
+    of the run's file."""
     return (
-        *_on_the_fit(fit, posterior),
+        *_on_the_fit(fit, contradicted, posterior),
         *((displacement_sentence(displaced),) if displaced is not None and displaced.significant else ()),
         *_on_held_out(held_out),
         *(_on_shots(fit, shots) if robust is None else _on_robust(robust)),
@@ -42,7 +44,7 @@ def notes(
     )
 
 
-def _on_the_fit(fit: FitSummary, posterior: PosteriorSummary) -> Iterator[str]:
+def _on_the_fit(fit: FitSummary, contradicted: bool, posterior: PosteriorSummary) -> Iterator[str]:
     if not fit.converged:
         yield f"The fit did not converge: {fit.reason}. Nothing here may be used as an estimate"
     factor = misfit(fit)
@@ -53,6 +55,12 @@ def _on_the_fit(fit: FitSummary, posterior: PosteriorSummary) -> Iterator[str]:
             " not quite as drawn (geometry, backlash, elasticity), or the noise is understated: the"
             f" intervals are too narrow by a factor of about {factor:.1f} or more. noise.scale: estimated"
             " widens them by that factor"
+        )
+    elif contradicted:
+        yield (
+            "Misses and priors together are larger than chance allows (below 1 in 10 000): noise, priors or"
+            " geometry are not as stated, or the best fit was not found. Add shots, so that the fit can be"
+            " checked"
         )
     if fit.other_basins:
         yield (

@@ -8,7 +8,7 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
-from .console import out, print_json, progress, stoppable
+from .console import err, out, print_json, progress, stoppable
 from .options import Camera, Json, Seed
 
 studies = typer.Typer(
@@ -57,10 +57,105 @@ def study_table2(
     _study(folder, as_json, lambda told: table2_study(seed, told))
 
 
+Runs = Annotated[
+    int | None,
+    typer.Option(
+        min=0,
+        help="Simulated runs of each case, instead of the file's; 0: prediction only.",
+        show_default=False,
+    ),
+]
+
+
+@studies.command("patterns")
+def study_patterns(folder: StudyFolder, runs: Runs = None, seed: Seed = 0, as_json: Json = False) -> None:
+    """X-Pattern, Y-Pattern or the best of many postures, with the PSD over the cell?"""
+    _built_in("patterns", folder, runs, seed, as_json)
+
+
+@studies.command("noise")
+def study_noise(folder: StudyFolder, runs: Runs = None, seed: Seed = 0, as_json: Json = False) -> None:
+    """How well must joints and spot be read?"""
+    _built_in("noise", folder, runs, seed, as_json)
+
+
+@studies.command("shots")
+def study_shots(folder: StudyFolder, runs: Runs = None, seed: Seed = 0, as_json: Json = False) -> None:
+    """How many shots are enough?"""
+    _built_in("shots", folder, runs, seed, as_json)
+
+
+@studies.command("cost")
+def study_cost(folder: StudyFolder, runs: Runs = None, seed: Seed = 0, as_json: Json = False) -> None:
+    """The paper's midpoint cost, or the likelihood?"""
+    _built_in("cost", folder, runs, seed, as_json)
+
+
+@studies.command("tool")
+def study_tool(folder: StudyFolder, runs: Runs = None, seed: Seed = 0, as_json: Json = False) -> None:
+    """Must the tool be calibrated beforehand?"""
+    _built_in("tool", folder, runs, seed, as_json)
+
+
+@studies.command("psd-position")
+def study_psd_position(folder: StudyFolder, runs: Runs = None, seed: Seed = 0, as_json: Json = False) -> None:
+    """Where should the PSD stand?"""
+    _built_in("psd-position", folder, runs, seed, as_json)
+
+
+@studies.command("robots")
+def study_robots(folder: StudyFolder, runs: Runs = None, seed: Seed = 0, as_json: Json = False) -> None:
+    """Does it work on other arms?"""
+    _built_in("robots", folder, runs, seed, as_json)
+
+
+@studies.command("file")
+def study_file(
+    file: Annotated[Path, typer.Argument(help="Study file (.yaml).", show_default=False)],
+    folder: StudyFolder,
+    runs: Runs = None,
+    seed: Seed = 0,
+    as_json: Json = False,
+) -> None:
+    """A study of your own: every setting, and what changes from case to case, from a file."""
+    _sweep(file, folder, runs, seed, as_json)
+
+
+def _built_in(name: str, folder: Path, runs: int | None, seed: int, as_json: bool) -> NoReturn:
+    from ..experiments.sweep_file import built_in_study
+
+    _sweep(built_in_study(name), folder, runs, seed, as_json)
+
+
+def _sweep(file: Path, folder: Path, runs: int | None, seed: int, as_json: bool) -> NoReturn:
+    from ..experiments.sweep import sweep
+    from ..experiments.sweep_file import read_study
+
+    study = read_study(file, runs)
+    # Beside the folder, which is written whole or not at all.
+    store = Path(f"{folder.resolve()}.cases.jsonl")
+    try:
+        _study(folder, as_json, lambda told: sweep(study, seed, told, store=store), store)
+    except KeyboardInterrupt:
+        if store.exists():
+            err.print(
+                f"The finished cases are kept in {store}: the same command goes on with them.",
+                markup=False,
+                soft_wrap=True,
+            )
+        raise
+
+
 def _study(
-    folder: Path, as_json: bool, studied: Callable[[Callable[[str, float], None]], dict[str, Any]]
+    folder: Path,
+    as_json: bool,
+    studied: Callable[[Callable[[str, float], None]], dict[str, Any]],
+    store: Path | None = None,
 ) -> NoReturn:
-    """Carry a study out, write it, print it; the status says whether it agrees."""
+    """Carry a study out, write it, print it; the status says whether it agrees.
+
+    What was kept in `store` to go on with is no longer needed then.
+    """
     from ..reports.study_page import check_target, write_study
     from ..reports.study_terminal import print_study
 
@@ -69,6 +164,8 @@ def _study(
         answer = studied(told)
         told("writing", 1.0)
         paths = write_study(folder, answer)
+        if store is not None:
+            store.unlink(missing_ok=True)
     if as_json:
         print_json(answer)
     else:

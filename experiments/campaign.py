@@ -6,18 +6,12 @@ same for any number of processes.
 
 from __future__ import annotations
 
-import os
-import signal
-import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from multiprocessing import get_context, parent_process
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from ..analysis.so_far import SoFar
 from ..model.errors import ZerobeamError
@@ -26,6 +20,7 @@ from ..model.run import Shot
 from .adaptive import Adaptive
 from .order import InTurn, Order
 from .procedure import Procedure, RefusedShot
+from .processes import side_by_side
 from .rigs.cell_file import Cell
 from .rigs.simulated import SimulatedRig
 
@@ -112,57 +107,16 @@ def campaign(
 
     Ctrl-C ends it with the runs that are under way.
     """
-    processes = processes or os.cpu_count() or 1
-    jobs = [(k, seed) for k in range(len(works)) for seed in of]
-    done = _here(works, jobs) if processes == 1 else _aside(works, jobs, processes)
+    jobs = [(work, seed) for work in works for seed in of]
     found: dict[int, CellRun] = {}
-    for job, run in done:
+    for job, run in side_by_side(_one, jobs, processes):
         found[job] = run
         told(len(found) / len(jobs))
     return [[found[k * len(of) + i] for i in range(len(of))] for k in range(len(works))]
 
 
-def _here(works: Sequence[Repeated], jobs: Sequence[tuple[int, int]]) -> Iterator[tuple[int, CellRun]]:
-    for job, (k, seed) in enumerate(jobs):
-        yield job, carried(works[k], seed)
-
-
-def _aside(
-    works: Sequence[Repeated], jobs: Sequence[tuple[int, int]], processes: int
-) -> Iterator[tuple[int, CellRun]]:
-    # Spawned, not forked: a fork takes the locks of threads along, but not the threads.
-    with ProcessPoolExecutor(
-        processes, mp_context=get_context("spawn"), initializer=_start, initargs=(tuple(works),)
-    ) as pool:
-        asked = {pool.submit(_one, k, seed): job for job, (k, seed) in enumerate(jobs)}
-        try:
-            for answered in as_completed(asked):
-                yield asked[answered], answered.result()
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
-
-
-_works: tuple[Repeated, ...] = ()  # of a worker, which is sent them once
-
-
-def _start(works: tuple[Repeated, ...]) -> None:
-    global _works
-    _works = works
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that waits for this one
-    threadpool_limits(limits=1)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    """A worker whose parent was killed would wait for work for ever."""
-    parent = parent_process()
-    assert parent is not None
-    parent.join()
-    os._exit(1)
-
-
-def _one(k: int, seed: int) -> CellRun:
-    return carried(_works[k], seed)
+def _one(job: tuple[Repeated, int]) -> CellRun:
+    return carried(*job)
 
 
 def _truth(rig: SimulatedRig) -> dict[str, float]:

@@ -56,10 +56,9 @@ def pattern(
     solver = _BeamAt(problem, target)
     postures = np.empty((shots, robot.n))
     order = np.argsort(np.abs(np.arange(shots) - (shots - 1) / 2), kind="stable")
+    done: list[int] = []
     for i in order:
-        near = [
-            postures[j] for j in order if abs(j - i) == 1 and np.abs(j - shots // 2) < np.abs(i - shots // 2)
-        ]
+        near = [postures[j] for j in done if abs(j - i) == 1]
         found = solver.posture(starts[i], near)
         if found is None:
             raise BadInput(
@@ -68,6 +67,7 @@ def pattern(
                 remedy="put the target nearer to the middle of the workspace",
             )
         postures[i] = found
+        done.append(i)
     return postures
 
 

@@ -14,6 +14,9 @@ from ..model.robot_file import RobotFile
 from ..model.run import Shot
 from .obstacles import Obstacles
 from .rigs.cell_file import Cell
+from .sensors.calibration import PsdCalibration
+from .sensors.sensors_file import SensorsFile
+from .sweep_file import StudyFile
 
 _MODELS: dict[str, type[BaseModel]] = {
     "run-header": Header,
@@ -23,6 +26,9 @@ _MODELS: dict[str, type[BaseModel]] = {
     "robot": RobotFile,
     "obstacles": Obstacles,
     "cell": Cell,
+    "sensors": SensorsFile,
+    "psd-calibration": PsdCalibration,
+    "study-file": StudyFile,
 }
 SCHEMA_NAMES = tuple(_MODELS)
 

@@ -14,8 +14,10 @@ from made_problem import many_runs
 from plain_posterior import PlainPosterior
 from scipy import optimize, stats
 
-from zerobeam.analysis.fit import fit_likelihood, fit_rows, modes, start_at, unbiased_weight
+from zerobeam.analysis.aim import aim, servo_joints
+from zerobeam.analysis.fit import CONTRADICTED, fit_likelihood, fit_rows, modes, start_at, unbiased_weight
 from zerobeam.analysis.levenberg_marquardt import least_squares, levenberg_marquardt
+from zerobeam.experiments.coverage import drawn
 from zerobeam.model.density import Density
 from zerobeam.model.problem import Problem
 
@@ -439,3 +441,22 @@ def test_a_probe_on_an_arm_with_a_slide():
     miss = fit.z - truth_in_z(truth)
     distance = miss @ np.linalg.solve(fit.covariance, miss)
     assert distance < stats.chi2.ppf(0.9995, len(miss))
+
+
+def test_a_fit_in_a_wrong_basin_contradicts_noise_and_priors_and_is_tried_again():
+    """Four shots leave no number to spare: chi-squared cannot warn, misses and priors together can."""
+    plan = Problem.from_plan(pattern_plan("y", shots=4))
+    problem = aim(plan, plan.supposed(), servo_joints(plan)).problem
+    data = drawn(problem, 12, np.random.default_rng(1))
+    lost = wrong = 0
+    for joints, spots, truth in zip(data.joints, data.spots, data.truths, strict=True):
+        own = problem.moved(joints, spots)
+        best = Density(own).log_posterior(truth[None])[0] - 5
+        first, found = fit_likelihood(own, starts=0), fit_likelihood(own)
+        lost += first.log_posterior < best
+        wrong += found.log_posterior < best
+        # Whoever is lost is told so.
+        assert first.log_posterior >= best or first.chance < CONTRADICTED
+        assert found.log_posterior >= best or found.chance < CONTRADICTED
+    assert lost >= 2
+    assert wrong <= 1

@@ -33,7 +33,10 @@ def test_every_key_is_described_with_its_unit_and_no_other_is_allowed(name):
 
 
 def test_the_kinds_of_file_are_told_by_their_schema_key():
-    assert SCHEMA_NAMES == ("run-header", "run-shot", "plan", "header", "robot", "obstacles", "cell")
+    assert (
+        *("run-header", "run-shot", "plan", "header", "robot", "obstacles", "cell"),
+        *("sensors", "psd-calibration", "study-file"),
+    ) == SCHEMA_NAMES
     for name, schema in (
         ("run-header", "zerobeam/run/1"),
         ("plan", "zerobeam/plan/1"),
