@@ -15,7 +15,7 @@ import typer
 
 from . import __version__
 from .commands import carrying_out, exporting, importing, judging, studying
-from .commands.console import FAULT, INTERRUPTED, err, out
+from .commands.console import FAULT, INTERRUPTED, err, out, plain
 from .model.errors import ZerobeamError
 
 app = typer.Typer(
@@ -31,6 +31,7 @@ for command in (
     judging.check,
     judging.analyse,
     judging.report,
+    judging.compare,
     judging.plan,
     carrying_out.run,
     carrying_out.controller,
@@ -58,7 +59,7 @@ def _zerobeam(
 
 
 def _warn(message: Warning | str, *_: Any, **__: Any) -> None:
-    err.print(f"note: {message}", markup=False, soft_wrap=True)
+    err.print(f"note: {plain(message)}", markup=False, soft_wrap=True)
 
 
 def main() -> NoReturn:
@@ -67,14 +68,14 @@ def main() -> NoReturn:
     try:
         app(standalone_mode=True)
     except ZerobeamError as error:
-        err.print(f"error: {error}", markup=False, soft_wrap=True)
+        err.print(f"error: {plain(error)}", markup=False, soft_wrap=True)
         sys.exit(error.exit_status)
     except KeyboardInterrupt:
         err.print("stopped")
         sys.exit(INTERRUPTED)
     except Exception:  # noqa: BLE001 - told in full, and the last thing that happens
         # Python's own status for this is 1, which is a verdict here.
-        traceback.print_exc()
+        sys.stderr.write(plain(traceback.format_exc()))
         err.print("error: this is a fault of zerobeam itself, please report it with the lines above")
         sys.exit(FAULT)
     sys.exit(0)

@@ -13,8 +13,10 @@ from ..model.parameters import Parameter
 from ..model.problem import Problem, rms_length
 from ..model.robot import Matrix
 from ..model.run import Run
+from .accuracy import accuracy
+from .budget import budget
 from .displacement import displacement
-from .fit import LikelihoodFit, fit_likelihood, start_at
+from .fit import CONTRADICTED, LikelihoodFit, fit_likelihood, start_at
 from .hold_out import hold_out
 from .identifiability import Identified, identify_at
 from .influence import influence
@@ -37,6 +39,7 @@ from .result import (
     Status,
 )
 from .robust import Loss, fit_robust, outlying
+from .scene import scene
 from .verdict import listed, reason_for, verdict, verdict_sentence
 from .versions import versions
 
@@ -86,6 +89,7 @@ def _analyse(
     tell("fit", 1.0)
     tell("identifiability", 0.0)
     identified = identify_at(fit)
+    tool = accuracy(problem, fit, identified)
     std = problem.parameters.unscaled(fit.std)
     tell("identifiability", 1.0)
     draws: Draws | None = None
@@ -119,10 +123,14 @@ def _analyse(
         shots=shots,
         distances=_distances(problem, fit),
         intervals=_intervals(problem, fit, rows, posterior, likelihood) if fit.converged else (),
+        accuracy=tool,
+        budget=budget(problem, fit, identified, posterior),
         robust=robust,
         hold_out=unseen,
+        scene=scene(fit, identified),
         notes=notes(
             likelihood,
+            fit.chance is not None and fit.chance < CONTRADICTED,
             posterior,
             displacement(fit) if fit.converged else None,
             shots,

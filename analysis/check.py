@@ -12,7 +12,8 @@ from ..model.errors import BadInput
 from ..model.plan import Plan
 from ..model.problem import Problem
 from ..model.robot import Matrix
-from .aim import Aimed, aim, servo_joints
+from .aim import Aimed
+from .aimed_plan import AimedPlan, aim_plan
 from .identifiability import identify
 from .outlook import Advice, CurvePoint, OverTarget, advice, curve, over_target, predicted_std
 from .result import Group, Identifiability, Status, Verdict
@@ -62,16 +63,15 @@ class Check:
     inputs: dict[str, Any]
 
 
-def check(plan: Plan) -> Check:
-    """Judge a plan with the wrist turned onto the target, as the servo will turn it.
+def check(plan: Plan, turned: AimedPlan | None = None) -> Check:
+    """Judge a plan with the wrist turned onto the target, as the servo will turn it (`turned`, once it was).
 
     Needs no compiler and no sampling: everything follows from the exact Jacobian at what is supposed
     before any shot.
     """
+    turned = aim_plan(plan) if turned is None else turned
+    problem, x, aimed = turned.problem, turned.x, turned.aimed
     with threadpool_limits(limits=1, user_api="blas"):
-        problem = Problem.from_plan(plan)
-        x = problem.supposed()
-        aimed = aim(problem, x, servo_joints(problem))
         shots = _shots(plan, aimed)
         identified = identify(shots, x)
         known = predicted_std(shots, x)

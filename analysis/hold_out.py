@@ -7,6 +7,7 @@ own shots. What is left there is judged against the noise and what the fit leave
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from fnmatch import fnmatchcase
 
 import numpy as np
@@ -42,10 +43,13 @@ def hold_out(problem: Problem, patterns: Sequence[str], seed: int = 0) -> HoldOu
         )
     out = np.isin(problem.target_index, [problem.targets.index(name) for name in names])
     seen, unseen = problem.select(np.flatnonzero(~out)), problem.select(np.flatnonzero(out))
+    # A distance to a target without shots says nothing of the rest, and leaves the fit no mode.
+    there = set(seen.target_index.tolist())
+    seen = replace(seen, distances=tuple(d for d in seen.distances if {d.first, d.second} <= there))
     fit = fit_likelihood(seen, starts=0, seed=seed)
     if not fit.converged:
         message = f"the fit without them did not converge: {fit.reason}"
-        return HoldOut(tuple(names), unseen.shots, seen.shots, None, None, None, None, None, message)
+        return HoldOut(tuple(names), unseen.shots, seen.shots, *(None,) * 6, message)
     moved = np.isin([item.name.rpartition(".")[0] for item in problem.parameters.items], names)
     before = _settled(unseen, problem.supposed(), moved)
     after = _settled(unseen, fit.x, moved)
@@ -60,6 +64,9 @@ def hold_out(problem: Problem, patterns: Sequence[str], seed: int = 0) -> HoldOu
     factor = np.linalg.cholesky(np.eye(rows) / fit.weight + by_rest @ covariance @ by_rest.T)
     left, columns = np.linalg.solve(factor, residual), np.linalg.solve(factor, jacobian[:, moved & free])
     left = left - columns @ np.linalg.lstsq(columns, left, rcond=None)[0]
+    by_place = jacobian[:, moved & free]
+    placed = factor - by_place @ np.linalg.lstsq(by_place, factor, rcond=None)[0]
+    expected = whitened.factor @ placed.reshape(unseen.shots, -1, rows)
     chi2, dof = float(left @ left), rows - int(np.linalg.matrix_rank(columns))
     return HoldOut(
         targets=tuple(names),
@@ -67,6 +74,7 @@ def hold_out(problem: Problem, patterns: Sequence[str], seed: int = 0) -> HoldOu
         shots_fitted=seen.shots,
         rms_mm=rms_length(whitened.miss),
         rms_before_mm=rms_length(unseen.linearise(before)[0]),
+        expected_mm=float(np.sqrt((expected**2).sum() / unseen.shots)),
         chi2=chi2 if dof > 0 else None,
         dof=dof,
         p_value=_chance(seen, chi2, dof) if dof > 0 else None,

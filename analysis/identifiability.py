@@ -48,7 +48,7 @@ def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
     `weight` is 1 / noise scale^2 (shots only).
     """
     parameters, free = problem.parameters, problem.parameters.free
-    aimed, jacobian, hit = _information_root(problem, x, weight)
+    aimed, jacobian, hit = information_root(problem, x, weight)
     gauge = _null_space(jacobian)
     exact_dimension, exact_part = _confirm(problem, x, gauge, hit)
 
@@ -118,9 +118,7 @@ def observability(singular: Matrix, shots: int) -> dict[str, float | None]:
     }
 
 
-def _information_root(
-    problem: Problem, x: Matrix, weight: float
-) -> tuple[Problem, Matrix, NDArray[np.bool_]]:
+def information_root(problem: Problem, x: Matrix, weight: float) -> tuple[Problem, Matrix, NDArray[np.bool_]]:
     """The problem at shots that hit the centre, A there (M, f) for the free parameters, and (N,) which hit.
 
     Recorded spots are noise: kept, they would pass for information on the roll of the beam's axes.
@@ -191,7 +189,7 @@ def _confirm(
         for nearer in range(_NEARER):
             step = rng.normal(size=len(x)) * size / 2**nearer
             other = x + np.where(parameters.free, step, 0.0)
-            _, jacobian, still = _information_root(problem, other, 1.0)
+            _, jacobian, still = information_root(problem, other, 1.0)
             if still[hit].all():
                 spaces.append(_null_space(jacobian))
                 break

@@ -7,10 +7,17 @@ answer is None, and every None has one stated meaning.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+from .budget import Budget
+
+if TYPE_CHECKING:
+    from .accuracy import Accuracy  # which needs this module
+
+from .scene import Scene
 
 Status = Literal["identified", "weak", "unidentifiable", "held"]
 Verdict = Literal["pass", "weak", "degenerate"]
@@ -200,7 +207,8 @@ class Robust:
 class HoldOut:
     """How the offsets and tool of the other targets' shots do at targets that they have not seen.
 
-    `rms_mm` of the misses once each held-out target is placed, `rms_before_mm` the same without any offset;
+    `rms_mm` of the misses once each held-out target is placed, `rms_before_mm` the same without any offset,
+    `expected_mm` what `rms_mm` would be by the noise and what the fit leaves open;
     chi-squared of these misses against the noise and what the fit leaves open. None where there is none.
     """
 
@@ -209,6 +217,7 @@ class HoldOut:
     shots_fitted: int
     rms_mm: float | None
     rms_before_mm: float | None
+    expected_mm: float | None
     chi2: float | None
     dof: int | None
     p_value: float | None
@@ -243,8 +252,11 @@ class Result:
     shots: tuple[ShotResult, ...]
     distances: tuple[DistanceResult, ...]
     intervals: tuple[Intervals, ...]
+    accuracy: Accuracy | None
+    budget: tuple[Budget, ...]
     robust: Robust | None
     hold_out: HoldOut | None
+    scene: Scene | None
     notes: tuple[str, ...]
     inputs: Inputs
 

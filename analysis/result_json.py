@@ -40,6 +40,7 @@ def to_json(result: Result) -> dict[str, Any]:
     _check_verdict(result)
     _check_posterior(result)
     _check_untold(result)
+    _check_accuracy(result)
     _check_fit("likelihood", result.likelihood)
     _check_fit("midpoint", result.midpoint)
     answer: dict[str, Any] = {
@@ -56,8 +57,11 @@ def to_json(result: Result) -> dict[str, Any]:
         "shots": _plain(result.shots, "shots"),
         "distances": _plain(result.distances, "distances"),
         "intervals": _plain(result.intervals, "intervals"),
+        "accuracy": _plain(result.accuracy, "accuracy"),
+        "budget": _plain(result.budget, "budget"),
         "robust": _plain(result.robust, "robust"),
         "hold_out": _plain(result.hold_out, "hold_out"),
+        "scene": _plain(result.scene, "scene"),
         "notes": _plain(result.notes, "notes"),
         "inputs": _plain(result.inputs, "inputs"),
     }
@@ -138,13 +142,28 @@ def _check_posterior(result: Result) -> None:
 def _check_untold(result: Result) -> None:
     """Other fits and intervals must not tell what the data do not."""
     untold = {row.name for row in result.parameters if row.status in ("unidentifiable", "held")}
-    told = {row.name for row in result.intervals}
+    told = {row.name for row in result.intervals} | {row.name for row in result.budget}
     if result.robust is not None:
         told |= {row.name for row in result.robust.parameters if row.estimate is not None}
+    if result.scene is not None:
+        told |= {
+            f"{target.name}.{axis}"
+            for target in result.scene.targets
+            for axis in "xyz"
+            if target.at_mm is not None
+        } - {row.name for row in result.parameters if row.held}
     if untold & told:
         raise UnsoundResult(
             f"the result is unsound and was not written: {', '.join(sorted(untold & told))} cannot be told,"
             " yet another interval or fit has a number for it"
+        )
+
+
+def _check_accuracy(result: Result) -> None:
+    told = result.accuracy
+    if told is not None and (told.workspace is None) != (told.reason is not None):
+        raise UnsoundResult(
+            "the result is unsound and was not written: accuracy needs numbers or a reason, not both"
         )
 
 

@@ -23,6 +23,13 @@ def print_json(answer: dict[str, Any]) -> None:
     sys.stdout.write(json.dumps(answer, ensure_ascii=False, allow_nan=False, indent=1) + "\n")
 
 
+def plain(message: object) -> str:
+    """A message of several lines with nothing in it that a terminal would obey or a person not see."""
+    from ..reports.wording import shown
+
+    return "\n".join(shown(line) for line in str(message).split("\n"))
+
+
 @contextmanager
 def progress(title: str) -> Iterator[Callable[[str, float], None]]:
     """A bar on standard error with the stage under way; silent when that is no terminal."""

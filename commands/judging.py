@@ -1,4 +1,4 @@
-"""The commands that make plans and judge plans and runs: demo, check, analyse, report, plan, schema."""
+"""The commands that make plans and judge plans and runs: demo, check, analyse, report, compare, plan …"""
 
 from __future__ import annotations
 
@@ -92,17 +92,19 @@ def demo(
 
 def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> None:
     """Will this plan work? The verdict before any shot."""
+    from ..analysis.aimed_plan import aim_plan
     from ..analysis.check import check as judge
     from ..analysis.check import check_json
     from ..model.plan import read_plan
     from ..reports.terminal import print_check
 
     planned = read_plan(plan)
-    answer = check_json(judge(planned))
+    turned = aim_plan(planned)
+    answer = check_json(judge(planned, turned))
     if picture is not None:
         from ..reports.plan_page import write_plan_page
 
-        write_plan_page(picture, planned)
+        write_plan_page(picture, turned, answer)
     if as_json:
         print_json(answer)
     else:
@@ -228,9 +230,13 @@ def plan(
         made = make_plan(request, file, told)
     answer = made.as_json()
     if picture is not None and made.file is not None:
+        from ..analysis.aimed_plan import aim_plan
+        from ..analysis.check import check as judge
+        from ..analysis.check import check_json
         from ..reports.plan_page import write_plan_page
 
-        write_plan_page(picture, read_plan(made.file))
+        turned = aim_plan(read_plan(made.file))
+        write_plan_page(picture, turned, check_json(judge(turned.plan, turned)))
     if as_json:
         print_json(answer)
     else:
@@ -241,11 +247,51 @@ def plan(
     raise typer.Exit(1 if made.checked is None else EXIT_STATUS[made.checked["verdict"]])
 
 
+def compare(
+    runs: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Run files (.jsonl) or results (.json), two at least; or one table of offsets (.csv).",
+            metavar="RUN...",
+            show_default=False,
+        ),
+    ],
+    folder: Annotated[
+        Path | None, typer.Option("-o", "--out", help="Folder for the comparison.", show_default=False)
+    ] = None,
+    as_json: Json = False,
+    seed: Seed = 0,
+) -> None:
+    """Do repeated runs agree? Their scatter against the prediction, drift, and the run that is odd."""
+    from ..analysis.compare import compare as compare_runs
+    from ..reports.compare_view import check_target, write_comparison
+    from ..reports.terminal_compare import print_comparison
+
+    if folder is not None:
+        check_target(folder)
+    with progress("compare") as told:
+        answer = compare_runs(runs, seed=seed, progress=told)
+        if folder is not None:
+            told("writing", 1.0)
+            paths = write_comparison(folder, answer)
+    if as_json:
+        print_json(answer)
+    else:
+        print_comparison(out, answer)
+        if folder is not None:
+            out.print(f"Comparison: {paths.html}", soft_wrap=True, markup=False)
+    if answer["failed"]:
+        raise typer.Exit(FAULT)
+    raise typer.Exit(0 if answer["verdict"] == "agrees" else 1)
+
+
 def schema(
     name: Annotated[
         str | None,
         typer.Argument(
-            help="run-header, run-shot, plan, header, robot, obstacles or cell.", show_default=False
+            help="run-header, run-shot, plan, header, robot, obstacles, cell, sensors, psd-calibration or"
+            " study-file.",
+            show_default=False,
         ),
     ] = None,
 ) -> None:

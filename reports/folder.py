@@ -62,13 +62,14 @@ def _write_files(folder: Path, result: Result, draws: Draws | None) -> list[str]
     from .html import html
     from .pdf import pdf
     from .posterior_file import write_posterior
-    from .view import view
+    from .report_page import report_page
+    from .run_scene import run_turnable
 
-    shown = view(answer)
-    drawn = pictures(answer, draws)
+    page = report_page(answer)
+    drawn, scene = pictures(answer, draws), run_turnable(answer)
     (folder / RESULT).write_text(text, encoding="utf-8")
-    (folder / "report.html").write_text(html(shown, drawn, text), encoding="utf-8")
-    (folder / "report.pdf").write_bytes(pdf(shown, drawn))
+    (folder / "report.html").write_text(html(page, drawn, "report", text, scene), encoding="utf-8")
+    (folder / "report.pdf").write_bytes(pdf(page, drawn))
     if draws is not None:
         write_posterior(folder / "posterior.nc", answer, draws)
     (folder / "figures").mkdir()

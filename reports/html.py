@@ -1,11 +1,11 @@
-"""`report.html`: one self-contained file. No script, no network, light and dark, phone and paper."""
+"""Pages as HTML: one self-contained file. No network, light and dark, phone and paper."""
 
 from __future__ import annotations
 
 import base64
 import functools
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from .canvas import Picture, themed
 from .palette import css_variables
@@ -14,7 +14,10 @@ from .typeface import FAMILY, Cut, font_file
 if TYPE_CHECKING:
     from jinja2 import Template
 
+    from .scene import Turnable
+
 TEMPLATES = Path(__file__).parent / "templates"
+PageKind = Literal["report", "study"]
 LARGEST_ATTACHMENT = 200_000
 _WEIGHTS: dict[Cut, str] = {
     "Regular": "font-weight: 400",
@@ -23,20 +26,31 @@ _WEIGHTS: dict[Cut, str] = {
 }
 
 
-def html(view: dict[str, Any], pictures: dict[str, Picture], result_text: str) -> str:
-    """The report as HTML; `result_text` (the text of result.json) is attached if it is under 200 kB."""
+def html(
+    page: dict[str, Any],
+    pictures: dict[str, Picture],
+    kind: PageKind,
+    attached: str = "",
+    turnable: Turnable | None = None,
+) -> str:
+    """A page (`blocks.py`) as HTML; `attached`, the text of result.json, goes with it if under 200 kB.
+
+    `turnable` stands where a block `scene` is; its script is the only one that the page allows.
+    """
     from markupsafe import Markup
 
-    data = result_text.encode()
-    return template("report.html.j2").render(
-        view=view,
+    data = attached.encode()
+    return template("page.html.j2").render(
+        view=page,
+        kind=kind,
         pictures={
             name: {"picture": picture, "svg": Markup(themed(picture.svg))}
             for name, picture in pictures.items()
         },
-        # Both are our own text, with nothing of the run in it.
-        css=Markup(style()),
-        attachment=base64.b64encode(data).decode() if len(data) < LARGEST_ATTACHMENT else None,
+        # Our own text, with nothing of a run in it.
+        css=Markup(style()) + (turnable.style if turnable else ""),
+        turnable=turnable,
+        attachment=base64.b64encode(data).decode() if 0 < len(data) < LARGEST_ATTACHMENT else None,
     )
 
 
@@ -59,7 +73,7 @@ def template(name: str) -> Template:
 def style() -> str:
     """The style sheet of every page: the typeface, embedded, and the palette in both themes."""
     faces = "\n".join(_face(cut, weight) for cut, weight in _WEIGHTS.items())
-    sheet = (TEMPLATES / "report.css").read_text(encoding="utf-8")
+    sheet = (TEMPLATES / "page.css").read_text(encoding="utf-8")
     sheet = sheet.replace("/* LIGHT */", css_variables("light")).replace("/* DARK */", css_variables("dark"))
     return f"{faces}\n{sheet}"
 

@@ -85,3 +85,8 @@ def p_value(p: float) -> str:
 def with_unit(text: str, unit: str) -> str:
     """`text` followed by its unit: ° close up, mm after a space that does not break."""
     return text if not unit else text + _UNITS.get(unit, f"{NO_BREAK}{unit}")
+
+
+def or_words(value: float | None, words: str, unit: str = "") -> str:
+    """A number as `significant`, or the words for what there is instead."""
+    return words if value is None else significant(value, unit=unit)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import json
 import os
 import tempfile
@@ -12,30 +10,19 @@ from typing import Any
 
 from markupsafe import Markup
 
-from ..analysis.check import check, check_json
+from ..analysis.aimed_plan import AimedPlan
 from ..model.errors import BadInput
 from ..model.plan import Plan
 from ..model.whole_file import sync_folder, write_whole
 from . import numbers
+from .blocks import cell_of, facts_of, row_of, table_of
 from .html import TEMPLATES, style, template
-from .plan_scene import MOST_DRAWN, Aim, aimed_postures, plan_scene, scene_svg
-from .view import (
-    STATUS_WORDS,
-    VERDICT_WORDS,
-    advice_words,
-    cell_of,
-    counted,
-    facts_of,
-    legend,
-    listed,
-    over_target_words,
-    reasons,
-    row_of,
-    table_of,
-    unit_of,
-    unknown,
-)
-from .wording import clipped, label, sentence, shown
+from .plan_scene import Postures, plan_scene, postures_of
+from .scene import MOST_DRAWN, turnable
+from .view import VERDICT_WORDS
+from .view_parameters import STATUS_WORDS, legend, reasons, unit_of
+from .view_unknown import advice_words, over_target_words, unknown
+from .wording import clipped, counted, label, listed, sentence, shown
 
 Json = dict[str, Any]
 
@@ -45,14 +32,14 @@ _HEAD = 1000  # bytes: where the mark stands, before anything that comes from a 
 _NEAR_MM = 0.01
 
 
-def write_plan_page(path: Path, plan: Plan) -> None:
-    """Write the page of a plan to `path`, replacing nothing but such a page.
+def write_plan_page(path: Path, aimed: AimedPlan, answer: Json) -> None:
+    """Write the page of a plan (`plan_page`) to `path`, replacing nothing but such a page.
 
     Written aside, then renamed. BadInput if something else stands there or the folder does not exist.
     """
     target = Path(os.path.realpath(path))
     _check_target(path, target)
-    text = plan_page(plan, check_json(check(plan)))
+    text = plan_page(aimed, answer)
     try:
         with tempfile.TemporaryDirectory(prefix=".zerobeam-plan-", dir=target.parent) as aside:
             whole = Path(aside) / target.name
@@ -98,36 +85,24 @@ def _is_plan_page(path: Path) -> bool:
     return head.startswith(b"<!doctype html>") and _MARK.encode() in head
 
 
-def plan_page(plan: Plan, answer: Json) -> str:
+def plan_page(aimed: AimedPlan, answer: Json) -> str:
     """The page as HTML; `answer` is the plan's `zerobeam/check/1`. One file, no network."""
-    aimed = aimed_postures(plan)
-    scene = plan_scene(plan, aimed)
-    script = (TEMPLATES / "scene.js").read_text(encoding="utf-8")
-    told = _told(plan, answer, aimed, scene)
+    plan, seen = aimed.plan, postures_of(aimed)
+    scene = plan_scene(plan, seen)
+    shown = turnable(scene, _scene_words(plan, seen, scene))
     return template("plan.html.j2").render(
         mark_of_ours=Markup(_MARK),
-        view=told,
-        drawing=scene_svg(scene, told["scene"]["alt"]),
-        # Our own text, with nothing of the plan in it; the browser runs no script but this one.
-        css=Markup(style() + (TEMPLATES / "plan.css").read_text(encoding="utf-8")),
-        script=Markup(script),
-        script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
-        scene_data=_script_json(scene),
+        view=_told(plan, answer, seen),
+        turnable=shown,
+        # Our own text, with nothing of the plan in it.
+        css=Markup(style() + (TEMPLATES / "plan.css").read_text(encoding="utf-8")) + shown.style,
     )
-
-
-def _script_json(value: Json) -> Markup:
-    """JSON that no name can end early: inside <script> only `<` (and, to be sure, `>` and `&`) matter."""
-    text = json.dumps(value, separators=(",", ":"), allow_nan=False)
-    for letter in "<>&":
-        text = text.replace(letter, f"\\u{ord(letter):04x}")
-    return Markup(text)
 
 
 # ── what the page says ────────────────────────────────────────────────────────────────────────
 
 
-def _told(plan: Plan, answer: Json, aimed: Aim, scene: Json) -> Json:
+def _told(plan: Plan, answer: Json, seen: Postures) -> Json:
     inputs, parameters = answer["inputs"], answer["parameters"]
     targets = [clipped(name, 24) for name in plan.target_names]
     count = len(plan.postures)
@@ -141,13 +116,12 @@ def _told(plan: Plan, answer: Json, aimed: Aim, scene: Json) -> Json:
             "sentence": sentence(answer["headline"]),
         },
         "notes": [sentence(note) for note in answer["notes"]] + _outlook(answer),
-        "scene": _scene_words(plan, aimed, scene, targets),
         "predicted": _predicted(parameters),
         "legend": legend(parameters, plan.header.model_dump(mode="json", include={"tolerance"})),
         "reasons": reasons(parameters),
         "unknown": {**unknown(answer), "sentence": _unknown_sentence(answer)},
-        "postures": _postures(plan, answer, aimed),
-        "joints": _joints_to_copy(plan, aimed),
+        "postures": _postures(plan, answer, seen),
+        "joints": _joints_to_copy(plan, seen),
         "inputs": facts_of(
             [
                 ("Plan", shown(inputs["plan"])),
@@ -165,11 +139,12 @@ def _outlook(answer: Json) -> list[str]:
     return words if answer["over_target"] is None else [*words, over_target_words(answer["over_target"])]
 
 
-def _scene_words(plan: Plan, aimed: Aim, scene: Json, targets: list[str]) -> Json:
+def _scene_words(plan: Plan, seen: Postures, scene: Json) -> Json:
+    """What is said about the picture, as `scene.turnable` wants it."""
     count = len(plan.postures)
     places = [
-        f"{name} at {', '.join(numbers.fixed(value, 0) for value in place)}\u00a0mm"
-        for name, place in zip(targets, aimed.targets.tolist(), strict=True)
+        f"{clipped(name, 24)} at {', '.join(numbers.fixed(value, 0) for value in place)}\u00a0mm"
+        for name, place in zip(plan.target_names, seen.targets.tolist(), strict=True)
     ]
     laser = plan.header.tool.kind == "laser"
     what = "and its beam to the target" if laser else "with the probe at the target"
@@ -187,9 +162,8 @@ def _scene_words(plan: Plan, aimed: Aim, scene: Json, targets: list[str]) -> Jso
         "alt": alt,
         "caption": caption,
         "paper": "On paper: posture 0 in black, the others in grey." + few,
+        "one": "posture",
         "laser": laser,
-        "misses": laser and not bool(aimed.reaches.all()),
-        "several": count > 1,
     }
 
 
@@ -229,7 +203,7 @@ def _unknown_sentence(answer: Json) -> str:
     return "Nothing that was asked for: these shots tell every parameter that is not held."
 
 
-def _postures(plan: Plan, answer: Json, aimed: Aim) -> Json:
+def _postures(plan: Plan, answer: Json, seen: Postures) -> Json:
     laser = plan.header.tool.kind == "laser"
     columns = [("posture", "right"), ("target", "left")]
     columns += [(f"joint {j + 1}", "right") for j in range(plan.robot.n)]
@@ -239,14 +213,14 @@ def _postures(plan: Plan, answer: Json, aimed: Aim) -> Json:
     for i, posture in enumerate(answer["postures"]):
         joints = [
             numbers.with_unit(numbers.fixed(float(value) * joint.display, 2), joint.unit)
-            for value, joint in zip(aimed.joints[i], plan.robot.joints, strict=True)
+            for value, joint in zip(seen.joints[i], plan.robot.joints, strict=True)
         ]
-        length = numbers.with_unit(numbers.fixed(float(aimed.length[i]), 0), "mm")
-        beam = [length if aimed.reaches[i] else "behind it" if posture["hit"] else "misses"] if laser else []
+        length = numbers.with_unit(numbers.fixed(float(seen.length[i]), 0), "mm")
+        beam = [length if seen.reaches[i] else "behind it" if posture["hit"] else "misses"] if laser else []
         off = posture["off_mm"]
         near = f"below {numbers.exact(_NEAR_MM, 'mm')}"
         told = near if off < _NEAR_MM else numbers.significant(off, 2, "mm")
-        tone = "" if aimed.reaches[i] else "weak"
+        tone = "" if seen.reaches[i] else "weak"
         rows.append(
             row_of(str(posture["posture"]), clipped(posture["target"], 24), *joints, *beam, told, tone=tone)
         )
@@ -254,16 +228,16 @@ def _postures(plan: Plan, answer: Json, aimed: Aim) -> Json:
     said = "The joints are those of the aimed postures: the servo turns the arm until the target is hit."
     if off_mm > 0.05:
         said += f" As planned, they point up to {numbers.significant(off_mm, 2, 'mm')} beside it."
-    if not aimed.hit.all():
+    if not seen.hit.all():
         said += " Where the target cannot be hit the joints are the planned ones, and no shot is counted."
     return {"sentence": said, "table": table_of("Postures, turned onto their targets", columns, rows)}
 
 
-def _joints_to_copy(plan: Plan, aimed: Aim) -> str:
+def _joints_to_copy(plan: Plan, seen: Postures) -> str:
     """The aimed postures as they stand in a plan file: degrees, or mm for a prismatic joint."""
     several = len(plan.target_names) > 1
     lines = ["postures_deg:"]
-    for row, name in zip((aimed.joints * plan.robot.display).tolist(), plan.targets, strict=True):
+    for row, name in zip((seen.joints * plan.robot.display).tolist(), plan.targets, strict=True):
         values = json.dumps([round(value, 6) + 0.0 for value in row])
         lines.append(
             f"  - {{joints_deg: {values}, target: {json.dumps(name)}}}" if several else f"  - {values}"

@@ -10,7 +10,9 @@ from .canvas import Picture
 from .study_cell import cell_view, parameter_rows, time_rows
 from .study_cell import plan_rows as cell_plan_rows
 from .study_coverage import coverage_rows, coverage_view, rank_rows
-from .study_figures import cell_pictures, coverage_pictures, table2_pictures
+from .study_figures import cell_pictures, coverage_pictures, sweep_pictures, table2_pictures
+from .study_sweep import TABLES as SWEEP_TABLES
+from .study_sweep import sweep_view
 from .study_table2 import OF_THE_PAPER, paper_rows, scatter_rows, table2_view
 from .study_table2 import plan_rows as table2_plan_rows
 
@@ -46,12 +48,26 @@ STUDIES: dict[str, Study] = {
 }
 
 
+# Every study that sweeps settings, whatever its name: people write their own.
+SWEEP = Study(sweep_view, sweep_pictures, SWEEP_TABLES)
+
+
+def known_study(answer: object) -> Study | None:
+    """How `answer` is shown: a sweep by its axes and cases, any other by its name. None if it is neither."""
+    if not isinstance(answer, dict):
+        return None
+    if isinstance(answer.get("axes"), list) and isinstance(answer.get("cases"), list):
+        return SWEEP
+    return STUDIES.get(str(answer.get("study")))
+
+
 def study_of(answer: Json) -> Study:
-    """The study that `answer` is of. Raises ValueError where there is none of that name."""
-    name = answer.get("study")
-    if not isinstance(name, str) or name not in STUDIES:
-        raise ValueError(f"a study is one of {', '.join(STUDIES)}, not {name!r}")
-    return STUDIES[name]
+    """The study that `answer` is of. Raises ValueError where it is of none."""
+    study = known_study(answer)
+    if study is None:
+        names = ", ".join(STUDIES)
+        raise ValueError(f"a study is one of {names}, or has axes and cases, not {answer.get('study')!r}")
+    return study
 
 
 def study_view(answer: Json) -> Json:

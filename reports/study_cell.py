@@ -6,6 +6,17 @@ from collections.abc import Iterator
 from typing import Any
 
 from . import numbers
+from .blocks import (
+    cell_of,
+    facts_block,
+    figure_block,
+    legend_block,
+    row_of,
+    section_of,
+    table_block,
+    table_of,
+    text_block,
+)
 from .study_shares import (
     BY_CHANCE,
     ERROR_COLUMNS,
@@ -23,21 +34,14 @@ from .study_view import (
     NOT_DETERMINED,
     NOT_GIVEN,
     about_study,
-    facts_block,
-    figure_block,
     files_block,
-    legend_block,
     plan_in_words,
     plan_title,
     plans_counted,
     seconds,
-    section_of,
-    table_block,
-    text_block,
     view_of,
 )
-from .view import cell_of, listed, row_of, table_of
-from .wording import clipped, label, sentence
+from .wording import clipped, label, listed, sentence
 
 Json = dict[str, Any]
 

@@ -10,6 +10,7 @@ from .figure_cell import cell_coverage_picture, time_picture
 from .figure_coverage import coverage_picture
 from .figure_ranks import ranks_picture
 from .figure_scatter import scatter_picture
+from .figure_sweep import sweep_figures
 
 
 def coverage_pictures(answer: dict[str, Any]) -> dict[str, Picture]:
@@ -30,6 +31,10 @@ def cell_pictures(answer: dict[str, Any]) -> dict[str, Picture]:
 
 def table2_pictures(answer: dict[str, Any]) -> dict[str, Picture]:
     return _named([scatter_picture(answer["plans"])])
+
+
+def sweep_pictures(answer: dict[str, Any]) -> dict[str, Picture]:
+    return _named(sweep_figures(answer))
 
 
 def _named(drawn: list[Picture | None]) -> dict[str, Picture]:

@@ -12,9 +12,9 @@ from typing import Any
 
 from ..analysis.result_json import UnsoundResult, dumps
 from . import whole_folder
-from .canvas import Picture, themed
-from .html import TEMPLATES, style, template
-from .studies import STUDIES, Study, study_of
+from .html import html
+from .pdf import pdf
+from .studies import Study, known_study, study_of
 from .whole_folder import Kind, write_folder
 from .wording import shown
 
@@ -59,29 +59,14 @@ def check_target(folder: Path) -> None:
     whole_folder.check_target(folder, _kind(folder))
 
 
-def study_html(view: Json, pictures: dict[str, Picture]) -> str:
-    """The study as one self-contained HTML file: no script, no network."""
-    from markupsafe import Markup
-
-    return template("study.html.j2").render(
-        view=view,
-        pictures={
-            name: {"picture": picture, "svg": Markup(themed(picture.svg))}
-            for name, picture in pictures.items()
-        },
-        # Our own text, with nothing of the study in it.
-        css=Markup(style() + (TEMPLATES / "study.css").read_text(encoding="utf-8")),
-    )
-
-
 def _kind(folder: Path) -> Kind:
     """What may be replaced in `folder`: the files of the study that stands there, and of no other study.
 
     So a table of somebody's own is safe even if another study has one of that name.
     """
     try:
-        study = STUDIES.get(str(json.loads((folder / _JSON).read_text(encoding="utf-8"))["study"]))
-    except (OSError, ValueError, TypeError, KeyError):
+        study = known_study(json.loads((folder / _JSON).read_text(encoding="utf-8")))
+    except (OSError, ValueError):
         study = None
     tables = study.tables if study is not None else ()
     return Kind("study", frozenset({"study.html", "study.pdf", _JSON, "figures", *tables}), _JSON, SCHEMA)
@@ -91,18 +76,19 @@ def _write_files(folder: Path, answer: Json) -> list[str]:
     """All files of the study into an empty folder; the names of the figures."""
     if answer.get("schema") != SCHEMA:
         raise ValueError(f"a study is of schema {SCHEMA}, not {answer.get('schema')!r}")
-    study = study_of(answer)
+    return write_files(folder, answer, study_of(answer), "study")
+
+
+def write_files(folder: Path, answer: Json, study: Study, stem: str) -> list[str]:
+    """`stem`.json, .html, .pdf, the tables and figures into an empty folder; the names of the figures."""
     refuse_made_up(answer, study)
     text = dumps(answer)
-
-    from .typeset import typeset
-
     view, drawn = study.view(answer), study.pictures(answer)
-    (folder / _JSON).write_text(text, encoding="utf-8")
+    (folder / f"{stem}.json").write_text(text, encoding="utf-8")
     for name, rows in study.tables.items():
-        (folder / name).write_text(_table(rows(answer)), encoding="utf-8")
-    (folder / "study.html").write_text(study_html(view, drawn), encoding="utf-8")
-    (folder / "study.pdf").write_bytes(typeset("study.typ", view, drawn))
+        (folder / name).write_text(_csv_text(rows(answer)), encoding="utf-8")
+    (folder / f"{stem}.html").write_text(html(view, drawn, "study"), encoding="utf-8")
+    (folder / f"{stem}.pdf").write_bytes(pdf(view, drawn))
     (folder / "figures").mkdir()
     for name, picture in drawn.items():
         (folder / "figures" / f"{name}.svg").write_text(picture.svg, encoding="utf-8")
@@ -144,7 +130,7 @@ def _has_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _table(rows: Iterator[Json]) -> str:
+def _csv_text(rows: Iterator[Json]) -> str:
     """Rows with the same keys as CSV with a header; what is not known is an empty cell."""
     out = io.StringIO()
     writer: csv.DictWriter[str] | None = None

@@ -12,8 +12,8 @@ from collections.abc import Iterable
 from typing import Any
 
 from . import numbers
+from .blocks import cell_of
 from .study_view import LONGEST_NAME, NOT_DETERMINED, NOT_GIVEN
-from .view import cell_of
 from .wording import clipped, label, sentence
 
 Json = dict[str, Any]

@@ -6,25 +6,20 @@ from collections.abc import Iterator
 from typing import Any
 
 from . import numbers
+from .blocks import cell_of, facts_block, figure_block, row_of, section_of, table_block, table_of, text_block
 from .study_shares import STANDING
 from .study_view import (
     LONGEST_NAME,
     NOT_DETERMINED,
     NOT_GIVEN,
     about_study,
-    facts_block,
-    figure_block,
     files_block,
     plan_in_words,
     plan_title,
-    section_of,
     spread,
     spread_range,
-    table_block,
-    text_block,
     view_of,
 )
-from .view import cell_of, row_of, table_of
 from .wording import clipped, label, sentence
 
 Json = dict[str, Any]

@@ -10,13 +10,12 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from .studies import study_view
+from .studies import SWEEP, known_study, study_view
 from .study_coverage import comparison, overview_caption
 from .study_shares import BY_CHANCE, percent, share, share_interval, standing, undetermined, worst_at
 from .study_view import NOT_DETERMINED
 from .terminal import MARK, STYLE
-from .view import counted, listed
-from .wording import clipped, label, sentence, shown
+from .wording import clipped, counted, label, listed, sentence, shown
 
 Json = dict[str, Any]
 
@@ -31,16 +30,16 @@ def print_study(out: Console, answer: Json) -> None:
     out.print(Text(f"{verdict['word']}. ", style=style) + Text(verdict["sentence"]))
     for note in told["notes"]:
         out.print(Text("! ", style="bold yellow") + Text(note))
-    own = _OWN.get(answer["study"])
+    own = _OWN.get(answer["study"]) if known_study(answer) is not SWEEP else None
     if own is not None:
         own(out, answer)
         return
     first = told["sections"][0]
     for block in (*first["lead"], *first["blocks"]):
-        _print_block(out, block)
+        print_block(out, block)
 
 
-def _print_block(out: Console, block: Json) -> None:
+def print_block(out: Console, block: Json) -> None:
     kind, it = block["kind"], block["it"]
     if kind == "text":
         out.print(Text(it))

@@ -1,23 +1,12 @@
-"""What the views of all studies are made of, so that one template shows them all.
-
-A view is {title, subtitle, verdict {key, word, sentence}, notes [text], sections}, all display strings.
-A section is {title, level, new_page, lead, blocks}: level 1, or 2 below one of level 1; `lead` stays on
-one page with the heading, `blocks` follow it. A block is {kind, it}, and `it` by its kind:
-
-    text    a paragraph
-    facts   rows of a name and a text, as `view.facts_of` makes them
-    legend  {legend [{status, word, text}], reasons [{status, names, text}]}
-    table   as `view.table_of` makes them
-    figure  the name of a picture; nothing is shown where there is no such picture
-"""
+"""What the views of all studies say in the same words (what they are made of: `blocks`)."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from . import numbers
-from .view import counted, facts_of
-from .wording import clipped, sentence, shown
+from .blocks import facts_block, text_block
+from .wording import clipped, counted, sentence, shown
 
 Json = dict[str, Any]
 
@@ -26,56 +15,28 @@ NOT_GIVEN = "not given"
 LONGEST_NAME = 40
 
 
+def verdict_word(answer: Json) -> str:
+    """Whether the runs agree; without runs nothing was held against anything."""
+    if answer["settings"].get("runs") == 0:
+        return "Predicted"
+    return "Agrees" if answer["agrees"] else "Does not agree"
+
+
 def view_of(answer: Json, subtitle: str, sections: list[Json]) -> Json:
     """The whole view: verdict, notes and title are the answer's, the rest is told."""
     agrees = answer["agrees"]
+    word = verdict_word(answer)
     return {
         "title": sentence(answer["title"]),
         "subtitle": subtitle,
         "verdict": {
             "key": "pass" if agrees else "weak",
-            "word": "Agrees" if agrees else "Does not agree",
+            "word": word,
             "sentence": sentence(answer["headline"]),
         },
         "notes": [sentence(note) for note in answer["notes"]],
         "sections": sections,
     }
-
-
-def section_of(title: str, *blocks: Json | None, level: int = 1, new_page: bool = False) -> Json:
-    """A section; None is left out. What leads up to its first figure stays with it, unless a table does."""
-    found = [block for block in blocks if block is not None]
-    kinds = [block["kind"] for block in found]
-    end = kinds.index("figure") + 1 if "figure" in kinds else 0
-    if "table" in kinds[:end]:
-        end = 0
-    return {
-        "title": title,
-        "level": level,
-        "new_page": new_page,
-        "lead": found[:end],
-        "blocks": found[end:],
-    }
-
-
-def text_block(text: str) -> Json:
-    return {"kind": "text", "it": text}
-
-
-def facts_block(rows: list[tuple[str, str]]) -> Json:
-    return {"kind": "facts", "it": facts_of(rows)}
-
-
-def legend_block(legend: list[Json], reasons: list[Json]) -> Json:
-    return {"kind": "legend", "it": {"legend": legend, "reasons": reasons}}
-
-
-def table_block(table: Json) -> Json:
-    return {"kind": "table", "it": table}
-
-
-def figure_block(name: str) -> Json:
-    return {"kind": "figure", "it": name}
 
 
 # ── what every study says in the same words ───────────────────────────────────────────────────

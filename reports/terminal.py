@@ -11,8 +11,10 @@ from rich.table import Table
 from rich.text import Text
 
 from . import numbers
-from .view import advice_words, counted, direction_kind, listed, over_target_words, unit_of, view
-from .wording import clipped, label, sentence, shown
+from .view import view
+from .view_parameters import unit_of
+from .view_unknown import advice_words, direction_kind, over_target_words
+from .wording import clipped, counted, label, listed, sentence, shown
 
 Json = dict[str, Any]
 

@@ -54,6 +54,17 @@ def sentence(text: str) -> str:
     return re.sub(r"\bdelta(\d+)\b(?!\.\w)", r"δ\1", words)
 
 
+def counted(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def listed(names: list[str], most: int = 8) -> str:
+    """`a, b and c`; of more than `most` names the first and how many more."""
+    if len(names) > most:
+        return f"{', '.join(names[:most])} and {len(names) - most} more"
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
 def in_font(text: str) -> str:
     """`text` with each letter that the report's font lacks written as an escape (`\\u4e2d`)."""
     if text.isascii():

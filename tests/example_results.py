@@ -223,8 +223,11 @@ def good() -> Result:
         shots=shots(7, ("psd",)),
         distances=(),
         intervals=(),
+        accuracy=None,
+        budget=(),
         robust=None,
         hold_out=None,
+        scene=None,
         notes=(),
         inputs=inputs(7, ("psd",)),
     )
@@ -431,7 +434,7 @@ def held_out() -> Result:
         parameters=parameters,
         posterior=posterior(parameters),
         shots=shots(12, names),
-        hold_out=HoldOut(("left", "right"), 8, 4, 0.142, 29.87, 9.31, 10, 0.503, None),
+        hold_out=HoldOut(("left", "right"), 8, 4, 0.142, 29.87, 0.151, 9.31, 10, 0.503, None),
         inputs=inputs(12, names, run="three-targets.jsonl"),
     )
 
@@ -496,7 +499,7 @@ def hostile() -> Result:
         shots=shots(len(HOSTILE_NAMES) * 2, HOSTILE_NAMES),
         distances=(DistanceResult((HOSTILE_NAMES[0], HOSTILE_NAMES[3]), 50.0, 0.1, None, None),),
         notes=HOSTILE_NAMES,
-        hold_out=HoldOut(HOSTILE_NAMES[:9], 18, 2, None, None, None, None, None, everything),
+        hold_out=HoldOut(HOSTILE_NAMES[:9], 18, 2, *(None,) * 6, everything),
         inputs=inputs(20, HOSTILE_NAMES, run=everything, provenance=dict.fromkeys(HOSTILE_NAMES, everything)),
     )
     return dataclasses.replace(result, robust=robust(result, (3, 4)))

@@ -1,12 +1,20 @@
-"""HTML pages as the tests see them: tags with their attributes, the visible text, the tables' cells."""
+"""HTML pages as the tests see them: tags with their attributes, the visible text, tables, scripts."""
 
 from __future__ import annotations
 
+import base64
+import hashlib
+import json
+import re
 from html.parser import HTMLParser
+from typing import Any
+
+DATA = {"type": "application/json", "id": "scene-data"}  # attributes of a scene that no script runs
 
 
 class Page(HTMLParser):
-    """Tags, attributes and visible text of a page, and its tables as rows of cells."""
+    """A well-formed page: tags with attributes, visible text, tables as rows of cells, scripts with their
+    text, and what stands in `pre` to be copied."""
 
     void = frozenset({"meta", "link", "br", "img", "hr", "input"})
 
@@ -15,6 +23,8 @@ class Page(HTMLParser):
         self.tags: list[tuple[str, dict[str, str | None]]] = []
         self.text: list[str] = []
         self.rows: list[list[str]] = []
+        self.scripts: list[tuple[dict[str, str | None], str]] = []
+        self.copied = ""
         self.open: list[str] = []
         self.feed(text)
         assert not self.open
@@ -27,6 +37,8 @@ class Page(HTMLParser):
             self.rows.append([])
         if tag in ("td", "th"):
             self.rows[-1].append("")
+        if tag == "script":
+            self.scripts.append((dict(attrs), ""))
 
     def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.tags.append((tag, dict(attrs)))
@@ -35,18 +47,51 @@ class Page(HTMLParser):
         assert self.open.pop() == tag
 
     def handle_data(self, data: str) -> None:
-        if "style" in self.open:
-            return
-        self.text.append(data)
-        if "td" in self.open or ("th" in self.open):
-            self.rows[-1][-1] += data.strip()
+        if "script" in self.open:
+            attributes, text = self.scripts[-1]
+            self.scripts[-1] = (attributes, text + data)
+        elif "style" not in self.open:
+            self.text.append(data)
+            if "td" in self.open or "th" in self.open:
+                self.rows[-1][-1] += data.strip()
+            if "pre" in self.open:
+                self.copied += data
+
+    @property
+    def words(self) -> str:
+        return "".join(self.text)
+
+    def row(self, name: str) -> list[str]:
+        """The first row of any table that begins with `name`."""
+        return next(row for row in self.rows if row[0] == name)
+
+    @property
+    def policy(self) -> str:
+        (found,) = [a["content"] for tag, a in self.tags if a.get("http-equiv") == "Content-Security-Policy"]
+        assert found is not None
+        return found
+
+    @property
+    def scene(self) -> Any:
+        (found,) = [text for attributes, text in self.scripts if attributes.get("id") == "scene-data"]
+        return json.loads(found)
 
 
 def assert_fetches_nothing(page: Page) -> None:
-    """No script, nothing embedded, no address but those inside the page."""
-    assert not {tag for tag, _ in page.tags} & {"script", "iframe", "img", "object", "embed", "form", "base"}
+    """Nothing embedded, no address but those inside the page, and no script but the ones that its policy
+    names by their hash."""
+    assert not {tag for tag, _ in page.tags} & {"iframe", "img", "object", "embed", "form", "base"}
     for tag, attributes in page.tags:
         assert not any(key.startswith("on") for key in attributes), tag
         for key in ("src", "href", "xlink:href"):
             value = attributes.get(key)
             assert value is None or value.startswith(("data:", "#")), (tag, value)
+    codes = [text for attributes, text in page.scripts if attributes != DATA]
+    assert all(attributes in ({}, DATA) for attributes, _ in page.scripts)
+    for code in codes:
+        assert not re.search(r"https?:|fetch\(|XMLHttp|import\(|WebSocket|eval\(|innerHTML", code)
+    digests = [base64.b64encode(hashlib.sha256(code.encode()).digest()).decode() for code in codes]
+    stated = dict(part.split(maxsplit=1) for part in page.policy.split("; "))
+    assert stated.pop("default-src") == "'none'"
+    assert stated.pop("script-src", "").split() == [f"'sha256-{digest}'" for digest in digests]
+    assert stated == {"style-src": "'unsafe-inline'", "font-src": "data:", "img-src": "data:"}

@@ -32,8 +32,8 @@ from zerobeam.model.problem import Problem
 from zerobeam.model.run import read_run
 from zerobeam.reports.html import html
 from zerobeam.reports.pdf import pdf
+from zerobeam.reports.report_page import report_page
 from zerobeam.reports.terminal import print_check, print_result, print_side_by_side
-from zerobeam.reports.view import view
 
 GOOD, X_PATTERN, UNCALIBRATED = (case.path for case in demo_runs())
 
@@ -210,8 +210,10 @@ def test_no_output_of_a_run_claims_what_its_shots_cannot_tell(
 
     # And the readers do read: the same outputs, had a pseudo-inverse been asked.
     doctored = with_pseudo_inverse(told.json, chosen)
-    shown = view(doctored)
-    claims = claims_of_a_result(doctored, chosen.untold, html(shown, {}, dumps(doctored)), pdf(shown, {}))
+    page = report_page(doctored)
+    claims = claims_of_a_result(
+        doctored, chosen.untold, html(page, {}, "report", dumps(doctored)), pdf(page, {})
+    )
     for output, found in claims.items():
         for untold in chosen.untold:
             # Targets stand in no table of the side-by-side print.

@@ -26,12 +26,13 @@ from example_results import (
 from zerobeam.analysis.result import Result
 from zerobeam.analysis.result_json import to_json
 from zerobeam.reports.pdf import pdf
+from zerobeam.reports.report_page import report_page
 from zerobeam.reports.view import view
 
 
 def made(result: Result) -> pypdf.PdfReader:
     answer = to_json(result)
-    return pypdf.PdfReader(io.BytesIO(pdf(view(answer), drawn(result))))
+    return pypdf.PdfReader(io.BytesIO(pdf(report_page(answer), drawn(result))))
 
 
 def text_of(reader: pypdf.PdfReader) -> str:
@@ -61,7 +62,18 @@ def test_it_has_a_title_an_outline_page_numbers_tags_and_only_its_own_fonts() ->
     assert reader.metadata is not None
     assert reader.metadata.title == "Joint offsets of irb1600"
     titles = [entry["/Title"] for entry in reader.outline if not isinstance(entry, list)]
-    assert titles == ["Offsets", "What cannot be known", "Fit quality", "Posterior", "Misses", "Inputs"]
+    assert titles == [
+        *(
+            "Offsets",
+            "What cannot be known",
+            "Uncertainty budget",
+            "Fit quality",
+            "Posterior",
+            "Misses",
+            "Inputs",
+        ),
+        "Traceability",
+    ]
     assert f"page 1 of {len(reader.pages)}" in text_of(reader)
     assert reader.trailer["/Root"]["/MarkInfo"]["/Marked"]
     fonts = {
@@ -91,7 +103,7 @@ def test_what_was_asked_for_besides_has_a_section(result: Result, heading: str) 
 
 def test_the_same_result_gives_the_same_bytes() -> None:
     answer = to_json(good())
-    shown, figures = view(answer), drawn(good())
+    shown, figures = report_page(answer), drawn(good())
     assert pdf(shown, figures) == pdf(shown, figures)
 
 
@@ -126,5 +138,6 @@ def test_typst_markup_in_names_is_text() -> None:
 
 
 def test_a_run_without_notes_or_provenance_is_set_too() -> None:
-    inputs = dataclasses.replace(good().inputs, header={})
+    header = {key: value for key, value in good().inputs.header.items() if key != "provenance"}
+    inputs = dataclasses.replace(good().inputs, header=header)
     assert "Provenance" not in text_of(made(dataclasses.replace(good(), inputs=inputs)))

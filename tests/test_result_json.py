@@ -24,6 +24,7 @@ from example_results import (
 
 from zerobeam.analysis.result import Intervals, Result
 from zerobeam.analysis.result_json import SCHEMA, UnsoundResult, dumps, to_json
+from zerobeam.analysis.scene import Scene, SceneTarget
 
 
 def changed(result: Result, name: str, **changes: Any) -> Result:
@@ -51,7 +52,8 @@ def test_the_keys_are_those_of_the_design() -> None:
     assert answer["schema"] == SCHEMA
     assert list(answer) == [
         *("schema", "verdict", "headline", "parameters", "identifiability", "fits", "posterior"),
-        *("shots", "distances", "intervals", "robust", "hold_out", "notes", "inputs"),
+        *("shots", "distances", "intervals", "accuracy", "budget", "robust", "hold_out", "scene"),
+        *("notes", "inputs"),
     ]
     assert list(answer["parameters"][0]) == [
         *("name", "unit", "status", "held", "estimate", "std", "data_std", "interval95", "prior_std"),
@@ -145,6 +147,16 @@ def test_a_fit_that_is_not_available_has_no_numbers() -> None:
     fit = dataclasses.replace(x_pattern().midpoint, chi2=3.0)
     with pytest.raises(UnsoundResult, match="midpoint"):
         to_json(dataclasses.replace(x_pattern(), midpoint=fit))
+
+
+def test_a_target_that_the_data_do_not_tell_has_no_place_in_the_scene() -> None:
+    def shown(at: tuple[float, float, float] | None) -> Result:
+        target = SceneTarget("psd", at, None)
+        return dataclasses.replace(x_pattern(), scene=Scene((), (target,), 7.815))
+
+    assert to_json(shown(None))["scene"]["targets"][0]["at_mm"] is None
+    with pytest.raises(UnsoundResult, match=r"psd\.x, psd\.z cannot be told"):
+        to_json(shown((900.0, 0.0, 0.0)))
 
 
 def test_neither_another_interval_nor_a_robust_fit_tells_what_the_data_do_not() -> None:

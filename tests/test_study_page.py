@@ -8,7 +8,6 @@ import functools
 import io
 import json
 import re
-import shutil
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -16,20 +15,21 @@ from typing import Any
 
 import pypdf
 import pytest
+from chromium import chromium
 from example_studies import FORBIDDEN, agreeing, cell_study, disagreeing, hostile
 from pages import Page, assert_fetches_nothing
-from test_browser import _BROWSERS, opened
 from test_pdf import cells, text_of
 
 from zerobeam.analysis.result_json import UnsoundResult
 from zerobeam.model.errors import BadInput
 from zerobeam.reports import whole_folder
 from zerobeam.reports.canvas import Picture
+from zerobeam.reports.html import html
+from zerobeam.reports.pdf import pdf
 from zerobeam.reports.studies import STUDIES, study_of, study_view
 from zerobeam.reports.study_coverage import comparison
-from zerobeam.reports.study_page import check_target, study_html, write_study
+from zerobeam.reports.study_page import check_target, write_study
 from zerobeam.reports.study_view import NOT_DETERMINED
-from zerobeam.reports.typeset import typeset
 
 Json = dict[str, Any]
 Refused = Callable[..., BadInput]
@@ -67,7 +67,7 @@ def drawn_before(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def page_of(answer: Json, drawn: dict[str, Picture] | None = None) -> str:
-    return study_html(study_view(answer), drawn or {})
+    return html(study_view(answer), drawn or {}, "study")
 
 
 def everything(root: Path) -> set[str]:
@@ -154,7 +154,7 @@ def test_bias_and_rmse_are_rounded_by_their_own_uncertainty() -> None:
 @pytest.mark.parametrize("name", ["agreeing", "disagreeing"])
 def test_every_cell_and_sentence_of_the_page_is_in_the_pdf(name: str) -> None:
     view = study_view(ANSWERS[name]())
-    reader = pypdf.PdfReader(io.BytesIO(typeset("study.typ", view, drawn_of(name))))
+    reader = pypdf.PdfReader(io.BytesIO(pdf(view, drawn_of(name))))
     text = text_of(reader).replace(" ", "")
     compared = comparison(ANSWERS[name]()["plans"])
     assert "Above 1 the midpoint fit is the worse." in compared
@@ -274,8 +274,8 @@ def test_an_undetermined_parameter_has_no_number_whatever_the_answer_holds() -> 
         told = [[cell["text"] for cell in row["cells"]] for rows in tables for row in rows]
         # In coverage all estimators but the pseudo-inverse, in accuracy every one.
         assert [row[1:] for row in told if row[0] == "δ2"].count([NOT_DETERMINED]) == 4 + 5
-        pdf = text_of(pypdf.PdfReader(io.BytesIO(typeset("study.typ", view, drawn))))
-        seen = [" ".join(Page(page_of(answer)).text), pdf]
+        printed = text_of(pypdf.PdfReader(io.BytesIO(pdf(view, drawn))))
+        seen = [" ".join(Page(page_of(answer)).text), printed]
         seen += [words(picture.svg) + picture.alt for picture in drawn.values()]
         assert sum(text.count(NOT_DETERMINED) for text in seen) > 20
         for text in seen:
@@ -336,15 +336,12 @@ def test_hostile_names_are_shown_as_they_are_and_do_nothing(
 
 @pytest.mark.browser
 def test_chromium_opens_it_without_a_word_or_a_request(tmp_path: Path) -> None:
-    browser = next((path for name in _BROWSERS if (path := shutil.which(name))), None)
-    if browser is None:
-        pytest.skip("no Chromium on this machine")
     file = tmp_path / "study.html"
     file.write_text(page_of(hostile(), drawn_of("hostile")), encoding="utf-8")
-    seen = opened(browser, file, tmp_path)
-    assert "How it was done" in seen.text
-    assert seen.console == []
-    assert seen.asked == []
+    with chromium().opened(file) as tab:
+        assert "How it was done" in tab.text
+        assert tab.console == []
+        assert tab.asked == []
 
 
 # ── whole or not at all ───────────────────────────────────────────────────────────────────────
@@ -381,7 +378,7 @@ def test_a_study_of_ours_is_replaced_and_a_fault_leaves_it_as_it_was(
     def full(*_: object) -> bytes:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("zerobeam.reports.typeset.typeset", full)
+    monkeypatch.setattr("zerobeam.reports.study_page.pdf", full)
     with pytest.raises(BadInput, match="No space left"):
         write_study(out, agreeing())
     assert (out / "study.html").read_bytes() == before

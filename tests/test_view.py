@@ -26,7 +26,8 @@ from example_results import (
 
 from zerobeam.analysis.result import Result
 from zerobeam.analysis.result_json import to_json
-from zerobeam.reports.view import NOT_DETERMINED, view
+from zerobeam.reports.view import view
+from zerobeam.reports.view_parameters import NOT_DETERMINED
 
 
 def seen(result: Result) -> dict[str, Any]:

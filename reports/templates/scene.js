@@ -1,11 +1,13 @@
-// The turnable picture of a plan. Base frame in mm, z up; the camera goes round the scene's centre.
+// The turnable picture of a plan or a run. Base frame in mm, z up; the camera goes round the scene's centre.
 "use strict";
 (() => {
   const scene = JSON.parse(document.getElementById("scene-data").textContent);
   const figure = document.getElementById("scene");
   const canvas = figure.querySelector("canvas");
   const pen = canvas.getContext("2d");
-  const said = figure.querySelector("output");
+  const said = figure.querySelector("[data-says=posture]");
+  const steps = figure.querySelector("[data-of=posture]");
+  const size = figure.querySelector("[data-of=factor]"), sized = figure.querySelector("[data-says=factor]");
   if (!pen) return;
   figure.classList.add("alive");
 
@@ -13,6 +15,7 @@
   const start = { azimuth, elevation, zoom: 1 };
   let camera = { ...start };
   let chosen = scene.postures.length ? 0 : null; // null: all alike
+  let factor = scene.factor; // by which ellipsoids are exaggerated; null: there are none
   let wide = 0, high = 0, scale = 1, colours = {}, basis = null, middle = [0, 0], waiting = false;
   const radians = (degrees) => (degrees * Math.PI) / 180;
 
@@ -40,6 +43,8 @@
     aim(start);
     const points = [[0, 0, 0], [0, 0, scene.axis], ...scene.targets.map((t) => t.at)];
     for (const p of scene.postures) points.push(...p.arm, ...p.tool, ...(p.beam || []));
+    for (const t of scene.targets)
+      for (const axis of t.axes || []) for (const by of [-scene.factor, scene.factor]) points.push(t.at.map((v, i) => v + by * axis[i]));
     const flat = points.map(seen), xs = flat.map((q) => q.x), ys = flat.map((q) => q.y);
     const [left, right] = [xs.reduce((a, b) => Math.min(a, b)), xs.reduce((a, b) => Math.max(a, b))];
     const [top, bottom] = [ys.reduce((a, b) => Math.min(a, b)), ys.reduce((a, b) => Math.max(a, b))];
@@ -127,12 +132,35 @@
     const [x, y] = at(number.at);
     disc(x, y, wide < 560 ? 3 : 4.5, colours.ink);
   }
+  // What is not determined is a cross, what is held a square: told by shape and word, not by colour alone.
+  const tone = (place) => colours[{ untold: "unidentifiable", held: "held" }[place.state] || "identified"];
   function target(place) {
-    const [x, y] = at(place.at);
-    disc(x, y, 6, colours.identified);
-    line([[x - 9, y], [x + 9, y]], 1.4, colours.identified);
-    line([[x, y - 9], [x, y + 9]], 1.4, colours.identified);
+    const [x, y] = at(place.at), colour = tone(place);
+    pen.globalAlpha = 1;
+    if (place.state === "untold") {
+      line([[x - 7, y - 7], [x + 7, y + 7]], 2.4, colour);
+      line([[x - 7, y + 7], [x + 7, y - 7]], 2.4, colour);
+      return;
+    }
+    if (place.state === "held") line([[x - 6, y - 6], [x + 6, y - 6], [x + 6, y + 6], [x - 6, y + 6], [x - 6, y - 6]], 2, colour);
+    else if (!place.axes) disc(x, y, 6, colour);
+    line([[x - 9, y], [x + 9, y]], 1.4, colour);
+    line([[x, y - 9], [x, y + 9]], 1.4, colour);
   }
+  // Meridians and parallels of the ellipsoid, its longest axis from pole to pole.
+  function ellipsoid(place) {
+    const on = (u) => at([0, 1, 2].map((i) => place.at[i] + factor * (u[0] * place.axes[0][i] + u[1] * place.axes[1][i] + u[2] * place.axes[2][i])));
+    const round = Array.from({ length: 33 }, (_, i) => (i * Math.PI) / 16);
+    const [c, s] = [Math.cos, Math.sin];
+    pen.globalAlpha = 0.7;
+    for (let i = 0; i < 6; i++) {
+      const a = (i * Math.PI) / 6;
+      line(round.map((t) => on([c(a) * c(t), s(a) * c(t), s(t)])), 1, colours.identified);
+    }
+    for (const b of [-60, -30, 0, 30, 60].map(radians))
+      line(round.map((t) => on([c(b) * c(t), c(b) * s(t), s(b)])), 1, colours.identified);
+  }
+  const label = (place) => place.name + ({ untold: ": not determined", held: ": held" }[place.state] || "");
 
   function draw() {
     waiting = false;
@@ -147,14 +175,15 @@
     for (const list of [others, own])
       for (const piece of list.sort((a, b) => a.near - b.near)) piece.draw();
     if (chosen !== null) scene.postures[chosen].numbers.forEach(joint);
+    scene.targets.filter((t) => t.axes).forEach(ellipsoid);
     scene.targets.forEach(target);
     pen.globalAlpha = 1;
     for (const t of scene.targets) {
       const [x, y] = at(t.at);
       pen.font = font(true);
-      const long = pen.measureText(t.name).width;
+      const long = pen.measureText(label(t)).width;
       const from = x + 12 + long > wide ? Math.max(4, x - 12 - long) : x + 12;
-      text(t.name, from, y + 18, colours.identified, true);
+      text(label(t), from, y + 18, tone(t), true);
     }
     if (chosen !== null)
       for (const number of scene.postures[chosen].numbers) {
@@ -176,7 +205,7 @@
   }
   function recolour() {
     const style = getComputedStyle(document.documentElement);
-    for (const role of ["ink", "muted", "line", "panel", "identified", "weak"])
+    for (const role of ["ink", "muted", "line", "panel", "identified", "weak", "unidentifiable", "held"])
       colours[role] = style.getPropertyValue(`--${role}`).trim();
     redraw();
   }
@@ -197,8 +226,23 @@
   function choose(which) {
     const count = scene.postures.length;
     chosen = which === null ? null : ((which % count) + count) % count;
-    said.textContent = chosen === null ? `all ${count}` : `posture ${chosen} (of 0 to ${count - 1})`;
+    said.textContent = chosen === null ? `all ${count}` : scene.postures[chosen].name;
+    if (steps && chosen !== null) {
+      steps.value = chosen;
+      steps.setAttribute("aria-valuetext", said.textContent);
+    }
     figure.querySelector("[data-do=all]").setAttribute("aria-pressed", String(chosen === null));
+    redraw();
+  }
+
+  // To two digits, as the slider is not finer, and in words.
+  function exaggerate(by) {
+    if (!size) return;
+    const most = 10 ** size.max;
+    factor = Number(Math.max(1, Math.min(most, by)).toPrecision(2));
+    size.value = Math.log10(factor);
+    sized.textContent = factor === 1 ? "drawn at its true size" : `drawn ${factor} times its true size`;
+    size.setAttribute("aria-valuetext", sized.textContent);
     redraw();
   }
 
@@ -213,9 +257,13 @@
   for (const button of figure.querySelectorAll("[data-do]"))
     button.addEventListener("click", () => acts[button.dataset.do]());
 
+  if (steps) steps.addEventListener("input", () => choose(Number(steps.value)));
+  if (size) size.addEventListener("input", () => exaggerate(10 ** size.value));
+
   const keys = {
     ArrowLeft: () => turn(-6, 0), ArrowRight: () => turn(6, 0), ArrowUp: () => turn(0, 6), ArrowDown: () => turn(0, -6),
     "+": acts.nearer, "=": acts.nearer, "-": acts.farther, n: acts.next, p: acts.previous, a: acts.all, 0: reset,
+    "[": () => exaggerate(factor / 2), "]": () => exaggerate(factor * 2),
   };
   canvas.addEventListener("keydown", (event) => {
     if (!Object.hasOwn(keys, event.key) || event.ctrlKey || event.metaKey || event.altKey) return;
@@ -255,4 +303,5 @@
   recolour();
   resize();
   choose(chosen);
+  exaggerate(factor);
 })();

@@ -1,0 +1,106 @@
+"""Every number that a reader meets in report.html and report.pdf is one of result.json, or follows from it.
+
+The documents are read as text, knowing nothing of how they were made: each number must be the rounding of a
+number of the result, of one of the few quantities that a report works out, or stand on the axis of a figure.
+"""
+
+from __future__ import annotations
+
+import bisect
+import json
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pypdf
+import pytest
+from command_line import zerobeam
+from pages import Page
+
+from zerobeam.experiments.demos import demo_runs
+
+# In the words themselves: years and clauses of the GUM, quantiles, draws that are advised, the scene's grid.
+OF_THE_WORDS = (2.5, 50.0, 95.0, 97.5, 100.0, 101.0, 2008.0, 20_000.0, 500.0)
+NUMBER = re.compile(r"(?<![\w.])[-\u2212]?\d+(?:\.\d+)?(?:e[-\u2212]?\d+)?(?!\w|\.\d)")
+
+
+def of_the_result(value: Any) -> Iterator[float]:
+    """All numbers, those in texts and keys too, and how many entries a list has."""
+    if isinstance(value, str):
+        yield from (float(found) for found in re.findall(r"-?\d+(?:\.\d+)?(?:e-?\d+)?", value))
+    elif isinstance(value, int | float):
+        yield float(value)
+    elif isinstance(value, list | dict):
+        yield float(len(value))
+        for key in value if isinstance(value, dict) else ():
+            yield from of_the_result(key)
+        for item in value.values() if isinstance(value, dict) else value:
+            yield from of_the_result(item)
+
+
+def worked_out(answer: Any) -> Iterator[float]:
+    """The length of a miss, how far apart two costs are, shares in percent, small sources together, what the
+    draws cannot decide."""
+    yield from (math.hypot(*shot["miss_mm"]) for shot in answer["shots"])
+    for row in answer["parameters"]:
+        if row["midpoint"] is not None and row["std"] is not None:
+            yield (row["midpoint"] - row["estimate"]) / row["std"]
+    for budget in answer["budget"]:
+        ranked = sorted(budget["rows"], key=lambda row: abs(row["share"]))
+        for rows in (*([row] for row in ranked), *(ranked[:count] for count in range(2, len(ranked)))):
+            yield 100 * sum(row["share"] for row in rows)
+            square = sum(math.copysign(row["contribution"] ** 2, row["contribution"]) for row in rows)
+            yield math.copysign(math.sqrt(abs(square)), square)
+        if budget["check"] is not None:
+            yield 2 * budget["check"]["ends_std"]
+
+
+def on_axes(figures: Path) -> Iterator[float]:
+    for file in figures.iterdir():
+        for text in re.findall(r">([^<>]*)</(?:text|tspan)>", file.read_text(encoding="utf-8")):
+            yield from (value(found) for found in NUMBER.findall(text))
+
+
+def value(told: str) -> float:
+    return float(told.replace("\u2212", "-"))
+
+
+def made_up(text: str, known: list[float]) -> list[str]:
+    """The numbers in a text that are no rounding of one that is known (sorted)."""
+    found = []
+    for told in NUMBER.findall(text):
+        digits, _, power = told.partition("e")
+        half = 0.5000001 * 10.0 ** (value(power or "0") - len(digits.partition(".")[2]))
+        at = bisect.bisect_left(known, value(told) - half)
+        if at == len(known) or known[at] > value(told) + half:
+            found.append(told)
+    return found
+
+
+@pytest.fixture(scope="module", params=["good", "x-pattern"])
+def report(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    (case,) = (case for case in demo_runs() if case.name == request.param)
+    folder = tmp_path_factory.mktemp("told") / "report"
+    assert zerobeam("report", case.path, "-o", folder, "--ess", "400").status in (0, 1)
+    return folder
+
+
+def test_no_number_is_made_up(report: Path) -> None:
+    answer = json.loads((report / "result.json").read_text(encoding="utf-8"))
+    page = " ".join(Page((report / "report.html").read_text(encoding="utf-8")).text)
+    sheets = pypdf.PdfReader(report / "report.pdf").pages
+    paper = " ".join(sheet.extract_text() for sheet in sheets).replace("\u200b", "")
+    rest = [*OF_THE_WORDS, *on_axes(report / "figures"), *map(float, range(len(sheets) + 1))]
+    known = sorted([*of_the_result(answer), *worked_out(answer), *rest])
+    assert len(NUMBER.findall(page)) > 300
+    assert made_up(page, known) == []
+    assert made_up(paper, known) == []
+    # The control: of another result the same words would be.
+    rows = [row for row in answer["parameters"] if row["std"] is not None]
+    for row in rows:
+        row["estimate"] += 5 * row["std"]
+        row["interval95"] = [bound + 5 * row["std"] for bound in row["interval95"]]
+    other = sorted([*of_the_result({**answer, "posterior": None, "scene": None}), *rest])
+    assert len(made_up(page, other)) >= len(rows)
