@@ -1,6 +1,7 @@
 # make demo        the main job on built-in runs, and where its report is
 # make test        format, lint, types and all tests but the long ones
 # make test-long   the long tests
+# make docs        the site of the documentation, and where it is
 # Everything is installed into .venv, again only when pyproject.toml changed.
 # Another interpreter: make PYTHON=python3.12 demo
 
@@ -8,7 +9,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test test-long lint format clean
+.PHONY: demo test test-long docs lint format clean
 .DELETE_ON_ERROR:
 
 demo: .venv/installed
@@ -19,6 +20,9 @@ test: lint
 
 test-long: .venv/installed-test
 	@$(BIN)/pytest -m long
+
+docs: .venv/installed-docs
+	@$(BIN)/python docs/build.py
 
 # mypy wants to find the package under its name, and an editable install hides it: link the rooms.
 lint: .venv/installed-test
@@ -53,4 +57,9 @@ clean:
 .venv/installed-test: pyproject.toml | .venv/bin/python
 	@echo "Installing zerobeam and its test tools into .venv (once)…"
 	@$(PIP) --editable '.[test]'
+	@touch .venv/installed $@
+
+.venv/installed-docs: pyproject.toml | .venv/bin/python
+	@echo "Installing zerobeam and the site's generator into .venv (once)…"
+	@$(PIP) --editable '.[docs]'
 	@touch .venv/installed $@

@@ -171,7 +171,7 @@ def study_of(seen: list[tuple[int, int]], agrees: bool) -> Callable[..., dict[st
     return made
 
 
-@pytest.mark.parametrize(("agrees", "status"), [(True, 0), (False, 1)])
+@pytest.mark.parametrize(("agrees", "status"), [(True, 0), pytest.param(False, 1, marks=pytest.mark.long)])
 def test_a_study_is_written_told_and_judged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, agrees: bool, status: int
 ) -> None:
@@ -183,9 +183,14 @@ def test_a_study_is_written_told_and_judged(
     assert told.out.startswith("Agrees. " if agrees else "Does not agree. ")
     assert f"Study: {tmp_path / 'study' / 'study.html'}" in told.out
     assert (tmp_path / "study" / "coverage.csv").is_file()
+
+
+def test_a_study_for_a_machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[tuple[int, int]] = []
+    monkeypatch.setattr("zerobeam.experiments.coverage.coverage_study", study_of(seen, True))
     told = zerobeam("study", "coverage", "-o", tmp_path / "study", "--json")
-    assert (told.status, told.err) == (status, "")
-    assert seen[-1] == (1000, 0)
+    assert (told.status, told.err) == (0, "")
+    assert seen == [(1000, 0)]
     assert told.json == json.loads((tmp_path / "study" / "study.json").read_text(encoding="utf-8"))
 
 
@@ -422,7 +427,12 @@ BAD_RUNS: dict[str, tuple[str | bytes, list[str]]] = {
     ),
     "unknown robot": (
         run_text(changed(robot="irb160")),
-        ["run.jsonl, line 1:", "no robot of this name", "allowed: irb1600", "did you mean 'irb1600'?"],
+        [
+            "run.jsonl, line 1:",
+            "no robot of this name",
+            "allowed: gen3_lite, iiwa14, irb1600, panda",
+            "did you mean 'irb1600'?",
+        ],
     ),
     "robot file that is not there": (
         run_text(changed(robot="cell/arm.yaml")),

@@ -1,181 +1,53 @@
-"""The documentation: its commands run, its files are read, its keys and links are those that there are.
+"""The documentation names what there is: commands, options, keys, defaults, public names, links.
 
-A fenced block with `title="name"` is a file of that name. A block of language `sh` or `console` whose first
-command is `zerobeam` is run, in the order of its page, in a folder with that page's files; it must end with
-status 0, or with the one that its fence states (`status=1`).
+Its blocks are run and read in tests/test_docs_blocks.py.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import os
+import importlib
+import importlib.util
 import re
-import shlex
-import subprocess
-import sys
+import tomllib
 import types
 import typing
 from collections.abc import Iterator
+from enum import Enum
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pytest
 import typer.main
+from documents import DOCS, PAGES, ROOT, blocks, prose, read, told_commands
 from pydantic import BaseModel
-from ruamel.yaml import YAML
 
+import zerobeam
+from zerobeam.analysis.accuracy import Accuracy
 from zerobeam.analysis.check import Check
 from zerobeam.analysis.result import Result
 from zerobeam.cli import app
-from zerobeam.experiments.obstacles import Obstacles
 from zerobeam.experiments.plan_making import MadePlan
-from zerobeam.experiments.rigs.cell_file import Cell, read_cell
+from zerobeam.experiments.rigs.cell_file import Cell
 from zerobeam.experiments.schema import SCHEMA_NAMES, json_schema
-from zerobeam.model.errors import BadInput
-from zerobeam.model.header import Header, check_header, read_header
-from zerobeam.model.plan import read_plan
-from zerobeam.model.robot_file import load_robot, read_robot
-from zerobeam.model.run import read_run
+from zerobeam.experiments.sweep_file import StudyFile, built_in_studies
+from zerobeam.model.header import Header
 
-ROOT = Path(__file__).resolve().parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-FILES = ROOT / "docs" / "files.md"
-NAMES = [page.name for page in PAGES]
+FILES = "docs/files.md"
+COMMANDS: Any = typer.main.get_command(app)
+TEXTS = {name: read(name) for name in PAGES} | {
+    name: (ROOT / name).read_text(encoding="utf-8") for name in ("CONTRIBUTING.md", "CHANGELOG.md")
+}
 
 
-class Block(NamedTuple):
-    """A fenced block: `title` of the file that it is, `status` that its commands end with."""
-
-    language: str
-    title: str | None
-    status: int
-    text: str
-
-    @property
-    def commands(self) -> list[list[str]]:
-        """Arguments of each `zerobeam …` of a block of commands; none for other blocks."""
-        if self.language not in ("sh", "console"):
-            return []
-        lines = self.text.replace("\\\n", " ").splitlines()
-        if self.language == "console":
-            lines = [line.removeprefix("$ ") for line in lines if line.startswith("$ ")]
-        if not lines or not lines[0].startswith("zerobeam"):
-            return []
-        words = [shlex.split(line, comments=True) for line in lines]
-        return [line for line in words if line]
-
-
-def blocks(text: str) -> list[Block]:
-    found = []
-    for fence, body in re.findall(r"^```(\S[^\n]*)\n(.*?)^```$", text, flags=re.MULTILINE | re.DOTALL):
-        title = re.search(r'title="([^"]+)"', fence)
-        status = re.search(r"status=(\d+)", fence)
-        found.append(
-            Block(fence.split()[0], title and title.group(1), int(status.group(1)) if status else 0, body)
-        )
-    return found
-
-
-def prepare(text: str, folder: Path) -> list[Path]:
-    paths = []
-    for block in blocks(text):
-        if block.title is not None:
-            path = folder / block.title
-            assert path.parent == folder
-            assert not path.exists(), f"{block.title} stands twice"
-            path.write_text(block.text, encoding="utf-8")
-            paths.append(path)
-    return paths
-
-
-def carry_out(text: str, folder: Path) -> int:
-    """Run the commands of a page in a folder with its files; how many there were."""
-    prepare(text, folder)
-    count = 0
-    for block in blocks(text):
-        for command, *arguments in block.commands:
-            assert command == "zerobeam", command
-            done = subprocess.run(
-                [sys.executable, "-c", "from zerobeam.cli import main; main()", *arguments],
-                cwd=folder,
-                capture_output=True,
-                encoding="utf-8",
-                env={**os.environ, "PYTHONUTF8": "1"},
-                check=False,
-            )
-            told = f"zerobeam {shlex.join(arguments)}\n{done.stdout}{done.stderr}"
-            assert done.returncode == block.status, told
-            assert "Traceback" not in done.stderr, told
-            count += 1
-    return count
-
-
-def read(page: Path) -> str:
-    return page.read_text(encoding="utf-8")
-
-
-@pytest.mark.parametrize(("name", "least"), [("README.md", 5), ("files.md", 8)])
-def test_the_commands_of_a_page_run_in_their_order(name: str, least: int, tmp_path: Path) -> None:
-    assert carry_out(read(PAGES[NAMES.index(name)]), tmp_path) >= least
-
-
-def test_no_other_page_has_commands_that_are_not_run() -> None:
-    others = [page for page in PAGES if page.name not in ("README.md", "files.md")]
-    assert not [block.commands for page in others for block in blocks(read(page)) if block.commands]
-
-
-def test_a_command_of_a_page_that_fails_is_noticed(tmp_path: Path) -> None:
-    with pytest.raises(AssertionError, match="no such file"):
-        carry_out("```sh\nzerobeam check nothing.yaml\n```\n", tmp_path)
-
-
-def test_a_block_of_commands_is_read_as_a_person_reads_it() -> None:
-    (shell,) = blocks("```sh status=1\nzerobeam check a.yaml \\\n  --json  # why\n```\n")
-    assert shell.status == 1
-    assert shell.commands == [["zerobeam", "check", "a.yaml", "--json"]]
-    (console,) = blocks('```console\n$ zerobeam check "a b"\nPass.\n```\n')
-    assert console.commands == [["zerobeam", "check", "a b"]]
-    (make,) = blocks("```sh\nmake demo\n```\n")
-    assert make.commands == []
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_every_file_of_a_page_is_valid(name: str, tmp_path: Path) -> None:
-    for path in prepare(read(PAGES[NAMES.index(name)]), tmp_path):
-        text = path.read_text(encoding="utf-8")
-        if path.suffix in (".csv", ".ls", ".dat"):
-            continue  # what these mean stands in the command that imports them
-        if "zerobeam/run/1" in text:
-            run = read_run(path)
-            run.require_analysable()
-            assert not run.warnings
-        elif "zerobeam/plan/1" in text:
-            assert not read_plan(path).warnings
-        elif "zerobeam/robot/1" in text:
-            read_robot(path)
-        elif "zerobeam/cell/1" in text:
-            read_cell(path)
-        else:
-            check(path)
-
-
-def check(path: Path) -> None:
-    """A header with all that only its robot can tell; BadInput if it is not one."""
-    header = read_header(path)
-    robot = load_robot(header.robot, path.parent, file=path)
-    check_header(header, robot, file=path, line=lambda _: None)
-
-
-def test_examples_of_single_keys_fit_into_a_header(tmp_path: Path) -> None:
-    fragments = [b.text for b in blocks(read(FILES)) if b.language == "yaml" and b.title is None]
-    assert fragments
-    for i, fragment in enumerate(fragments):
-        path = tmp_path / f"{i}.yaml"
-        path.write_text(f"robot: irb1600\n{fragment}", encoding="utf-8")
-        check(path)
-        path.write_text(f"robot: irb1600\n{fragment.replace('kind:', 'kinds:')}", encoding="utf-8")
-        with pytest.raises(BadInput, match="unknown key 'kinds'"):
-            check(path)
+def script(name: str) -> types.ModuleType:
+    """One of the scripts in docs that make the site."""
+    spec = importlib.util.spec_from_file_location(name, DOCS / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 # --- what the pages name ----------------------------------------------------------------------------
@@ -189,30 +61,108 @@ def commands_of(group: Any) -> Iterator[str]:
 
 
 def test_every_command_that_a_page_names_exists() -> None:
-    known = set(commands_of(typer.main.get_command(app)))
+    known = set(commands_of(COMMANDS))
     named: set[str] = set()
-    for page in [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]:
-        text = read(page)
-        code = [block.text for block in blocks(text)] + re.findall(r"`([^`\n]+)`", text)
-        command = r"\bzerobeam ((?:(?:import|study|export) )?[a-z][a-z0-9]*)\b"
-        named |= set(re.findall(command, "\n".join(code)))
+    for text in TEXTS.values():
+        shown = [block.text for block in blocks(text) if block.language != "python"]
+        code = "\n".join([*shown, *re.findall(r"`([^`\n]+)`", text)])
+        command = r"\bzerobeam ((?:(?:import|study|export) )?[a-z][a-z0-9-]*)\b"
+        named |= set(re.findall(command, code))
     assert named <= known, named - known
     # Three alone are groups of commands; every command that does something is documented.
     assert known - named <= {"import", "study", "export"}
 
 
+def unknown_to_the_command_line(words: list[str]) -> str | None:
+    """What of a call (behind `zerobeam`) is no command, option or value of one; None if all is."""
+    command, rest = COMMANDS, list(words)
+    while hasattr(command, "commands") and rest and not rest[0].startswith("-"):
+        if rest[0] not in command.commands:
+            return rest[0]
+        command = command.commands[rest.pop(0)]
+    options = {name: one for one in command.params for name in (*one.opts, *one.secondary_opts)}
+    asked = [one for one in command.params if one.param_type_name == "argument"]
+    given = 0
+    while rest:
+        word = rest.pop(0)
+        if not word.startswith("-"):
+            if given < len(asked) and not allows(asked[given], word):
+                return word
+            given += 1
+        elif word != "--help" and word not in options:
+            return word
+        elif word == "--help" or options[word].is_flag:
+            continue
+        elif not rest or not allows(options[word], rest.pop(0)):
+            return word
+    many = any(one.nargs == -1 for one in asked)
+    return None if many or given <= len(asked) else words[-1]
+
+
+def allows(parameter: Any, value: str) -> bool:
+    """Whether a choice has the value; `a|b` names several, capitals stand for any."""
+    choice = parameter.type_descriptor.annotation
+    choices = isinstance(choice, type) and issubclass(choice, Enum)
+    if not choices or value.isupper():
+        return True
+    return set(value.split("|")) <= {one.value for one in choice}
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_every_command_of_a_block_is_one_of_the_command_line(name: str) -> None:
+    for words in told_commands(read(name)):
+        assert unknown_to_the_command_line(words) is None, words
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_every_option_in_the_text_exists(name: str) -> None:
+    known = {
+        option
+        for command in every_command(COMMANDS)
+        for one in command.params
+        for option in (*one.opts, *one.secondary_opts)
+    } | {"--help", "--version"}
+    code = re.findall(r"`(?:zerobeam )?[^`\n]*`", prose(read(name)))
+    named = {option for text in code for option in re.findall(r"(?<![\w-])--[a-z][a-z0-9-]*", text)}
+    assert named <= known, named - known
+
+
+def every_command(group: Any) -> Iterator[Any]:
+    for command in group.commands.values():
+        yield command
+        yield from every_command(command) if hasattr(command, "commands") else ()
+
+
+@pytest.mark.parametrize(
+    ("call", "wrong"),
+    [
+        ("analyse run.jsonl --robust huber --hold-out left_*", None),
+        ("import csv a.csv b.csv --units rad", None),
+        ("plan x|y|optimal --shots 7", None),
+        ("plan KIND", None),
+        ("plan z", "z"),
+        ("analyse run.jsonl --robust tukey", "--robust"),
+        ("analyse run.jsonl --robusts huber", "--robusts"),
+        ("import cvs a.csv", "cvs"),
+        ("check a.yaml b.yaml", "b.yaml"),
+        ("check a.yaml --picture", "--picture"),
+    ],
+)
+def test_a_call_is_held_against_the_command_line(call: str, wrong: str | None) -> None:
+    assert unknown_to_the_command_line(call.split()) == wrong
+
+
 def test_every_make_target_that_a_page_names_exists() -> None:
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     targets = set(re.findall(r"^([a-z-]+):", makefile, flags=re.MULTILINE))
-    for page in [*PAGES, ROOT / "CONTRIBUTING.md"]:
-        named = set(re.findall(r"(?:^ *|`)make ([a-z-]+)", read(page), flags=re.MULTILINE))
-        assert named <= targets, (page.name, named - targets)
+    for name, text in TEXTS.items():
+        named = set(re.findall(r"(?:^ *|`)make ([a-z-]+)", text, flags=re.MULTILINE))
+        assert named <= targets, (name, named - targets)
 
 
 def words_in_code(text: str) -> set[str]:
     """The words of a page that stand in `code`."""
-    prose = re.sub(r"^```.*?^```$", "", text, flags=re.MULTILINE | re.DOTALL)
-    return {word for code in re.findall(r"`([^`\n]+)`", prose) for word in re.findall(r"\w+", code)}
+    return {word for code in re.findall(r"`([^`\n]+)`", prose(text)) for word in re.findall(r"\w+", code)}
 
 
 def properties(schema: Any) -> Iterator[str]:
@@ -228,7 +178,8 @@ def properties(schema: Any) -> Iterator[str]:
 def fields(kind: Any) -> Iterator[str]:
     """Names of the fields of a dataclass and of the dataclasses in it."""
     if dataclasses.is_dataclass(kind):
-        hints = typing.get_type_hints(kind)
+        # What a module imports for its types alone would be a circle at run time.
+        hints = typing.get_type_hints(kind, localns={"Accuracy": Accuracy})
         for field in dataclasses.fields(kind):
             yield field.name
             yield from fields(hints[field.name])
@@ -239,35 +190,29 @@ def fields(kind: Any) -> Iterator[str]:
 
 @pytest.mark.parametrize("name", SCHEMA_NAMES)
 def test_every_key_of_a_file_is_documented(name: str) -> None:
-    missing = set(properties(json_schema(name))) - words_in_code(read(FILES))
+    missing = set(properties(json_schema(name))) - words_in_code(TEXTS[FILES])
     assert not missing
 
 
 @pytest.mark.parametrize("kind", [Check, Result])
 def test_every_key_of_an_answer_is_documented(kind: type) -> None:
     # In the file the two fits stand under `fits`.
-    missing = set(fields(kind)) - words_in_code(read(FILES))
+    missing = set(fields(kind)) - words_in_code(TEXTS[FILES])
     assert not missing
 
 
 def test_every_key_of_a_proposal_is_documented() -> None:
     keys = set(MadePlan("x", None, None, None, None, None).as_json())
     assert len(keys) > 10
-    assert not keys - words_in_code(read(FILES))
-
-
-def test_the_example_of_an_obstacles_file_is_read() -> None:
-    (example,) = [b.text for b in blocks(read(FILES)) if b.text.startswith("floor_mm")]
-    stated = Obstacles.model_validate(YAML(typ="safe").load(example))
-    assert [box.name for box in stated.boxes] == ["table"]
+    assert not keys - words_in_code(TEXTS[FILES])
 
 
 def test_documented_defaults_are_those_of_the_code() -> None:
-    rows = re.findall(r"^\| `([\w.<>]+)` \|[^|]*\| (\d[\d .]*)[^|]*\|", read(FILES), flags=re.MULTILINE)
+    rows = re.findall(r"^\| `([\w.<>]+)` \|[^|]*\| (\d[\d .]*)[^|]*\|", TEXTS[FILES], flags=re.MULTILINE)
     assert len(rows) >= 15
     for key, documented in rows:
         place = key.split(".")
-        model = Header if place[0] in Header.model_fields else Cell
+        model = next(model for model in (Header, Cell, StudyFile) if place[0] in model.model_fields)
         assert default_of(model, place) == float(documented.replace(" ", "")), key
 
 
@@ -282,21 +227,130 @@ def default_of(model: type[BaseModel], place: list[str]) -> Any:
     return default_of(below, [name for name in place[1:] if "<" not in name])
 
 
+# --- the site --------------------------------------------------------------------------------------
+
+
+def test_every_page_is_in_the_navigation_of_the_site() -> None:
+    site = tomllib.loads((ROOT / "zensical.toml").read_text(encoding="utf-8"))
+    listed = list(leaves(site["project"]["nav"]))
+    assert len(listed) == len(set(listed))
+    pages = {path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md")}
+    assert set(listed) == pages | {"reference/commands.md"}  # that one is made
+
+
+def leaves(entry: Any) -> Iterator[str]:
+    if isinstance(entry, str):
+        yield entry
+    else:
+        for below in entry.values() if isinstance(entry, dict) else entry:
+            yield from leaves(below)
+
+
+def test_the_page_of_commands_has_every_command_and_option() -> None:
+    made = script("command_reference")
+    _, *parts = made.page().split("\n## ")
+    commands = dict(made.commands(COMMANDS))
+    assert [part.splitlines()[0] for part in parts] == list(commands)
+    for part, command in zip(parts, commands.values(), strict=True):
+        options = {one.opts[0] for one in command.params if one.param_type_name == "option"}
+        listed = set(re.findall(r"^\| `(-[\w-]+)", part, flags=re.MULTILINE))
+        assert listed == options - {"--help"}
+
+
+def test_the_reference_has_every_public_name_at_its_home() -> None:
+    listed = re.findall(r"^::: ([\w.]+)$", read("docs/reference/python.md"), flags=re.MULTILINE)
+    assert len(listed) == len(set(listed))
+    found = {}
+    for path in listed:
+        module, _, name = path.rpartition(".")
+        found[name] = getattr(importlib.import_module(module), name)
+        assert found[name].__doc__, path
+    for name in set(zerobeam.__all__) - {"__version__"}:
+        assert found[name] is getattr(zerobeam, name), name
+
+
+def test_every_built_in_study_is_listed() -> None:
+    listed = re.findall(r"^\| `([\w-]+)` \|", read("docs/studies.md"), flags=re.MULTILINE)
+    assert {*built_in_studies(), "coverage", "cell", "table2"} == set(listed)
+
+
+@pytest.fixture
+def build(monkeypatch: pytest.MonkeyPatch) -> types.ModuleType:
+    """The script that makes the site."""
+    monkeypatch.syspath_prepend(str(DOCS))
+    return script("build")
+
+
+def test_what_is_for_the_tests_alone_is_not_on_the_site(build: types.ModuleType) -> None:
+    page = '```sh status=1\na\n```\n```text output\nb\n```\n```yaml title="c.yaml"\nd\n```\n'
+    assert build.site_page(page) == '```sh\na\n```\n```text\nb\n```\n```yaml title="c.yaml"\nd\n```\n'
+
+
+@pytest.mark.parametrize(
+    "fetched",
+    [
+        '<script src="https://example.org/a.js"></script>',
+        "<img alt=x src=//example.org/a.png>",
+        '<link rel="stylesheet" href="https://example.org/a.css">',
+        '<link href="https://example.org" crossorigin rel="preconnect">',
+    ],
+)
+def test_a_page_that_needs_the_network_is_noticed(build: types.ModuleType, fetched: str) -> None:
+    build.require_no_network('<a href="https://example.org">x</a><script src="a.js"></script>')
+    with pytest.raises(RuntimeError, match="needs the network"):
+        build.require_no_network(fetched)
+
+
+def test_equations_are_drawn_when_the_site_is_made(build: types.ModuleType) -> None:
+    pytest.importorskip("latex2mathml", reason="an extra: docs")
+    drawn = build.with_equations(r'<p>a <span class="arithmatex">\(\log x_1 &lt; 2\)</span></p>')
+    assert drawn.startswith("<p>a <math")
+    assert "arithmatex" not in drawn
+    with pytest.raises(RuntimeError, match="cannot be drawn"):
+        build.with_equations(r'<div class="arithmatex">\[\nosuch x\]</div>')
+    for text in TEXTS.values():
+        for tex in re.findall(r"\$\$(.+?)\$\$", prose(text), flags=re.DOTALL):
+            assert "<math" in build.with_equations(rf'<div class="arithmatex">\[{tex}\]</div>')
+
+
+# --- links ------------------------------------------------------------------------------------------
+
+
 def anchors(page: Path) -> set[str]:
-    """The anchors that GitHub gives to the headings of a page."""
-    prose = re.sub(r"^```.*?^```$", "", read(page), flags=re.MULTILINE | re.DOTALL)
-    headings = re.findall(r"^#+ (.+)$", prose, flags=re.MULTILINE)
+    """The anchors that GitHub, and the site, give to the headings of a page."""
+    headings = re.findall(r"^#+ (.+)$", prose(page.read_text(encoding="utf-8")), flags=re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
-@pytest.mark.parametrize("name", NAMES)
+def leads_nowhere(page: Path, link: str, made: set[Path]) -> bool:
+    """Whether a link of a page leads to nothing: neither a file with that heading nor one that is made."""
+    if link.startswith("https://"):
+        return False
+    path, _, anchor = link.partition("#")
+    there = (page.parent / path).resolve() if path else page
+    if there in made:
+        return bool(anchor)
+    return not there.is_file() or (bool(anchor) and anchor not in anchors(there))
+
+
+@pytest.mark.parametrize("name", PAGES)
 def test_links_lead_somewhere(name: str) -> None:
-    page = PAGES[NAMES.index(name)]
-    for link in re.findall(r"\]\(([^)\s]+)\)", read(page)):
-        if link.startswith("https://"):
-            continue
-        path, _, anchor = link.partition("#")
-        there = page.parent / path if path else page
-        assert there.is_file(), link
-        if anchor:
-            assert anchor in anchors(there), link
+    made = {DOCS / "gallery" / page for page in script("gallery").PAGES}
+    made.add(DOCS / "reference" / "commands.md")
+    for link in re.findall(r"\]\(([^)\s]+)\)", read(name)):
+        assert not leads_nowhere(PAGES[name], link, made), link
+        if name.startswith("docs/") and not link.startswith(("https://", "#")):
+            assert (PAGES[name].parent / link).resolve().is_relative_to(DOCS), "not on the site"
+
+
+def test_a_link_that_leads_nowhere_is_noticed() -> None:
+    page, made = PAGES["docs/index.md"], {DOCS / "gallery" / "plan.html"}
+    for link in ("files.md", "files.md#plan", "gallery/plan.html", "https://example.org", "how-to/my-rig.md"):
+        assert not leads_nowhere(page, link, made), link
+    for link in ("file.md", "files.md#plane", "#plan", "gallery/plans.html", "my-rig.md"):
+        assert leads_nowhere(page, link, made), link
+
+
+def test_every_page_of_the_gallery_is_linked() -> None:
+    linked = set(re.findall(r"\]\(gallery/([^)\s]+)\)", read("docs/gallery.md")))
+    assert linked == set(script("gallery").PAGES)

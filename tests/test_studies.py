@@ -27,11 +27,13 @@ from test_study_page import tables_of, words
 from test_study_terminal import printed
 
 from zerobeam.analysis.result_json import UnsoundResult
+from zerobeam.reports.blocks import figure_block, section_of, table_block, text_block
 from zerobeam.reports.canvas import Picture
+from zerobeam.reports.html import html
+from zerobeam.reports.pdf import pdf
 from zerobeam.reports.studies import STUDIES, study_of, study_view
-from zerobeam.reports.study_page import refuse_made_up, study_html, write_study
-from zerobeam.reports.study_view import NOT_DETERMINED, figure_block, section_of, table_block, text_block
-from zerobeam.reports.typeset import typeset
+from zerobeam.reports.study_page import refuse_made_up, write_study
+from zerobeam.reports.study_view import NOT_DETERMINED
 
 Json = dict[str, Any]
 
@@ -55,7 +57,7 @@ def drawn_of(name: str) -> dict[str, Picture]:
 def pdf_of(name: str) -> pypdf.PdfReader:
     # Without figures, whose text is slow to read; the tests that write a whole study have them.
     drawn = drawn_of(name) if name.startswith("hostile") else {}
-    return pypdf.PdfReader(io.BytesIO(typeset("study.typ", study_view(ANSWERS[name]()), drawn)))
+    return pypdf.PdfReader(io.BytesIO(pdf(study_view(ANSWERS[name]()), drawn)))
 
 
 def blocks(view: Json) -> Iterator[Json]:
@@ -256,7 +258,7 @@ def test_a_run_beyond_the_limit_and_a_plan_without_a_result_are_said() -> None:
     assert rows[1][-2:] == ["402\u00a0s", "exceeded"]
     assert rows[2][-1] == "kept"
     assert rows[4][1] == "control: passes, but must not"
-    page = " ".join(Page(study_html(study_view(hostile_cell()), {})).text)
+    page = " ".join(Page(html(study_view(hostile_cell()), {}, "study")).text)
     told = "runs without a result: the beam is lost and <script>alert('x')</script>."
     assert page.count(told) == page.count("runs without a result") == 1
 
@@ -267,7 +269,7 @@ def test_a_simulated_set_that_is_not_as_predicted_and_one_without_a_result_are_s
     assert rows[0][1:] == [*["not given"] * 3, "no result"]
     assert rows[1][1:] == ["0.0214°", "0 to 0.037°", "0.002", "does not agree"]
     assert rows[2][-1] == "agrees"
-    page = " ".join(Page(study_html(study_view(hostile_table2()), {})).text)
+    page = " ".join(Page(html(study_view(hostile_table2()), {}, "study")).text)
     assert page.count("A run of the simulated set has no result.") == 1
     assert page.count("The simulated set: χ² 9.82 for 10 degrees of freedom, p 0.912.") == 2
 
@@ -304,7 +306,7 @@ def test_a_study_without_any_time_has_no_figure_of_it() -> None:
     for plan in answer["plans"]:
         plan["seconds"]["total"] = {"mean": None, "max": None}
     assert set(study_of(answer).pictures(answer)) == {"coverage"}
-    assert "Time against the limit" in study_html(study_view(answer), {})
+    assert "Time against the limit" in html(study_view(answer), {}, "study")
 
 
 def test_the_figure_of_the_scatter_writes_the_papers_numbers_for_every_plan() -> None:
@@ -374,7 +376,7 @@ def test_an_undetermined_parameter_has_no_number_whatever_the_answer_holds(name:
         next(plan for plan in answer["plans"] if plan["name"] == "x-pattern")["parameters"][0][key] = row[key]
     view, study = study_view(answer), study_of(answer)
     drawn = study.pictures(answer)
-    seen = [" ".join(Page(study_html(view, {})).text), printed(answer)]
+    seen = [" ".join(Page(html(view, {}, "study")).text), printed(answer)]
     seen += [words(picture.svg) + picture.alt for picture in drawn.values()]
     seen += [str(list(rows(answer))) for rows in study.tables.values()]
     assert sum(text.count(NOT_DETERMINED) for text in seen) >= 2
@@ -388,7 +390,7 @@ def test_an_undetermined_parameter_has_no_number_whatever_the_answer_holds(name:
 @pytest.mark.parametrize("name", ANSWERS)
 def test_the_page_is_one_well_formed_file_that_fetches_nothing(name: str) -> None:
     view = study_view(ANSWERS[name]())
-    text = study_html(view, drawn_of(name))
+    text = html(view, drawn_of(name), "study")
     page = Page(text)
     assert_fetches_nothing(page)
     levels = [int(tag[1]) for tag, _ in page.tags if re.fullmatch(r"h\d", tag)]
@@ -407,7 +409,7 @@ def test_the_page_is_one_well_formed_file_that_fetches_nothing(name: str) -> Non
 @pytest.mark.parametrize("name", HOSTILE)
 def test_hostile_names_are_shown_as_they_are_and_do_nothing(name: str) -> None:
     answer = HOSTILE[name]()
-    page = study_html(study_view(answer), drawn_of(f"hostile {name}"))
+    page = html(study_view(answer), drawn_of(f"hostile {name}"), "study")
     assert "<script" not in page
     assert "alert(&#39;x&#39;)" in page
     assert "{{ 7*7 }}" in page
