@@ -35,10 +35,18 @@ def shots_part(result: Json) -> Json:
     if weights is not None:
         columns += [("weight", "right"), ("outlier", "left")] if outliers else [("weight", "right")]
         said += " The weight is that of the robust fit."
+    told = [i for i in chosen if shots[i]["cooks"] is not None]
+    heaviest = max(told, key=lambda i: float(shots[i]["cooks"]), default=None)
+    if heaviest is not None:
+        shot, cooks = shots[heaviest]["shot"], numbers.significant(shots[heaviest]["cooks"], 2)
+        said += f" The answer hangs most on shot {shot} (Cook’s distance {cooks})."
     if len(shots) > MOST_SHOTS:
         # An outlier of the robust fit may have pulled the likelihood fit to itself.
         worst = sorted(chosen, key=lambda i: (shots[i]["shot"] not in outliers, -shots[i]["whitened"]))
-        chosen, caption = worst[:WORST_SHOTS], f"The {WORST_SHOTS} worst shots of {len(shots)}"
+        chosen = worst[:WORST_SHOTS]
+        chosen += [] if heaviest is None or heaviest in chosen else [heaviest]
+        caption = f"The {WORST_SHOTS} worst shots of {len(shots)}"
+        caption += ", and the most influential" if len(chosen) > WORST_SHOTS else ""
         said += f" Of {len(shots)} shots the table shows the {WORST_SHOTS} worst; result.json has all."
     rows = []
     for i in chosen:

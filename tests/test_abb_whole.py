@@ -39,7 +39,7 @@ pytest.importorskip("abb_robot_client")
 
 WORD, NAME = "Gr8-Pass:wort/é", "some.body"
 FAST = 5
-SEEDS, MANY = (1, 2, 3), range(1, 25)
+SEEDS, MANY = (1, 2), range(1, 25)
 OFFSETS = 5  # delta1 cannot be told from the target's place and is held
 CELL = {
     "schema": "zerobeam/cell/1",

@@ -642,7 +642,9 @@ def test_bad_usage_is_told_with_the_usage(
     ("fault", "status", "message"),
     [
         (OSError(28, "No space left on device"), 2, "error: the report cannot be written to"),
-        (RuntimeError("unknown variable"), 3, "RuntimeError: unknown variable"),
+        pytest.param(
+            *(RuntimeError("unknown variable"), 3, "RuntimeError: unknown variable"), marks=pytest.mark.long
+        ),
     ],
 )
 def test_when_the_pdf_fails_the_old_report_stays_and_nothing_is_left_about(

@@ -191,7 +191,9 @@ def case(name: str, folder: Path, request: pytest.FixtureRequest) -> Case:
     return Case(run, {"delta7" if arm is PANDA_1 else "delta6": 5.0, "tool.x": 50.0, "tool.y": 50.0})
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.long) if name == "panda_1" else name for name in CASES]
+)
 def test_no_output_of_a_run_claims_what_its_shots_cannot_tell(
     name: str, tmp_path: Path, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 ) -> None:

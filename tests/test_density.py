@@ -12,6 +12,14 @@ from zerobeam.model.problem import Problem
 from zerobeam.model.robot import Robot
 
 SCALES = ("known", "estimated", "separate")
+# Every scale with one tool, every tool with one scale; the other pairs at length.
+PAIRS = [
+    pytest.param(
+        tool, scale, marks=() if scale == SCALES[0] or tool == next(iter(TOOLS)) else pytest.mark.long
+    )
+    for tool in TOOLS
+    for scale in SCALES
+]
 # Fewer and more than the lanes of any machine (2, 4 or 8), and no multiples of them.
 ROWS = (1, 2, 3, 5, 9)
 
@@ -272,8 +280,7 @@ def scaled_gradient(made, x):
     return (by_x * parameters.prior_std)[parameters.free]
 
 
-@pytest.mark.parametrize("scale", SCALES)
-@pytest.mark.parametrize("tool", TOOLS)
+@pytest.mark.parametrize(("tool", "scale"), PAIRS)
 def test_the_gradient_against_complex_steps_of_the_plain_model(arms, tool, scale):
     """Without step errors: what is left is rounding, 1e-11 mm of each miss of up to 2 mm. Negative controls:
     without the prior, the distance, the change of the weights, the noise's weight."""
@@ -301,8 +308,7 @@ def test_the_gradient_against_complex_steps_of_the_plain_model(arms, tool, scale
         assert own.max() > 10 or (name == "prior" and np.abs(wrong - expected).max() > 0.1), name
 
 
-@pytest.mark.parametrize("scale", SCALES)
-@pytest.mark.parametrize("tool", TOOLS)
+@pytest.mark.parametrize(("tool", "scale"), PAIRS)
 def test_the_gradient_against_differences(arms, scale, tool):
     """Of the package's own log-posterior; steps 1e-5 rad, 1e-2 mm (1e-5 of a noise factor's logarithm);
     misses up to 2 mm.
@@ -359,8 +365,7 @@ def plain_information(made, x, weight=1.0, freeze=None):
     return total if freeze == "prior" else total + np.eye(len(total))
 
 
-@pytest.mark.parametrize("tool", TOOLS)
-@pytest.mark.parametrize("scale", SCALES)
+@pytest.mark.parametrize(("tool", "scale"), PAIRS)
 def test_the_information_against_the_plain_model(arms, tool, scale):
     """Each entry in units of those on the diagonal; with one part left out it is another one."""
     made = Made(arms["irb1600"], header(TOOLS[tool], noise=noise(scale), distances=DISTANCE), near=2.0)

@@ -77,7 +77,7 @@ class PlainProfile:
         return found * self.scale
 
 
-@pytest.mark.parametrize("name", ["delta2", "delta4"])
+@pytest.mark.parametrize("name", [pytest.param("delta2", marks=pytest.mark.long), "delta4"])
 def test_against_a_brute_force_profile(weak, name):
     """The root of the drop is found to 1e-3 of 1.96: so are the ends, to some 1e-3 of the width."""
     problem, fit, _ = weak

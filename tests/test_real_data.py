@@ -18,10 +18,12 @@ from recordings import DINOVA_1, KUKA_14, PANDA_1, PANDA_2, Arm, imported
 
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.fit import fit_likelihood
+from zerobeam.analysis.hold_out import hold_out
 from zerobeam.analysis.result_json import to_json
 from zerobeam.model.problem import Problem
 from zerobeam.model.run import read_run
 from zerobeam.reports.view import view
+from zerobeam.reports.view_opinions import hold_out_part
 
 Row = dict[str, Any]
 
@@ -153,6 +155,20 @@ def test_panda_2_lack_of_fit_is_said_plainly(panda_2: Analysed) -> None:
     assert "does not fit" in panda_2.answer["headline"]
     told = view(panda_2.answer)
     assert any(text.startswith("Lack of fit") for text in told["fit"]["sentences"])
+
+
+@pytest.mark.parametrize(("place", "holds"), [("mid-high", True), ("high", False), ("front_right", False)])
+def test_panda_2_without_one_placement(panda_2: Analysed, place: str, holds: bool) -> None:
+    """Trained on the other placements: where the model misses is said, and elsewhere that it holds."""
+    held = hold_out(Problem.from_run(read_run(panda_2.run)), [f"{place}_*"])
+    assert held.rms_mm is not None
+    assert held.rms_before_mm is not None
+    assert held.expected_mm is not None
+    assert held.rms_mm < held.rms_before_mm / 4
+    assert (held.rms_mm < 1.1 * held.expected_mm) == holds
+    part = hold_out_part(dataclasses.asdict(held))
+    assert part is not None
+    assert ("the offsets hold there too" in " ".join(part["sentences"])) == holds
 
 
 def test_a_third_of_panda_2_gives_the_same_offsets(panda_2: Analysed) -> None:

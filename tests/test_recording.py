@@ -81,7 +81,7 @@ def silent(event: dict[str, Any]) -> None:
 
 
 @posix
-@pytest.mark.parametrize("kills", [20, pytest.param(50, marks=pytest.mark.long)])
+@pytest.mark.parametrize("kills", [12, pytest.param(50, marks=pytest.mark.long)])
 def test_killed_at_any_instant_no_shot_is_lost_and_the_run_ends_the_same(
     tmp_path: Path, short_plan: Plan, kills: int
 ) -> None:
@@ -104,7 +104,7 @@ def test_killed_at_any_instant_no_shot_is_lost_and_the_run_ends_the_same(
     assert len(told.stdout.splitlines()) == kills
     # The kills fell everywhere: before the first shot, after it, and near the end.
     assert len(killed_with) > kills / 2
-    assert len(set(killed_with)) >= 5
+    assert len(set(killed_with)) >= 4
 
 
 @posix

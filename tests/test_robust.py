@@ -157,7 +157,7 @@ def test_the_scale_by_the_median_hardly_feels_one_outlier(loss):
     assert list(outlying(robust.whitened, 2, CHANCE, 16)) == [4]
 
 
-@pytest.mark.parametrize("loss", LOSSES)
+@pytest.mark.parametrize("loss", ["huber", pytest.param("student", marks=pytest.mark.long)])
 def test_clean_runs_have_no_outliers(loss):
     """A scale from a few misses, which the fit has made small, must not make outliers of the others.
 

@@ -151,7 +151,7 @@ def test_bias_and_rmse_are_rounded_by_their_own_uncertainty() -> None:
         assert abs(predicted - row["predicted_std"]) <= 0.05 * about
 
 
-@pytest.mark.parametrize("name", ["agreeing", "disagreeing"])
+@pytest.mark.parametrize("name", ["agreeing", pytest.param("disagreeing", marks=pytest.mark.long)])
 def test_every_cell_and_sentence_of_the_page_is_in_the_pdf(name: str) -> None:
     view = study_view(ANSWERS[name]())
     reader = pypdf.PdfReader(io.BytesIO(pdf(view, drawn_of(name))))

@@ -138,11 +138,25 @@ def test_an_unconverged_posterior_is_not_shown() -> None:
 def test_of_many_shots_the_worst_are_shown_and_the_reader_is_told() -> None:
     result = misfit()
     said = seen(result)["shots"]
-    assert len(said["table"]["rows"]) == 20
+    assert len(said["table"]["rows"]) == 21  # and the most influential
     worst = max(result.shots, key=lambda shot: shot.whitened)
     assert said["table"]["rows"][0]["cells"][0]["text"] == str(worst.shot)
     assert "Of 559 shots the table shows the 20 worst" in said["sentence"]
     assert len(seen(good())["shots"]["table"]["rows"]) == 7
+
+
+def test_the_shot_that_the_answer_hangs_on_is_named_and_shown() -> None:
+    few = seen(good())["shots"]["sentence"]
+    heaviest = max(good().shots, key=lambda shot: shot.cooks or 0.0)
+    assert f"hangs most on shot {heaviest.shot} (Cook" in few
+    many = misfit()
+    least = min(range(len(many.shots)), key=lambda i: many.shots[i].whitened)
+    heavy = dataclasses.replace(many.shots[least], cooks=99.0)
+    shots = (*many.shots[:least], heavy, *many.shots[least + 1 :])
+    table = seen(dataclasses.replace(many, shots=shots))["shots"]["table"]
+    assert table["rows"][-1]["cells"][0]["text"] == str(heavy.shot)
+    assert len(table["rows"]) == 21
+    assert table["caption"].endswith("and the most influential")
 
 
 def test_distances_stand_next_to_what_was_stated() -> None:
