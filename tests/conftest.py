@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -10,6 +11,26 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 from zerobeam.model.errors import BadInput
+
+
+# Combinations that `make test` leaves to `make test-long`: by test, those whose parameters match.
+AT_LENGTH = {
+    "test_the_gradients_against_complex_steps_of_the_plain_terms": r"-(none|relative)$",
+    "test_sums_over_shots_by_both_paths": r"^terms-",
+    "test_rows_by_both_paths": r"^(?!irb1600|gantry)",
+    "test_without_a_compiler_the_numbers_are_the_same": r"^(?!irb1600|gantry)",
+    "test_the_p_values_are_uniform": r"^two",
+    "test_the_sandwich_is_the_scatter_of_many_runs": r"^(open laser|two targets)",
+    "test_too_few_shots_claim_nothing": r"^2",
+    "test_a_robust_fit_is_there_on_request_and_names_the_shot_that_is_off": r"^student",
+}
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        name, _, parameters = item.name.partition("[")
+        if name in AT_LENGTH and re.search(AT_LENGTH[name], parameters.removesuffix("]")):
+            item.add_marker(pytest.mark.long)
 
 
 @pytest.fixture(scope="session")

@@ -418,6 +418,7 @@ def test_the_mode_with_free_noise_factors_by_scipy():
     assert cost(np.zeros(len(root))) > 0.5
 
 
+@pytest.mark.long
 def test_a_probe_on_an_arm_with_a_slide():
     robot = random_robot("rprrrr", 6)
     own = header(

@@ -139,6 +139,7 @@ def test_the_seed_fixes_the_plan():
 # How many?
 
 
+@pytest.mark.long
 def test_more_shots_are_never_worse_and_the_first_that_will_do_is_taken():
     own_planner, own = planner(count=400)
     none = own_planner.fewest(1e-4, 8)

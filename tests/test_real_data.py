@@ -218,6 +218,7 @@ def test_kuka_14_is_as_drawn(kuka_14: Analysed) -> None:
     assert any("smaller than the stated noise" in text for text in view(kuka_14.answer)["fit"]["sentences"])
 
 
+@pytest.mark.long
 def test_dinova_1_whose_misfit_is_said_loudly(dinova_1: Analysed) -> None:
     fit = dinova_1.fit
     assert dinova_1.answer["inputs"]["shots"] == 137
