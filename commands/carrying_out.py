@@ -220,7 +220,9 @@ def _access(host: str | None, port: int, user: str | None, password: str | None)
     import os
 
     from ..experiments.rigs.abb_access import find_access
+    from ..experiments.rigs.abb_rws import require_extra
 
+    require_extra()  # before anything is asked of the network
     return find_access(os.environ, host=host, port=port, user=user, password=password)
 
 

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cells import good_plan
+from command_line import plan_file, zerobeam
 from controllers import Watched, quick, unhurried
 
 from zerobeam.experiments.controller import irc5, resources
@@ -728,6 +729,17 @@ def test_without_the_extra_it_says_what_to_install(monkeypatch: pytest.MonkeyPat
     monkeypatch.setitem(sys.modules, "abb_robot_client", None)
     with pytest.raises(BadInput, match=r'pip install "zerobeam\[abb\]"'):
         Session(Access("127.0.0.1", 80, NAME, Secret(WORD)))
+
+
+def test_the_command_says_so_before_it_asks_the_network(
+    monkeypatch: pytest.MonkeyPatch, plan: Plan, tmp_path: Path
+) -> None:
+    monkeypatch.setitem(sys.modules, "abb_robot_client", None)
+    told = zerobeam(
+        "run", plan_file(tmp_path / "plan.yaml", plan), "--rig", "abb", "-o", tmp_path / "run.jsonl"
+    )
+    assert 'pip install "zerobeam[abb]"' in told.refused()
+    assert not (tmp_path / "run.jsonl").exists()
 
 
 def test_a_target_without_a_psd_is_bad_input(controller: SimulatedController, plan: Plan) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable
+from importlib.util import find_spec
 from typing import Any, TypeVar
 
 from ...model.errors import RigFault
@@ -38,6 +39,12 @@ class _Busy(Exception):
     """503: too many requests or sessions."""
 
 
+def require_extra() -> None:
+    """BadInput with the command that installs it, where the extra is missing."""
+    if find_spec("abb_robot_client") is None:
+        raise missing_extra("the ABB rig", "abb")
+
+
 class Session:
     """Requests to one controller by the library's `RWS`; every way in which one fails is a RigFault.
 
@@ -45,11 +52,10 @@ class Session:
     """
 
     def __init__(self, access: Access) -> None:
-        try:
-            import requests
-            from abb_robot_client import rws
-        except ImportError:
-            raise missing_extra("the ABB rig", "abb") from None
+        require_extra()
+        import requests
+        from abb_robot_client import rws
+
         base = f"http://{access.address}:{access.port}"
         self._requests, self._error = requests, rws.ABBException
         self._rws = rws.RWS(base, access.user, access.password.reveal())
