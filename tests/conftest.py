@@ -12,7 +12,6 @@ from threadpoolctl import threadpool_limits
 
 from zerobeam.model.errors import BadInput
 
-
 # Combinations that `make test` leaves to `make test-long`: by test, those whose parameters match.
 AT_LENGTH = {
     "test_the_gradients_against_complex_steps_of_the_plain_terms": r"-(none|relative)$",
