@@ -28,7 +28,8 @@ def study_coverage(
     """Do the intervals hold the truth as often as they promise? Simulated runs, solved again, tell."""
     from ..experiments.coverage import coverage_study
 
-    _study(folder, as_json, lambda told: coverage_study(data_sets, seed, told))
+    store = _store(folder)
+    _study(folder, as_json, lambda told: coverage_study(data_sets, seed, told, store=store), store)
 
 
 @studies.command("cell")
@@ -42,7 +43,8 @@ def study_cell(
     """Does the whole chain hold what it promises? Runs in the simulated cell, from plan to offsets, tell."""
     from ..experiments.cell_study import cell_study
 
-    _study(folder, as_json, lambda told: cell_study(runs, seed, told, camera=camera))
+    store = _store(folder)
+    _study(folder, as_json, lambda told: cell_study(runs, seed, told, camera=camera, store=store), store)
 
 
 @studies.command("table2")
@@ -132,18 +134,13 @@ def _sweep(file: Path, folder: Path, runs: int | None, seed: int, as_json: bool)
     from ..experiments.sweep_file import read_study
 
     study = read_study(file, runs)
-    # Beside the folder, which is written whole or not at all.
-    store = Path(f"{folder.resolve()}.cases.jsonl")
-    try:
-        _study(folder, as_json, lambda told: sweep(study, seed, told, store=store), store)
-    except KeyboardInterrupt:
-        if store.exists():
-            err.print(
-                f"The finished cases are kept in {store}: the same command goes on with them.",
-                markup=False,
-                soft_wrap=True,
-            )
-        raise
+    store = _store(folder)
+    _study(folder, as_json, lambda told: sweep(study, seed, told, store=store), store)
+
+
+def _store(folder: Path) -> Path:
+    """Where finished cases are kept: beside the folder, which is written whole or not at all."""
+    return Path(f"{folder.resolve()}.cases.jsonl")
 
 
 def _study(
@@ -154,18 +151,24 @@ def _study(
 ) -> NoReturn:
     """Carry a study out, write it, print it; the status says whether it agrees.
 
-    What was kept in `store` to go on with is no longer needed then.
+    Finished cases are kept in `store`, to go on with; once the study stands they are no longer needed.
     """
     from ..reports.study_page import check_target, write_study
     from ..reports.study_terminal import print_study
 
     check_target(folder)
-    with stoppable(), progress("study") as told:
-        answer = studied(told)
-        told("writing", 1.0)
-        paths = write_study(folder, answer)
-        if store is not None:
-            store.unlink(missing_ok=True)
+    try:
+        with stoppable(), progress("study") as told:
+            answer = studied(told)
+            told("writing", 1.0)
+            paths = write_study(folder, answer)
+    except KeyboardInterrupt:
+        if store is not None and store.exists():
+            kept = f"The finished cases are kept in {store}: the same command goes on with them."
+            err.print(kept, markup=False, soft_wrap=True)
+        raise
+    if store is not None:
+        store.unlink(missing_ok=True)
     if as_json:
         print_json(answer)
     else:

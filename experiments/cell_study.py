@@ -29,6 +29,7 @@ from ..model.robot_file import load_robot
 from .agreement import accuracy, held_share, nothing_known
 from .campaign import CellRun, Repeated, campaign, seeds
 from .candidates import candidates
+from .case_store import each_case
 from .patterns import pattern
 from .planning import Planner
 from .procedure import PHASES, told_by
@@ -140,29 +141,48 @@ def _needed_in_turn(plan: Plan) -> int | None:
 
 
 def cell_study(
-    runs: int, seed: int, progress: Progress, *, camera: bool = True, processes: int | None = None
+    runs: int,
+    seed: int,
+    progress: Progress,
+    *,
+    camera: bool = True,
+    processes: int | None = None,
+    store: Path | None = None,
 ) -> dict[str, Any]:
     """The whole study, as plain JSON types (docs/files.md, `zerobeam/study/1`).
 
     It agrees if the intervals of every plan hold the truth as often as they promise, and every control is
-    seen to be wrong.
+    seen to be wrong. With a `store` the answer of each plan is kept in that file at once, and a study that
+    was stopped goes on from there.
     """
     began = time.perf_counter()
     progress("plans", 0.0)
     plans = studied_plans(seed, camera)
-    works = [plan.repeated for plan in plans]
-    found = campaign(works, seeds(seed, runs), lambda share: progress("runs", 0.9 * share), processes)
-    told = [_told(plan, own, [run.state for run in own]) for plan, own in zip(plans, found, strict=True)]
-    progress("controls", 0.9)
-    best = next(k for k, plan in enumerate(plans) if plan.name == "optimal")
-    understated = replace(
-        plans[best],
-        name="noise understated by 2",
-        words="control: the optimal plan's runs, the noise stated as half of what it is",
-        control=True,
-    )
-    told.append(_told(understated, found[best], _with_half_the_noise(plans[best].repeated.plan, found[best])))
-    progress("controls", 1.0)
+
+    def studied(k: int) -> dict[str, Any]:
+        plan = plans[k]
+        (own,) = campaign(
+            [plan.repeated],
+            seeds(seed, runs),
+            lambda share: progress(plan.name, (k + 0.95 * share) / len(plans)),
+            processes,
+        )
+        answer = {"told": _told(plan, own, [run.state for run in own])}
+        if plan.name == "optimal":
+            understated = replace(
+                plan,
+                name="noise understated by 2",
+                words="control: the optimal plan's runs, the noise stated as half of what it is",
+                control=True,
+            )
+            answer["control"] = _told(understated, own, _with_half_the_noise(plan.repeated.plan, own))
+        return answer
+
+    heading = {"study": "cell", "seed": seed, "runs": runs, "camera": camera, "versions": versions()}
+    answers = each_case(store, heading, len(plans), studied)
+    progress("plans", 1.0)
+    told = [answer["told"] for answer in answers]
+    told += [answer["control"] for answer in answers if "control" in answer]
     return {
         "schema": "zerobeam/study/1",
         "study": "cell",

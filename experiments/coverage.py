@@ -38,6 +38,7 @@ from ..model.robot import Matrix
 from ..model.robot_file import load_robot
 from .agreement import accuracy, held_share, nothing_known
 from .candidates import candidates
+from .case_store import each_case
 from .patterns import pattern
 from .planning import Planner
 from .simulate import simulated_readings
@@ -289,23 +290,28 @@ def studied_plans(seed: int) -> list[StudiedPlan]:
     ]
 
 
-def coverage_study(data_sets: int, seed: int, progress: Progress) -> dict[str, Any]:
+def coverage_study(
+    data_sets: int, seed: int, progress: Progress, *, store: Path | None = None
+) -> dict[str, Any]:
     """The whole study, as plain JSON types (docs/files.md, `zerobeam/study/1`).
 
     It agrees if the intervals of the posterior, those of the likelihood's curvature where the plan is not
     nearly degenerate, and the ranks are as promised, and every control is seen to be wrong. The midpoint fit
-    is the paper's: where its intervals do not hold, that is a finding.
+    is the paper's: where its intervals do not hold, that is a finding. With a `store` the answer of each plan
+    is kept in that file at once, and a study that was stopped goes on from there.
     """
     began = time.perf_counter()
     with threadpool_limits(limits=1, user_api="blas"):
         plans = studied_plans(seed)
-        told = []
-        for k, plan in enumerate(plans):
 
-            def tell(share: float, k: int = k, name: str = plan.name) -> None:
-                progress(name, (k + share) / len(plans))
+        def studied(k: int) -> dict[str, Any]:
+            def tell(share: float) -> None:
+                progress(plans[k].name, (k + share) / len(plans))
 
-            told.append(_studied(plan, data_sets, seed, tell))
+            return _studied(plans[k], data_sets, seed, tell)
+
+        heading = {"study": "coverage", "seed": seed, "data_sets": data_sets, "versions": versions()}
+        told = each_case(store, heading, len(plans), studied)
     must, findings, seen = [row["agrees"] for plan in told for row in plan["sbc"]], [], []
     for plan, answer in zip(plans, told, strict=True):
         for row in answer["estimators"]:

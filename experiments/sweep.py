@@ -29,12 +29,12 @@ from ..model.problem import Problem
 from ..model.robot import Matrix
 from .agreement import held_share
 from .candidates import View, candidates
+from .case_store import CaseStore
 from .coverage import DataSets, Estimates, drawn, fitted, likelihood, midpoint
 from .patterns import pattern
 from .planning import Planner
 from .processes import side_by_side
 from .sweep_file import TARGET, Case, NamedChange, StatedStudy, told_value
-from .sweep_store import CaseStore
 from .sweep_words import findings, headline
 
 LEVEL = 0.95

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import sys
 from collections.abc import Iterator
 from io import FileIO
 from pathlib import Path
@@ -17,10 +16,7 @@ from .header import RUN_SCHEMA, Header, check_header, header_content
 from .reading import shown
 from .robot_file import load_robot
 from .run import Shot, check_shot, header_text, recorded, shot_text
-from .whole_file import refuse_existing, sync_folder, write_whole
-
-if sys.platform != "win32":
-    import fcntl
+from .whole_file import lock, refuse_existing, sync_folder, write_whole
 
 
 class RunJournal:
@@ -103,16 +99,12 @@ class RunJournal:
             sync_folder(path.parent)
 
     def _lock(self) -> None:
-        if sys.platform == "win32":
-            return
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+        if not lock(self._file):
             raise BadInput(
                 "another process is recording to this file",
                 remedy="wait until it has ended, or stop it",
                 file=self.path,
-            ) from None
+            )
 
     def _write(self, text: str) -> None:
         """Text at the end of the file, brought to the disk whole or taken back."""

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import os
+import sys
 import tempfile
+from io import FileIO
 from pathlib import Path
 
 from .errors import BadInput
+
+if sys.platform != "win32":
+    import fcntl
 
 
 def refuse_existing(path: Path, *, or_else: str = "move it away first") -> None:
@@ -80,3 +85,16 @@ def sync_folder(folder: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def lock(file: FileIO) -> bool:
+    """Keep other processes out of an open file until it is closed; False where one of them has it.
+
+    On Windows, where a file that is open cannot be replaced anyway, nothing is done.
+    """
+    if sys.platform != "win32":
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+    return True

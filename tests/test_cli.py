@@ -163,7 +163,10 @@ def test_targets_are_held_out_by_name_or_pattern(tmp_path: Path) -> None:
 
 
 def study_of(seen: list[tuple[int, int]], agrees: bool) -> Callable[..., dict[str, Any]]:
-    def made(data_sets: int, seed: int, progress: Callable[[str, float], None]) -> dict[str, Any]:
+    def made(
+        data_sets: int, seed: int, progress: Callable[[str, float], None], *, store: Path
+    ) -> dict[str, Any]:
+        assert store.name == "study.cases.jsonl"
         progress("good", 0.5)
         seen.append((data_sets, seed))
         return agreeing() if agrees else disagreeing()

@@ -8,6 +8,7 @@ from scipy import stats
 from zerobeam.experiments import coverage
 from zerobeam.experiments.coverage import BINS, DRAWS, LEVELS, coverage_study, power, studied_plans
 from zerobeam.experiments.simulate import simulated_readings
+from zerobeam.model.errors import BadInput
 from zerobeam.model.problem import Problem
 
 SEED = 3
@@ -137,6 +138,28 @@ def test_the_same_seed_gives_the_same_study(plans):
     (first, _), (again, _), (other, _) = (study_of(plans, ["weak"], 40, seed) for seed in (1, 1, 2))
     assert without_clock(first) == without_clock(again)
     assert first["plans"] != other["plans"]
+
+
+def test_a_study_that_was_stopped_goes_on_with_the_next_plan(plans, tmp_path, monkeypatch):
+    whole, _ = study_of(plans, ["good", "weak"], 40)
+    store, worked = tmp_path / "own.cases.jsonl", []
+    monkeypatch.setattr(coverage, "studied_plans", lambda seed: [plans["good"], plans["weak"]])
+    studied = coverage._studied
+
+    def stopped(plan, *rest):
+        worked.append(plan.name)
+        if len(worked) == 2:
+            raise KeyboardInterrupt
+        return studied(plan, *rest)
+
+    monkeypatch.setattr(coverage, "_studied", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        coverage_study(40, SEED, lambda *_: None, store=store)
+    resumed = coverage_study(40, SEED, lambda *_: None, store=store)
+    assert worked == ["good", "weak", "weak"]
+    assert without_clock(resumed) == without_clock(whole)
+    with pytest.raises(BadInput, match="of another study: data_sets differs"):
+        coverage_study(50, SEED, lambda *_: None, store=store)
 
 
 @pytest.mark.long

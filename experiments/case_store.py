@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
-import sys
+from collections.abc import Callable
 from io import FileIO
 from pathlib import Path
 from types import TracebackType
@@ -12,9 +13,7 @@ from typing import Any, Self
 
 from ..model.errors import BadInput
 from ..model.reading import parse_json, shown
-
-if sys.platform != "win32":
-    import fcntl
+from ..model.whole_file import lock
 
 CASES_SCHEMA = "zerobeam/study-cases/1"
 
@@ -63,11 +62,6 @@ class CaseStore:
     def close(self) -> None:
         self._file.close()
 
-    def remove(self) -> None:
-        """Take the file away: the study stands whole elsewhere."""
-        self.close()
-        self._path.unlink(missing_ok=True)
-
     def __enter__(self) -> Self:
         return self
 
@@ -77,16 +71,12 @@ class CaseStore:
         self.close()
 
     def _lock(self) -> None:
-        if sys.platform == "win32":
-            return
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+        if not lock(self._file):
             raise BadInput(
                 "another process carries this study out",
                 remedy="wait until it has ended, stop it, or name another folder for the study",
                 file=self._path,
-            ) from None
+            )
 
     def _begin(self, heading: Json) -> None:
         self._file.seek(0)
@@ -140,6 +130,18 @@ class CaseStore:
                     file=self._path,
                     line=number,
                 ) from None
+
+
+def each_case(store: Path | None, heading: Json, count: int, work: Callable[[int], Json]) -> list[Json]:
+    """The answers of so many cases in turn: those that the store has, else worked out, and kept at once."""
+    with contextlib.nullcontext() if store is None else CaseStore(store, heading) as kept:
+        answers = {} if kept is None else kept.done
+        for number in range(count):
+            if number not in answers:
+                answers[number] = work(number)
+                if kept is not None:
+                    kept.add(number, answers[number])
+    return [answers[number] for number in range(count)]
 
 
 def _line(value: Json) -> bytes:
