@@ -97,8 +97,7 @@ class LikelihoodFit:
         `against_noise` it tells of a wrong basin even if no number is left over."""
         if not self.problem.noise.known:
             return None
-        squares = float(self.whitened.residual @ self.whitened.residual + self.z @ self.z)
-        return float(chdtrc(self.problem.data_size, squares))
+        return chance(self.whitened.residual, self.z)
 
     def against_noise(self, rank: int) -> AgainstNoise:
         """The residuals against the stated noise, of which the data's `rank` is taken up by the fit."""
@@ -106,6 +105,11 @@ class LikelihoodFit:
         dof = max(self.problem.data_size - rank, 0)
         judged = dof > 0 and self.problem.noise.known
         return AgainstNoise(chi2, dof, float(chdtrc(dof, chi2)) if judged else None)
+
+
+def chance(residual: Matrix, z: Matrix) -> float:
+    """That whitened misses (M,) and scaled parameters (f,) are as large at a mode, their noise known."""
+    return float(chdtrc(len(residual), float(residual @ residual + z @ z)))
 
 
 def fit_likelihood(

@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .budget import Budget
+from .scene import Scene
 
 if TYPE_CHECKING:
     from .accuracy import Accuracy  # which needs this module
-
-from .scene import Scene
 
 Status = Literal["identified", "weak", "unidentifiable", "held"]
 Verdict = Literal["pass", "weak", "degenerate"]

@@ -37,19 +37,35 @@ Without = Annotated[
 ]
 
 
-@exports.command("urdf")
-def export_urdf(
-    run: RunFile,
-    file: ExportFile,
-    allow_weak: AllowWeak = False,
-    allow_displaced: AllowDisplaced = False,
-    without: Without = None,
-    as_json: Json = False,
-) -> None:
+Text = Callable[["Run", "Calibration"], str]
+
+
+def _format(name: str) -> Callable[[Text], Text]:
+    """Make a command, which its docstring describes, of a function that needs nothing else to be stated."""
+
+    def command(text: Text) -> Text:
+        def export(
+            run: RunFile,
+            file: ExportFile,
+            allow_weak: AllowWeak = False,
+            allow_displaced: AllowDisplaced = False,
+            without: Without = None,
+            as_json: Json = False,
+        ) -> None:
+            _export(run, file, allow_weak, allow_displaced, without, as_json, text)
+
+        exports.command(name, help=text.__doc__)(export)
+        return text
+
+    return command
+
+
+@_format("urdf")
+def export_urdf(recorded: Run, calibration: Calibration) -> str:
     """A corrected copy of the run's URDF: the offsets in the origins of its joints."""
     from ..experiments.exporters.urdf_origins import urdf_text
 
-    _export(run, file, allow_weak, allow_displaced, without, as_json, urdf_text)
+    return urdf_text(recorded, calibration)
 
 
 @exports.command("moc")
@@ -91,67 +107,28 @@ def export_moc(
     _export(run, file, allow_weak, allow_displaced, without, as_json, text)
 
 
-@exports.command("rapid")
-def export_rapid(
-    run: RunFile,
-    file: ExportFile,
-    allow_weak: AllowWeak = False,
-    allow_displaced: AllowDisplaced = False,
-    without: Without = None,
-    as_json: Json = False,
-) -> None:
+@_format("rapid")
+def export_rapid(_: Run, calibration: Calibration) -> str:
     """ABB: a RAPID module with functions that correct a jointtarget by the offsets."""
     from ..experiments.exporters.rapid_module import rapid_text
 
-    _export(
-        run,
-        file,
-        allow_weak,
-        allow_displaced,
-        without,
-        as_json,
-        lambda _, calibration: rapid_text(calibration),
-    )
+    return rapid_text(calibration)
 
 
-@exports.command("json")
-def export_json(
-    run: RunFile,
-    file: ExportFile,
-    allow_weak: AllowWeak = False,
-    allow_displaced: AllowDisplaced = False,
-    without: Without = None,
-    as_json: Json = False,
-) -> None:
+@_format("json")
+def export_json(_: Run, calibration: Calibration) -> str:
     """The offsets with their uncertainty as JSON, for programs."""
     from ..experiments.exporters.offsets_json import json_text
 
-    _export(
-        run,
-        file,
-        allow_weak,
-        allow_displaced,
-        without,
-        as_json,
-        lambda _, calibration: json_text(calibration),
-    )
+    return json_text(calibration)
 
 
-@exports.command("csv")
-def export_csv(
-    run: RunFile,
-    file: ExportFile,
-    allow_weak: AllowWeak = False,
-    allow_displaced: AllowDisplaced = False,
-    without: Without = None,
-    as_json: Json = False,
-) -> None:
+@_format("csv")
+def export_csv(_: Run, calibration: Calibration) -> str:
     """The offsets with their uncertainty as a table, for spreadsheets."""
     from ..experiments.exporters.offsets_csv import csv_text
 
-    _export(
-        run, file, allow_weak, allow_displaced, without, as_json, lambda _, calibration: csv_text(calibration)
-    )
+    return csv_text(calibration)
 
 
 def _export(
@@ -161,7 +138,7 @@ def _export(
     allow_displaced: bool,
     without: list[str] | None,
     as_json: bool,
-    text: Callable[[Run, Calibration], str],
+    text: Text,
 ) -> None:
     """Judge a run, write what may be applied, say what was written."""
     from ..experiments.exporters.calibration import calibration

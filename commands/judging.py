@@ -1,4 +1,4 @@
-"""The commands that make plans and judge plans and runs: demo, check, analyse, report, compare, plan …"""
+"""The commands that make plans, and judge plans and runs."""
 
 from __future__ import annotations
 

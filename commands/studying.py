@@ -69,46 +69,24 @@ Runs = Annotated[
 ]
 
 
-@studies.command("patterns")
-def study_patterns(folder: StudyFolder, runs: Runs = None, seed: Seed = 0, as_json: Json = False) -> None:
-    """X-Pattern, Y-Pattern or the best of many postures, with the PSD over the cell?"""
-    _built_in("patterns", folder, runs, seed, as_json)
+def _built_in(name: str, asked: str) -> None:
+    """Make a command of a study file that comes with the package."""
+
+    def study(folder: StudyFolder, runs: Runs = None, seed: Seed = 0, as_json: Json = False) -> None:
+        from ..experiments.sweep_file import built_in_study
+
+        _sweep(built_in_study(name), folder, runs, seed, as_json)
+
+    studies.command(name, help=asked)(study)
 
 
-@studies.command("noise")
-def study_noise(folder: StudyFolder, runs: Runs = None, seed: Seed = 0, as_json: Json = False) -> None:
-    """How well must joints and spot be read?"""
-    _built_in("noise", folder, runs, seed, as_json)
-
-
-@studies.command("shots")
-def study_shots(folder: StudyFolder, runs: Runs = None, seed: Seed = 0, as_json: Json = False) -> None:
-    """How many shots are enough?"""
-    _built_in("shots", folder, runs, seed, as_json)
-
-
-@studies.command("cost")
-def study_cost(folder: StudyFolder, runs: Runs = None, seed: Seed = 0, as_json: Json = False) -> None:
-    """The paper's midpoint cost, or the likelihood?"""
-    _built_in("cost", folder, runs, seed, as_json)
-
-
-@studies.command("tool")
-def study_tool(folder: StudyFolder, runs: Runs = None, seed: Seed = 0, as_json: Json = False) -> None:
-    """Must the tool be calibrated beforehand?"""
-    _built_in("tool", folder, runs, seed, as_json)
-
-
-@studies.command("psd-position")
-def study_psd_position(folder: StudyFolder, runs: Runs = None, seed: Seed = 0, as_json: Json = False) -> None:
-    """Where should the PSD stand?"""
-    _built_in("psd-position", folder, runs, seed, as_json)
-
-
-@studies.command("robots")
-def study_robots(folder: StudyFolder, runs: Runs = None, seed: Seed = 0, as_json: Json = False) -> None:
-    """Does it work on other arms?"""
-    _built_in("robots", folder, runs, seed, as_json)
+_built_in("patterns", "X-Pattern, Y-Pattern or the best of many postures, with the PSD over the cell?")
+_built_in("noise", "How well must joints and spot be read?")
+_built_in("shots", "How many shots are enough?")
+_built_in("cost", "The paper's midpoint cost, or the likelihood?")
+_built_in("tool", "Must the tool be calibrated beforehand?")
+_built_in("psd-position", "Where should the PSD stand?")
+_built_in("robots", "Does it work on other arms?")
 
 
 @studies.command("file")
@@ -121,12 +99,6 @@ def study_file(
 ) -> None:
     """A study of your own: every setting, and what changes from case to case, from a file."""
     _sweep(file, folder, runs, seed, as_json)
-
-
-def _built_in(name: str, folder: Path, runs: int | None, seed: int, as_json: bool) -> NoReturn:
-    from ..experiments.sweep_file import built_in_study
-
-    _sweep(built_in_study(name), folder, runs, seed, as_json)
 
 
 def _sweep(file: Path, folder: Path, runs: int | None, seed: int, as_json: bool) -> NoReturn:

@@ -18,7 +18,7 @@ import numpy as np
 from scipy import stats
 
 from ..analysis.aim import aim, servo_joints
-from ..analysis.fit import CONTRADICTED, MANY_STARTS, Fits, fit_likelihood
+from ..analysis.fit import CONTRADICTED, MANY_STARTS, Fits, chance, fit_likelihood
 from ..analysis.identifiability import identify
 from ..analysis.outlook import predicted_std
 from ..analysis.verdict import verdict
@@ -240,16 +240,11 @@ def refitted(data: DataSets, fits: Fits) -> Fits:
     converged = fits.converged.copy()
     for row, (joints, spots) in enumerate(zip(data.joints, data.spots, strict=True)):
         problem = data.problem.moved(joints, spots)
-        if _contradicts(problem, x[row], z[row]):
+        if chance(problem.whiten(x[row]).residual, z[row]) < CONTRADICTED:
             fit = fit_likelihood(problem, starts=MANY_STARTS)
             x[row], z[row], covariance[row] = fit.x, fit.z, fit.covariance
-            converged[row] = fit.converged and not _contradicts(problem, fit.x, fit.z)
+            converged[row] = fit.converged and chance(fit.whitened.residual, fit.z) >= CONTRADICTED
     return replace(fits, x=x, z=z, covariance=covariance, converged=converged)
-
-
-def _contradicts(problem: Problem, x: Matrix, z: Matrix) -> bool:
-    chi2 = float((problem.whiten(x).residual ** 2).sum() + (z**2).sum())
-    return bool(stats.chi2.sf(chi2, problem.data_size) < CONTRADICTED)
 
 
 def _scatter(error: Matrix) -> Json | None:

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from . import numbers
 from .blocks import figure_block, row_of, section_of, table_block, table_of, text_block
 from .figure_tool_accuracy import NAME
+from .view_fit import times_the_noise
 from .wording import label, listed, sentence
 
 Json = dict[str, Any]
 
 TITLE = "Accuracy of the tool point"
 _HEAD = ("before_mm", "after95_mm")
-LACK_OF_FIT = 0.01  # p-value, as where the fit is judged
 
 
 def accuracy_section(result: Json) -> Json | None:
@@ -56,8 +55,7 @@ def _doubts(result: Json) -> list[str]:
             f"{names} {'is' if one else 'are'} only weakly determined and {'enters' if one else 'enter'} with"
             f" {'its' if one else 'their'} large standard deviation."
         )
-    if fit["p_value"] is not None and fit["p_value"] < LACK_OF_FIT:
-        times = numbers.significant(math.sqrt(fit["chi2"] / fit["dof"]), 2)
+    if times := times_the_noise(fit):
         said.append(
             f"The model does not fit: the misses of the shots, {numbers.significant(fit['rms_mm'], 2, 'mm')}"
             f" rms, are some {times} times as large as the stated noise explains. What makes them so moves"

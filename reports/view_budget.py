@@ -7,6 +7,7 @@ from typing import Any
 
 from . import numbers
 from .blocks import cell_of, legend_block, row_of, section_of, table_block, table_of, text_block
+from .view_fit import times_the_noise
 from .view_parameters import reasons
 from .wording import label, listed
 
@@ -15,7 +16,6 @@ Json = dict[str, Any]
 MINOR = 0.01  # share of every variance in a table below which a source is told with others
 MOST_SOURCES = 12
 MOST_COLUMNS = 6
-LACK_OF_FIT = 0.01
 _DEGREE = {"deg": "°"}
 _NAME = 20
 _SAME = 1.02  # by less no two significant digits differ
@@ -63,8 +63,7 @@ def _lead(result: Json) -> str:
             " was found, k allows for how well it is known."
         )
     fit = result["fits"]["likelihood"]
-    if fit["p_value"] is not None and fit["p_value"] < LACK_OF_FIT:
-        times = numbers.significant(math.sqrt(fit["chi2"] / fit["dof"]), 2)
+    if times := times_the_noise(fit):
         said += (
             f" The misses are some {times} times as large as the stated noise explains: the budget does not"
             " contain what makes them so, and is too small."

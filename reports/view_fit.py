@@ -12,6 +12,7 @@ from .wording import clipped, label, sentence
 
 Json = dict[str, Any]
 
+LACK_OF_FIT = 0.01  # p-value below which the misses are called larger than the noise
 _NO_COST = "not defined for this cost"
 
 
@@ -78,6 +79,15 @@ def _both_estimates(parameters: list[Json]) -> Json | None:
     return table_of("Offsets by both costs", columns, rows)
 
 
+def times_the_noise(fit: Json) -> str | None:
+    """By what the misses of a fit, or of targets held out, are larger than explained; None where they are
+    not, or where nothing can tell."""
+    p, chi2, dof = fit["p_value"], fit["chi2"], fit["dof"]
+    if p is None or chi2 is None or not dof or p >= LACK_OF_FIT:
+        return None
+    return numbers.significant(math.sqrt(chi2 / dof), 2)
+
+
 def _fit_verdict(fit: Json, noise: str) -> list[str]:
     """The goodness of fit in plain words, the gravest first; against the `stated` or the `fitted` noise."""
     said = not_converged(fit)
@@ -85,8 +95,7 @@ def _fit_verdict(fit: Json, noise: str) -> list[str]:
     if p is None or chi2 is None or not dof:
         return said
     measure = f"χ²\u00a0{numbers.significant(chi2)} for {dof} degrees of freedom, p\u00a0{numbers.p_value(p)}"
-    if p < 0.01:
-        times = numbers.significant(math.sqrt(chi2 / dof), 2)
+    if times := times_the_noise(fit):
         said.append(
             f"Lack of fit: the misses are some {times} times as large as the {noise} noise explains "
             f"({measure}). The geometry, the noise or single shots are not as stated, and the intervals "

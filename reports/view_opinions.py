@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from . import numbers
 from .blocks import cell_of, facts_of, row_of, table_of
+from .view_fit import times_the_noise
 from .view_parameters import NOT_DETERMINED, unit_of
 from .wording import clipped, label, listed, sentence
 
@@ -91,8 +91,7 @@ def hold_out_part(held_out: Json | None) -> Json | None:
     ]
     chi2, dof, p = held_out["chi2"], held_out["dof"], held_out["p_value"]
     if chi2 is not None and dof and p is not None:
-        if p < 0.01:
-            times = numbers.significant(math.sqrt(chi2 / dof), 2)
+        if times := times_the_noise(held_out):
             said.append(
                 f"The misses are some {times} times as large as noise and fit explain: the offsets do not"
                 " carry over to these targets as promised."
