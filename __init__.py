@@ -8,12 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .analysis.analyse import analyse
-    from .analysis.check import Check, check
+    from .analysis.observability.check import Check, check
     from .analysis.result import Draws, Result
-    from .model.errors import BadInput, FitFailed, RigFault, ZerobeamError
-    from .model.plan import Plan, read_plan
-    from .model.run import Run, read_run
-    from .reports.folder import write_report
+    from .model.errors import (
+        BadInput,
+        FitFailed,
+        RigFault,
+        ZerobeamError,
+    )
+    from .model.files.plan import Plan, read_plan
+    from .model.files.run import Run, read_run
+    from .reports.output.folder import write_report
 
 __version__ = "0.1.0"
 
@@ -37,19 +42,19 @@ __all__ = [
 
 _HOME = {
     "BadInput": "model.errors",
-    "Check": "analysis.check",
+    "Check": "analysis.observability.check",
     "Draws": "analysis.result",
     "FitFailed": "model.errors",
-    "Plan": "model.plan",
+    "Plan": "model.files.plan",
     "Result": "analysis.result",
     "RigFault": "model.errors",
-    "Run": "model.run",
+    "Run": "model.files.run",
     "ZerobeamError": "model.errors",
     "analyse": "analysis.analyse",
-    "check": "analysis.check",
-    "read_plan": "model.plan",
-    "read_run": "model.run",
-    "write_report": "reports.folder",
+    "check": "analysis.observability.check",
+    "read_plan": "model.files.plan",
+    "read_run": "model.files.run",
+    "write_report": "reports.output.folder",
 }
 
 

@@ -9,21 +9,34 @@ from scipy.special import stdtrit
 from threadpoolctl import threadpool_limits
 
 from ..model.errors import BadInput
+from ..model.files.run import Run
 from ..model.parameters import Parameter
 from ..model.problem import Problem, rms_length
 from ..model.robot import Matrix
-from ..model.run import Run
-from .accuracy import accuracy
-from .budget import budget
-from .displacement import displacement
-from .fit import CONTRADICTED, LikelihoodFit, fit_likelihood, start_at
-from .hold_out import hold_out
-from .identifiability import Identified, identify_at
-from .influence import influence
-from .midpoint import MidpointFit, fit_midpoint
-from .notes import OUTLYING, misfit, notes
-from .posterior import sample_posterior
-from .profile import profile_intervals
+from .diagnostics.accuracy import accuracy
+from .diagnostics.budget import budget
+from .diagnostics.displacement import displacement
+from .diagnostics.hold_out import hold_out
+from .diagnostics.influence import influence
+from .diagnostics.notes import OUTLYING, misfit, notes
+from .diagnostics.scene import scene
+from .estimation.fit import (
+    CONTRADICTED,
+    LikelihoodFit,
+    fit_likelihood,
+    start_at,
+)
+from .estimation.midpoint import MidpointFit, fit_midpoint
+from .estimation.profile import profile_intervals
+from .estimation.robust import Loss, fit_robust, outlying
+from .observability.identifiability import Identified, identify_at
+from .observability.verdict import (
+    listed,
+    reason_for,
+    verdict,
+    verdict_sentence,
+)
+from .posterior.posterior import sample_posterior
 from .result import (
     DistanceResult,
     Draws,
@@ -38,9 +51,6 @@ from .result import (
     ShotResult,
     Status,
 )
-from .robust import Loss, fit_robust, outlying
-from .scene import scene
-from .verdict import listed, reason_for, verdict, verdict_sentence
 from .versions import versions
 
 Progress = Callable[[str, float], None]

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .budget import Budget
-from .scene import Scene
+from .diagnostics.budget import Budget
+from .diagnostics.scene import Scene
 
 if TYPE_CHECKING:
-    from .accuracy import Accuracy  # which needs this module
+    from .diagnostics.accuracy import Accuracy  # which needs this module
 
 Status = Literal["identified", "weak", "unidentifiable", "held"]
 Verdict = Literal["pass", "weak", "degenerate"]

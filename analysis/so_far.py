@@ -10,12 +10,12 @@ from dataclasses import dataclass
 
 from ..model.problem import Problem
 from ..model.robot import Matrix
-from .displacement import Displacement, displacement, displacement_sentence
-from .fit import LikelihoodFit, fit_likelihood
-from .identifiability import Identified, identify_at
-from .notes import LACK_OF_FIT
+from .diagnostics.displacement import Displacement, displacement, displacement_sentence
+from .diagnostics.notes import LACK_OF_FIT
+from .estimation.fit import LikelihoodFit, fit_likelihood
+from .observability.identifiability import Identified, identify_at
+from .observability.verdict import verdict, verdict_sentence
 from .result import Status, Verdict
-from .verdict import verdict, verdict_sentence
 
 
 @dataclass(frozen=True)

@@ -28,12 +28,12 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from zerobeam.analysis.fit import Fits, LikelihoodFit, fit_likelihood, fit_rows, start_at
+from zerobeam.analysis.estimation.fit import Fits, LikelihoodFit, fit_likelihood, fit_rows, start_at
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.density import Density
+from zerobeam.model.files.run import read_run
 from zerobeam.model.problem import Problem
 from zerobeam.model.robot import Matrix
-from zerobeam.model.run import read_run
 
 SEED = 1
 REACHED = 1e-3  # posterior stds: nearer than this a peer has got to the optimum

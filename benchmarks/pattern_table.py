@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from zerobeam.analysis.check import check
-from zerobeam.experiments.patterns import Pattern, pattern
+from zerobeam.analysis.observability.check import check
+from zerobeam.experiments.plans.patterns import Pattern, pattern
 from zerobeam.model.errors import BadInput
-from zerobeam.model.header import Header
-from zerobeam.model.plan import Plan
-from zerobeam.model.robot_file import load_robot
+from zerobeam.model.files.header import Header
+from zerobeam.model.files.plan import Plan
+from zerobeam.model.files.robot_file import load_robot
 
 PATTERNS: tuple[Pattern, ...] = ("x", "y")
 ASIDE_M = (0.0, 0.1, 0.2, 0.4, 0.6, 0.8)

@@ -22,12 +22,12 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from zerobeam.analysis.design import Candidates, Index, design, offset_covariance, variance
-from zerobeam.experiments.candidates import CandidatePostures, candidates
-from zerobeam.experiments.obstacles import Obstacles
-from zerobeam.experiments.planning import Planner
-from zerobeam.model.header import Header
-from zerobeam.model.robot_file import load_robot
+from zerobeam.analysis.design.exact_design import Candidates, Index, design, offset_covariance, variance
+from zerobeam.experiments.plans.candidates import CandidatePostures, candidates
+from zerobeam.experiments.plans.obstacles import Obstacles
+from zerobeam.experiments.plans.planning import Planner
+from zerobeam.model.files.header import Header
+from zerobeam.model.files.robot_file import load_robot
 
 SEED = 1
 TARGET = (950.0, 150.0, 100.0)

@@ -28,16 +28,16 @@ from analyse_time import ROOT, panda_2
 from arviz_stats.base import array_stats
 from threadpoolctl import threadpool_limits
 
-from zerobeam.analysis.coordinates import SeenCoordinates
-from zerobeam.analysis.fit import fit_likelihood
-from zerobeam.analysis.moves import IndependenceProposal, degrees_of_freedom
-from zerobeam.analysis.posterior import Whitening
-from zerobeam.analysis.sampler import sample_density
+from zerobeam.analysis.estimation.coordinates import SeenCoordinates
+from zerobeam.analysis.estimation.fit import fit_likelihood
+from zerobeam.analysis.posterior.moves import IndependenceProposal, degrees_of_freedom
+from zerobeam.analysis.posterior.posterior import Whitening
+from zerobeam.analysis.posterior.sampler import sample_density
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.density import Density
+from zerobeam.model.files.run import read_run
 from zerobeam.model.problem import Problem
 from zerobeam.model.robot import Matrix
-from zerobeam.model.run import read_run
 
 SEED = 1
 CORES = 2

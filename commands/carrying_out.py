@@ -12,14 +12,27 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..model.errors import BadInput
-from .console import EXIT_STATUS, INTERRUPTED, err, out, print_json, stoppable
-from .options import Camera, Json, NewRunFile, PlanFile, Seed
+from .console import (
+    EXIT_STATUS,
+    INTERRUPTED,
+    err,
+    out,
+    print_json,
+    stoppable,
+)
+from .options import (
+    Camera,
+    Json,
+    NewRunFile,
+    PlanFile,
+    Seed,
+)
 
 if TYPE_CHECKING:
     from ..experiments.recording import Controller
-    from ..experiments.rigs.abb import Caution
-    from ..experiments.rigs.abb_access import Access
-    from ..model.plan import Plan
+    from ..experiments.rigs.abb.abb_rig import Caution
+    from ..experiments.rigs.abb.access import Access
+    from ..model.files.plan import Plan
 
 
 class RigName(StrEnum):
@@ -90,9 +103,9 @@ def run(
 ) -> None:
     """Carry a plan out: bring the beam to the target from each posture, record, identify."""
     from ..experiments.recording import Request, record
-    from ..model.plan import read_plan
-    from ..reports.live import live_view
-    from ..reports.terminal import print_carried
+    from ..model.files.plan import read_plan
+    from ..reports.run.live import live_view
+    from ..reports.run.terminal import print_carried
 
     if tolerance is not None and not adaptive:
         raise BadInput("--tolerance is for an adaptive run", remedy="add --adaptive, or leave it out")
@@ -181,9 +194,9 @@ def controller(
     from ..experiments.controller.packet_line import PacketFaults
     from ..experiments.controller.sensor_server import CellSensors
     from ..experiments.controller.simulated_controller import SimulatedController
-    from ..experiments.rigs.cell_file import Cell, read_cell
+    from ..experiments.rigs.simulated.cell_file import Cell, read_cell
     from ..experiments.sensors.stand_in import stand_ins
-    from ..model.plan import read_plan
+    from ..model.files.plan import read_plan
 
     planned = own_plan() if plan is None else read_plan(plan)
     stands = Cell() if cell is None else read_cell(cell)[0]
@@ -219,8 +232,8 @@ def controller(
 def _access(host: str | None, port: int, user: str | None, password: str | None) -> Access:
     import os
 
-    from ..experiments.rigs.abb_access import find_access
-    from ..experiments.rigs.abb_rws import require_extra
+    from ..experiments.rigs.abb.access import find_access
+    from ..experiments.rigs.abb.web_services import require_extra
 
     require_extra()  # before anything is asked of the network
     return find_access(os.environ, host=host, port=port, user=user, password=password)
@@ -228,7 +241,7 @@ def _access(host: str | None, port: int, user: str | None, password: str | None)
 
 def _caution(speed: float, egm_port: int, laser: str, yes: bool) -> Caution:
     """A person is asked before the first motion."""
-    from ..experiments.rigs.abb import Caution, Signal
+    from ..experiments.rigs.abb.abb_rig import Caution, Signal
 
     def confirm(text: str) -> bool:
         return yes or typer.confirm(text, err=True)

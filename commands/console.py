@@ -25,7 +25,7 @@ def print_json(answer: dict[str, Any]) -> None:
 
 def plain(message: object) -> str:
     """A message of several lines with nothing in it that a terminal would obey or a person not see."""
-    from ..reports.wording import shown
+    from ..reports.words.wording import shown
 
     return "\n".join(shown(line) for line in str(message).split("\n"))
 

@@ -13,7 +13,7 @@ from .options import Json, RunFile
 
 if TYPE_CHECKING:
     from ..experiments.exporters.calibration import Calibration
-    from ..model.run import Run
+    from ..model.files.run import Run
 
 exports = typer.Typer(
     help="Write the offsets of a run as people apply them: only what its shots tell.", no_args_is_help=True
@@ -143,8 +143,8 @@ def _export(
     """Judge a run, write what may be applied, say what was written."""
     from ..experiments.exporters.calibration import calibration
     from ..experiments.exporters.offsets_json import document
-    from ..model.run import read_run
-    from ..model.whole_file import refuse_existing, write_whole
+    from ..model.files.run import read_run
+    from ..model.files.whole_file import refuse_existing, write_whole
 
     refuse_existing(file)
     recorded = read_run(run)

@@ -287,7 +287,7 @@ def _named(text: str | None) -> list[str] | None:
 
 
 def _write_imported(imported: Imported, file: Path) -> None:
-    from ..model.run import write_run
+    from ..model.files.run import write_run
 
     for line in imported.understood:
         out.print(line, markup=False)

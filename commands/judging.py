@@ -11,12 +11,24 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..model.errors import BadInput
-from .console import EXIT_STATUS, FAULT, out, print_json, progress
-from .options import HeaderFile, Json, PlanFile, RunFile, Seed
+from .console import (
+    EXIT_STATUS,
+    FAULT,
+    out,
+    print_json,
+    progress,
+)
+from .options import (
+    HeaderFile,
+    Json,
+    PlanFile,
+    RunFile,
+    Seed,
+)
 
 if TYPE_CHECKING:
+    from ..analysis.estimation.robust import Loss
     from ..analysis.result import Draws, Result
-    from ..analysis.robust import Loss
 
 
 class PlanKind(StrEnum):
@@ -70,9 +82,9 @@ def demo(
     """The main job on three built-in runs: a good one, an X-Pattern, an uncalibrated tool."""
     from ..analysis.result_json import to_json
     from ..experiments.demos import demo_runs
-    from ..model.run import read_run
-    from ..reports.folder import check_target, write_report
-    from ..reports.terminal import print_side_by_side, print_verdict
+    from ..model.files.run import read_run
+    from ..reports.output.folder import check_target, write_report
+    from ..reports.run.terminal import print_side_by_side, print_verdict
 
     cases = demo_runs()
     for case in cases:
@@ -92,17 +104,17 @@ def demo(
 
 def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> None:
     """Will this plan work? The verdict before any shot."""
-    from ..analysis.aimed_plan import aim_plan
-    from ..analysis.check import check as judge
-    from ..analysis.check import check_json
-    from ..model.plan import read_plan
-    from ..reports.terminal import print_check
+    from ..analysis.observability.aimed_plan import aim_plan
+    from ..analysis.observability.check import check as judge
+    from ..analysis.observability.check import check_json
+    from ..model.files.plan import read_plan
+    from ..reports.run.terminal import print_check
 
     planned = read_plan(plan)
     turned = aim_plan(planned)
     answer = check_json(judge(planned, turned))
     if picture is not None:
-        from ..reports.plan_page import write_plan_page
+        from ..reports.scenes.plan_page import write_plan_page
 
         write_plan_page(picture, turned, answer)
     if as_json:
@@ -122,8 +134,8 @@ def analyse(
 ) -> None:
     """What the offsets are, and how sure one may be."""
     from ..analysis.result_json import to_json
-    from ..model.run import read_run
-    from ..reports.terminal import print_result
+    from ..model.files.run import read_run
+    from ..reports.run.terminal import print_result
 
     recorded = read_run(run)
     with progress("analyse") as told:
@@ -147,9 +159,9 @@ def report(
 ) -> None:
     """The report of a run: report.html, report.pdf, result.json, posterior.nc and the figures."""
     from ..analysis.result_json import to_json
-    from ..model.run import read_run
-    from ..reports.folder import check_target, write_report
-    from ..reports.terminal import print_result
+    from ..model.files.run import read_run
+    from ..reports.output.folder import check_target, write_report
+    from ..reports.run.terminal import print_result
 
     recorded = read_run(run)
     check_target(folder)
@@ -203,11 +215,11 @@ def plan(
     picture: Picture = None,
 ) -> None:
     """Make a plan: the paper's X- or Y-Pattern, or the best of many candidate postures."""
-    from ..experiments.obstacles import Obstacles, read_obstacles
-    from ..experiments.plan_making import Request, make_plan
-    from ..model.header import read_header
-    from ..model.plan import read_plan
-    from ..reports.terminal import print_proposal
+    from ..experiments.plans.obstacles import Obstacles, read_obstacles
+    from ..experiments.plans.plan_making import Request, make_plan
+    from ..model.files.header import read_header
+    from ..model.files.plan import read_plan
+    from ..reports.run.terminal import print_proposal
 
     request = Request(
         kind=kind.value,
@@ -230,10 +242,10 @@ def plan(
         made = make_plan(request, file, told)
     answer = made.as_json()
     if picture is not None and made.file is not None:
-        from ..analysis.aimed_plan import aim_plan
-        from ..analysis.check import check as judge
-        from ..analysis.check import check_json
-        from ..reports.plan_page import write_plan_page
+        from ..analysis.observability.aimed_plan import aim_plan
+        from ..analysis.observability.check import check as judge
+        from ..analysis.observability.check import check_json
+        from ..reports.scenes.plan_page import write_plan_page
 
         turned = aim_plan(read_plan(made.file))
         write_plan_page(picture, turned, check_json(judge(turned.plan, turned)))
@@ -263,9 +275,9 @@ def compare(
     seed: Seed = 0,
 ) -> None:
     """Do repeated runs agree? Their scatter against the prediction, drift, and the run that is odd."""
-    from ..analysis.compare import compare as compare_runs
-    from ..reports.compare_view import check_target, write_comparison
-    from ..reports.terminal_compare import print_comparison
+    from ..analysis.repeatability.compare import compare as compare_runs
+    from ..reports.repeatability.compare_view import check_target, write_comparison
+    from ..reports.repeatability.terminal_compare import print_comparison
 
     if folder is not None:
         check_target(folder)

@@ -8,7 +8,13 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
-from .console import err, out, print_json, progress, stoppable
+from .console import (
+    err,
+    out,
+    print_json,
+    progress,
+    stoppable,
+)
 from .options import Camera, Json, Seed
 
 studies = typer.Typer(
@@ -26,7 +32,7 @@ def study_coverage(
     as_json: Json = False,
 ) -> None:
     """Do the intervals hold the truth as often as they promise? Simulated runs, solved again, tell."""
-    from ..experiments.coverage import coverage_study
+    from ..experiments.studies.coverage import coverage_study
 
     store = _store(folder)
     _study(folder, as_json, lambda told: coverage_study(data_sets, seed, told, store=store), store)
@@ -41,7 +47,7 @@ def study_cell(
     as_json: Json = False,
 ) -> None:
     """Does the whole chain hold what it promises? Runs in the simulated cell, from plan to offsets, tell."""
-    from ..experiments.cell_study import cell_study
+    from ..experiments.studies.cell_study import cell_study
 
     store = _store(folder)
     _study(folder, as_json, lambda told: cell_study(runs, seed, told, camera=camera, store=store), store)
@@ -54,7 +60,7 @@ def study_table2(
     as_json: Json = False,
 ) -> None:
     """What joint noise would make three runs scatter as those of the paper's Table 2 did?"""
-    from ..experiments.table2 import table2_study
+    from ..experiments.studies.table2 import table2_study
 
     _study(folder, as_json, lambda told: table2_study(seed, told))
 
@@ -73,7 +79,7 @@ def _built_in(name: str, asked: str) -> None:
     """Make a command of a study file that comes with the package."""
 
     def study(folder: StudyFolder, runs: Runs = None, seed: Seed = 0, as_json: Json = False) -> None:
-        from ..experiments.sweep_file import built_in_study
+        from ..experiments.studies.sweep_file import built_in_study
 
         _sweep(built_in_study(name), folder, runs, seed, as_json)
 
@@ -102,8 +108,8 @@ def study_file(
 
 
 def _sweep(file: Path, folder: Path, runs: int | None, seed: int, as_json: bool) -> NoReturn:
-    from ..experiments.sweep import sweep
-    from ..experiments.sweep_file import read_study
+    from ..experiments.studies.sweep import sweep
+    from ..experiments.studies.sweep_file import read_study
 
     study = read_study(file, runs)
     store = _store(folder)
@@ -125,8 +131,8 @@ def _study(
 
     Finished cases are kept in `store`, to go on with; once the study stands they are no longer needed.
     """
-    from ..reports.study_page import check_target, write_study
-    from ..reports.study_terminal import print_study
+    from ..reports.studies.study_page import check_target, write_study
+    from ..reports.studies.study_terminal import print_study
 
     check_target(folder)
     try:

@@ -10,19 +10,25 @@ from typing import Any, Literal
 import numpy as np
 
 from ..model.errors import BadInput, RigFault
-from ..model.header import Header
-from ..model.journal import RunJournal
-from ..model.plan import Plan
-from ..model.robot_file import rebased
-from ..model.run import Shot, read_run
-from .adaptive import Adaptive
-from .order import Closing, InTurn, Order
-from .procedure import Carried, Procedure, Told, recorded_event, told_by
-from .rigs.abb import AbbRig, Caution, Sensors
-from .rigs.abb_access import Access
-from .rigs.cell_file import Cell, read_cell
+from ..model.files.header import Header
+from ..model.files.journal import RunJournal
+from ..model.files.plan import Plan
+from ..model.files.robot_file import rebased
+from ..model.files.run import Shot, read_run
+from .procedure.adaptive import Adaptive
+from .procedure.order import Closing, InTurn, Order
+from .procedure.procedure import (
+    Carried,
+    Procedure,
+    Told,
+    recorded_event,
+    told_by,
+)
+from .rigs.abb.abb_rig import AbbRig, Caution, Sensors
+from .rigs.abb.access import Access
 from .rigs.replay import ReplayRig
-from .rigs.simulated import SimulatedRig
+from .rigs.simulated.cell_file import Cell, read_cell
+from .rigs.simulated.simulated_rig import SimulatedRig
 from .simulate import Truth, simulated_shots
 
 RigName = Literal["simulated", "replay", "abb"]

@@ -7,16 +7,16 @@ from typing import Any
 from pydantic import BaseModel
 
 from ..model.errors import BadInput
-from ..model.header import RUN_SCHEMA, Header
-from ..model.plan import PlanFile
-from ..model.reading import did_you_mean
-from ..model.robot_file import RobotFile
-from ..model.run import Shot
-from .obstacles import Obstacles
-from .rigs.cell_file import Cell
+from ..model.files.header import RUN_SCHEMA, Header
+from ..model.files.plan import PlanFile
+from ..model.files.reading import did_you_mean
+from ..model.files.robot_file import RobotFile
+from ..model.files.run import Shot
+from .plans.obstacles import Obstacles
+from .rigs.simulated.cell_file import Cell
 from .sensors.calibration import PsdCalibration
 from .sensors.sensors_file import SensorsFile
-from .sweep_file import StudyFile
+from .studies.sweep_file import StudyFile
 
 _MODELS: dict[str, type[BaseModel]] = {
     "run-header": Header,

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..analysis.aim import aim, servo_joints
+from ..analysis.observability.aim import aim, servo_joints
 from ..model.errors import RigFault
-from ..model.plan import Plan
+from ..model.files.plan import Plan
+from ..model.files.run import Shot
 from ..model.problem import Problem
 from ..model.robot import Matrix
-from ..model.run import Shot
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from .errors import BadInput
 from .robot import Matrix, Robot
 
 if TYPE_CHECKING:
-    from .header import Header
+    from .files.header import Header
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,7 @@ from .robot import Matrix, Robot
 from .tool import Tool
 
 if TYPE_CHECKING:
-    from .header import Header
+    from .files.header import Header
 
 Group = Literal["offset", "target", "tool", "noise"]
 Unit = Literal["deg", "mm", "1"]

@@ -17,16 +17,16 @@ from numpy.typing import NDArray
 
 from .constraint import ShotFunctions, shot_functions
 from .errors import BadInput
+from .files.run import Run, check_distances
 from .kernel import Index
 from .noise import Noise
 from .parameters import Parameters
 from .robot import Matrix, Robot
-from .run import Run, check_distances
 from .tool import Tool
 
 if TYPE_CHECKING:
-    from .header import Header
-    from .plan import Plan
+    from .files.header import Header
+    from .files.plan import Plan
 
 _COMPILE_FROM = 50  # shots: for fewer, compiling takes longer than it saves in a fit
 

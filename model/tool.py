@@ -11,7 +11,7 @@ import numpy as np
 from .robot import Matrix
 
 if TYPE_CHECKING:
-    from .header import Header
+    from .files.header import Header
 
 # The two axes across each nominal beam axis, in the order of tilt1, tilt2 and shift1, shift2.
 _ACROSS = {0: (1, 2), 1: (2, 0), 2: (0, 1)}

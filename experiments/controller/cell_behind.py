@@ -7,10 +7,10 @@ import copy
 import numpy as np
 
 from ...model.errors import BadInput
-from ...model.plan import Plan
+from ...model.files.plan import Plan
 from ...model.robot import Matrix
-from ..rigs.cell_file import Cell
-from ..rigs.simulated import SimulatedRig
+from ..rigs.simulated.cell_file import Cell
+from ..rigs.simulated.simulated_rig import SimulatedRig
 
 _AXES = 6
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ...model.header import Header
-from ...model.plan import Plan
-from ...model.robot_file import load_robot
-from ..patterns import pattern
+from ...model.files.header import Header
+from ...model.files.plan import Plan
+from ...model.files.robot_file import load_robot
+from ..plans.patterns import pattern
 
 _TARGET_MM = (900.0, 0.0, 0.0)
 _HEADER = {

@@ -27,9 +27,9 @@ import numpy as np
 
 from ...model.errors import RigFault, ZerobeamError
 from ...model.robot import Matrix
-from ..camera import Camera, Image
-from ..psd import Psd
-from ..rigs.simulated import SimulatedRig
+from ..rigs.simulated.simulated_rig import SimulatedRig
+from ..sensors.camera import Camera, Image
+from ..sensors.psd import Psd
 from .irc5 import Irc5
 
 _LONGEST_LINE = 1000

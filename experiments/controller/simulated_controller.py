@@ -10,8 +10,8 @@ from types import TracebackType
 from typing import Self
 
 from ...model.errors import BadInput
-from ...model.plan import Plan
-from ..rigs.cell_file import Cell
+from ...model.files.plan import Plan
+from ..rigs.simulated.cell_file import Cell
 from .cell_behind import CellBehind
 from .egm import Egm
 from .irc5 import CYCLE, Irc5

@@ -12,19 +12,19 @@ from scipy.special import stdtrit
 from threadpoolctl import threadpool_limits
 
 from ...analysis.analyse import require_noise_data
-from ...analysis.displacement import displacement, displacement_sentence
-from ...analysis.fit import AgainstNoise, LikelihoodFit, fit_likelihood
-from ...analysis.identifiability import Identified, identify_at
-from ...analysis.notes import LACK_OF_FIT
+from ...analysis.diagnostics.displacement import displacement, displacement_sentence
+from ...analysis.diagnostics.notes import LACK_OF_FIT
+from ...analysis.estimation.fit import AgainstNoise, LikelihoodFit, fit_likelihood
+from ...analysis.observability.identifiability import Identified, identify_at
+from ...analysis.observability.verdict import listed, reason_for
 from ...analysis.result import Status
-from ...analysis.verdict import listed, reason_for
 from ...analysis.versions import versions
 from ...model.errors import BadInput, FitFailed
+from ...model.files.reading import did_you_mean
+from ...model.files.run import Run
 from ...model.parameters import Parameter
 from ...model.problem import Problem
-from ...model.reading import did_you_mean
 from ...model.robot import JointKind
-from ...model.run import Run
 
 SEED = 0  # of the fit's starts, as of `analyse` unless asked for otherwise
 MEANING = "true position = recorded position + offset"

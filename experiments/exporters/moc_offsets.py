@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from ...model.errors import BadInput
-from ...model.reading import did_you_mean, read_text, shown
+from ...model.files.reading import did_you_mean, read_text, shown
 from .calibration import Calibration, Offset, one_line
 
 Sign = Literal[1, -1]

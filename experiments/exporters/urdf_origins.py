@@ -15,11 +15,11 @@ import casadi as ca
 import numpy as np
 
 from ...model.errors import BadInput
-from ...model.header import UrdfRef
-from ...model.reading import read_bytes, read_text, shown
+from ...model.files.header import UrdfRef
+from ...model.files.reading import read_bytes, read_text, shown
+from ...model.files.run import Run
+from ...model.files.urdf import MILLIMETRES, roll_pitch_yaw
 from ...model.robot import Joint, Matrix, axis_rotation
-from ...model.run import Run
-from ...model.urdf import MILLIMETRES, roll_pitch_yaw
 from .calibration import Calibration, Offset
 
 _START_TAG = re.compile(rb"<[^\s/>]+(?:\s+[^\s=]+\s*=\s*(?:\"[^\"]*\"|'[^']*'))*\s*/?>")

@@ -11,12 +11,17 @@ from typing import Literal
 import numpy as np
 
 from ...model.errors import BadInput
-from ...model.reading import shown
+from ...model.files.reading import shown
 from ...model.robot import Matrix, Robot
-from .imported import Found, Imported, Job, one_target_each
+from .dwells import Stillness, held
+from .imported import (
+    Found,
+    Imported,
+    Job,
+    one_target_each,
+)
 from .joint3 import J3, J3_TOLD, from_ground
 from .log import Log, Mark
-from .stands import Stillness, held
 from .table import Table, check_signs, read_table
 
 PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}

@@ -9,8 +9,8 @@ from typing import Literal
 
 from ...model.errors import BadInput
 from .csv_file import CsvLayout, import_layout
+from .dwells import Stillness
 from .imported import Imported, Job
-from .stands import Stillness
 
 LogKind = Literal["ur", "egm", "robodk"]
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ...model.errors import BadInput
-from ...model.reading import shown
+from ...model.files.reading import shown
 from .imported import Imported
 from .points import Point, import_points
 

@@ -11,8 +11,15 @@ import numpy as np
 
 from ...model.errors import BadInput
 from ...model.robot import Matrix, Robot
+from .dwells import (
+    Stand,
+    Stillness,
+    calmest,
+    find_stands,
+    repeats,
+    stand_of_each,
+)
 from .imported import Found
-from .stands import Stand, Stillness, calmest, find_stands, repeats, stand_of_each
 
 
 class Mark(NamedTuple):

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...model.errors import BadInput
-from ...model.reading import did_you_mean
+from ...model.files.reading import did_you_mean
 from ...model.robot import Robot
 from ..extras import missing_extra
+from .dwells import Stillness
 from .imported import Imported, Job, one_target_each
 from .log import Log, Mark
-from .stands import Stillness
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader

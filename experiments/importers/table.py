@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ...model.errors import BadInput
-from ...model.reading import did_you_mean, read_text, shown
+from ...model.files.reading import did_you_mean, read_text, shown
 from ...model.robot import Matrix, Robot
 
 

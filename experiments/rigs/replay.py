@@ -7,16 +7,16 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from ...analysis.aim import servo_joints
+from ...analysis.observability.aim import servo_joints
 from ...model.errors import BadInput, RigFault
-from ...model.plan import Plan
+from ...model.files.plan import Plan
+from ...model.files.run import Run, Shot
 from ...model.problem import Problem
 from ...model.robot import Matrix
-from ...model.run import Run, Shot
-from ..camera import Camera, Image
-from ..psd import Psd
-from ..steering import Belief
-from .assembly import same_arm
+from ..procedure.steering import Belief
+from ..sensors.camera import Camera, Image
+from ..sensors.psd import Psd
+from .simulated.assembly import same_arm
 
 _SIZE = 200.0  # mm: a spot that was recorded is on it
 _NOISE = 1e-6  # mm: a recorded spot is a mean already

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
+from ...model.files.run import Shot
 from ...model.robot import Matrix
-from ...model.run import Shot
-from ..camera import Camera, Image
-from ..psd import Psd
+from ..sensors.camera import Camera, Image
+from ..sensors.psd import Psd
 
 
 class Rig(Protocol):

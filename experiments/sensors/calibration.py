@@ -8,12 +8,17 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from ...model.header import Name, Positive
-from ...model.reading import read_yaml
+from ...model.files.header import Name, Positive
+from ...model.files.reading import read_yaml
+from ...model.files.validation import (
+    FileModel,
+    refusal,
+    require_schema,
+    validate,
+)
 from ...model.robot import Matrix
-from ...model.validation import FileModel, refusal, require_schema, validate
-from ..psd import PAIR_LIGHT, PsdKind
-from ..rigs.cell_file import numbers
+from ..rigs.simulated.cell_file import numbers
+from .psd import PAIR_LIGHT, PsdKind
 
 CALIBRATION_SCHEMA: Literal["zerobeam/psd-calibration/1"] = "zerobeam/psd-calibration/1"
 

@@ -10,8 +10,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from ...model.errors import BadInput, RigFault
-from ..camera import Camera, Image
 from ..extras import missing_extra
+from .camera import Camera, Image
 from .sensors_file import CameraBeside
 
 _SUFFIXES = {".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".tif", ".tiff"}

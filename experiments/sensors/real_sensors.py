@@ -9,18 +9,29 @@ from pathlib import Path
 import numpy as np
 
 from ...model.errors import RigFault
-from ...model.plan import Plan
-from ...model.reading import did_you_mean
+from ...model.files.plan import Plan
+from ...model.files.reading import did_you_mean
+from ...model.files.urdf import roll_pitch_yaw
 from ...model.robot import Matrix, shift
-from ...model.urdf import roll_pitch_yaw
-from ..camera import Camera, Image
-from ..centring import BRIGHTEST
-from ..psd import PAIR_LIGHT, Psd
+from ..procedure.centring import BRIGHTEST
 from .amplifier import Amplifier
 from .calibration import PsdCalibration, read_calibration
-from .line import MOST_SAMPLES, REQUESTS, Sample, read_sample, told
+from .camera import Camera, Image
+from .line import (
+    MOST_SAMPLES,
+    REQUESTS,
+    Sample,
+    read_sample,
+    told,
+)
 from .pictures import open_camera
-from .sensors_file import CameraBeside, PsdBeside, SensorsFile, read_sensors_file
+from .psd import PAIR_LIGHT, Psd
+from .sensors_file import (
+    CameraBeside,
+    PsdBeside,
+    SensorsFile,
+    read_sensors_file,
+)
 
 _BITS_A_BYTE = 10  # 8N1
 

@@ -18,9 +18,17 @@ from typing import Self
 import numpy as np
 
 from ...model.robot import Matrix
-from ..rigs.abb import Sensors
+from ..rigs.abb.abb_rig import Sensors
 from .calibration import read_calibration
-from .line import IDENTITY, LONGEST, MOST_SAMPLES, Sample, asked, read_sample, told
+from .line import (
+    IDENTITY,
+    LONGEST,
+    MOST_SAMPLES,
+    Sample,
+    asked,
+    read_sample,
+    told,
+)
 
 _POLL_S = 0.02
 

@@ -1,0 +1,1 @@
+"""Which measurements to choose: exact designs and their bounds."""

@@ -1,0 +1,405 @@
+"""What the offsets do to the tool point over the workspace: before the calibration, and after it.
+
+The *tool point* T(q) is a place on the flange, in the base frame **that joint 1's own encoder draws**: the
+offset of joint 1 never enters it, so neither does the gauge of section 3.3, be delta1 held or free.
+
+- *Before*: the error of the arm without offsets, |T(q; 0) - T(q; delta)| at the estimate, with the std of it.
+- *After*: what the fit leaves open. T is wrong by J times the error of the offsets, J exact, so that its
+  covariance is J C J' (JCGM 102). Told are the radius that holds 95 % and the expected error, rms.
+
+The place is the tool's stated point, as a point of the flange: what is open of an uncalibrated tool is not in
+it. Where the last offset is not determined (held beside a free laser, or lost to a free tip) a point off the
+last axis would stand nobody knows where on its circle. Then the place is the nearest point of that axis,
+which that offset does not move.
+
+If T depends on any other offset that the data do not tell (unidentifiable, or held), no accuracy is claimed:
+there is no number, but the reason. (An offset moves a place of the flange nowhere or nearly everywhere.) What
+of the arm is not as drawn, its repeatability and its load are not in the numbers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.polynomial.chebyshev import chebpts1, chebval2d, chebvander
+from numpy.polynomial.legendre import leggauss
+from scipy.special import betaln, erf, fdtr
+
+from ...model.kernel import Index
+from ...model.problem import Problem
+from ...model.robot import Matrix
+from ..estimation.fit import LikelihoodFit
+from ..observability.identifiability import Identified
+from ..observability.verdict import listed, reason_for
+from ..result import Status
+
+Grid = tuple[tuple[float | None, ...], ...]
+Counts = tuple[tuple[int, ...], ...]
+
+COVERAGE = 0.95
+_POSTURES = 4096  # over the joints' limits; of those within the shots' ranges a quarter
+_CELLS = 20  # along the longer side of a map, at most
+_NO_EFFECT = 1e-3  # mm: an offset that moves the tool point by less in one prior std does not enter
+_ON_AXIS = 1e-6  # mm
+_NODES = 12  # of each ratio of stds
+_COMPILE_FROM = 1000  # postures
+
+
+@dataclass(frozen=True)
+class Level:
+    """Over some postures, mm: the median (the lower of the two in the middle) and the worst."""
+
+    median: float
+    worst: float
+
+
+@dataclass(frozen=True)
+class Region:
+    """Accuracy over so many `postures`.
+
+    `before_mm` is the error without offsets, `before_std_mm` its std at those very two postures; after the
+    calibration, `after95_mm` is the radius that holds the error with 95 %, `after_rms_mm` the expected error.
+    """
+
+    postures: int
+    before_mm: Level
+    before_std_mm: Level
+    after95_mm: Level
+    after_rms_mm: Level
+
+
+@dataclass(frozen=True)
+class LevelMap:
+    """`Level` in every cell, rows from below; None where no posture falls."""
+
+    median: Grid
+    worst: Grid
+
+
+@dataclass(frozen=True)
+class Map:
+    """The workspace in square cells of `cell_mm`, rows from below, the lowest corner at `corner_mm`.
+
+    `vertical`: distance from axis 1 against height along it (of a prismatic joint 1: the base's z axis).
+    `horizontal`: x against y of the base frame. `axes` names both, the one across first. `postures` and
+    `shots` count those whose tool point is there.
+    """
+
+    plane: Literal["vertical", "horizontal"]
+    axes: tuple[str, str]
+    cell_mm: float
+    corner_mm: tuple[float, float]
+    postures: Counts
+    shots: Counts
+    before_mm: LevelMap
+    after95_mm: LevelMap
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """The tool point's accuracy over the workspace.
+
+    `point_mm` in the flange frame, `place` says in words what it is. `workspace` is over the joints' limits,
+    `near_shots` over the ranges that the shots' joints span: all else is extrapolation. `maps` are of the
+    workspace. Where nothing can be told both regions are None and there is no map, `undetermined` names the
+    offsets that it is for and `reason` says why. `weak` names those that enter with a large std.
+    """
+
+    point_mm: tuple[float, float, float]
+    place: str
+    workspace: Region | None
+    near_shots: Region | None
+    maps: tuple[Map, ...]
+    undetermined: tuple[str, ...]
+    weak: tuple[str, ...]
+    reason: str | None
+
+
+def accuracy(
+    problem: Problem, fit: LikelihoodFit, identified: Identified, point: Matrix | None = None
+) -> Accuracy:
+    """The accuracy of `point` (3,) mm in the flange frame, by default the tool's stated one, as above."""
+    n = problem.robot.n
+    # As in the table of parameters: a fit that did not converge tells nothing.
+    status = [s if fit.converged or s == "held" else "unidentifiable" for s in identified.status[:n]]
+    open_offsets = np.isin(status, ["unidentifiable", "held"])
+    open_offsets[0] = False
+    place = "a point stated by the user"
+    if point is None:
+        point, place = _default_point(problem, bool(open_offsets[-1]))
+    limits = (problem.robot.lower, problem.robot.upper)
+    own = (problem.joints.min(axis=0), problem.joints.max(axis=0))
+    drawn = [spread_postures(*limits, _POSTURES), spread_postures(*own, _POSTURES // 4)]
+    joints = np.concatenate([*drawn, problem.joints])
+    position, jacobian = tool_point(problem, fit.x, point, joints)
+    effect = np.linalg.norm(jacobian, axis=1).max(axis=0) * problem.parameters.prior_std[:n]
+    enters = effect > _NO_EFFECT
+    undetermined = np.flatnonzero(enters & open_offsets)
+    workspace, near_shots = None, None
+    maps: tuple[Map, ...] = ()
+    weak: tuple[str, ...] = ()
+    if not len(undetermined):
+        errors = _errors(problem, fit, identified, point, joints, position, jacobian)
+        whole, near = slice(_POSTURES), slice(_POSTURES, len(joints) - problem.shots)
+        workspace, near_shots = _region(errors.select(whole)), _region(errors.select(near))
+        maps = _maps(problem, position[whole], position[near.stop :], errors.select(whole))
+        weak = tuple(problem.parameters.names[i] for i in np.flatnonzero(enters & np.equal(status, "weak")))
+    return Accuracy(
+        point_mm=(float(point[0]), float(point[1]), float(point[2])),
+        place=place,
+        workspace=workspace,
+        near_shots=near_shots,
+        maps=maps,
+        undetermined=tuple(problem.parameters.names[i] for i in undetermined),
+        weak=weak,
+        reason=_reason(problem, fit, identified, undetermined, status),
+    )
+
+
+def tool_point(problem: Problem, x: Matrix, point: Matrix, joints: Matrix) -> tuple[Matrix, Matrix]:
+    """(P, 3) mm where the `point` (3,) of the flange stands at recorded `joints` (P, n) with the offsets of
+    x (p,), in the base frame as joint 1's encoder draws it; and (P, 3, n) by the offsets, 0 by the first."""
+    n = problem.robot.n
+    delta = x[:n].copy()
+    delta[0] = 0.0
+    # The fit has this one compiled already.
+    placed = problem.functions.kernel("placed", compile=len(joints) > _COMPILE_FROM)
+    position, jacobian = placed(joints, delta, point)
+    jacobian = jacobian[:, :, :n].copy()
+    jacobian[:, :, 0] = 0.0
+    return position, jacobian
+
+
+def offset_covariance(problem: Problem, covariance: Matrix) -> Matrix:
+    """(n, n) of the offsets, rad or mm, from that of the scaled free parameters (f, f); 0 of what is held."""
+    parameters, n = problem.parameters, problem.robot.n
+    own = np.flatnonzero(parameters.free[:n])
+    at, std = parameters.among_free[own], parameters.prior_std[own]
+    result = np.zeros((n, n))
+    result[np.ix_(own, own)] = covariance[np.ix_(at, at)] * np.outer(std, std)
+    return result
+
+
+def radius95(covariance: Matrix, dof: int | None = None) -> Matrix:
+    """(P,) the radius of the ball that holds 95 % of a normal error of covariance (P, 3, 3), or of Student's
+    t with `dof` and that matrix for a scale.
+
+    In units of the largest principal std it depends on the ratios of the three alone, and smoothly: it is
+    worked out at the Chebyshev points of two ratios, and interpolated. Good to 1e-4 of itself.
+    """
+    std = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance), 0.0))
+    second = std[:, 1] / np.where(std[:, 2] > 0, std[:, 2], 1.0)
+    third = std[:, 0] / np.where(std[:, 1] > 0, std[:, 1], 1.0)
+    points = chebpts1(_NODES)
+    ratio = (points + 1) / 2
+    exact = _radius(np.repeat(ratio, _NODES), np.outer(ratio, ratio).reshape(-1), dof)
+    from_values = np.linalg.inv(chebvander(points, _NODES - 1))
+    coefficients = from_values @ exact.reshape(_NODES, _NODES) @ from_values.T
+    return np.asarray(std[:, 2] * chebval2d(2 * second - 1, 2 * third - 1, coefficients))
+
+
+def _radius(second: Matrix, third: Matrix, dof: int | None) -> Matrix:
+    """(P,) the same for principal stds of 1, `second` and `third` (P,).
+
+    An error is C^(1/2) u times a length s: u even over the sphere, s^2 chi-squared of 3 (of Student's t:
+    s^2 / 3 is F of 3 and dof). So P(|e| < R) is the mean over u of P(s < R / w), w^2 = u' C u: over Gauss
+    points in one octant. The root is found by Newton's method on the logarithm of what is outside.
+    """
+    z, weight = leggauss(24)
+    z, weight = np.repeat((z + 1) / 2, 8), np.repeat(weight / 16, 8)
+    # Midpoints: over the period of an angle they are as good as Gauss's.
+    angle = np.tile((np.arange(8) + 0.5) * np.pi / 16, 24)
+    across = [second[:, None] * np.cos(angle), third[:, None] * np.sin(angle)]
+    w = np.sqrt(z**2 + (1 - z**2) * (across[0] ** 2 + across[1] ** 2))
+    radius = np.full(len(w), 1.96)  # of a normal error along a line: all others need more
+    for _ in range(60):
+        inside, density = _length_law(radius[:, None] / w, dof)
+        outside = np.maximum(1 - inside @ weight, 1e-12)
+        step = outside / ((density / w) @ weight) * np.log(outside / (1 - COVERAGE))
+        radius = radius + step
+        if np.abs(step).max() < 1e-7:
+            break
+    return radius
+
+
+def _length_law(s: Matrix, dof: int | None) -> tuple[Matrix, Matrix]:
+    """Of the length s, in stds, of an error in three dimensions: distribution function and density."""
+    if dof is None:
+        density = np.sqrt(2 / np.pi) * np.exp(-(s**2) / 2)
+        return erf(s / np.sqrt(2)) - s * density, s**2 * density
+    scale = 2 * np.exp(-betaln(1.5, dof / 2)) / dof**1.5
+    return fdtr(3, dof, s**2 / 3), scale * s**2 * (1 + s**2 / dof) ** (-(dof + 3) / 2)
+
+
+def spread_postures(lower: Matrix, upper: Matrix, count: int) -> Matrix:
+    """(count, n) evenly between `lower` and `upper` (n,): Kronecker's sequence with the powers of the root of
+    x^(n + 1) = x + 1 (Roberts 2018), which has no seed."""
+    n = len(lower)
+    root = 2.0
+    for _ in range(60):
+        root = (1 + root) ** (1 / (n + 1))
+    steps = root ** -np.arange(1.0, n + 1)
+    share = (0.5 + np.arange(1, count + 1)[:, None] * steps) % 1.0
+    return np.asarray(lower + share * (upper - lower))
+
+
+def _default_point(problem: Problem, open_last: bool) -> tuple[Matrix, str]:
+    """The tool's stated point, or the nearest of the last axis if its offset is not determined."""
+    point, words = problem.tool.point, "the tool's stated point"
+    last = problem.robot.joints[-1]
+    if not open_last or last.kind != "revolute":
+        return point, words
+    to_flange = problem.robot.flange[:3, :3].T
+    axis, origin = to_flange @ last.axis, -to_flange @ problem.robot.flange[:3, 3]
+    foot = origin + axis * (axis @ (point - origin))
+    if np.linalg.norm(foot - point) <= _ON_AXIS:
+        return point, words
+    n = problem.robot.n
+    return foot, f"the point of the axis of joint {n} nearest to {words}, as delta{n} is not determined"
+
+
+@dataclass(frozen=True, eq=False)
+class _Errors:
+    """(P,) mm each, as in `Region`."""
+
+    before: Matrix
+    before_std: Matrix
+    after95: Matrix
+    after_rms: Matrix
+
+    def select(self, rows: slice) -> _Errors:
+        return _Errors(self.before[rows], self.before_std[rows], self.after95[rows], self.after_rms[rows])
+
+
+def _errors(
+    problem: Problem,
+    fit: LikelihoodFit,
+    identified: Identified,
+    point: Matrix,
+    joints: Matrix,
+    position: Matrix,
+    jacobian: Matrix,
+) -> _Errors:
+    dof = None
+    if problem.noise.estimated:
+        dof = max(fit.against_noise(identified.facts.rank).dof, 1)
+    nominal, _ = tool_point(problem, np.zeros(problem.robot.n), point, joints)
+    of_point = jacobian @ offset_covariance(problem, fit.covariance) @ jacobian.transpose(0, 2, 1)
+    apart = nominal - position
+    length = np.linalg.norm(apart, axis=1)
+    along = np.einsum("pi,pij,pj->p", apart, of_point, apart)
+    rms = np.sqrt(np.trace(of_point, axis1=1, axis2=2))
+    # Of no length at all every direction is as good: the std of the worst is at most the rms.
+    std = np.where(length > 0, np.sqrt(along) / np.where(length > 0, length, 1.0), rms)
+    return _Errors(length, std, radius95(of_point, dof), rms)
+
+
+def _region(errors: _Errors) -> Region:
+    count = len(errors.before)
+
+    def level(value: Matrix, by: Matrix) -> Level:
+        order = np.argsort(by, kind="stable")
+        return Level(float(value[order[(count - 1) // 2]]), float(value[order[-1]]))
+
+    return Region(
+        postures=count,
+        before_mm=level(errors.before, errors.before),
+        before_std_mm=level(errors.before_std, errors.before),
+        after95_mm=level(errors.after95, errors.after95),
+        after_rms_mm=level(errors.after_rms, errors.after_rms),
+    )
+
+
+def _maps(problem: Problem, position: Matrix, shots: Matrix, errors: _Errors) -> tuple[Map, Map]:
+    first = problem.robot.joints[0]
+    axis, origin, name = np.array([0.0, 0.0, 1.0]), np.zeros(3), "the base's z axis"
+    if first.kind == "revolute":
+        axis, origin, name = first.fixed[:3, :3] @ first.axis, first.fixed[:3, 3], "axis 1"
+
+    def beside_axis(points: Matrix) -> Matrix:
+        away = points - origin
+        return np.stack([np.linalg.norm(np.cross(away, axis), axis=1), points @ axis], axis=1)
+
+    return (
+        _map(
+            "vertical", (f"distance from {name}", "height"), beside_axis(position), beside_axis(shots), errors
+        ),
+        _map("horizontal", ("x", "y"), position[:, :2], shots[:, :2], errors),
+    )
+
+
+def _map(
+    plane: Literal["vertical", "horizontal"],
+    axes: tuple[str, str],
+    at: Matrix,
+    shots: Matrix,
+    errors: _Errors,
+) -> Map:
+    """Cells of a round size over all that is there, `at` (P, 2) and `shots` (N, 2) mm."""
+    every = np.concatenate([at, shots])
+    size = _round_up(float(np.ptp(every, axis=0).max()) / (_CELLS - 1))
+    corner = np.floor(every.min(axis=0) / size)
+    columns, rows = (np.floor(every.max(axis=0) / size) - corner).astype(int) + 1
+
+    def cells(points: Matrix) -> Index:
+        column, row = (np.floor(points / size) - corner).astype(np.int64).T
+        return np.asarray(row * columns + column)
+
+    def counted(points: Matrix) -> Counts:
+        counts = np.bincount(cells(points), minlength=rows * columns).reshape(rows, columns)
+        return tuple(tuple(row) for row in counts.tolist())
+
+    where = cells(at)
+
+    def levels(value: Matrix) -> LevelMap:
+        order = np.lexsort((value, where))
+        filled, start, count = np.unique(where[order], return_index=True, return_counts=True)
+
+        def grid(pick: Index) -> Grid:
+            told: list[float | None] = [None] * (rows * columns)
+            for cell, number in zip(filled.tolist(), value[order[pick]].tolist(), strict=True):
+                told[cell] = number
+            return tuple(tuple(told[row * columns : (row + 1) * columns]) for row in range(rows))
+
+        return LevelMap(grid(start + (count - 1) // 2), grid(start + count - 1))
+
+    return Map(
+        plane=plane,
+        axes=axes,
+        cell_mm=size,
+        corner_mm=(float(corner[0] * size), float(corner[1] * size)),
+        postures=counted(at),
+        shots=counted(shots),
+        before_mm=levels(errors.before),
+        after95_mm=levels(errors.after95),
+    )
+
+
+def _round_up(length: float) -> float:
+    """The next round number; 1 mm for an arm that does not move its point at all."""
+    power = 10.0 ** np.floor(np.log10(max(length, 1e-3)))
+    return max(1.0, float(next(k * power for k in (1, 1.5, 2, 3, 4, 5, 6, 8, 10) if k * power >= length)))
+
+
+def _reason(
+    problem: Problem,
+    fit: LikelihoodFit,
+    identified: Identified,
+    undetermined: Index,
+    status: list[Status],
+) -> str | None:
+    if not fit.converged:
+        return "the fit did not converge"
+    parts: dict[str, list[str]] = {}
+    for i in undetermined:
+        item = problem.parameters.items[i]
+        state = "held" if status[i] == "held" else "not determined"
+        why = f"{state}: {reason_for(identified, item, status[i])}"
+        parts.setdefault(why, []).append(item.name)
+    said = [
+        f"the tool point depends on {listed(names)}, which {'is' if len(names) == 1 else 'are'} {why}"
+        for why, names in parts.items()
+    ]
+    return "; ".join(said) or None

@@ -1,0 +1,295 @@
+"""The uncertainty budget of each offset and tool parameter, by the GUM (JCGM 100:2008, clauses 4 to 7, G.4).
+
+Near the mode the estimate moves in proportion to what it was made from: the recorded joints and spots, what
+was stated of targets, tool and distances, and the priors. With C the inverse of Fisher's information (of the
+misses and distances, and the priors) its derivative by the miss of shot i is -C A_i' S_i^-1, and S_i is the
+sum of the joints' and the spot's parts. So C is exactly the sum of its parts by source. The result's own
+covariance is the inverse of the Hessian, and with separate noise factors contains what these leave open:
+both differences are rows of their own, so that a budget adds up to the variance that the result reports.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+from scipy.special import ndtri, stdtrit
+
+from ...model.robot import Matrix
+
+if TYPE_CHECKING:
+    # A result has budgets: `result` imports this module.
+    from ...model.problem import Problem
+    from ..estimation.fit import LikelihoodFit
+    from ..observability.identifiability import Identified
+    from ..result import PosteriorParameter, PosteriorSummary, Status
+
+Kind = Literal["joint", "spot", "prior", "target", "distance", "noise factors", "curvature"]
+
+_TWO_SIDED = 0.975  # of the 95 % that an expanded uncertainty covers
+_SURE = 2.0  # standard errors: what the draws tell no better than that is not told (JCGM 101, 7.9.4)
+
+
+@dataclass(frozen=True)
+class BudgetRow:
+    """What one source contributes to the uncertainty of one parameter.
+
+    `of` names it: a joint by its number, a parameter, a target, the two targets of a distance. `type` is A
+    (from this run's misses) or B (stated), `std` and `unit` are of one reading or one stated number, `dof`
+    its degrees of freedom (None: infinite). `sensitivity` is contribution over std (the root of the sum of
+    squares over all readings), in the parameter's unit per `unit`. `contribution` is a std in the
+    parameter's unit, negative where it lowers the variance (curvature alone can); `share` of the variance.
+    `noise factors` is how they weigh the misses, `curvature` that of the log-posterior beyond Fisher's
+    information: no input quantities, so without type, std and sensitivity.
+    """
+
+    kind: Kind
+    of: tuple[str, ...]
+    type: Literal["A", "B"] | None
+    std: float | None
+    unit: str | None
+    dof: float | None
+    sensitivity: float | None
+    contribution: float
+    share: float
+
+
+@dataclass(frozen=True)
+class LinearCheck:
+    """The interval of the budget against the posterior's (JCGM 101:2008, clause 8).
+
+    `d_low` and `d_high` are the distances of their ends, `tolerance` half a unit in the last of `digits`
+    significant digits of the std: two, or one where the draws cannot decide by two. `ends_std` is how well
+    they tell the posterior's ends; `validated` is None where that is too poor to decide at all.
+    """
+
+    digits: int
+    tolerance: float
+    d_low: float
+    d_high: float
+    ends_std: float
+    validated: bool | None
+
+
+@dataclass(frozen=True)
+class Budget:
+    """One parameter that the data tell: `std` is the combined standard uncertainty, as the result reports it.
+
+    `dof` are the effective degrees of freedom (None: infinite), `expanded` is `coverage_factor` times `std`
+    and covers 95 %. `check` is None without a converged posterior.
+    """
+
+    name: str
+    unit: str
+    std: float
+    rows: tuple[BudgetRow, ...]
+    dof: float | None
+    coverage_factor: float
+    expanded: float
+    check: LinearCheck | None
+
+
+class _Source(NamedTuple):
+    """As in `BudgetRow`."""
+
+    kind: Kind
+    of: tuple[str, ...] = ()
+    type: Literal["A", "B"] | None = None
+    std: float | None = None
+    unit: str | None = None
+    dof: float | None = None
+
+
+def budget(
+    problem: Problem, fit: LikelihoodFit, identified: Identified, posterior: PosteriorSummary
+) -> tuple[Budget, ...]:
+    """One for every offset and tool parameter that the data tell; none where the fit did not converge."""
+    parameters = problem.parameters
+    told = [
+        i
+        for i, (item, status) in enumerate(zip(parameters.items, identified.status, strict=True))
+        if item.group in ("offset", "tool") and status in ("identified", "weak")
+    ]
+    if not (fit.converged and told):
+        return ()
+    index = np.array(told)
+    at = parameters.among_free[index]
+    scale = parameters.prior_std[index] * parameters.display[index]
+    sources, parts = _sources(problem, fit, identified, at)
+    variances = np.diag(fit.covariance)[at]
+    dof = _effective_dof(problem, fit, identified, sources, parts, variances)
+    draws = {row.name: row for row in posterior.parameters or () if row.source == "data"}
+    budgets = []
+    for j, i in enumerate(told):
+        item = parameters.items[i]
+        std = float(np.sqrt(variances[j]) * scale[j])
+        factor = float(stdtrit(dof[j], _TWO_SIDED) if np.isfinite(dof[j]) else ndtri(_TWO_SIDED))
+        value = item.shown(float(fit.x[i]))
+        rows = []
+        for source, part in zip(sources, parts[:, j].tolist(), strict=True):
+            contribution = math.copysign(math.sqrt(abs(part)), part) * float(scale[j])
+            sensitivity = contribution / source.std if source.std else None
+            share = part / float(variances[j])
+            rows.append(BudgetRow(*source, sensitivity=sensitivity, contribution=contribution, share=share))
+        budgets.append(
+            Budget(
+                name=item.name,
+                unit=item.unit,
+                std=std,
+                rows=tuple(rows),
+                dof=float(dof[j]) if np.isfinite(dof[j]) else None,
+                coverage_factor=factor,
+                expanded=factor * std,
+                check=check_linear(value, std, factor * std, draws[item.name])
+                if item.name in draws
+                else None,
+            )
+        )
+    return tuple(budgets)
+
+
+def _sources(
+    problem: Problem, fit: LikelihoodFit, identified: Identified, at: Matrix
+) -> tuple[list[_Source], Matrix]:
+    """All sources, and (sources, t) their parts in the scaled variances of the free parameters `at` (t,)."""
+    parameters, whitened = problem.parameters, fit.whitened
+    rows = problem.shots * problem.tool.miss_size
+    noise = parameters.group("noise")[parameters.free]
+    jacobian = whitened.jacobian[:, parameters.free][:, ~noise]
+    by_miss, by_distance = jacobian[:rows], jacobian[rows:]
+    information = fit.weight * by_miss.T @ by_miss + by_distance.T @ by_distance + np.eye(jacobian.shape[1])
+    gain = np.linalg.inv(information)[at]  # the noise factors stand last
+
+    # Of every reading: the miss's derivative by a joint is that by its offset, by the spot -1.
+    _, own = problem.linearise(fit.x)
+    blocks = jacobian[:rows].reshape(problem.shots, -1, jacobian.shape[1])
+    by_spot = fit.weight * gain @ blocks.transpose(0, 2, 1) @ np.linalg.inv(whitened.factor)  # (N, t, d)
+    by_joint = by_spot @ own[:, :, : problem.robot.n]
+    variances = problem.variances(fit.x) / fit.weight
+    parts = [
+        (by_joint**2).sum(axis=0).T * variances[:-1, None],
+        (by_spot**2).sum(axis=(0, 2))[None] * variances[-1],
+    ]
+    sources = _noise_sources(problem, identified, fit, np.sqrt(variances))
+
+    squares = gain.T**2  # (f, t): the priors' variances are 1
+    items = [item for item in parameters.items if not item.held and item.group != "noise"]
+    groups: dict[tuple[Kind, str], list[int]] = {}
+    for i, item in enumerate(items):
+        # The three coordinates of a target are one source.
+        source: tuple[Kind, str] = (
+            ("target", item.name[: -len(".x")]) if item.group == "target" else ("prior", item.name)
+        )
+        groups.setdefault(source, []).append(i)
+    for (kind, name), places in groups.items():
+        first = items[places[0]]
+        sources.append(_Source(kind, (name,), "B", first.shown_prior[1], first.unit))
+        parts.append(squares[places].sum(axis=0)[None])
+    for stated in problem.distances:
+        between = (problem.targets[stated.first], problem.targets[stated.second])
+        sources.append(_Source("distance", between, "B", stated.sigma, "mm"))
+    parts.append((by_distance @ gain.T) ** 2)
+
+    left = np.diag(fit.covariance)[at] - np.diag(gain[:, at])
+    if noise.any():
+        cross = fit.covariance[at][:, noise]
+        factors = (cross * np.linalg.solve(fit.covariance[np.ix_(noise, noise)], cross.T).T).sum(axis=1)
+        sources.append(_Source("noise factors"))
+        parts.append(factors[None])
+        left = left - factors
+    sources.append(_Source("curvature"))
+    parts.append(left[None])
+    return sources, np.concatenate(parts)
+
+
+def _noise_sources(
+    problem: Problem, identified: Identified, fit: LikelihoodFit, std: Matrix
+) -> list[_Source]:
+    """The joints, then the spot, with the `std` (n + 1,) of one reading as it was found or stated."""
+    robot = problem.robot
+    kinds: list[tuple[Literal["A", "B"], float | None]] = [("B", None)] * (robot.n + 1)
+    if problem.noise.estimated:
+        kinds = [("A", float(fit.against_noise(identified.facts.rank).dof))] * (robot.n + 1)
+    elif problem.noise.separate:
+        status = dict(zip(problem.parameters.names, identified.status, strict=True))
+        variance = np.diag(_log_scales(problem, fit, identified))
+        joint, spot = (
+            _of_factor(status[f"noise.{name}"], float(own))
+            for name, own in zip(("joint", "spot"), variance, strict=True)
+        )
+        kinds = [joint] * robot.n + [spot]
+    display = np.append(robot.display, 1.0)
+    units = [*("deg" if joint.kind == "revolute" else "mm" for joint in robot.joints), "mm"]
+    return [
+        _Source(
+            "spot" if i == robot.n else "joint",
+            () if i == robot.n else (str(i + 1),),
+            kind,
+            value,
+            units[i],
+            dof,
+        )
+        for i, ((kind, dof), value) in enumerate(zip(kinds, (std * display).tolist(), strict=True))
+    ]
+
+
+def _of_factor(status: Status, variance: float) -> tuple[Literal["A", "B"], float | None]:
+    """Type and degrees of freedom (G.3) of a noise whose factor has the logarithm of this variance."""
+    kind: Literal["A", "B"] = "A" if status in ("identified", "weak") else "B"
+    return kind, 1 / (2 * variance) if variance > 0 else None
+
+
+def _log_scales(problem: Problem, fit: LikelihoodFit, identified: Identified) -> Matrix:
+    """(g, g) covariance of the logarithms of the noise scales: that of all, or the joints' and the spot's."""
+    if problem.noise.estimated:
+        return np.array([[1 / (2 * fit.against_noise(identified.facts.rank).dof)]])
+    parameters = problem.parameters
+    own = parameters.group("noise")
+    result = np.zeros((len(parameters), len(parameters)))
+    std = parameters.prior_std[parameters.free]
+    result[np.ix_(parameters.free, parameters.free)] = fit.covariance * np.outer(std, std)
+    return result[np.ix_(own, own)]
+
+
+def _effective_dof(
+    problem: Problem,
+    fit: LikelihoodFit,
+    identified: Identified,
+    sources: list[_Source],
+    parts: Matrix,
+    variances: Matrix,
+) -> Matrix:
+    """(t,) by Welch and Satterthwaite's formula (G.2b) for variances that need not be estimated
+    independently: u^4 over half the variance of u^2, u^2 being a sum of parts that each have a scale."""
+    if problem.noise.known:
+        return np.full(len(variances), np.inf)
+    kinds = np.array([source.kind for source in sources])
+    if problem.noise.estimated:
+        # All that was not stated has the one scale, curvature too.
+        stated = np.isin(kinds, ["prior", "target", "distance"])
+        groups = (variances - parts[stated].sum(axis=0))[:, None]
+    else:
+        groups = np.array([parts[kinds == kind].sum(axis=0) for kind in ("joint", "spot")]).T
+    spread = 2 * ((groups @ _log_scales(problem, fit, identified)) * groups).sum(axis=1)
+    with np.errstate(divide="ignore"):
+        return np.asarray(variances**2 / spread)
+
+
+def check_linear(value: float, std: float, half: float, row: PosteriorParameter) -> LinearCheck:
+    """`value` ± `half` with the standard uncertainty `std` against the quantiles of the draws."""
+    d_low, d_high = abs(value - half - row.q2_5), abs(value + half - row.q97_5)
+    # A quantile's standard error is that of its probability over the density there, taken for a normal's.
+    probability = math.sqrt(_TWO_SIDED * (1 - _TWO_SIDED) / row.ess_tail)
+    density = math.exp(-(float(ndtri(_TWO_SIDED)) ** 2) / 2) / math.sqrt(2 * math.pi)
+    ends_std = probability / density * row.std
+
+    def at(digits: int) -> LinearCheck:
+        last = int(f"{std:.{digits - 1}e}".split("e")[1]) - (digits - 1)
+        tolerance, worst, sure = 0.5 * 10.0**last, max(d_low, d_high), _SURE * ends_std
+        validated = True if worst + sure <= tolerance else False if worst - sure > tolerance else None
+        return LinearCheck(digits, tolerance, d_low, d_high, ends_std, validated)
+
+    two = at(2)
+    return two if two.validated is not None else at(1)

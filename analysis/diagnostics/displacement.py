@@ -1,0 +1,249 @@
+"""Has a target been displaced during the run: did someone bump the PSD between two shots?
+
+For each target and each change point between two of its shots the likelihood-ratio test of two places against
+one, at the linearised fit. Misses count there only as far as no offset, place or tool can explain them,
+whatever the priors: the drop of their sum of squares is then exactly chi-squared (or an F ratio, where the
+noise scale is estimated; Seber & Lee, Linear Regression Analysis, 2003, section 4.3).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import chdtrc, fdtrc
+
+from ...model.kernel import Index
+from ...model.robot import Matrix
+from ..estimation.fit import LikelihoodFit
+
+_CHANCE = 1e-3  # that a run without a displacement is said to have one; that what is left is not noise
+_REACH = 0.01  # what moves the misses by less (stds, within its prior std) explains none of them
+_TELLS_MM = 10.0  # a direction that the shots tell no better than this is not told
+_DECIDES = 1e-4  # a shot that decides something alone: the fit leaves no more of its miss than this share
+_ROUNDING = 1e-12  # of the information that all shots together have on a place
+_NEVER = 1e-12  # a chance below this says nothing more: no noise is so normal
+_MOST_NAMED = 3
+_EXCLUDES = 20.0  # likelihood ratio by which one explanation excludes another
+
+
+class ChangePoint(NamedTuple):
+    """Between two shots at one target that follow each other there, by their numbers."""
+
+    target: str
+    after_shot: int
+    before_shot: int
+
+
+@dataclass(frozen=True)
+class Displacement:
+    """The most likely displacement of a run: at the change point `at`.
+
+    `p_value` is the chance of one as clear anywhere in a run without any, by Bonferroni's bound over the
+    change points. `shift_mm` (base frame) and its `std_mm` have None for a component that the shots do not
+    tell; `size_mm` and `size_std_mm` are None while one is. `elsewhere` are the change points that explain
+    the misses nearly as well (likelihood ratio within 20), `alone` is the shot that does so if it alone is
+    off, and `better_alone` says that it does so better. `rest_agrees` says that with the displacement the
+    misses agree with the stated noise (True where its scale is estimated).
+    """
+
+    at: ChangePoint
+    p_value: float
+    shift_mm: tuple[float | None, ...]
+    std_mm: tuple[float | None, ...]
+    size_mm: float | None
+    size_std_mm: float | None
+    elsewhere: tuple[ChangePoint, ...]
+    alone: int | None
+    better_alone: bool
+    rest_agrees: bool
+
+    @property
+    def significant(self) -> bool:
+        """Not chance, not better explained by one shot that is off, and enough to explain the misses: where
+        the model does not fit, a displacement takes up a part of that too."""
+        return self.p_value < _CHANCE and not self.better_alone and self.rest_agrees
+
+
+def displacement(fit: LikelihoodFit) -> Displacement | None:
+    """The most likely displacement in the run of `fit`, whether it is significant or not.
+
+    None where no change point can be tested: no target has two shots, or the shots are so few that offsets,
+    places and tool explain whatever a displacement would do.
+    """
+    left = _Left.of(fit)
+    points, gram, slope, floor = _displaced(fit, left)
+    if not points:
+        return None
+    moved = left.explained(gram, slope, floor)
+    best = int(np.argmax(moved.score))
+    if moved.rank[best] == 0:
+        return None
+    single = left.explained(left.open_part, left.miss, _DECIDES)
+    off = int(np.argmax(single.score))
+    near = moved.score[best] - 2 * np.log(_EXCLUDES)
+    shift, covariance = left.estimate(moved, best)
+    std = np.sqrt(np.diag(covariance))
+    told = std < _TELLS_MM
+    size = float(np.linalg.norm(shift)) if told.all() else None
+    return Displacement(
+        at=points[best],
+        p_value=min(1.0, left.chance(moved, best) * int((moved.rank > 0).sum())),
+        shift_mm=tuple(float(v) if known else None for v, known in zip(shift, told, strict=True)),
+        std_mm=tuple(float(v) if known else None for v, known in zip(std, told, strict=True)),
+        size_mm=size,
+        size_std_mm=float(np.sqrt(shift @ covariance @ shift)) / size if size else None,
+        elsewhere=tuple(points[i] for i in np.flatnonzero(moved.score > near) if i != best),
+        alone=fit.problem.shot_numbers[off] if single.score[off] > near else None,
+        # One shot before or after it is the same as that shot off alone: equal, but for rounding.
+        better_alone=bool(single.score[off] > moved.score[best] + 1e-6 * left.chi2),
+        rest_agrees=left.agrees(moved, best),
+    )
+
+
+def displacement_sentence(found: Displacement) -> str:
+    """What a reader must know of a significant one, and what to do."""
+    chance = f"{found.p_value:.0e}" if found.p_value > _NEVER else f"less than {_NEVER:.0e}"
+    others = [_where(point) for point in found.elsewhere[:_MOST_NAMED]]
+    if found.alone is not None:
+        others.append(f"shot {found.alone} is off alone")
+    doubt = f" Nearly as likely: {', or '.join(others)}." if others else ""
+    return (
+        f"Target {found.at.target} seems to have moved{_by(found)} between shots {found.at.after_shot} and"
+        f" {found.at.before_shot} (chance of this by noise: {chance}).{doubt} Discard the shots before or"
+        " after, or give them another target name"
+    )
+
+
+def _where(point: ChangePoint) -> str:
+    return f"{point.target} moved between {point.after_shot} and {point.before_shot}"
+
+
+def _by(found: Displacement) -> str:
+    if found.size_mm is not None and found.size_std_mm is not None:
+        return f" by {found.size_mm:.1f} ± {found.size_std_mm:.1f} mm"
+    along = [
+        f"{shift:.1f} ± {std:.1f} mm along {axis}"
+        for axis, shift, std in zip("xyz", found.shift_mm, found.std_mm, strict=True)
+        if shift is not None and std is not None
+    ]
+    return f" by {' and '.join(along)}" if along else ""
+
+
+class _Explained(NamedTuple):
+    """What some explanations (C,) do to the sum of squares: its `drop`, with `rank` degrees of freedom, and
+    the `score` of each, twice the log-likelihood's rise less Akaike's price of 2 a degree of freedom.
+
+    `values` (C, a) and `vectors` (C, a, a) of the information on what is supposed, `along` (C, a) the slopes.
+    """
+
+    drop: Matrix
+    rank: Index
+    score: Matrix
+    values: Matrix
+    vectors: Matrix
+    along: Matrix
+
+
+class _Left(NamedTuple):
+    """What is left of the misses once all that offsets, places and tool can do is taken out.
+
+    `basis` (N, d, r) of what they can do, by shots; `miss` (N, d) what is left, in stds; `chi2` its sum of
+    squares (with that of the stated distances) and `numbers` its degrees of freedom; `known` the scale is.
+    """
+
+    basis: Matrix
+    miss: Matrix
+    chi2: float
+    numbers: int
+    known: bool
+
+    @classmethod
+    def of(cls, fit: LikelihoodFit) -> _Left:
+        problem, whitened = fit.problem, fit.whitened
+        shots, d = problem.shots, problem.tool.miss_size
+        basis, reach, _ = np.linalg.svd(whitened.jacobian[:, problem.parameters.free], full_matrices=False)
+        basis = basis[:, reach > _REACH]
+        rest = whitened.residual - basis @ (basis.T @ whitened.residual)
+        return cls(
+            basis[: shots * d].reshape(shots, d, -1),
+            rest[: shots * d].reshape(shots, d),
+            float(rest @ rest),
+            problem.data_size - basis.shape[1],
+            problem.noise.known,
+        )
+
+    def explained(self, gram: Matrix, slope: Matrix, floor: float) -> _Explained:
+        """Of explanations with the information `gram` (C, a, a) and the slopes (C, a) of the sum of squares;
+        directions with less information than `floor` are not told, and explain nothing."""
+        values, vectors = np.linalg.eigh(gram)
+        along = (vectors.transpose(0, 2, 1) @ slope[:, :, None])[:, :, 0]
+        told = values > floor
+        rank = told.sum(axis=1)
+        if not self.known:
+            # Nothing would be left to tell the scale from.
+            rank = np.where(rank < self.numbers, rank, 0)
+        drop = (along**2 / np.maximum(values, floor)).sum(axis=1, where=told & (rank > 0)[:, None])
+        drop = np.minimum(drop, self.chi2)
+        rise = drop if self.known else -self.numbers * np.log1p(-drop / max(self.chi2, 1e-300))
+        score = np.where(rank > 0, rise - 2.0 * rank, -np.inf)
+        return _Explained(drop, rank, score, np.maximum(values, _ROUNDING * floor), vectors, along)
+
+    @property
+    def open_part(self) -> Matrix:
+        """(N, d, d) information on a shot that alone is off: the share of its miss that is left."""
+        return np.eye(self.miss.shape[1]) - self.basis @ self.basis.transpose(0, 2, 1)
+
+    def agrees(self, found: _Explained, i: int) -> bool:
+        """Whether what an explanation leaves of the misses is no more than the noise (if it is known)."""
+        dof = self.numbers - int(found.rank[i])
+        return not self.known or dof <= 0 or bool(chdtrc(dof, self.chi2 - found.drop[i]) >= _CHANCE)
+
+    def chance(self, found: _Explained, i: int) -> float:
+        """Of a drop as large by noise."""
+        drop, rank = float(found.drop[i]), int(found.rank[i])
+        if self.known:
+            return float(chdtrc(rank, drop))
+        rest = self.numbers - rank
+        return float(fdtrc(rank, rest, drop / rank * rest / max(self.chi2 - drop, 1e-300)))
+
+    def estimate(self, found: _Explained, i: int) -> tuple[Matrix, Matrix]:
+        """(a,) what is supposed and its covariance (a, a), which is huge where it is not told."""
+        values, vectors = found.values[i], found.vectors[i]
+        scale = 1.0
+        if not self.known:
+            scale = (self.chi2 - float(found.drop[i])) / (self.numbers - int(found.rank[i]))
+        return vectors @ (found.along[i] / values), scale * (vectors / values) @ vectors.T
+
+
+def _displaced(fit: LikelihoodFit, left: _Left) -> tuple[list[ChangePoint], Matrix, Matrix, float]:
+    """All change points (C,), the information (C, 3, 3) on displacements there (1 / mm^2), the slopes (C, 3),
+    and the information below which a direction is not told."""
+    problem, parameters = fit.problem, fit.problem.parameters
+    shots, d = left.miss.shape
+    rows = np.arange(shots)
+    own = problem.columns[:, problem.robot.n : problem.robot.n + 3]
+    by_place = fit.whitened.jacobian[: shots * d].reshape(shots, d, -1)
+    by_place = by_place[rows[:, None, None], np.arange(d)[:, None], own[:, None, :]]
+    by_place = by_place / parameters.prior_std[own][:, None, :]
+    by_miss = -(by_place.transpose(0, 2, 1) @ left.miss[:, :, None])[:, :, 0]
+    squares = by_place.transpose(0, 2, 1) @ by_place
+    shared = left.basis.transpose(0, 2, 1) @ by_place
+    order = np.argsort(problem.shot_numbers, kind="stable")
+    points: list[ChangePoint] = []
+    grams, slopes = [np.empty((0, 3, 3))], [np.empty((0, 3))]
+    for k, target in enumerate(problem.targets):
+        mine = order[problem.target_index[order] == k]
+        # Sums over the shots after each change point.
+        square, cross, slope = (
+            np.cumsum(part[mine[:0:-1]], axis=0)[::-1] for part in (squares, shared, by_miss)
+        )
+        grams.append(square - cross.transpose(0, 2, 1) @ cross)
+        slopes.append(slope)
+        numbers = [problem.shot_numbers[i] for i in mine]
+        points += [ChangePoint(target, a, b) for a, b in pairwise(numbers)]
+    # What the fit takes out leaves rounding of the size of what was there.
+    floor = max(_TELLS_MM**-2, _ROUNDING * float(np.trace(squares.sum(axis=0))))
+    return points, np.concatenate(grams), np.concatenate(slopes), floor

@@ -1,0 +1,179 @@
+"""The way up the log-posterior, for many rows side by side: Levenberg-Marquardt, then Newton.
+
+Levenberg and Marquardt's steps are by Fisher's information on the exact log-posterior; Newton's by
+differences of the exact gradient, whose curvature at the top also gives the covariance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...model.density import Density
+from ...model.kernel import Index
+from ...model.robot import Matrix
+from .coordinates import SeenCoordinates
+from .levenberg_marquardt import Minima, Quadratic, levenberg_marquardt
+
+_CLIMBED = 1e-7  # log-posterior units: from here Newton's steps finish
+_POLISH = 60
+_TURN, _SHIFT = 0.2, 200.0  # rad, mm: the longest step of an offset, beyond which nothing is linear
+_FLAT = 1e-3  # curvature, as a share of Fisher's, below which a direction is no ridge to trust
+_DIFFERENCE = 1e-3  # step of the differences, in posterior stds
+_CONVERGED = 1e-4  # size of the gradient, in posterior stds
+_STILL = 3e-3  # posterior stds: after a shorter way the curvature is as it was
+
+
+@dataclass(frozen=True, eq=False)
+class Summits:
+    """Where the rows ended, in the coordinates v: `v` (W, f), `covariance` (W, f, f) from the curvature,
+    `value` (W,) the log-posterior, `gradient` (W,) its size in posterior stds."""
+
+    v: Matrix
+    covariance: Matrix
+    value: Matrix
+    gradient: Matrix
+    iterations: Index
+    converged: NDArray[np.bool_]
+    reason: tuple[str, ...]
+
+
+class Climb:
+    """The log-posterior in the coordinates v, for the rows of a fit: `of` (W,) names the data set of each
+    (default: one for each), `held` (W, f) coordinates that stay where they are."""
+
+    def __init__(
+        self, density: Density, of: Index | None, rows: int, held: NDArray[np.bool_] | None = None
+    ) -> None:
+        self._density = density
+        self.coordinates = SeenCoordinates(density)
+        self.of = np.arange(rows) if of is None else of
+        self._held = held
+        parameters = density.problem.parameters
+        local = np.where(np.array([item.unit for item in parameters.items]) == "deg", _TURN, _SHIFT)
+        local = np.where(parameters.group("offset"), local, np.inf)
+        self._noise = parameters.group("noise")[parameters.free]
+        self._longest = (local / parameters.prior_std)[parameters.free]
+
+    def up(self, v: Matrix) -> Minima:
+        """From v (W, f) to where no step promises more than rounding of the log-posterior."""
+        if self._noise.any() and self._held is None:
+            # Far from the mode the misses ask for any noise: first the rest, at the noise of the start.
+            v = Climb(self._density, self.of, len(v), np.tile(self._noise, (len(v), 1))).up(v).x
+        return levenberg_marquardt(self._model, v, absolute=_CLIMBED, longest=self._longest)
+
+    def _model(self, v: Matrix, rows: Index) -> Quadratic:
+        """Minus the log-posterior at v (W, f) of these rows, in v."""
+        of = self.of[rows]
+        place = self.coordinates.at(v, of)
+        value, gradient, information = self._density.slopes(place.x, of)
+        gradient, information = place.gradient(gradient), place.information(information)
+        if self._held is not None:
+            row, own = np.nonzero(self._held[rows])
+            gradient[row, own] = 0.0
+            information[row, own] = 0.0
+            information[row, :, own] = 0.0
+            information[row, own, own] = 1.0
+        return Quadratic(-value, -gradient, information)
+
+    def polished(self, found: Minima) -> Summits:
+        """Newton's steps on the exact log-posterior, log det included, in whitened coordinates."""
+        v, iterations, converged = found.x.copy(), found.iterations.copy(), found.converged.copy()
+        told = list(found.reason)
+        sound = np.isfinite(found.cost)
+        curvature = np.tile(np.eye(v.shape[1]), (len(v), 1, 1))
+        information = np.where(sound[:, None, None], found.curvature, curvature)
+        # Of the information, not of its inverse, which rounding may leave indefinite.
+        root = np.asarray(np.linalg.inv(np.linalg.cholesky(information)).transpose(0, 2, 1), dtype=float)
+        active = np.flatnonzero(sound)
+        value, slope = -found.cost, -_times(root.transpose(0, 2, 1), found.slope)
+        slope[~sound] = np.inf
+        curvature[active] = self._curvature(v[active], active, root[active])
+        way = np.zeros(len(v))  # since the curvature was taken
+        for _ in range(_POLISH):
+            active = active[np.linalg.norm(slope[active], axis=1) >= 1e-3 * _CONVERGED]
+            if len(active) == 0:
+                break
+            step = _uphill(curvature[active], slope[active])
+            taken, v[active], new_value, new_slope = self._search(v, value, slope, active, root, step)
+            slow = np.linalg.norm(new_slope, axis=1) > 0.1 * np.linalg.norm(slope[active], axis=1)
+            value[active], slope[active] = new_value, new_slope
+            way[active] += np.linalg.norm(step, axis=1)
+            iterations[active] += 1
+            active = active[taken]
+            again = active[slow[taken]]
+            if len(again):
+                curvature[again] = self._curvature(v[again], again, root[again])
+                way[again] = 0.0
+        moved = np.flatnonzero(way > _STILL)
+        if len(moved):
+            curvature[moved] = self._curvature(v[moved], moved, root[moved])
+        size = np.linalg.norm(slope, axis=1)
+        for row in range(len(v)):
+            if size[row] < _CONVERGED:
+                converged[row], told[row] = (
+                    True,
+                    f"the gradient is {size[row]:.1e} posterior standard deviations",
+                )
+            elif converged[row]:
+                converged[row] = False
+                told[row] = f"the gradient stays at {size[row]:.1e} posterior standard deviations"
+        # Where there is no maximum Fisher's information stands in.
+        curvature[np.linalg.eigvalsh(curvature)[:, 0] <= _FLAT] = np.eye(v.shape[1])
+        covariance = root @ np.linalg.inv(curvature) @ root.transpose(0, 2, 1)
+        covariance[~sound] = np.nan
+        return Summits(v, covariance, value, size, iterations, converged, tuple(told))
+
+    def _search(
+        self, v: Matrix, value: Matrix, slope: Matrix, active: Index, root: Matrix, step: Matrix
+    ) -> tuple[NDArray[np.bool_], Matrix, Matrix, Matrix]:
+        """Along the steps (of the whitened coordinates), shortened until the way leads up: for the active
+        rows whether a step was taken, and v, value and slope after it."""
+        taken = np.zeros(len(active), dtype=bool)
+        result, values, slopes = v[active].copy(), value[active].copy(), slope[active].copy()
+        length = 1.0
+        while length > 1e-4 and not taken.all():
+            left = np.flatnonzero(~taken)
+            rows = active[left]
+            trial = v[rows] + length * _times(root[rows], step[left])
+            trial_value, trial_slope = self._value_and_slope(trial, rows, root[rows])
+            # Near the top the values differ by rounding only: there the slope decides.
+            size, before = np.linalg.norm(trial_slope, axis=1), np.linalg.norm(slope[rows], axis=1)
+            good = (trial_value > value[rows]) | ((size < 0.5 * before) & (before < 2e-3))
+            at = left[good]
+            taken[at] = True
+            result[at], values[at], slopes[at] = trial[good], trial_value[good], trial_slope[good]
+            length /= 4
+        return taken, result, values, slopes
+
+    def _value_and_slope(self, v: Matrix, rows: Index, root: Matrix) -> tuple[Matrix, Matrix]:
+        """(W,) log-posterior and (W, f) its gradient in the coordinates w of v = v0 + root w."""
+        of = self.of[rows]
+        place = self.coordinates.at(v, of)
+        value, gradient, _ = self._density.slopes(place.x, of, with_information=False)
+        return value, _times(root.transpose(0, 2, 1), place.gradient(gradient))
+
+    def _curvature(self, v: Matrix, rows: Index, root: Matrix) -> Matrix:
+        """(W, f, f) negative Hessian in the coordinates w, by central differences of the exact gradient."""
+        count, size = v.shape
+        steps = _DIFFERENCE * root.transpose(0, 2, 1)  # row j: the step along w_j
+        points = np.concatenate([v[:, None] - steps, v[:, None] + steps], axis=1).reshape(-1, size)
+        each = np.repeat(rows, 2 * size)
+        _, slopes = self._value_and_slope(points, each, np.repeat(root, 2 * size, axis=0))
+        slopes = slopes.reshape(count, 2, size, size)
+        hessian = (slopes[:, 0] - slopes[:, 1]) / (2 * _DIFFERENCE)
+        return np.asarray((hessian + hessian.transpose(0, 2, 1)) / 2)
+
+
+def _uphill(curvature: Matrix, slope: Matrix) -> Matrix:
+    """Newton's steps (W, f), turned uphill along every direction whose curvature has the wrong sign."""
+    values, vectors = np.linalg.eigh(curvature)
+    along = (slope[:, None, :] @ vectors)[:, 0] / np.maximum(np.abs(values), _FLAT)
+    step: Matrix = (vectors @ along[:, :, None])[:, :, 0]
+    return step
+
+
+def _times(matrices: Matrix, vectors: Matrix) -> Matrix:
+    return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])

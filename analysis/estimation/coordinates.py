@@ -1,0 +1,144 @@
+"""Coordinates in which the posterior is nearly normal: each target as seen from the flange of its first shot.
+
+In the base frame a poorly known offset drags the target along an arc, and the posterior is a thin
+banana. Seen from the flange of a shot that hit it, the target stays where it is, so that a turn of
+everything after a joint, the target included, is a straight line along one offset. The change is a
+rigid motion for given offsets: no volume factor enters.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ...model.density import Density
+from ...model.kernel import Index
+from ...model.robot import Matrix
+
+
+class Place(NamedTuple):
+    """Parameter vectors x (W, p) and, for each moved target, how its z moves with v: `by` (W, moved, 3, m) by
+    the m coordinates at `blocks` (moved, m) of v, the last three its own. Every other z is the v itself."""
+
+    x: Matrix
+    blocks: Index
+    by: Matrix
+
+    def gradient(self, by_z: Matrix) -> Matrix:
+        """(W, f) by v of what has the gradient (W, f) by z."""
+        result = by_z.copy()
+        for k, block in enumerate(self.blocks):
+            own = block[-3:]
+            pulled = (by_z[:, None, own] @ self.by[:, k])[:, 0]
+            result[:, block[:-3]] += pulled[:, :-3]
+            result[:, own] = pulled[:, -3:]
+        return result
+
+    def jacobian(self, size: int) -> Matrix:
+        """(W, f, f) of z by v."""
+        result = np.zeros((len(self.x), size, size))
+        result[:, np.arange(size), np.arange(size)] = 1.0
+        for k, block in enumerate(self.blocks):
+            result[:, block[-3:, None], block] = self.by[:, k]
+        return result
+
+    def information(self, by_z: Matrix) -> Matrix:
+        """(W, f, f) by v of an information (W, f, f) by z."""
+        jacobian = self.jacobian(by_z.shape[1])
+        return np.asarray(jacobian.transpose(0, 2, 1) @ by_z @ jacobian)
+
+
+class SeenCoordinates:
+    """v (f,): free parameters scaled by their priors, but targets as seen, over their prior std.
+
+    Rows are those of the density: `of` (W,) names the data set of each.
+    """
+
+    def __init__(self, density: Density) -> None:
+        problem = density.problem
+        self._problem = problem
+        parameters = problem.parameters
+        n, count = problem.robot.n, len(problem.targets)
+        self._free = parameters.free
+        places = n + np.arange(3 * count).reshape(count, 3)
+        # A target of which a coordinate is held stays in the base frame: seen from the flange it would move.
+        moved = np.flatnonzero(self._free[places].all(axis=1))
+        self._targets = moved
+        self._places = places[moved]
+        # The change of frame is rigid only if the three coordinates share one scale.
+        self._scale = parameters.prior_std[self._places].mean(axis=1)
+        first = np.array([np.argmax(problem.target_index == k) for k in moved], dtype=int)
+        self._joints = density.joints[:, first]
+        # A product with one nonzero a column is exact, and dearer indexing is spared.
+        self._to_x = (np.eye(len(parameters)) * parameters.prior_std)[self._free]
+        own_scale = np.repeat(self._scale, 3)
+        self._to_seen = np.eye(len(parameters))[self._free][:, self._places.reshape(-1)] * own_scale
+        every = len(moved) == count
+        self._where = slice(n, n + 3 * count) if every else self._places.reshape(-1)
+        at_v = parameters.among_free
+        turning = np.flatnonzero(self._free[:n])
+        self._blocks = np.array([np.append(at_v[turning], at_v[place]) for place in self._places], dtype=int)
+        self._moving = np.append(turning, n + np.arange(3))
+        own = np.broadcast_to(self._scale[:, None], (len(moved), 3))
+        columns = np.hstack([np.tile(parameters.prior_std[turning], (len(moved), 1)), own])
+        self._by_scale = columns[:, None, :] / parameters.prior_std[self._places][:, :, None]
+
+    def from_parameters(self, x: Matrix, of: Index | None = None) -> Matrix:
+        """v (W, f) of parameter vectors x (W, p)."""
+        parameters = self._problem.parameters
+        z = (x - parameters.prior_mean) / parameters.prior_std
+        if len(self._targets):
+            z[:, self._places] = self._seen(x, of) / self._scale[:, None]
+        return z[:, self._free]
+
+    def to_parameters(self, v: Matrix, of: Index | None = None) -> Matrix:
+        """x (W, p) of coordinates v (W, f); what is held stays at its prior mean."""
+        x, seen = self._spread_out(v)
+        if len(self._targets):
+            (placed,) = self._each("place", of, x[:, : self._problem.robot.n], seen)
+            x[:, self._where] = placed.reshape(len(v), 3 * len(self._targets))
+        return x
+
+    def at(self, v: Matrix, of: Index | None = None) -> Place:
+        """x (W, p) of coordinates v (W, f), and how it moves with v."""
+        x, seen = self._spread_out(v)
+        if not len(self._targets):
+            return Place(x, self._blocks, np.zeros((len(v), 0, 3, 0)))
+        placed, by = self._each("placed", of, x[:, : self._problem.robot.n], seen)
+        x[:, self._where] = placed.reshape(len(v), 3 * len(self._targets))
+        by = by.reshape(len(v), len(self._targets), 3, by.shape[-1])
+        return Place(x, self._blocks, by[..., self._moving] * self._by_scale)
+
+    def jacobian(self, x: Matrix, of: Index | None = None) -> Matrix:
+        """(W, f, f) of the scaled free parameters z by v, at x (W, p)."""
+        return self.at(self.from_parameters(x, of), of).jacobian(int(self._free.sum()))
+
+    def covariance(self, x: Matrix, of_z: Matrix, of: Index | None = None) -> Matrix:
+        """(W, f, f) of v at x (W, p), from the covariance of z (W, f, f)."""
+        from_z = np.linalg.inv(self.jacobian(x, of))
+        return np.asarray(from_z @ of_z @ from_z.transpose(0, 2, 1))
+
+    def _spread_out(self, v: Matrix) -> tuple[Matrix, Matrix]:
+        """(W, p) x but for the moved targets, and (W, moved, 3) mm these as seen."""
+        x = self._problem.parameters.prior_mean + v @ self._to_x
+        return x, (v @ self._to_seen).reshape(len(v), len(self._targets), 3)
+
+    def _seen(self, x: Matrix, of: Index | None) -> Matrix:
+        """(W, moved, 3) mm."""
+        delta, targets, _ = self._problem.split(x)
+        (seen,) = self._each("seen", of, delta, targets[:, self._targets])
+        return seen.reshape(len(x), len(self._targets), 3)
+
+    def _each(self, name: str, of: Index | None, delta: Matrix, points: Matrix) -> tuple[Matrix, ...]:
+        """A function of joints, offsets and a point, for every row and moved target."""
+        rows, count = len(delta), len(self._targets)
+        kernel = self._problem.functions.kernel(name, compile=True)
+        if count == 1 and len(self._joints) == 1:
+            return kernel(self._joints[0, 0], delta, points[:, 0])
+        joints = self._joints if of is None or len(self._joints) == 1 else self._joints[of]
+        return kernel(
+            np.broadcast_to(joints, (rows, count, joints.shape[2])).reshape(rows * count, joints.shape[2]),
+            np.repeat(delta, count, axis=0),
+            points.reshape(-1, 3),
+        )

@@ -1,0 +1,234 @@
+"""The likelihood fit: the posterior's mode (MAP), its covariance, and other basins if there are any.
+
+Fits are rows: the starts of one run, or one start of each of many runs, go up side by side.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtrc
+
+from ...model.density import Density
+from ...model.kernel import Index
+from ...model.problem import Problem, Whitened
+from ...model.robot import Matrix
+from .climb import Climb
+from .elimination import eliminated
+from .levenberg_marquardt import Minima
+from .noise_factors import marginal_noise
+
+_SAME_BASIN = 0.5  # posterior stds: two modes nearer than this are one
+CONTRADICTED = 1e-4  # a chance below which misses and priors together are no chance
+MANY_STARTS = 64
+_FEW_NUMBERS = 3.0  # to each unknown: below that a wrong basin can pass for a fit
+_WORTH_TELLING = 12.0  # log-posterior units: a basin further down carries less than 1e-5 of the mass
+
+
+@dataclass(frozen=True, eq=False)
+class Fits:
+    """Modes and what surrounds them, one a row.
+
+    `x` (W, p) internal units; `z` (W, f) the free parameters scaled by their priors; `covariance` (W, f, f)
+    of z from the curvature of the log-posterior; `weight` (W,) 1 / noise scale^2; `gradient` (W,) the size
+    of the log-posterior's gradient in posterior stds.
+    """
+
+    x: Matrix
+    z: Matrix
+    covariance: Matrix
+    weight: Matrix
+    log_posterior: Matrix
+    gradient: Matrix
+    iterations: Index
+    converged: NDArray[np.bool_]
+    reason: tuple[str, ...]
+
+    @property
+    def std(self) -> Matrix:
+        """(W, f) of the free parameters, scaled by their priors."""
+        return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
+
+
+class AgainstNoise(NamedTuple):
+    """Chi-squared of the residuals, its degrees of freedom, and the chance of one as large by the stated
+    noise: None where the noise is estimated or no number is left to contradict it."""
+
+    chi2: float
+    dof: int
+    p_value: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class LikelihoodFit:
+    """The best mode of one run, a row of `Fits`."""
+
+    problem: Problem
+
+    x: Matrix
+    z: Matrix
+    covariance: Matrix
+    weight: float
+    log_posterior: float
+    gradient: float
+    iterations: int
+    converged: bool
+    reason: str
+    other_basins: int
+
+    @cached_property
+    def whitened(self) -> Whitened:
+        """Residuals and Jacobian at x."""
+        return self.problem.whiten(self.x)
+
+    @property
+    def std(self) -> Matrix:
+        """(f,) of the free parameters, scaled by their priors."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def chance(self) -> float | None:
+        """That misses and scaled parameters are as large together, where the noise is known: at the mode
+        their squares have the chi-squared of as many degrees of freedom as there are numbers. Unlike
+        `against_noise` it tells of a wrong basin even if no number is left over."""
+        if not self.problem.noise.known:
+            return None
+        return chance(self.whitened.residual, self.z)
+
+    def against_noise(self, rank: int) -> AgainstNoise:
+        """The residuals against the stated noise, of which the data's `rank` is taken up by the fit."""
+        chi2 = float(self.whitened.residual @ self.whitened.residual)
+        dof = max(self.problem.data_size - rank, 0)
+        judged = dof > 0 and self.problem.noise.known
+        return AgainstNoise(chi2, dof, float(chdtrc(dof, chi2)) if judged else None)
+
+
+def chance(residual: Matrix, z: Matrix) -> float:
+    """That whitened misses (M,) and scaled parameters (f,) are as large at a mode, their noise known."""
+    return float(chdtrc(len(residual), float(residual @ residual + z @ z)))
+
+
+def fit_likelihood(
+    problem: Problem, *, starts: int = 8, seed: int = 0, eliminate_targets: bool = False
+) -> LikelihoodFit:
+    """Fit from zero offsets and from `starts` further points drawn from the priors; the best mode wins.
+
+    If that contradicts noise and priors, with few numbers, the best may be elsewhere: more starts are tried.
+
+    With `eliminate_targets` the way up is searched in offsets and tool alone (`elimination`); the mode is the
+    same. Raises ValueError where the elimination is not exact.
+    """
+    rng = np.random.default_rng(seed)
+    density = Density(problem)
+    z = np.vstack([np.zeros(density.size), rng.normal(size=(starts, density.size))])
+    start = start_at(problem, z)
+    if eliminate_targets:
+        start = np.array([eliminated(problem, x) for x in start])
+    found = fit_rows(density, start, np.zeros(len(z), dtype=np.int64))
+    best = int(np.argmax(np.where(found.converged, found.log_posterior, -np.inf)))
+    if not found.converged[best] or found.log_posterior[best] <= found.log_posterior[0] + 1e-6:
+        best = 0
+    basins = [best]
+    for row in range(len(z)):
+        near = found.log_posterior[row] >= found.log_posterior[best] - _WORTH_TELLING
+        if found.converged[row] and near and all(_apart(found, row, known) for known in basins):
+            basins.append(row)
+    fit = _single(problem, found, best, len(basins) - 1)
+    few = problem.data_size < _FEW_NUMBERS * density.size
+    if 0 < starts < MANY_STARTS and few and fit.chance is not None and fit.chance < CONTRADICTED:
+        return fit_likelihood(problem, starts=MANY_STARTS, seed=seed, eliminate_targets=eliminate_targets)
+    if not (problem.noise.separate and fit.converged):
+        return fit
+    # The common mode of noise factors and all else has too small a noise.
+    x, covariance, settled = marginal_noise(problem, fit.x)
+    return replace(
+        fit,
+        x=x,
+        z=density.scaled(x[None])[0],
+        covariance=covariance,
+        log_posterior=float(density.log_posterior(x[None])[0]),
+        converged=settled,
+        reason=fit.reason if settled else "the noise factors did not settle",
+    )
+
+
+def _single(problem: Problem, found: Fits, row: int, other_basins: int) -> LikelihoodFit:
+    return LikelihoodFit(
+        problem=problem,
+        x=found.x[row],
+        z=found.z[row],
+        covariance=found.covariance[row],
+        weight=float(found.weight[row]),
+        log_posterior=float(found.log_posterior[row]),
+        gradient=float(found.gradient[row]),
+        iterations=int(found.iterations[row]),
+        converged=bool(found.converged[row]),
+        reason=found.reason[row],
+        other_basins=other_basins,
+    )
+
+
+def start_at(problem: Problem, z: Matrix, joints: Matrix | None = None) -> Matrix:
+    """x (W, p) with the free offsets and tool at z (W, f) and each target nearest to its beams there.
+
+    `joints` (W, N, n) are the recorded ones of each row, the problem's own by default.
+    """
+    parameters = problem.parameters
+    x = np.tile(parameters.prior_mean, (len(z), 1))
+    x[:, parameters.free] += z * parameters.prior_std[parameters.free]
+    delta, _, tool = problem.split(x)
+    targets = parameters.group("target")
+    nearest = problem.nearest_targets(delta, tool, joints).reshape(len(z), -1)
+    x[:, targets] = np.where(parameters.free[targets], nearest, parameters.prior_mean[targets])
+    return x
+
+
+def fit_rows(density: Density, start: Matrix, of: Index | None = None) -> Fits:
+    """Fit from each start x (W, p): `modes`, then Newton, and the curvature there. `of` (W,) names the data
+    set of each row (default: one for each)."""
+    climb = Climb(density, of, len(start))
+    top = climb.polished(climb.up(climb.coordinates.from_parameters(start, climb.of)))
+    x = climb.coordinates.to_parameters(top.v, climb.of)
+    by_v = climb.coordinates.jacobian(x, climb.of)
+    weight, mode_weight = unbiased_weight(density, x, climb.of), density.noise_weight(x, climb.of)
+    covariance = by_v @ top.covariance @ by_v.transpose(0, 2, 1) * (mode_weight / weight)[:, None, None]
+    return Fits(
+        x,
+        density.scaled(x),
+        covariance,
+        weight,
+        top.value,
+        top.gradient,
+        top.iterations,
+        top.converged,
+        top.reason,
+    )
+
+
+def modes(density: Density, start: Matrix, of: Index | None = None) -> Minima:
+    """The modes alone, to some 1e-4 posterior stds: Levenberg-Marquardt on the exact log-posterior with
+    Fisher's information, from each start x (W, p). The `x` of the minima are parameter vectors (W, p)."""
+    climb = Climb(density, of, len(start))
+    found = climb.up(climb.coordinates.from_parameters(start, climb.of))
+    return found._replace(x=climb.coordinates.to_parameters(found.x, climb.of))
+
+
+def _apart(fits: Fits, a: int, b: int) -> bool:
+    std = np.maximum(fits.std[a], fits.std[b])
+    return not bool((np.abs(fits.z[a] - fits.z[b]) <= _SAME_BASIN * std).all())
+
+
+def unbiased_weight(density: Density, x: Matrix, of: Index | None = None) -> Matrix:
+    """(W,) 1 / noise scale^2 at x (W, p): 1 for known noise, else what of the residuals is free / chi^2."""
+    if not density.problem.noise.estimated:
+        return np.ones(len(x))
+    information = density.slopes(x, of).information
+    # What the shots determine is what the priors and distances do not: f - tr(C R).
+    rigid = np.trace(np.linalg.solve(information, density.prior_information(x)), axis1=1, axis2=2)
+    numbers = density.numbers(of)
+    chi2 = numbers / density.noise_weight(x, of)
+    return np.asarray(np.maximum(numbers - (density.size - rigid), 1e-3) / chi2)

@@ -1,0 +1,152 @@
+"""Levenberg-Marquardt with gain-ratio damping (Madsen, Nielsen & Tingleff 2004, algorithm 3.16), row by row.
+
+Rows are minimisations of their own (starts of one run, or runs), carried out side by side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...model.kernel import Index
+from ...model.robot import Matrix
+
+NO_LOWER = "no step lowers the cost any more"
+NO_STEP = "no damping gives a step that could be taken"
+NOT_FINITE = "the cost is not finite at the start"
+
+
+class Quadratic(NamedTuple):
+    """A cost near some points: `cost` (W,), `gradient` (W, f), a positive `curvature` (W, f, f)."""
+
+    cost: Matrix
+    gradient: Matrix
+    curvature: Matrix
+
+
+# At points (W, f) of the minimisations of these numbers (W,).
+Model = Callable[[Matrix, Index], Quadratic]
+
+
+class Minima(NamedTuple):
+    """Where W minimisations ended; not converging is a value, not an exception.
+
+    `x` (W, f); `slope` (W, f) the gradient there and `curvature` (W, f, f); `reason` says why each stopped.
+    """
+
+    x: Matrix
+    cost: Matrix
+    slope: Matrix
+    curvature: Matrix
+    iterations: Index
+    converged: NDArray[np.bool_]
+    reason: list[str]
+
+    def keep(self, rows: Index, x: Matrix, cost: Matrix, slope: Matrix, curvature: Matrix) -> None:
+        """Where these rows have come to."""
+        self.x[rows], self.cost[rows] = x, cost
+        self.slope[rows], self.curvature[rows] = slope, curvature
+
+
+def least_squares(residual: Callable[[Matrix, Index], tuple[Matrix, Matrix]]) -> Model:
+    """The model of |r|^2 / 2 from residuals (W, M) and their Jacobian (W, M, f): Gauss and Newton's."""
+
+    def model(x: Matrix, rows: Index) -> Quadratic:
+        r, jacobian = residual(x, rows)
+        transposed = jacobian.transpose(0, 2, 1)
+        return Quadratic((r**2).sum(axis=1) / 2, (transposed @ r[:, :, None])[:, :, 0], transposed @ jacobian)
+
+    return model
+
+
+def levenberg_marquardt(
+    model: Model,
+    start: Matrix,
+    *,
+    max_iterations: int = 200,
+    damping: float = 1e-3,
+    tolerance: float = 1e-14,
+    absolute: float = 1e-300,
+    longest: Matrix | float = np.inf,
+) -> Minima:
+    """Minimise a cost from each row of `start` (W, f).
+
+    The step solves (C + mu D) h = -g with D the diagonal of the curvature C, so that it changes with no unit
+    (eq. 9 of the paper has D = I, and Omega there must be the residual vector). A row ends where its step
+    promises to lower the cost by less than `tolerance` of it, or by `absolute`; `damping` is the first mu.
+    Steps are shortened so that no coordinate moves by more than its `longest` (f,).
+    """
+    rows, size = start.shape
+    first = model(start, np.arange(rows))
+    result = Minima(
+        start.copy(),
+        first.cost.copy(),
+        first.gradient.copy(),
+        first.curvature.copy(),
+        np.full(rows, max_iterations),
+        np.zeros(rows, dtype=bool),
+        [f"no convergence in {max_iterations} iterations"] * rows,
+    )
+    # What is still under way stands together, so that a step of all is a few operations.
+    active = np.flatnonzero(np.isfinite(result.cost))
+    for row in np.flatnonzero(~np.isfinite(result.cost)):
+        result.reason[row], result.iterations[row] = NOT_FINITE, 0
+    x, cost, slope, curvature = (part[active] for part in result[:4])
+    mu, nu = np.full(len(active), damping), np.full(len(active), 2.0)
+    diagonal_at = np.arange(size)
+    for iteration in range(max_iterations):
+        if len(active) == 0:
+            break
+        diagonal = np.maximum(curvature[:, diagonal_at, diagonal_at], 1e-300)
+        damped = curvature.copy()
+        damped[:, diagonal_at, diagonal_at] += mu[:, None] * diagonal
+        step = -solve_rows(damped, slope[:, :, None])[:, :, 0]  # NaN: no step worth taking
+        step /= np.abs(step / longest).max(axis=1, initial=1.0)[:, None]
+        bent = (curvature @ step[:, :, None])[:, :, 0]
+        predicted = -(step * (slope + bent / 2)).sum(axis=1)
+        done = predicted <= np.maximum(tolerance * np.abs(cost), absolute)
+        lost = ~np.isfinite(mu)  # no damping makes a step of it
+        if done.any() or lost.any():
+            result.keep(active, x, cost, slope, curvature)
+            for row in active[done]:
+                result.converged[row], result.reason[row] = True, NO_LOWER
+                result.iterations[row] = iteration
+            for row in active[lost]:
+                result.reason[row], result.iterations[row] = NO_STEP, iteration
+            left = ~(done | lost)
+            active, x, cost, slope, curvature = (v[left] for v in (active, x, cost, slope, curvature))
+            mu, nu, step, predicted = (v[left] for v in (mu, nu, step, predicted))
+            if len(active) == 0:
+                break
+        trial = x + step
+        found = model(trial, active)
+        with np.errstate(invalid="ignore", over="ignore"):
+            gain = (cost - found.cost) / predicted
+            taken = gain > 0  # never for what is no number
+            easier = np.maximum(1 / 3, 1 - (2 * np.minimum(gain, 2.0) - 1) ** 3)
+            mu, nu = np.where(taken, mu * easier, mu * nu), np.where(taken, 2.0, 2 * nu)
+        if taken.all():
+            x, cost, slope, curvature = trial, *found
+        else:
+            x, cost = np.where(taken[:, None], trial, x), np.where(taken, found.cost, cost)
+            slope = np.where(taken[:, None], found.gradient, slope)
+            curvature = np.where(taken[:, None, None], found.curvature, curvature)
+    result.keep(active, x, cost, slope, curvature)
+    return result
+
+
+def solve_rows(matrices: Matrix, right: Matrix) -> Matrix:
+    """(W, f, m) of matrices (W, f, f) and right sides (W, f, m); NaN for a row whose matrix is singular."""
+    try:
+        return np.asarray(np.linalg.solve(matrices, right), dtype=float)
+    except np.linalg.LinAlgError:
+        result = np.full_like(right, np.nan)
+        for row, (matrix, own) in enumerate(zip(matrices, right, strict=True)):
+            try:
+                result[row] = np.linalg.solve(matrix, own)
+            except np.linalg.LinAlgError:
+                continue
+        return result

@@ -1,0 +1,209 @@
+"""The paper's own fit (eq. 8): middles of beam pairs, minus the mean of all middles.
+
+Its residuals are correlated and it has no noise model, so it comes as a point estimate next to the
+likelihood; what its scatter is follows from the joints' noise by the sandwich. The cost does not see the
+gap between two skew beams, and two beams always cost zero. For a probe each shot gives one point, and the
+points of a target are compared with their mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...model.kernel import Index
+from ...model.problem import Problem
+from ...model.robot import Matrix
+from .levenberg_marquardt import least_squares, levenberg_marquardt, solve_rows
+
+_COMPILE_FROM = 50  # data sets
+_PARALLEL = 1e-4  # rad: beams nearer to parallel than this have no middle that could be trusted
+
+
+@dataclass(frozen=True, eq=False)
+class MidpointFit:
+    """`x` (p,) internal units with the offsets and tool of the fit (targets: the mean middle).
+
+    `available` is False where no pair of beams has a middle; `rms` is over the 3-vectors, mm.
+    """
+
+    x: Matrix
+    available: bool
+    converged: bool
+    reason: str
+    iterations: int
+    cost: float
+    rms: float
+    message: str | None
+
+
+@dataclass(frozen=True, eq=False)
+class MidpointFits:
+    """The fits of W data sets: `x` (W, p), `cost` (W,) and the (W, g, g) covariance of the free offsets and
+    tool, scaled by their priors, in the order of `free` (p,). No prior enters this fit."""
+
+    x: Matrix
+    covariance: Matrix
+    free: NDArray[np.bool_]
+    cost: Matrix
+    points: int
+    iterations: Index
+    converged: NDArray[np.bool_]
+    reason: Sequence[str]
+
+
+def fit_midpoint(problem: Problem) -> MidpointFit:
+    """Minimise eq. 8 from zero offsets by Levenberg-Marquardt, each target with a mean of its own."""
+    middles, message = _Middles.of(problem)
+    if middles is None:
+        nothing = float("nan")
+        return MidpointFit(
+            problem.parameters.prior_mean, False, False, "not defined", 0, nothing, nothing, message
+        )
+    found = _fitted(middles, problem.joints[None])
+    cost = float(found.cost[0])
+    rms = float(np.sqrt(2 * cost / found.points))
+    converged, iterations = bool(found.converged[0]), int(found.iterations[0])
+    return MidpointFit(found.x[0], True, converged, found.reason[0], iterations, cost, rms, message)
+
+
+def fit_midpoints(problem: Problem, joints: Matrix) -> MidpointFits:
+    """The same for data sets that share all but the recorded `joints` (W, N, n).
+
+    The covariance is the sandwich (J'J)^-1 J' M J (J'J)^-1 (White 1980), in which M is what the stated noise
+    of the joints does to all middles: one shot has a part in many. Raises ValueError where no pair of beams
+    has a middle.
+    """
+    middles, message = _Middles.of(problem)
+    if middles is None:
+        raise ValueError(message)
+    return _fitted(middles, joints, with_covariance=True)
+
+
+def _fitted(middles: _Middles, joints: Matrix, with_covariance: bool = False) -> MidpointFits:
+    parameters = middles.problem.parameters
+    scale = parameters.prior_std
+    free = parameters.free & (parameters.group("offset") | parameters.group("tool"))
+
+    def at(z: Matrix) -> Matrix:
+        x = np.tile(parameters.prior_mean, (len(z), 1))
+        x[:, free] += z * scale[free]
+        return x
+
+    def residual(z: Matrix, rows: Index) -> tuple[Matrix, Matrix]:
+        points, jacobian, _ = middles.at(at(z), joints[rows])
+        centred, by_x = middles.centred(points), middles.centred(jacobian)
+        by_z = (by_x * scale)[..., free]
+        return centred.reshape(len(z), -1), by_z.reshape(len(z), -1, by_z.shape[-1])
+
+    found = levenberg_marquardt(least_squares(residual), np.zeros((len(joints), int(free.sum()))))
+    x = at(found.x)
+    points, _, by_shot = middles.at(x, joints)
+    x[:, parameters.group("target")] = middles.means(points).reshape(len(x), -1)
+    covariance = np.zeros((len(x), 0, 0))
+    if with_covariance:
+        _, jacobian = residual(found.x, np.arange(len(x)))
+        covariance = _sandwich(middles, jacobian, by_shot)
+    converged = found.converged & np.isfinite(covariance).all(axis=(1, 2))
+    return MidpointFits(
+        x, covariance, free, found.cost, points.shape[1], found.iterations, converged, found.reason
+    )
+
+
+def _sandwich(middles: _Middles, jacobian: Matrix, by_shot: Matrix) -> Matrix:
+    """(W, g, g): to first order z moves by -(J'J)^-1 J' dr, and dr by the joints' noise of every shot."""
+    problem = middles.problem
+    count = len(jacobian)
+    moved = np.zeros((count, problem.shots, problem.robot.n, *by_shot.shape[2:4]))  # (W, N, n, m, 3)
+    rows = np.arange(by_shot.shape[2])
+    for which, shots in enumerate(middles.shots):
+        # By the noise of one joint of one shot: the middles in which that shot has a part.
+        moved[:, shots, :, rows] += by_shot[:, which].transpose(1, 0, 3, 2)
+    by_noise = middles.centred(moved.transpose(0, 3, 4, 1, 2).reshape(count, len(rows), 3, -1))
+    by_noise = by_noise.reshape(count, jacobian.shape[1], -1) * np.tile(problem.noise.joint, problem.shots)
+    if problem.tool.kind == "probe":
+        # The ball does not sit quite at the centre of its socket: each tip is off by as much, any way.
+        size = jacobian.shape[1]
+        apart = middles.centred(np.eye(size).reshape(1, -1, 3, size)).reshape(1, size, size)
+        apart = np.broadcast_to(apart * problem.noise.spot, (count, size, size))
+        by_noise = np.concatenate([by_noise, apart], axis=2)
+    transposed = jacobian.transpose(0, 2, 1)
+    half = solve_rows(transposed @ jacobian, transposed @ by_noise)
+    covariance: Matrix = half @ half.transpose(0, 2, 1)
+    return covariance
+
+
+class _Middles:
+    """The points whose scatter eq. 8 measures: (W, m, 3) and their Jacobian (W, m, 3, p).
+
+    `shots` names the shots of each point: two for the middle of a pair, one for a tip.
+    """
+
+    def __init__(self, problem: Problem, shots: tuple[Index, ...]) -> None:
+        self.problem = problem
+        self.shots = shots
+        self._target = problem.target_index[shots[0]]
+
+    @classmethod
+    def of(cls, problem: Problem) -> tuple[_Middles | None, str | None]:
+        """The pairs that have a middle, and a sentence on those that have none."""
+        if problem.tool.kind == "probe":
+            told = "a probe has points, not beams: the scatter of the tip's positions is minimised"
+            return cls(problem, (np.arange(problem.shots),)), told
+        _, direction = problem.beams(problem.parameters.prior_mean)
+        kept: list[tuple[int, int]] = []
+        parallel: list[tuple[int, int]] = []
+        for i, j in combinations(range(problem.shots), 2):
+            if problem.target_index[i] == problem.target_index[j]:
+                sine = float(np.linalg.norm(np.cross(direction[i], direction[j])))
+                (kept if sine > _PARALLEL else parallel).append((i, j))
+        message = None
+        if parallel:
+            i, j = (problem.shot_numbers[s] for s in parallel[0])
+            message = (
+                f"{len(parallel)} of {len(parallel) + len(kept)} pairs of beams are parallel and have no"
+                f" middle (shots {i} and {j}, for one): they are left out"
+            )
+        if not kept:
+            return None, (message or "no target is seen by two shots") + "; nothing is left to fit"
+        first, second = np.array(kept).T
+        return cls(problem, (first, second)), message
+
+    def at(self, x: Matrix, joints: Matrix) -> tuple[Matrix, Matrix, Matrix]:
+        """Points, their Jacobian by x (W, p), and (W, shots of a point, m, 3, n) by those shots' joints."""
+        problem = self.problem
+        count, n, m = len(x), problem.robot.n, len(self._target)
+        delta, _, tool = (np.repeat(part, m, axis=0) for part in problem.split(x))
+        turned = [joints[:, shots].reshape(count * m, n) for shots in self.shots]
+        if len(turned) == 2:
+            middle = problem.functions.kernel("midpoint", compile=count > _COMPILE_FROM)
+            points, own, first, second = middle(*turned, delta, tool)
+            by_shot = np.stack([first, second])
+        else:
+            tip = tool if tool.shape[1] else np.tile(problem.tool.point, (count * m, 1))
+            points, by = problem.functions.kernel("placed")(*turned, delta, tip)
+            own = by if tool.shape[1] else by[:, :, :n]
+            by_shot = own[None, :, :, :n]
+        jacobian = np.zeros((count, m, 3, len(problem.parameters)))
+        after = n + 3 * len(problem.targets)
+        own = own.reshape(count, m, 3, -1)
+        jacobian[..., :n] = own[..., :n]
+        jacobian[..., after : after + tool.shape[1]] = own[..., n:]
+        by_shot = by_shot.reshape(-1, count, m, 3, n).transpose(1, 0, 2, 3, 4)
+        return points.reshape(count, m, 3), jacobian, by_shot
+
+    def means(self, values: Matrix) -> Matrix:
+        """(W, K, ...) means over the points of each target (zero for a target without any)."""
+        result = np.zeros((len(values), len(self.problem.targets), *values.shape[2:]))
+        for k in range(len(self.problem.targets)):
+            mine = self._target == k
+            if mine.any():
+                result[:, k] = values[:, mine].mean(axis=1)
+        return result
+
+    def centred(self, values: Matrix) -> Matrix:
+        return np.asarray(values - self.means(values)[:, self._target])

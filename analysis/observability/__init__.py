@@ -1,0 +1,1 @@
+"""What the data can determine, before and after a measurement, and why not."""

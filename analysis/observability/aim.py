@@ -1,0 +1,98 @@
+"""Postures turned onto their targets: the shots that the model says would hit.
+
+A plan's postures only roughly point at the target; the servo turns the wrist until the beam hits.
+A run's shots hit but for noise and misfit. In both cases what the data can tell is a property of
+the shots that hit, so identifiability is judged there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...model.problem import Problem
+from ...model.robot import Matrix
+
+_ITERATIONS = 60
+_LARGEST_STEP = 0.2  # rad (or as a share of a metre for prismatic joints): keeps Newton's steps local
+_HIT_MM = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Aimed:
+    """`problem` has its shots turned onto their targets as far as they can be.
+
+    `off_mm` (N,) is how far each shot was off before, `hit` (N,) whether it hits now, `ahead` (N,)
+    whether the target lies before the laser: the model's beam is a whole line, the laser's is half of it.
+    """
+
+    problem: Problem
+    off_mm: Matrix
+    hit: NDArray[np.bool_]
+    ahead: NDArray[np.bool_]
+
+
+def servo_joints(problem: Problem) -> Matrix:
+    """(n,) weights of the joints that a servo turns: the last three for a beam, all for a probe."""
+    weights = np.ones(problem.robot.n)
+    if problem.tool.kind == "laser":
+        weights[:-3] = 0.0
+    return weights
+
+
+def moving_joints(joints: Matrix) -> Matrix:
+    """(n,) weights by which recorded shots (N, n) may be moved: each joint's variance over the shots.
+
+    A joint that the shots keep exactly constant stays exactly constant, so that no gauge is broken.
+    """
+    spread = np.ptp(joints, axis=0)
+    return np.where(spread > 0, np.var(joints, axis=0), 0.0)
+
+
+def aim(problem: Problem, x: Matrix, weights: Matrix) -> Aimed:
+    """Turn every shot onto its target by the joints with a weight (n,), at the parameters x: (p,), or (N, p)
+    with own ones for every shot.
+
+    Damped Gauss-Newton in the joints with the smallest weighted turn; the exact Jacobian of the miss.
+    """
+    scale = np.array([1.0 if joint.kind == "revolute" else 1000.0 for joint in problem.robot.joints])
+    weights = weights * scale**2
+    n, d = problem.robot.n, problem.tool.miss_size
+    joints = problem.joints.copy()
+    miss, jacobian = problem.linearise(x)
+    off = np.linalg.norm(miss, axis=1)
+    best, best_miss = joints.copy(), off.copy()
+    active = np.arange(problem.shots)
+    # Where no joint may be turned there is nothing to do.
+    before_last_step = np.full(problem.shots, np.inf if weights.any() else 0.0)
+    for _ in range(_ITERATIONS):
+        # One step more than the hit needs: an exact gauge shows as one only where the miss is rounding.
+        going_on = before_last_step[active] >= _HIT_MM * 1e-3
+        active, miss, jacobian = active[going_on], miss[going_on], jacobian[going_on]
+        if len(active) == 0:
+            break
+        before_last_step[active] = best_miss[active]
+        by_joints = jacobian[:, :, :n]
+        gram = (by_joints * weights) @ by_joints.transpose(0, 2, 1)
+        damping = 1e-12 * np.trace(gram, axis1=1, axis2=2) + 1e-30
+        gram += damping[:, None, None] * np.eye(d)
+        step = -(weights * (by_joints.transpose(0, 2, 1) @ np.linalg.solve(gram, miss[:, :, None]))[:, :, 0])
+        largest = np.abs(step / scale).max(axis=1)
+        step *= np.minimum(1.0, _LARGEST_STEP / np.maximum(largest, 1e-300))[:, None]
+        joints[active] += step
+        miss, jacobian = problem.linearise(x, joints[active], active)
+        size = np.linalg.norm(miss, axis=1)
+        better = size < best_miss[active]
+        nearer = active[better]
+        best[nearer], best_miss[nearer] = joints[nearer], size[better]
+    aimed = problem.moved(best)
+    return Aimed(aimed, off, best_miss < _HIT_MM, _ahead(aimed, x))
+
+
+def _ahead(problem: Problem, x: Matrix) -> NDArray[np.bool_]:
+    origin, direction = problem.beams(x)
+    _, targets, _ = problem.split(np.broadcast_to(x, (problem.shots, x.shape[-1])))
+    own = targets[np.arange(problem.shots), problem.target_index]
+    return np.asarray(((own - origin) * direction).sum(axis=1) >= 0)

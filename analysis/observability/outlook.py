@@ -1,0 +1,141 @@
+"""What a plan promises beyond its verdict: with fewer shots, with the target elsewhere, with one change."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from ...model.problem import Problem
+from ...model.robot import Matrix
+from .aim import aim, servo_joints
+
+_DRAWS = 16
+_CHANGE = {"revolute": 30.0, "prismatic": 100.0}  # degrees, mm
+_WORTH_TELLING = 0.8  # a change that leaves more than this of the worst std is no advice
+
+
+@dataclass(frozen=True)
+class CurvePoint:
+    """`worst_std` (deg; mm) of the offsets after the first `shots` shots, priors included."""
+
+    shots: int
+    worst_std: float
+
+
+@dataclass(frozen=True)
+class OverTarget:
+    """The plan with its targets where they might stand, by their stated sigma.
+
+    `worst_std` is the largest predicted std (deg; mm) of each offset over the `draws`; `hit` the share
+    of the shots that the servo can still turn onto the target.
+    """
+
+    draws: int
+    hit: float
+    worst_std: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Advice:
+    """The single change that lowers the worst predicted std (deg; mm) of the offsets most.
+
+    Posture `posture` is turned by `change_deg` (in `unit`: mm for a prismatic joint) in joint `joint`
+    (from 1) and aimed anew; `add` says whether as one more shot or in its place.
+    """
+
+    posture: int
+    joint: int
+    change_deg: float
+    unit: str
+    add: bool
+    worst_std_before: float
+    worst_std_after: float
+
+
+def predicted_std(problem: Problem, x: Matrix) -> Matrix:
+    """(f,) std of the free parameters scaled by their priors, priors included, at x (p,)."""
+    return np.asarray(np.sqrt(np.diag(np.linalg.inv(_information(problem, x)))))
+
+
+def curve(problem: Problem, x: Matrix) -> tuple[CurvePoint, ...]:
+    """The worst std of the offsets after the first 2, 3, … shots of aimed shots."""
+    return tuple(
+        CurvePoint(shots, _worst(problem, predicted_std(problem.select(np.arange(shots)), x)))
+        for shots in range(2, problem.shots + 1)
+    )
+
+
+def over_target(problem: Problem, x: Matrix, spread: Matrix) -> OverTarget | None:
+    """The plan for targets drawn with std `spread` (p,), mm; None where none is spread."""
+    if not spread.any():
+        return None
+    rng = np.random.default_rng(1)
+    largest = np.zeros(int(problem.parameters.free.sum()))
+    hits = 0
+    for _ in range(_DRAWS):
+        there = x + spread * rng.normal(size=len(x))
+        aimed = aim(problem, there, servo_joints(problem))
+        hits += int(aimed.hit.sum())
+        shots = aimed.problem.select(np.flatnonzero(aimed.hit))
+        largest = np.maximum(largest, predicted_std(shots, there))
+    worst = dict(_offsets(problem, largest))
+    return OverTarget(_DRAWS, hits / (_DRAWS * problem.shots), worst)
+
+
+def advice(problem: Problem, x: Matrix) -> Advice | None:
+    """Try each joint before the servo's, each posture, both ways; None where no single change helps much.
+
+    Judged on the exact information of the aimed shots; joints stay inside their limits.
+    """
+    robot, count = problem.robot, problem.shots
+    moved = [j for j in range(robot.n) if servo_joints(problem)[j] == 0] or list(range(robot.n))
+    tries = list(product(range(count), moved, (1.0, -1.0)))
+    rows = np.array([i for i, _, _ in tries])
+    joints = problem.joints[rows].copy()
+    for row, (_, j, sign) in enumerate(tries):
+        joints[row, j] += sign * _CHANGE[robot.joints[j].kind] / robot.joints[j].display
+    aimed = aim(problem.select(rows).moved(joints), x, servo_joints(problem))
+    turned = aimed.problem.joints
+    inside = np.asarray(((turned >= robot.lower) & (turned <= robot.upper)).all(axis=1))
+    own = _informations(problem, x)
+    new = _informations(aimed.problem, x)
+    total = _information(problem, x)
+    before = _worst(problem, np.sqrt(np.diag(np.linalg.inv(total))))
+    best: Advice | None = None
+    for row, (i, j, sign) in enumerate(tries):
+        if not (aimed.hit[row] and aimed.ahead[row] and inside[row]):
+            continue
+        joint = robot.joints[j]
+        for add in (False, True):
+            changed = total + new[row] - (0.0 if add else own[i])
+            after = _worst(problem, np.sqrt(np.diag(np.linalg.inv(changed))))
+            if best is None or after < best.worst_std_after * (0.95 if add and not best.add else 1.0):
+                best = Advice(i, j + 1, sign * _CHANGE[joint.kind], joint.unit, add, before, after)
+    return best if best is not None and best.worst_std_after < _WORTH_TELLING * before else None
+
+
+def _information(problem: Problem, x: Matrix) -> Matrix:
+    """(f, f) of the scaled free parameters at x: Fisher's, with that of distances and priors."""
+    jacobian = problem.whiten(x).jacobian[:, problem.parameters.free]
+    return jacobian.T @ jacobian + np.eye(jacobian.shape[1])
+
+
+def _informations(problem: Problem, x: Matrix) -> Matrix:
+    """(N, f, f) of each shot alone, without priors."""
+    blocks = problem.roots(problem.whiten(x))
+    return np.asarray(blocks.transpose(0, 2, 1) @ blocks)
+
+
+def _offsets(problem: Problem, scaled: Matrix) -> list[tuple[str, float]]:
+    items = [item for item in problem.parameters.items if not item.held]
+    return [
+        (item.name, float(std) * item.prior_std * item.display)
+        for item, std in zip(items, scaled, strict=True)
+        if item.group == "offset"
+    ]
+
+
+def _worst(problem: Problem, scaled: Matrix) -> float:
+    return max((std for _, std in _offsets(problem, scaled)), default=0.0)

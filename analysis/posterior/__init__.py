@@ -1,0 +1,1 @@
+"""The posterior, sampled by emcee."""

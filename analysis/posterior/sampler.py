@@ -1,0 +1,324 @@
+"""Sampling of a density by emcee: an independence move from a multivariate t, and differential evolution.
+
+Nothing here knows of robots: a vectorised log-density goes in, draws and their diagnostics come out. A run
+that mixes badly goes on in bent coordinates (`bend`) with many more walkers, up to a stated budget.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ...model.robot import Matrix
+from .moves import DifferentialMove, IndependenceMove, IndependenceProposal
+from .triangular_map import Bend
+
+ENSEMBLES = 4
+RHAT_GATE = 1.01
+BUDGET = 1_000_000  # evaluations of the density before a run gives up, and
+_PER_ESS = 40  # more for each effective draw asked for
+_WALKERS = (32, 1024)  # of an ensemble: many share the cost of a step where many draws are asked for
+_STEPS_PLANNED = 64
+_SHARE = 0.1  # of the steps, by differential evolution
+_ROUND = 20  # steps from one fit of the proposal to the next
+_ROUNDS = (2, 5)  # at least and at most
+_SETTLED = 0.03  # more proposals accepted than in any round before: not yet settled
+_PULLS = 12  # halvings of the way to the proposal's location
+_FIRST_LOOK = 60  # steps: from shorter chains the ESS comes out too large
+_BENT_LOOK = 100
+_DRIFT_GATE = 4.5  # standard errors; the tails of a curved sheet are found late, by all ensembles alike
+_PLAIN_STEPS = 250
+_BENT_WALKERS = 512
+_BENT_SHARE = 0.3
+_BENT_ROUNDS = (6, 12)
+_FITTED = 8_000  # draws to fit a bend to
+_LOOK_WALKERS = 128  # of an ensemble, to take diagnostics of
+_TURNOVER = 2  # effective draws for each walker: on average it has left its start behind
+
+Progress = Callable[[float], None]
+LogDensity = Callable[[Matrix], Matrix]
+
+
+@dataclass(frozen=True, eq=False)
+class Sampled:
+    """What the ensembles left: `values` (ensembles, walkers, steps, f) in the sampler's coordinates.
+
+    `settled`: R-hat passed its gate and nothing drifts; whether the ESS is enough is the caller's to say.
+    `seconds` are those of the sampling, `looking` those of the diagnostics, `evaluations` the density's rows.
+    """
+
+    values: Matrix
+    acceptance: float
+    rhat: Matrix
+    ess_bulk: Matrix
+    seconds: float
+    looking: float
+    evaluations: int
+    settled: bool
+
+
+class _Grown(NamedTuple):
+    """Draws with their R-hat and ESS (f,); whether they are `enough`, and whether they have `settled`."""
+
+    values: Matrix
+    rhat: Matrix
+    bulk: Matrix
+    enough: bool
+    settled: bool
+
+
+class _Run:
+    """Independent ensembles, each with a generator of its own, and what they have learnt so far.
+
+    Points come and go as (ensembles, walkers, [steps,] f) in the caller's coordinates.
+    """
+
+    def __init__(
+        self,
+        log_density: LogDensity,
+        proposal: IndependenceProposal,
+        seed: int,
+        pool: ThreadPoolExecutor,
+        judged: Callable[[Matrix], Matrix],
+    ) -> None:
+        self._log_density, self._pool, self._judged = log_density, pool, judged
+        self._first = self._proposal = proposal
+        self._bend: Bend | None = None
+        self.randoms = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(ENSEMBLES)]
+        self.evaluations = 0
+        self.acceptance = self._independent = 0.0
+        self.seconds = 0.0
+
+    def density(self, points: Matrix) -> Matrix:
+        """(W,); what is no number, or more than any number, is impossible: -inf."""
+        with np.errstate(all="ignore"):
+            values = np.asarray(self._log_density(points), dtype=float)
+        return np.where(values < np.inf, values, -np.inf)
+
+    def start(self, walkers: int) -> Matrix | None:
+        """Draws of the proposal, pulled in to where the density is not 0; None where that is nowhere."""
+        starts = []
+        for random in self.randoms:
+            points = self._proposal.draw(walkers, random)
+            for _ in range(_PULLS):
+                possible = np.isfinite(self.density(points))
+                self.evaluations += walkers
+                if possible.all():
+                    break
+                points[~possible] = (points[~possible] + self._proposal.location) / 2
+            possible = np.isfinite(self.density(points))
+            if not possible.any():
+                return None
+            starts.append(np.where(possible[:, None], points, random.choice(points[possible], walkers)))
+        return np.stack(starts)
+
+    def spread(self, values: Matrix, walkers: int) -> Matrix:
+        """Starts for as many walkers, from each ensemble's own draws."""
+        own = [draws.reshape(-1, draws.shape[-1]) for draws in values]
+        return np.stack(
+            [
+                random.choice(draws, walkers, replace=len(draws) < walkers)
+                for draws, random in zip(own, self.randoms, strict=True)
+            ]
+        )
+
+    def advance(self, starts: Matrix, steps: int) -> Matrix:
+        """So many steps of every walker."""
+        began = time.perf_counter()
+        chains, first, second = zip(
+            *self._pool.map(lambda start, random: self._one(start, random, steps), starts, self.randoms),
+            strict=True,
+        )
+        values = np.stack(chains)
+        self._independent = sum(m.accepted for m in first) / max(1, sum(m.proposed for m in first))
+        both = (*first, *second)
+        self.acceptance = sum(m.accepted for m in both) / sum(m.proposed for m in both)
+        self.evaluations += starts[..., 0].size * (steps + 1)
+        self.seconds += time.perf_counter() - began
+        return values
+
+    def _one(
+        self, start: Matrix, random: np.random.Generator, steps: int
+    ) -> tuple[Matrix, IndependenceMove, DifferentialMove]:
+        import emcee
+
+        bend = self._bend
+
+        def density(points: Matrix) -> Matrix:
+            return self.density(points if bend is None else bend.forth(points))
+
+        points = start if bend is None else bend.back(start)
+        independence, differential = IndependenceMove(self._proposal, random), DifferentialMove(random)
+        share = _SHARE if bend is None else _BENT_SHARE
+        moves = [(independence, 1 - share), (differential, share)]
+        sampler = emcee.EnsembleSampler(*points.shape, density, moves=moves, vectorize=True)
+        # emcee's legacy generator has no more to do than to choose between the moves.
+        choice = np.random.RandomState(random.integers(2**32)).get_state()
+        state = emcee.State(points, log_prob=density(points), random_state=choice)
+        sampler.run_mcmc(state, steps, skip_initial_state_check=True)
+        chain = sampler.get_chain().transpose(1, 0, 2)
+        if bend is not None:
+            chain = bend.forth(chain.reshape(-1, points.shape[1])).reshape(chain.shape)
+        return chain, independence, differential
+
+    def burn_in(self, starts: Matrix, rounds: tuple[int, int]) -> Matrix:
+        """Rounds, a refit after each, until neither acceptance nor draws move on; the last round's draws."""
+        best, values = 0.0, starts[:, :, None]
+        for count in range(1, rounds[1] + 1):
+            values = self.advance(values[:, :, -1], _ROUND)
+            self.refit(values[:, :, _ROUND // 2 :], self._bend is not None)
+            settled = self._independent < best + _SETTLED and drift(values) < _DRIFT_GATE
+            if count >= rounds[0] and settled:
+                break
+            best = max(best, self._independent)
+        return values
+
+    def refit(self, values: Matrix, bent: bool) -> None:
+        draws = values.reshape(-1, values.shape[-1])
+        if not bent:
+            self._proposal = self._proposal.refitted(draws)
+            return
+        size = draws.shape[1]
+        self._bend = Bend(self.randoms[0].permutation(draws)[:_FITTED], self._first.factor)
+        self._proposal = IndependenceProposal(np.zeros(size), np.eye(size), self._first.nu)
+
+    def grow(self, starts: Matrix, ess: float, limit: int, progress: Progress) -> _Grown:
+        """Draws until they have settled and are enough, or `limit` steps are done."""
+        walkers = starts.shape[1]
+        needed = max(ess, _TURNOVER * ENSEMBLES * walkers)
+        values = starts[:, :, None][:, :, :0]
+        total = min(_FIRST_LOOK if self._bend is None else _BENT_LOOK, limit)
+        while True:
+            last = values[:, :, -1] if values.size else starts
+            values = np.concatenate([values, self.advance(last, total - values.shape[2])], axis=2)
+            told = self._judged(values)
+            rhat, bulk = diagnostics(told)
+            reached = float(bulk.min())
+            progress(min(reached / needed, 0.99))
+            settled = float(rhat.max()) <= RHAT_GATE and drift(told) <= _DRIFT_GATE
+            enough = reached >= needed
+            if (enough and settled) or total >= limit:
+                return _Grown(values, rhat, bulk, enough, settled)
+            # As many as the draws so far let expect, with some to spare; more where the ensembles disagree.
+            factor = 1.5 if enough else min(1.1 * needed / max(reached, 1.0), 8.0)
+            total = min(max(int(np.ceil(factor * total)), total + _ROUND), limit)
+
+
+def sample_density(
+    log_density: LogDensity,
+    proposal: IndependenceProposal,
+    *,
+    seed: int,
+    ess: float,
+    threads: int = 1,
+    judged: Callable[[Matrix], Matrix] = lambda values: values,
+    progress: Progress | None = None,
+) -> Sampled:
+    """Sample a vectorised log-density (W, f) -> (W,) by independent ensembles until `ess` is reached.
+
+    The proposal is refitted during the burn-in, then frozen. A run that would take long goes on in bent
+    coordinates with many walkers, until the budget is spent; the result says whether it converged. `threads`
+    share the ensembles; the draws are the same for any number of them. `judged` turns draws (…, f) into the
+    coordinates in which R-hat, ESS and drift are taken. -inf, inf and NaN of the density are
+    impossible points, all alike.
+    """
+    best = [0.0]
+
+    def shown(share: float) -> None:
+        best.append(max(best[-1], share))
+        if progress is not None:
+            progress(best[-1])
+
+    began = time.perf_counter()
+    few = max(_WALKERS[0], 2 * len(proposal.location) + 2)
+    walkers = max(few, 2 * (min(int(ess / _STEPS_PLANNED), _WALKERS[1]) // 2))
+    with ThreadPoolExecutor(max_workers=threads) as pool:
+        run = _Run(log_density, proposal, seed, pool, judged)
+        starts = run.start(few)
+        if starts is None:
+            values = np.tile(proposal.location, (ENSEMBLES, few, 8, 1))
+            found = _Grown(values, *diagnostics(judged(values)), False, False)
+        else:
+            values = run.burn_in(starts, _ROUNDS)
+            if walkers > few:
+                values = run.advance(run.spread(values, walkers), _ROUND // 2)
+            found = run.grow(values[:, :, -1], ess, _PLAIN_STEPS, shown)
+            if not (found.enough and found.settled):
+                many = max(walkers, _BENT_WALKERS)
+                starts = run.spread(found.values, many)
+                run.refit(found.values, bent=True)
+                values = run.burn_in(starts, _BENT_ROUNDS)
+                left = BUDGET + _PER_ESS * ess - run.evaluations
+                limit = max(_FIRST_LOOK, int(left / (ENSEMBLES * many)))
+                found = run.grow(values[:, :, -1], ess, limit, shown)
+    looking = time.perf_counter() - began - run.seconds
+    return Sampled(
+        values=found.values,
+        acceptance=run.acceptance,
+        rhat=found.rhat,
+        ess_bulk=found.bulk,
+        seconds=run.seconds,
+        looking=looking,
+        evaluations=run.evaluations,
+        settled=found.settled,
+    )
+
+
+def drift(values: Matrix) -> float:
+    """By how many standard errors the second half of the draws lies or spreads elsewhere than the first.
+
+    Each walker is compared with itself, the walkers give the error: sees what is far too little for R-hat.
+    The largest over the f coordinates of (ensembles, walkers, steps, f).
+    """
+    half = values.shape[2] // 2
+    largest = 0.0
+    for x in (values, np.abs(values - np.median(values, axis=(0, 1, 2)))):
+        moved = x[:, :, -half:].mean(axis=2) - x[:, :, :half].mean(axis=2)
+        moved = moved.reshape(-1, moved.shape[-1])
+        error = moved.std(axis=0) / np.sqrt(len(moved))
+        largest = max(largest, float((np.abs(moved.mean(axis=0)) / np.maximum(error, 1e-300)).max()))
+    return largest
+
+
+def diagnostics(values: Matrix) -> tuple[Matrix, Matrix]:
+    """Nested rank R-hat and bulk ESS (f,) of draws (ensembles, walkers, steps, f).
+
+    R-hat compares the ensembles (walkers of one ensemble are not independent chains: Margossian et al. 2024),
+    and the first half of the steps with the second: ensembles that all drift the same way agree, too. The
+    ranks (Vehtari et al. 2021, eq. 14) are taken once for all of these. Walkers being alike, a part of them
+    speaks for all where they are many.
+    """
+    from arviz_stats.base import array_stats
+    from scipy.special import ndtri
+    from scipy.stats import rankdata
+
+    def normal_scores(x: Matrix) -> Matrix:
+        scores: Matrix = ndtri((rankdata(x).reshape(x.shape) - 0.375) / (x.size + 0.25))
+        return scores
+
+    thin = -(-values.shape[1] // _LOOK_WALKERS)
+    share = values.shape[1] / len(range(0, values.shape[1], thin))
+    values = values[:, ::thin]
+    ensembles, walkers, steps, size = values.shape
+    rhat, bulk = np.full(size, np.inf), np.zeros(size)
+    half = steps // 2
+    groups = (np.repeat(np.arange(ensembles), 2 * walkers), np.tile([0, 1], ensembles * walkers))
+    for j in range(size if half >= 4 else 0):
+        chains = values[..., j].reshape(ensembles * walkers, steps)
+        if np.ptp(chains) == 0:
+            continue
+        chains = np.stack([chains[:, :half], chains[:, -half:]], axis=1).reshape(-1, half)
+        scores = normal_scores(chains)
+        folded = normal_scores(np.abs(chains - np.median(chains)))
+        rhat[j] = max(
+            float(array_stats.rhat_nested(z, superchain_ids=ids, method="identity"))
+            for z in (scores, folded)
+            for ids in groups
+        )
+        bulk[j] = share * float(array_stats.ess(scores, method="identity"))
+    return rhat, bulk

@@ -1,0 +1,1 @@
+"""Repeated runs of one arm: do they agree?"""

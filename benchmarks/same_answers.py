@@ -1,0 +1,116 @@
+"""Are the answers the same as before a change? Number by number, for the demo's runs and two real arms.
+
+    git stash, or a checkout of the state before:   python benchmarks/same_answers.py write FOLDER
+    with the change:                                python benchmarks/same_answers.py compare FOLDER
+
+Every number, status and name of each `result.json` is compared exactly; times and versions are left aside.
+Sentences may be worded anew: how many differ is printed, and they do not count. Exit status 1 where a number,
+a name or a status differs. The arms' recordings are read from `../shared/data`, or from the folder that
+ZEROBEAM_SHARED_DATA names.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+DATA = Path(os.environ.get("ZEROBEAM_SHARED_DATA", ROOT.parent / "shared" / "data")) / "mukca"
+DEMO_RUNS = ("good", "x-pattern", "uncalibrated")
+# Arm: its URDF, base, tip, and how far along the tip's z axis the ball is, mm.
+ARMS = {
+    "panda_2": ("panda.urdf", "panda_link0", "panda_hand_tcp", 32),
+    "kuka_14": ("iiwa14.urdf", "base_link", "tool0", 40),
+}
+SENTENCES = {"headline", "reason", "remedy", "message", "notes", "place"}
+ASIDE = {"seconds", "versions", "sha256"}
+
+
+def zerobeam(*arguments: object) -> str:
+    command = [sys.executable, "-c", "from zerobeam.cli import main; main()", *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode not in (0, 1):
+        sys.exit(done.stderr)
+    return done.stdout
+
+
+def runs(folder: Path) -> Iterator[tuple[str, Path]]:
+    for name in DEMO_RUNS:
+        yield name, ROOT / "experiments" / "demos" / f"{name}.jsonl"
+    for arm, (urdf, base, tip, ball) in ARMS.items():
+        places = sorted(place.name for place in (DATA / arm).iterdir() if place.is_dir())
+        header = folder / f"{arm}.yaml"
+        header.write_text(
+            f"robot: {{urdf: {DATA.resolve() / 'urdf' / urdf}, base: {base}, tip: {tip}}}\n"
+            f"tool: {{kind: probe, calibrated: false, point_mm: [0, 0, {ball}]}}\n"
+            "noise: {joint_deg: 0.01, spot_mm: 0.5}\ndistances:\n"
+            + "".join(f"  - {{between: [{p}_0, {p}_1], mm: 50, sigma_mm: 0.1}}\n" for p in places),
+            encoding="utf-8",
+        )
+        sockets = [(place, hole) for place in places for hole in (0, 1)]
+        files = [DATA / arm / place / f"hole_{hole}.csv" for place, hole in sockets]
+        targets = [word for place, hole in sockets for word in ("--target", f"{place}_{hole}")]
+        run = folder / f"{arm}.jsonl"
+        zerobeam("import", "csv", *files, "--header", header, "--units", "rad", *targets, "-o", run)
+        yield arm, run
+
+
+def leaves(value: Any, where: str = "") -> Iterator[tuple[str, object]]:
+    """Each number, name or sentence of an answer by its path."""
+    key = where.rpartition(".")[2].partition("[")[0]
+    if key in ASIDE:
+        return
+    if isinstance(value, dict):
+        for name, item in value.items():
+            yield from leaves(item, f"{where}.{name}")
+    elif isinstance(value, list):
+        for i, item in enumerate(value):
+            yield from leaves(item, f"{where}[{i}]")
+    else:
+        yield where, value
+
+
+def is_sentence(where: str) -> bool:
+    return where.rpartition(".")[2].partition("[")[0] in SENTENCES
+
+
+def compare(name: str, before: Any, after: Any) -> bool:
+    old, new = dict(leaves(before)), dict(leaves(after))
+    numbers = [where for where in old if not is_sentence(where)]
+    differ = [where for where in numbers if where not in new or new[where] != old[where]]
+    added = {where.partition("[")[0] for where in new if where not in old and not is_sentence(where)}
+    worded = sum(new.get(where) != text for where, text in old.items() if is_sentence(where))
+    print(
+        f"{name}: {len(numbers)} numbers, names and statuses, {len(differ)} differ; {worded} sentences differ"
+        + (f"; new: {', '.join(sorted(added))}" if added else "")
+    )
+    for where in differ[:20]:
+        print(f"    {where}: {old[where]!r} -> {new.get(where)!r}")
+    return not differ
+
+
+def main() -> int:
+    if len(sys.argv) != 3 or sys.argv[1] not in ("write", "compare"):
+        sys.exit(__doc__)
+    kept, same = Path(sys.argv[2]), True
+    kept.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as folder:
+        for name, run in runs(Path(folder)):
+            answer = json.loads(zerobeam("analyse", run, "--json"))
+            file = kept / f"{name}.json"
+            if sys.argv[1] == "write":
+                file.write_text(json.dumps(answer, indent=1), encoding="utf-8")
+                print(f"{name}: written to {file}")
+            else:
+                same &= compare(name, json.loads(file.read_text(encoding="utf-8")), answer)
+    return 0 if same else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

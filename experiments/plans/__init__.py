@@ -1,0 +1,1 @@
+"""Plans: patterns, candidate postures, obstacles, and the choice among them."""

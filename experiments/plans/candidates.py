@@ -1,0 +1,197 @@
+"""Candidate postures for a plan: reachable, in limits, seeing the target, hitting nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...analysis.observability.aim import aim, servo_joints
+from ...model.errors import BadInput
+from ...model.files.header import Header
+from ...model.problem import Problem
+from ...model.robot import Matrix, Robot
+from .obstacles import Clearance, Obstacles
+
+Mask = NDArray[np.bool_]
+Index = NDArray[np.int64]
+
+_BATCH = 20_000
+_MOST_DRAWN_PER_CANDIDATE = 60
+_LEAST_DRAWN = 60_000
+
+
+@dataclass(frozen=True)
+class View:
+    """What a shot must satisfy. Lengths mm, angles rad.
+
+    `facing` is the outward normal of the PSD's face in the base frame (None: any side); `acceptance` the
+    largest angle between beam and normal; `beam` the shortest and longest beam; `margin` is kept to every
+    joint limit (rad; for prismatic joints as a share of a metre).
+    """
+
+    facing: tuple[float, float, float] | None = (0.0, 0.0, 1.0)
+    acceptance: float = float(np.radians(60.0))
+    beam: tuple[float, float] = (200.0, 2000.0)
+    margin: float = float(np.radians(5.0))
+
+
+@dataclass(frozen=True, eq=False)
+class CandidatePostures:
+    """`postures` (C, n) rad or mm, all aimed; `drawn` how many were tried, `removed` how many each
+    constraint took, in the order in which they were judged: together they are all that were drawn."""
+
+    postures: Matrix
+    drawn: int
+    removed: dict[str, int]
+
+    def told(self) -> str:
+        """Which constraint removed how many, in words."""
+        parts = [f"{count} {reason}" for reason, count in self.removed.items() if count]
+        return f"{len(self.postures)} of {self.drawn} postures are left; " + ", ".join(
+            parts or ["none removed"]
+        )
+
+
+def candidates(
+    header: Header,
+    robot: Robot,
+    target: Matrix,
+    count: int,
+    *,
+    view: View | None = None,
+    obstacles: Obstacles | None = None,
+    seed: int = 0,
+    name: str = "psd",
+    progress: Callable[[float], None] | None = None,
+) -> CandidatePostures:
+    """Draw postures evenly over the joint ranges, turn the wrist onto `target` (3,) mm, keep what is fit.
+
+    A probe is brought to the target by all joints. Fewer than `count` may come back: drawing stops
+    after a bounded number of tries. Raises BadInput for contradictory constraints.
+    """
+    view = view or View()
+    _check(view, count)
+    lower, upper = _limits(robot, view)
+    lowest, highest = _one_turn(robot, lower, upper)
+    rng = np.random.default_rng(seed)
+    problem = Problem.build(header, robot, np.zeros((_BATCH, robot.n)), [name] * _BATCH)
+    x = problem.parameters.prior_mean.copy()
+    x[problem.parameters.group("target")] = target
+    clearance = None if obstacles is None else Clearance(problem, obstacles)
+    removed: dict[str, int] = {}
+    kept: list[Matrix] = []
+    drawn = found = 0
+    most = max(_LEAST_DRAWN, _MOST_DRAWN_PER_CANDIDATE * count)
+    while found < count and drawn < most:
+        joints = rng.uniform(lowest, highest, size=(_BATCH, robot.n))
+        drawn += _BATCH
+        aimed = aim(problem.moved(joints), x, servo_joints(problem))
+        left = _fit(aimed.problem, x, aimed.hit, lower, upper, view, clearance, removed)
+        kept.append(left)
+        found += len(left)
+        if progress is not None:
+            progress(min(found / count, 1.0))
+        if found == 0 and drawn >= _LEAST_DRAWN:
+            break
+    if found > count:
+        removed["are more than asked for"] = found - count
+    return CandidatePostures(np.concatenate(kept)[:count], drawn, removed)
+
+
+def _fit(
+    problem: Problem,
+    x: Matrix,
+    hit: Mask,
+    lower: Matrix,
+    upper: Matrix,
+    view: View,
+    clearance: Clearance | None,
+    removed: dict[str, int],
+) -> Matrix:
+    """The joints of the shots that satisfy everything; `removed` counts the others by their first fault."""
+    origin, direction = problem.beams(x)
+    _, targets, _ = problem.split(x)
+    left = np.ones(problem.shots, dtype=bool)
+
+    def keep(mask: Mask, reason: str) -> None:
+        removed[reason] = removed.get(reason, 0) + int((left & ~mask).sum())
+        left[:] &= mask
+
+    keep(hit, "cannot be turned onto the target (out of reach or out of sight)")
+    joints = problem.joints
+    keep(np.all((joints >= lower) & (joints <= upper), axis=1), "come too near to a joint limit")
+    if problem.tool.kind == "laser":
+        to_target = targets[0] - origin
+        length = (to_target * direction).sum(axis=1)
+        keep(length > 0, "have the target behind the laser")
+        keep((length >= view.beam[0]) & (length <= view.beam[1]), "have too short or too long a beam")
+        if view.facing is not None:
+            normal = np.array(view.facing) / np.linalg.norm(view.facing)
+            steep: Mask = np.asarray(-(direction @ normal) >= np.cos(view.acceptance))
+            keep(steep, "meet the target's face from behind or at too flat an angle")
+    if clearance is not None:
+
+        def keep_clear(hits: Callable[[Index], Mask], reason: str) -> None:
+            # Judged only where all else is well: distances of links take the most time.
+            rows = np.flatnonzero(left)
+            mask = np.ones(len(left), dtype=bool)
+            if len(rows):
+                mask[rows] = ~hits(rows)
+            keep(mask, reason)
+
+        arm = clearance
+        keep_clear(lambda rows: arm.hits_itself(joints[rows]), "make the arm hit itself")
+        keep_clear(lambda rows: arm.hits_cell(joints[rows]), "make the arm hit the floor or a box")
+        if problem.tool.kind == "laser":
+            keep_clear(
+                lambda rows: arm.beam_blocked(origin[rows], targets[0]), "have a box in the beam's way"
+            )
+    return joints[left]
+
+
+def _check(view: View, count: int) -> None:
+    if count < 1:
+        raise BadInput("no candidates are asked for", found=count, allowed="1 or more")
+    shortest, longest = view.beam
+    if not 0 <= shortest < longest:
+        raise BadInput(
+            "no beam is within the stated lengths",
+            found=f"{shortest:g} to {longest:g} mm",
+            allowed="a shortest beam of 0 or more and below the longest",
+        )
+    if view.facing is not None and not np.linalg.norm(view.facing) > 0:
+        raise BadInput("the target's face has no direction", found=list(view.facing), allowed="not all 0")
+    if not 0 < view.acceptance <= np.pi / 2:
+        raise BadInput(
+            "the target's acceptance angle cannot be used",
+            found=f"{np.degrees(view.acceptance):g} deg",
+            allowed="above 0 and up to 90 deg",
+        )
+
+
+def _limits(robot: Robot, view: View) -> tuple[Matrix, Matrix]:
+    """(n,) lower and upper limits with the margin kept."""
+    if not view.margin >= 0:
+        raise BadInput("the margin to the joint limits is negative", found=f"{view.margin:g} rad")
+    margin = np.array([view.margin * (1.0 if j.kind == "revolute" else 1000.0) for j in robot.joints])
+    lower, upper = robot.lower + margin, robot.upper - margin
+    for number, (joint, low, high) in enumerate(zip(robot.joints, lower, upper, strict=True), start=1):
+        if low >= high:
+            raise BadInput(
+                f"the margin leaves nothing of the range of joint {number} ({joint.name})",
+                found=f"{joint.lower * joint.display:.1f} to {joint.upper * joint.display:.1f} {joint.unit},"
+                f" a margin of {margin[number - 1] * joint.display:.1f} {joint.unit}",
+                allowed="a margin below half of every joint's range",
+            )
+    return lower, upper
+
+
+def _one_turn(robot: Robot, lower: Matrix, upper: Matrix) -> tuple[Matrix, Matrix]:
+    """(n,) bounds to draw from: one turn of each joint that can do more, the one nearest to zero."""
+    turn = np.array([np.pi if joint.kind == "revolute" else np.inf for joint in robot.joints])
+    half = np.minimum((upper - lower) / 2, turn)
+    middle = np.clip(0.0, lower + half, upper - half)
+    return middle - half, middle + half

@@ -1,0 +1,163 @@
+"""What an arm must not hit: itself, the floor and boxes; the arm as capsules around its skeleton."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from ...model.files.header import Name, Point, Positive
+from ...model.files.reading import read_yaml
+from ...model.files.validation import FileModel, refusal, validate
+from ...model.problem import Problem
+from ...model.robot import Matrix
+
+Mask = NDArray[np.bool_]
+
+_SAME_POINT = 1e-6
+_DEFAULT_THICKNESS = 0.05  # of the stretched arm
+
+
+class Box(FileModel):
+    """A box along the axes of the base frame."""
+
+    name: Name = Field(description="what stands there")
+    min_mm: Point = Field(description="its lowest corner, base frame, millimetres")
+    max_mm: Point = Field(description="its highest corner, base frame, millimetres")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Box:
+        if any(low >= high for low, high in zip(self.min_mm, self.max_mm, strict=True)):
+            raise refusal(
+                f"the box {self.name!r} is empty",
+                key=("max_mm",),
+                found=f"min_mm {list(self.min_mm)}, max_mm {list(self.max_mm)}",
+                allowed="each of max_mm above that of min_mm",
+            )
+        return self
+
+
+class Obstacles(FileModel):
+    """The content of an obstacles file: what stands in the cell and how thick the arm is."""
+
+    floor_mm: float | None = Field(
+        default=0.0, description="height of the floor, base frame, millimetres; null: none"
+    )
+    boxes: list[Box] = Field(default=[], description="boxes that stand in the cell")
+    thickness_mm: Positive | None = Field(
+        default=None,
+        description="radius of the arm's links, millimetres; default 5 % of the stretched arm's length",
+    )
+
+
+def read_obstacles(path: Path) -> Obstacles:
+    """An obstacles file (YAML)."""
+    document = read_yaml(path)
+    return validate(Obstacles, document.data, file=document.file, line=document.line)
+
+
+class Clearance:
+    """Judges postures of one arm among obstacles."""
+
+    def __init__(self, problem: Problem, obstacles: Obstacles) -> None:
+        self._kernel = problem.functions.kernel("skeleton")
+        self._tool = problem.functions.kernel("beam")
+        self._problem, self._obstacles = problem, obstacles
+        # The base's column ends where joint 2 begins; it is not part of the stretched arm.
+        nominal = _lengths(self._points(np.zeros((1, problem.robot.n))))[0]
+        self._radius = obstacles.thickness_mm or _DEFAULT_THICKNESS * float(nominal[2:].sum())
+
+    def hits_itself(self, joints: Matrix) -> Mask:
+        """(N,) True where two parts of the arm come nearer than their thickness.
+
+        Parts with less arm between them than twice that may be built so near each other (a wrist of short
+        links, each at a right angle to the next): they are not judged.
+        """
+        points = self._points(joints)
+        lengths = _lengths(points)
+        along = np.concatenate([np.zeros((len(joints), 1)), lengths.cumsum(axis=1)], axis=1)
+        links = _links(lengths)
+        result = np.zeros(len(joints), dtype=bool)
+        for a, first in enumerate(links):
+            for second in links[a + 1 :]:
+                between = along[:, second] - along[:, first + 1]
+                rows = np.flatnonzero(between > 4 * self._radius)
+                p = points[rows]
+                apart = segment_distance(p[:, first], p[:, first + 1], p[:, second], p[:, second + 1])
+                result[rows] |= apart < 2 * self._radius
+        return result
+
+    def hits_cell(self, joints: Matrix) -> Mask:
+        """(N,) True where a moving link touches the floor or a box."""
+        points = self._points(joints)
+        floor = self._obstacles.floor_mm
+        result = np.zeros(len(joints), dtype=bool)
+        # The first link is the base's column, which stands on the floor.
+        moving = _links(_lengths(points))[1:]
+        if floor is not None:
+            for i in moving:
+                result |= np.minimum(points[:, i, 2], points[:, i + 1, 2]) < floor + self._radius
+        for box in self._obstacles.boxes:
+            for i in moving:
+                result |= meets_box(points[:, i], points[:, i + 1], box, self._radius)
+        return result
+
+    def beam_blocked(self, origins: Matrix, target: Matrix) -> Mask:
+        """(N,) True where a box stands between the laser (N, 3) and the target (3,).
+
+        A box that holds the target is what the target stands on: it does not count.
+        """
+        result = np.zeros(len(origins), dtype=bool)
+        ends = np.broadcast_to(target, origins.shape)
+        for box in self._obstacles.boxes:
+            if not meets_box(target[None], target[None], box, 1e-6)[0]:
+                result |= meets_box(origins, ends, box, 0.0)
+        return result
+
+    def _points(self, joints: Matrix) -> Matrix:
+        """(N, n + 3, 3): the skeleton and the tool's point."""
+        delta = np.zeros(self._problem.robot.n)
+        (skeleton,) = self._kernel(joints, delta)
+        _, _, tool = self._problem.split(self._problem.parameters.prior_mean)
+        origin, _ = self._tool(joints, delta, tool)
+        return np.concatenate([skeleton.transpose(0, 2, 1), origin[:, None, :]], axis=1)
+
+
+def _lengths(points: Matrix) -> Matrix:
+    """(N, n + 2) of the links between the points (N, n + 3, 3)."""
+    return np.asarray(np.linalg.norm(np.diff(points, axis=1), axis=2))
+
+
+def _links(lengths: Matrix) -> list[int]:
+    """Which links are more than a point in some posture (a prismatic joint may be drawn in at zero)."""
+    return [int(i) for i in np.flatnonzero(lengths.max(axis=0, initial=0.0) > _SAME_POINT)]
+
+
+def segment_distance(a: Matrix, b: Matrix, c: Matrix, d: Matrix) -> Matrix:
+    """(N,) shortest distance between segments a-b and c-d, each (N, 3) (Ericson 2005, section 5.1.9)."""
+    u, v, w = b - a, d - c, a - c
+    uu, uv, vv = (u * u).sum(1), (u * v).sum(1), (v * v).sum(1)
+    uw, vw = (u * w).sum(1), (v * w).sum(1)
+    tiny = np.finfo(float).tiny
+    determinant = uu * vv - uv**2
+    skew = determinant > 1e-12 * uu * vv
+    s = np.where(skew, np.clip((uv * vw - vv * uw) / np.where(skew, determinant, 1.0), 0, 1), 0.0)
+    t = np.clip((uv * s + vw) / np.maximum(vv, tiny), 0, 1)
+    s = np.clip((uv * t - uw) / np.maximum(uu, tiny), 0, 1)
+    return np.asarray(np.linalg.norm(w + s[:, None] * u - t[:, None] * v, axis=1))
+
+
+def meets_box(a: Matrix, b: Matrix, box: Box, radius: float) -> Mask:
+    """(N,) True where the segment a-b meets the box grown by `radius` (slabs; careful at the edges)."""
+    low, high = np.array(box.min_mm) - radius, np.array(box.max_mm) + radius
+    along = b - a
+    flat = np.abs(along) < 1e-12
+    step = np.where(flat, 1.0, along)
+    near, far = (low - a) / step, (high - a) / step
+    near, far = np.minimum(near, far), np.maximum(near, far)
+    inside = (a >= low) & (a <= high)
+    near = np.where(flat, np.where(inside, -np.inf, np.inf), near)
+    far = np.where(flat, np.where(inside, np.inf, -np.inf), far)
+    return np.asarray(np.maximum(near.max(axis=1), 0) <= np.minimum(far.min(axis=1), 1))

@@ -1,0 +1,261 @@
+"""Making a plan: the best k of many candidate postures, in an order that shortens the travel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from ...analysis.design.exact_design import (
+    STARTS,
+    Candidates,
+    Criterion,
+    Design,
+    Index,
+    design,
+)
+from ...model.errors import BadInput
+from ...model.files.header import Header
+from ...model.problem import Problem
+from ...model.robot import Matrix, Robot
+from .candidates import CandidatePostures
+
+_UNTOLD = 0.5  # of its prior: an offset that all candidates leave beyond this is not planned for
+_EXACT_ORDER = 9  # shots up to which the shortest order is found for certain
+_LOOSEN = "loosen what removes most, move the target, or ask for more candidates"
+_FEW_STARTS = 4  # tell which numbers of shots are out of the question
+_SPEED = 1.0  # rad/s (m/s) where the robot file states none
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """An optimal plan. `postures` (k, n) rad or mm in travel order; `std` of each offset that is not
+    held, by name, in degrees (mm), the prior included: one that is near its prior is not told by the
+    shots; `travel_s` from the first posture to the last at full joint speed, None where the robot file
+    states no speeds; `candidates` how many there were to choose from."""
+
+    postures: Matrix
+    criterion: Criterion
+    std: dict[str, float]
+    value: float
+    bound: float
+    efficiency: float
+    support: int
+    travel_s: float | None
+    candidates: int
+
+    @property
+    def worst(self) -> float:
+        return max(self.std.values())
+
+
+@dataclass(frozen=True, eq=False)
+class Fewest:
+    """The answer to "how many shots?". `proposal` is None where no number up to `most` is enough;
+    `curve` lists (shots, worst predicted std), `limit` says in words what stands in the way."""
+
+    tolerance: float
+    most: int
+    proposal: Proposal | None
+    curve: tuple[tuple[int, float], ...]
+    limit: str | None
+
+
+class Planner:
+    """Chooses shots for one header, robot and target from candidate postures."""
+
+    def __init__(
+        self, header: Header, robot: Robot, target: Matrix, found: CandidatePostures, *, name: str = "psd"
+    ) -> None:
+        if len(found.postures) == 0:
+            raise BadInput("no posture is fit for a plan", found=found.told(), remedy=_LOOSEN)
+        self._robot, self._postures, self._told = robot, found.postures, found.told()
+        self._problem = Problem.build(header, robot, found.postures, [name] * len(found.postures))
+        self._x = self._problem.parameters.prior_mean.copy()
+        self._x[self._problem.parameters.group("target")] = target
+        parameters = self._problem.parameters
+        free = parameters.free
+        whitened = self._problem.whiten(self._x)
+        self._factor = whitened.factor
+        roots = self._problem.roots(whitened)
+        self._offsets = [item for item in parameters.items if item.group == "offset" and not item.held]
+        if not self._offsets:
+            raise BadInput("there is nothing to plan for: every offset is held", remedy="free some in `held`")
+        self._columns = np.flatnonzero(parameters.group("offset")[free])
+        # What all candidates together cannot tell would swamp the criterion with its prior.
+        information = np.einsum("cdf,cdg->fg", roots, roots) + np.eye(roots.shape[2])
+        told = np.sqrt(np.diag(np.linalg.inv(information))) < _UNTOLD
+        offsets = parameters.group("offset")[free] & told
+        if not offsets.any():
+            raise BadInput(
+                "no shot at this target tells any offset",
+                found=f"all {len(found.postures)} candidates together say next to nothing",
+                remedy="hold what cannot be told (`held`), or calibrate the tool",
+            )
+        self._all_told = bool(told[self._columns].all())
+        self.candidates = Candidates(roots, offsets)
+
+    def optimal(
+        self, shots: int, criterion: Criterion = "A", *, seed: int = 0, starts: int = STARTS
+    ) -> Proposal:
+        """The best plan of that many shots that was found, with its certified efficiency."""
+        return self._proposal(self._design(shots, criterion, seed, starts))
+
+    def _design(self, shots: int, criterion: Criterion, seed: int, starts: int) -> Design:
+        if shots < 1:
+            raise BadInput("a plan has at least one shot", found=shots)
+        if shots > len(self._postures):
+            raise BadInput(
+                "there are fewer candidates than shots",
+                found=f"{shots} shots; {self._told}",
+                remedy=_LOOSEN,
+            )
+        with threadpool_limits(limits=1, user_api="blas"):
+            return design(self.candidates, shots, criterion, seed, starts)
+
+    def fewest(self, tolerance: float, most: int, criterion: Criterion = "A", *, seed: int = 0) -> Fewest:
+        """The fewest shots whose worst predicted std (deg; mm) is within `tolerance`, up to `most`."""
+        if not tolerance > 0:
+            raise BadInput("the tolerance is not above 0", found=tolerance)
+        least = max(2, -(-int(self._problem.parameters.free.sum()) // self._problem.tool.miss_size))
+        if most < least:
+            raise BadInput(
+                "so few shots cannot tell the offsets", found=most, allowed=f"{least} shots or more"
+            )
+        curve: list[tuple[int, float]] = []
+        best = np.inf
+        # An offset that no shots tell keeps every number from the tolerance: one is enough to say so.
+        for shots in range(least if self._all_told else most, most + 1):
+            chosen = self._design(shots, criterion, seed, _FEW_STARTS)
+            proposal = self._proposal(chosen)
+            if tolerance < proposal.worst <= tolerance / 0.9:
+                chosen = self._design(shots, criterion, seed, STARTS)
+                proposal = self._proposal(chosen)
+            # The criterion is not the worst std, which may rise a little from one number to the next;
+            # the plan of one shot less with any shot more is no worse than it was.
+            best = min(best, proposal.worst)
+            curve.append((shots, best))
+            if proposal.worst <= tolerance:
+                return Fewest(tolerance, most, proposal, tuple(curve), None)
+        return Fewest(tolerance, most, None, tuple(curve), self._limit(chosen, tolerance))
+
+    def _limit(self, chosen: Design, tolerance: float) -> str:
+        """What keeps the std of the worst offset from the tolerance: a gauge, spot noise or joint noise."""
+        worst, variance, prior, spot = self._parts(chosen.rows)
+        if prior > 0.5:
+            return (
+                f"the shots tell next to nothing about {worst}: {prior:.0%} of what would be known of it is"
+                " the prior (`zerobeam check` on a plan of this kind says why)"
+            )
+        joint = 1 - prior - spot
+        source, share = ("the spot noise", spot) if spot > joint else ("the joint noise", joint)
+        needed = int(np.ceil(len(chosen.rows) * variance / tolerance**2))
+        return (
+            f"{source} (it makes {share:.0%} of the variance of {worst}, the worst); the std falls with the"
+            f" root of the number of shots, so some {needed} would be needed"
+        )
+
+    def _parts(self, rows: Index) -> tuple[str, float, float, float]:
+        """Of a plan: its worst offset, that offset's variance (deg^2; mm^2), and the shares of it that the
+        prior and the spot noise make; the rest is the joint noise's."""
+        inverse = np.linalg.inv(self.candidates.information(rows))
+        display = np.array([item.prior_std * item.display for item in self._offsets])
+        variances = np.diag(inverse)[self._columns] * display**2
+        worst = int(np.argmax(variances))
+        column = inverse[:, self._columns[worst]]
+        total = float(column[self._columns[worst]])
+        # With C the covariance and A the whitened rows, C = C (A'A + 1) C: each noise enters through A C.
+        through = self.candidates.roots[rows] @ column
+        back = np.linalg.solve(self._factor[rows].transpose(0, 2, 1), through[:, :, None])
+        spot = float(self._problem.noise.variances[-1]) * float((back**2).sum())
+        return (
+            self._offsets[worst].name,
+            float(variances[worst]),
+            float(column @ column) / total,
+            spot / total,
+        )
+
+    def _proposal(self, chosen: Design) -> Proposal:
+        inverse = np.linalg.inv(self.candidates.information(chosen.rows))
+        scaled = np.sqrt(np.diag(inverse)[self._columns])
+        order, travel = travel_order(self._robot, self._postures[chosen.rows])
+        unit = np.mean([(item.prior_std * item.display) ** 2 for item in self._offsets])
+        return Proposal(
+            postures=self._postures[chosen.rows][order],
+            criterion=chosen.criterion,
+            std={
+                item.name: float(std) * item.prior_std * item.display
+                for item, std in zip(self._offsets, scaled, strict=True)
+            },
+            value=chosen.value * float(unit),
+            bound=chosen.bound * float(unit),
+            efficiency=chosen.efficiency,
+            support=chosen.support,
+            travel_s=travel if all(j.speed is not None for j in self._robot.joints) else None,
+            candidates=len(self._postures),
+        )
+
+
+def travel_order(robot: Robot, postures: Matrix) -> tuple[list[int], float]:
+    """Order of the postures (k, n) that makes the way short, and its time in s at full joint speeds.
+
+    The slowest joint sets the time of a move. Exact for few postures (dynamic programming, Held & Karp
+    1962), else nearest neighbour from the best start, improved by reversing stretches (2-opt).
+    """
+    unit = np.array([1.0 if joint.kind == "revolute" else 1000.0 for joint in robot.joints])
+    speed = np.array([joint.speed or _SPEED * u for joint, u in zip(robot.joints, unit, strict=True)])
+    time = (np.abs(postures[:, None] - postures[None]) / speed).max(axis=2)
+    order = _shortest(time) if len(time) <= _EXACT_ORDER else _two_opt(time)
+    return order, float(sum(time[a, b] for a, b in pairwise(order)))
+
+
+def _shortest(time: Matrix) -> list[int]:
+    count = len(time)
+    best: dict[tuple[int, int], tuple[float, int]] = {(1 << i, i): (0.0, -1) for i in range(count)}
+    for visited in range(1, 1 << count):
+        for last in range(count):
+            if (visited, last) not in best:
+                continue
+            so_far = best[visited, last][0]
+            for following in range(count):
+                if visited & (1 << following):
+                    continue
+                key, total = (visited | (1 << following), following), so_far + time[last, following]
+                if key not in best or total < best[key][0]:
+                    best[key] = (total, last)
+    everything = (1 << count) - 1
+    last = min(range(count), key=lambda i: best[everything, i][0])
+    order, visited = [], everything
+    while last >= 0:
+        order.append(last)
+        before = best[visited, last][1]
+        visited, last = visited & ~(1 << last), before
+    return order[::-1]
+
+
+def _two_opt(time: Matrix) -> list[int]:
+    count = len(time)
+    orders = []
+    for start in range(count):
+        order = [start]
+        while len(order) < count:
+            rest = np.setdiff1d(np.arange(count), order)
+            order.append(int(rest[np.argmin(time[order[-1], rest])]))
+        orders.append(order)
+    order = min(orders, key=lambda o: _length(time, o))
+    improved = True
+    while improved:
+        improved = False
+        for i in range(count - 1):
+            for j in range(i + 1, count):
+                other = order[:i] + order[i : j + 1][::-1] + order[j + 1 :]
+                if _length(time, other) < _length(time, order) - 1e-12:
+                    order, improved = other, True
+    return order
+
+
+def _length(time: Matrix, order: Sequence[int]) -> float:
+    return float(sum(time[a, b] for a, b in pairwise(order)))

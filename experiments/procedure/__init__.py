@@ -1,0 +1,1 @@
+"""How a run is carried out: search, servo, recording, and which posture is next."""

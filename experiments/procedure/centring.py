@@ -1,0 +1,111 @@
+"""Stage 2 of the servo: from the PSD's face to its centre, by the PSD's own reading.
+
+J = B' (I - d n' / (d'n)) (dp/dq + t dd/dq): how the spot moves on the PSD's plane by the joints, exact
+from the model at what is believed of the arm; B are the PSD's axes. How the spot truly follows corrects it
+(Broyden's update).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...model.robot import Matrix
+from ..rigs.rig import Rig
+from ..sensors.psd import Psd
+from .readings import Spot, read_spot
+from .refused import Reason, Refused
+from .search import LIT
+from .steering import Belief, come_to, step
+
+ENOUGH_MM = 0.005  # far below what the joints' own noise makes of the beam
+ACCEPTED_MM = 0.05  # where the arm allows no better
+# Shares of the laser's light that a beam on the centre may have. A second light of a tenth of it, 10 mm off,
+# draws the reading by 1 mm; what is weaker is left to the statistics.
+WEAKEST, BRIGHTEST = 0.5, 1.1
+_SAMPLES = 20
+_STEPS = 30
+_PATIENCE = 4  # steps without getting nearer
+_NEARER = 0.8  # of the way that was left, or less, is nearer
+_LARGEST = np.radians(2.0)
+_TELLING_MM = 0.5  # a way of this length tells whether the spot follows
+_FOLLOWS = 0.4  # share of such a step that it does at least: a tetra-lateral PSD falls short at its edge
+_CLEAR = 3.0  # stds of what the joints' noise makes of the spot
+_STRIKES = 2  # times in a row that it does not: the light is not the beam's
+
+
+@dataclass(frozen=True, eq=False)
+class Centred:
+    """`joints` (n,) where the arm was sent last, `off_mm` how far off the spot was at each stand."""
+
+    joints: Matrix
+    off_mm: tuple[float, ...]
+
+
+def centre(
+    rig: Rig,
+    belief: Belief,
+    psd: Psd,
+    joints: Matrix,
+    dark: Matrix,
+    frame: Matrix,
+    told: Callable[[float], None] = lambda off: None,
+) -> Centred:
+    """Lead the spot to the centre from wherever it is on the face; Refused with the reason if it cannot be.
+
+    The laser is on; `dark` (4,) are the currents without it, `frame` (3, 3) the PSD's axes in the base
+    frame as believed. `told` hears how far off the spot is.
+    """
+    spot, follows = _on_face(rig, psd, dark), np.eye(2)
+    off = [_length(spot.position)]
+    told(off[0])
+    # The first stand does not count, however near: it was not come to from below.
+    nearest, waited = np.inf, 0
+    asked, seen, idle = 0.0, 0.0, 0  # mm since the light was known to follow; short steps are added up
+    while nearest > ENOUGH_MM and waited < _PATIENCE and len(off) <= _STEPS:
+        _, by_joints = belief.spot(joints, frame)
+        scatter = _length(by_joints * belief.problem.noise.joint)
+        after = step(belief, joints, follows @ by_joints, spot.position, _LARGEST)
+        come_to(rig, belief, after)
+        sent, before, spot = by_joints @ (after - joints), spot, _on_face(rig, psd, dark)
+        joints, moved = after, spot.position - before.position
+        off.append(_length(spot.position))
+        told(off[-1])
+        asked, seen = asked + _length(sent), seen + _length(moved)
+        if asked >= _TELLING_MM:
+            if seen < _FOLLOWS * asked:
+                idle += 1
+            else:
+                asked, seen, idle = 0.0, 0.0, 0
+        if idle == _STRIKES:
+            raise Refused(
+                Reason.NOT_FOLLOWING,
+                f"sent by {asked:.1f} mm, the light on the PSD moved by {seen:.1f} mm: a reflection, or"
+                " another light",
+            )
+        # A step that is long beside the joints' noise, and followed, tells how the spot follows.
+        if _length(sent) >= max(_TELLING_MM, _CLEAR * scatter) and idle == 0:
+            follows = follows + np.outer(moved - follows @ sent, sent) / (sent @ sent)
+        waited = 0 if off[-1] < _NEARER * nearest else waited + 1
+        nearest = min(nearest, off[-1])
+    # Nearer than the joints' noise alone makes it, the spot is as good as centred: its place is recorded.
+    if off[-1] > max(ACCEPTED_MM, scatter):
+        raise Refused(Reason.NOT_CONVERGING, f"the spot stays {off[-1]:.2f} mm off the centre")
+    return Centred(joints, tuple(off))
+
+
+def _length(vector: Matrix) -> float:
+    return float(np.linalg.norm(vector))
+
+
+def _on_face(rig: Rig, psd: Psd, dark: Matrix) -> Spot:
+    spot = read_spot(rig, psd, dark, _SAMPLES)
+    if spot.light < LIT:
+        raise Refused(Reason.OFF_FACE, "the beam has left the PSD's face")
+    if spot.light > BRIGHTEST:
+        raise Refused(
+            Reason.TOO_BRIGHT, f"{spot.light:.1f} times the laser's light: there is a second light on the PSD"
+        )
+    return spot

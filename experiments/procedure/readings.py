@@ -1,0 +1,83 @@
+"""Readings that can be trusted: PSD samples that arrived and are no ambient light, joints read alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...model.robot import Matrix
+from ..rigs.rig import Rig
+from ..sensors.psd import Psd
+from .refused import Reason, Refused
+
+_PATIENCE = 8  # readings of which most is lost before the link counts as down
+_BETWEEN = 0.25  # s, while waiting for it
+_JOINT_READINGS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Spot:
+    """Where the laser's light is on a PSD: `position` (2,) mm, `std` (2,) mm of that mean, `light` as a share
+    of the laser's full light, `drift` (2,) mm from the first half of the samples to the second."""
+
+    position: Matrix
+    std: Matrix
+    light: float
+    drift: Matrix
+
+
+def arrived(rig: Rig, psd: Psd, samples: int) -> Matrix:
+    """(m, 4) those of `samples` currents that arrive, more than half; Refused where the link stays down, or
+    where they are saturated."""
+    for _ in range(_PATIENCE):
+        currents = rig.currents(samples)
+        sound = currents[np.isfinite(currents).all(axis=1)]
+        if 2 * len(sound) > samples:
+            break
+        rig.wait(_BETWEEN)
+    else:
+        raise Refused(Reason.NO_SIGNAL, "most samples of the PSD do not arrive")
+    if psd.saturated(sound).any():
+        raise Refused(Reason.SATURATED, "the PSD has more light than it can tell: shade it, or dim the laser")
+    return np.asarray(sound)
+
+
+def read_dark(rig: Rig, psd: Psd, samples: int) -> Matrix:
+    """(4,) currents with the laser off: the ambient light's, to be taken off every reading."""
+    rig.laser(False)
+    return np.asarray(arrived(rig, psd, samples).mean(axis=0))
+
+
+def read_spot(rig: Rig, psd: Psd, dark: Matrix, samples: int) -> Spot:
+    """The laser's spot, without the ambient light."""
+    currents = arrived(rig, psd, samples) - dark
+    mean = currents.mean(axis=0)
+    half = len(currents) // 2
+    first, second = currents[:half].mean(axis=0), currents[half:].mean(axis=0)
+    light = float(psd.light(mean))
+    return Spot(
+        position=psd.position(mean),
+        # Noise of the currents does not change with the light; that of the position does.
+        std=np.full(2, psd.noise / max(light, 1e-9) / np.sqrt(len(currents))),
+        light=light,
+        drift=psd.position(second) - psd.position(first),
+    )
+
+
+def read_joints(rig: Rig, sent: Matrix, tolerance: Matrix) -> Matrix:
+    """(n,) the joints as read several times, alike, and where the arm was sent to; else Refused.
+
+    `tolerance` (n,) rad or mm is how far readings may be from each other and from `sent`.
+    """
+    readings = np.array([rig.joints() for _ in range(_JOINT_READINGS)])
+    middle = np.median(readings, axis=0)
+    apart = np.abs(readings - middle).max(axis=0)
+    if (apart > tolerance).any():
+        joint = int(np.argmax(apart / tolerance))
+        raise Refused(Reason.READING, f"joint {joint + 1} was read differently while the arm stood still")
+    off = np.abs(middle - sent)
+    if (off > tolerance).any():
+        joint = int(np.argmax(off / tolerance))
+        raise Refused(Reason.READING, f"joint {joint + 1} is not read where it was sent to")
+    return np.asarray(middle)

@@ -1,0 +1,1 @@
+"""An ABB controller as a rig: access, Robot Web Services, Externally Guided Motion."""

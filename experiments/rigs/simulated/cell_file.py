@@ -1,0 +1,406 @@
+"""The simulated cell in a file (YAML, `zerobeam/cell/1`): what stands in it, and what is wrong with it.
+
+Every key has a default, so that a plan needs no cell file. What is said here is the truth of the simulation;
+the procedure knows of it what a person would: data sheets, and about which way a PSD faces.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal, Self, get_args
+
+from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
+
+from ....model.errors import BadInput
+from ....model.files.header import (
+    Name,
+    Point,
+    Positive,
+    RobotRef,
+    TargetName,
+)
+from ....model.files.reading import (
+    Document,
+    Place,
+    did_you_mean,
+    read_yaml,
+    shown,
+)
+from ....model.files.robot_file import load_robot
+from ....model.files.validation import (
+    FileModel,
+    refusal,
+    require_schema,
+    validate,
+)
+from ....model.robot import Robot
+
+CELL_SCHEMA: Literal["zerobeam/cell/1"] = "zerobeam/cell/1"
+
+NotNegative = Annotated[float, Field(ge=0)]
+Share = Annotated[float, Field(gt=0, le=1)]
+Count = Annotated[int, Field(ge=1)]
+
+
+def as_tuple(value: object) -> object:
+    return tuple(value) if isinstance(value, list) else value
+
+
+def numbers(size: int) -> BeforeValidator:
+    def check(value: object) -> object:
+        if not isinstance(value, list | tuple) or len(value) != size:
+            found = f"{len(value)} values" if isinstance(value, list | tuple) else shown(value)
+            raise refusal(f"a list of {size} numbers is wanted", found=found)
+        return tuple(value)
+
+    return BeforeValidator(check)
+
+
+def _each_joint(value: object) -> object:
+    values = value if isinstance(value, list | tuple) else [value]
+    for i, item in enumerate(values):
+        if isinstance(item, bool) or not isinstance(item, int | float) or not item >= 0:
+            raise refusal(
+                "this cannot be said of a joint",
+                key=(i,) if isinstance(value, list | tuple) else (),
+                found=shown(item),
+                allowed="one number, 0 or more, or a list of them, one for each joint",
+            )
+    return as_tuple(value)
+
+
+def face_normal(value: object) -> object:
+    if value is None or value == "beam":
+        return value
+    if not isinstance(value, list | tuple) or len(value) != 3 or not any(value):
+        raise refusal(
+            "this is no normal of a PSD's face",
+            found=shown(value),
+            allowed="[x, y, z] of any length but zero, or beam",
+        )
+    return tuple(value)
+
+
+Pair = Annotated[tuple[float, float], numbers(2)]
+# One number for every joint, or a list with one each: degrees, and millimetres for a prismatic joint.
+EachJoint = Annotated[NotNegative | tuple[NotNegative, ...], BeforeValidator(_each_joint)]
+
+
+class GeometryError(FileModel):
+    """How far one link of the true arm is from its drawing."""
+
+    joint: Count = Field(description="the joint behind that link, from 1")
+    xyz_mm: Point = Field(default=(0.0, 0.0, 0.0), description="shift, millimetres")
+    rpy_deg: Point = Field(default=(0.0, 0.0, 0.0), description="turn about fixed x, y, z, degrees")
+
+
+class ArmInCell(FileModel):
+    """The true arm: its offsets, and how well it stands where it is sent."""
+
+    offsets_deg: dict[Name, float] | None = Field(
+        default=None,
+        description="true offsets by name (delta2), degrees (mm if prismatic), 0 where not named; without it "
+        "they are drawn from the seed",
+    )
+    drawn_deg: Positive = Field(default=1.0, description="std of offsets that are drawn, degrees (mm)")
+    repeatability_deg: EachJoint | None = Field(
+        default=None,
+        description="std of the error with which a joint stands, anew after each way, degrees (mm); default: "
+        "the plan's noise",
+    )
+    resolution_deg: EachJoint = Field(
+        default=0.0002, description="step of the joints' encoders, degrees (mm)"
+    )
+    backlash_deg: EachJoint = Field(default=0.0, description="play of the gears, degrees (mm)")
+    geometry: Annotated[tuple[GeometryError, ...], BeforeValidator(as_tuple)] = Field(
+        default=(), description="links that are not as drawn"
+    )
+    speed: Share = Field(default=0.25, description="share of the joints' top speeds")
+    acceleration_deg_s2: Positive = Field(default=300.0, description="of every joint, degrees (mm) / s^2")
+    latency_s: NotNegative = Field(default=0.1, description="from a command to the motion, seconds")
+
+    @model_validator(mode="after")
+    def _one_error_a_link(self) -> Self:
+        joints = [error.joint for error in self.geometry]
+        for i, joint in enumerate(joints):
+            if joint in joints[:i]:
+                raise refusal(
+                    f"the link before joint {joint} has two geometric errors",
+                    key=("geometry", i),
+                    allowed="one for each link",
+                    remedy="make one of them",
+                )
+        return self
+
+
+class LaserInCell(FileModel):
+    """The true beam."""
+
+    tilt_deg: Pair | None = Field(
+        default=None,
+        description="true tilt1, tilt2 from what the plan states, degrees; default: none for a calibrated "
+        "tool, drawn from the stated sigma for another",
+    )
+    shift_mm: Pair | None = Field(default=None, description="true shift1, shift2, millimetres; likewise")
+    drift_deg_min: Pair = Field(default=(0.0, 0.0), description="drift of both tilts, degrees a minute")
+    wander_mm: NotNegative | None = Field(
+        default=None,
+        description="std across the beam of its centre of light, anew for each shot (speckle, air), "
+        "millimetres; default: the plan's spot noise",
+    )
+    light: NotNegative = Field(default=1.0, description="power as a share of what the PSD is set up for")
+    radius_mm: Positive = Field(default=0.8, description="1/e^2 radius of the spot, millimetres")
+
+
+class PlacedPsd(FileModel):
+    """Where a PSD stands."""
+
+    centre_mm: Point | None = Field(
+        default=None,
+        description="its true centre, base frame, millimetres; default: near the plan's guess, from the seed",
+    )
+    normal: Annotated[Point | Literal["beam"] | None, BeforeValidator(face_normal)] = Field(
+        default=None,
+        description="outward normal of its face as a person would state it, base frame; beam: it is turned "
+        "towards each beam about its centre; default: as suits the plan's beams",
+    )
+    turn_deg: float = Field(default=0.0, description="turn about that normal, degrees")
+    misturned_deg: Point = Field(
+        default=(1.0, -1.0, 2.0),
+        description="how far it is truly turned from what is stated, about its x, y, z, degrees",
+    )
+
+
+class PsdInCell(FileModel):
+    """The sensors, all of one kind."""
+
+    kind: Literal["duo-lateral", "tetra-lateral"] = Field(default="duo-lateral", description="its layout")
+    size_mm: Positive = Field(default=20.0, description="side of the active square, millimetres")
+    surround_mm: Positive = Field(
+        default=400.0,
+        description="side of the square about it, its housing and what it stands on, where the laser's spot "
+        "can be seen, millimetres",
+    )
+    leds_mm: Positive = Field(default=70.0, description="distance of the two LEDs, along x, millimetres")
+    noise_mm: Positive = Field(default=0.0005, description="std of a sample at full light, millimetres")
+    resolution_mm: Positive = Field(default=0.0001, description="step of a reading, millimetres")
+    nonlinearity: Annotated[float, Field(ge=0, le=0.33)] = Field(
+        default=0.003, description="error at the edge, share of the half size"
+    )
+    ambient: NotNegative = Field(default=0.05, description="ambient light, share of the laser's")
+    saturation: Positive = Field(default=2.0, description="largest current, share of the laser's light")
+    rate_hz: Positive = Field(default=200.0, description="samples a second")
+    lost: Annotated[float, Field(ge=0, lt=1)] = Field(
+        default=0.01, description="share of the samples that the wireless link loses"
+    )
+    placed: dict[TargetName, PlacedPsd] = Field(default={}, description="where each stands, by target")
+
+
+class CameraInCell(FileModel):
+    """The camera on the flange."""
+
+    width_px: Count = Field(default=640, description="columns")
+    height_px: Count = Field(default=480, description="rows")
+    focal_px: Positive = Field(default=700.0, description="focal length, pixels")
+    distortion: Annotated[tuple[float, float, float, float, float], numbers(5)] = Field(
+        default=(-0.2, 0.05, 0.0005, -0.0005, 0.0), description="k1, k2, p1, p2, k3 (Brown-Conrady)"
+    )
+    beside_mm: Pair = Field(
+        default=(60.0, 0.0), description="where it sits beside the beam, along b1 and b2, millimetres"
+    )
+    behind_mm: float = Field(default=0.0, description="how far behind the tool's point, millimetres")
+    misturned_deg: Point = Field(
+        default=(0.2, -0.2, 0.3), description="how far it is truly turned from its mount, degrees"
+    )
+    exposure: Positive = Field(default=1.0, description="exposure, share of the usual")
+    noise_grey: NotNegative = Field(default=1.5, description="std of the reading noise, grey values")
+    ambient_grey: NotNegative = Field(default=12.0, description="background, grey values")
+    led_light: Positive = Field(default=4000.0, description="sum of grey values of a LED at 1 m")
+    spot_light: Positive = Field(default=5000.0, description="the same of the laser's spot on the PSD")
+    psf_px: Positive = Field(default=1.0, description="std of the image of a point, pixels")
+    image_s: NotNegative = Field(default=0.2, description="time that an image takes, seconds")
+
+
+class _AtShot(FileModel):
+    """What happens on purpose, and in which shot."""
+
+    shot: int = Field(ge=0, description="number of the shot")
+
+
+class _ForCalls(_AtShot):
+    lasts: Count | None = Field(
+        default=None,
+        description="for how many readings or images from the shot's first on; default: the whole shot, "
+        "every attempt at it",
+    )
+
+
+class PsdDropout(_ForCalls):
+    """The wireless link is down."""
+
+    kind: Literal["psd-dropout"] = Field(description="no sample of the PSD arrives")
+
+
+class CameraBlack(_ForCalls):
+    """The camera gives black images."""
+
+    kind: Literal["camera-black"] = Field(description="images are black")
+
+
+class LedOccluded(_ForCalls):
+    """One LED is hidden."""
+
+    kind: Literal["led-occluded"] = Field(description="a LED cannot be seen")
+    led: Literal[1, 2] = Field(default=1, description="which")
+
+
+class Reflection(_ForCalls):
+    """A reflection of the beam that looks like the spot."""
+
+    kind: Literal["reflection"] = Field(
+        description="the beam, reflected, lights the PSD where it does not point, and shows in the images"
+    )
+    at_mm: Pair = Field(default=(4.0, -3.0), description="where on the face, millimetres")
+    light: NotNegative = Field(default=0.8, description="its light, share of the laser's")
+
+
+class EncoderGlitch(_ForCalls):
+    """A joint is read wrong."""
+
+    kind: Literal["encoder-glitch"] = Field(description="a joint reading is off")
+    joint: Count = Field(description="which, from 1")
+    deg: float = Field(description="by how much, degrees (mm)")
+
+
+class RobotStop(_AtShot):
+    """The robot stops by itself."""
+
+    kind: Literal["robot-stop"] = Field(description="the controller stops the arm on its way")
+
+
+class PsdBump(_AtShot):
+    """Someone bumps the PSDs before this shot: in it, and in all of higher numbers, they stand elsewhere."""
+
+    kind: Literal["psd-bump"] = Field(description="the PSDs are moved between two shots")
+    shift_mm: Point = Field(description="by how much, base frame, millimetres")
+
+
+class ProcessKilled(_AtShot):
+    """The program is killed (SIGKILL)."""
+
+    kind: Literal["process-killed"] = Field(description="the program is killed")
+    call: Count = Field(description="at which use of the rig since the shot began")
+
+
+AnyFault = (
+    PsdDropout | CameraBlack | LedOccluded | Reflection | EncoderGlitch | RobotStop | PsdBump | ProcessKilled
+)
+_FAULTS: dict[str, type[FileModel]] = {
+    get_args(fault.model_fields["kind"].annotation)[0]: fault for fault in get_args(AnyFault)
+}
+FAULT_KINDS = tuple(_FAULTS)
+
+
+def _of_a_kind(value: object) -> object:
+    """Say which kinds there are, and which keys this one has: the others' keys are no help."""
+    if not isinstance(value, dict):
+        return value
+    kind = value.get("kind")
+    if kind not in FAULT_KINDS:
+        raise refusal(
+            "there is no fault of this kind",
+            key=("kind",),
+            found=shown(kind),
+            allowed=", ".join(FAULT_KINDS),
+            remedy=did_you_mean(str(kind), FAULT_KINDS),
+        )
+    for key in value:
+        if key not in (own := _FAULTS[kind].model_fields):
+            raise refusal(
+                f"unknown key {key!r} of a {kind}",
+                key=(key,),
+                found=f"{key}: {shown(value[key])}",
+                allowed=", ".join(own),
+                remedy=did_you_mean(key, own) or "remove it",
+            )
+    return value
+
+
+Fault = Annotated[AnyFault, Field(discriminator="kind"), BeforeValidator(_of_a_kind)]
+
+
+class Cell(FileModel):
+    """The content of a cell file; one that was read from a file knows where its keys stand there."""
+
+    _document: Document | None = PrivateAttr(default=None)
+
+    schema_: Literal["zerobeam/cell/1"] = Field(
+        default=CELL_SCHEMA, alias="schema", description="kind and version of the file"
+    )
+    robot: RobotRef | None = Field(
+        default=None, description="the robot of the cell, as in a header; default: the plan's"
+    )
+    arm: ArmInCell = Field(default=ArmInCell(), description="the true arm")
+    laser: LaserInCell = Field(default=LaserInCell(), description="the true beam")
+    psd: PsdInCell = Field(default=PsdInCell(), description="the sensors")
+    camera: CameraInCell | None = Field(
+        default=CameraInCell(), description="the camera on the flange; null: there is none"
+    )
+    faults: Annotated[tuple[Fault, ...], BeforeValidator(as_tuple)] = Field(
+        default=(), description="what goes wrong on purpose"
+    )
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        if self.camera is None:
+            for i, fault in enumerate(self.faults):
+                if fault.kind in ("camera-black", "led-occluded"):
+                    raise refusal(
+                        f"a fault of the camera ({fault.kind}) in a cell without one",
+                        key=("faults", i),
+                        remedy="take out camera: null, or the fault",
+                    )
+        return self
+
+    def placed(self, target: str) -> PlacedPsd:
+        """How the PSD that is this target stands."""
+        return self.psd.placed.get(target, PlacedPsd())
+
+    def own_robot(self) -> Robot | None:
+        """The robot that the file names, a path taken relative to the file."""
+        if self.robot is None:
+            return None
+        file = None if self._document is None else self._document.file
+        folder = Path() if file is None else file.parent
+        return load_robot(self.robot, folder, file=file, line=self._line(("robot",)))
+
+    def refuse(
+        self,
+        place: Place,
+        what: str,
+        *,
+        found: object = None,
+        allowed: object = None,
+        remedy: str | None = None,
+    ) -> BadInput:
+        """An error about what stands at `place`, with file and line if it was read from a file."""
+        return BadInput(
+            what,
+            found=found,
+            allowed=allowed,
+            remedy=remedy,
+            file=None if self._document is None else self._document.file,
+            line=self._line(place),
+        )
+
+    def _line(self, place: Place) -> int | None:
+        return None if self._document is None else self._document.line(place)
+
+
+def read_cell(path: Path | str) -> tuple[Cell, str]:
+    """A cell file, every key of it checked, and its sha256."""
+    document = read_yaml(Path(path))
+    require_schema(document.data, CELL_SCHEMA, file=document.file, line=document.line(("schema",)))
+    cell = validate(Cell, document.data, file=document.file, line=document.line)
+    cell._document = document
+    return cell, document.sha256

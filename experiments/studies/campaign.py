@@ -1,0 +1,131 @@
+"""Many runs of the procedure, each in a simulated cell of its own, side by side in processes.
+
+A run depends on its seed alone: the arm that is drawn, where its PSD stands, all noise. So the answer is the
+same for any number of processes.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...analysis.so_far import SoFar
+from ...model.errors import ZerobeamError
+from ...model.files.plan import Plan
+from ...model.files.run import Shot
+from ..procedure.adaptive import Adaptive
+from ..procedure.order import InTurn, Order
+from ..procedure.procedure import Procedure, RefusedShot
+from ..processes import side_by_side
+from ..rigs.simulated.cell_file import Cell
+from ..rigs.simulated.simulated_rig import SimulatedRig
+
+Progress = Callable[[float], None]  # the share of all runs that is done
+
+
+@dataclass(frozen=True, eq=False)
+class Repeated:
+    """What is carried out again and again; a `tolerance` (deg; mm) asks for the adaptive order."""
+
+    plan: Plan
+    cell: Cell
+    tolerance: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class CellRun:
+    """What one run came to.
+
+    `truth` has the true offsets and tool by name, deg and mm; `seconds` of the cell's clock by phase.
+    `state` is None where no shot was recorded or the rig stopped, and `failure` says why. `computing` is
+    the time that it took, s: the only thing that differs from one computer to another.
+    """
+
+    seed: int
+    truth: dict[str, float]
+    shots: tuple[Shot, ...]
+    refused: tuple[RefusedShot, ...]
+    state: SoFar | None
+    seconds: dict[str, float]
+    failure: str | None
+    computing: float
+
+
+class MemoryJournal:
+    """The shots of a run that needs no file."""
+
+    def __init__(self) -> None:
+        self._shots: list[Shot] = []
+
+    @property
+    def shots(self) -> tuple[Shot, ...]:
+        return tuple(self._shots)
+
+    def append(self, shot: Shot) -> None:
+        self._shots.append(shot)
+
+
+def seeds(seed: int, count: int) -> tuple[int, ...]:
+    """One for each run; the first of many are those of fewer."""
+    return tuple(int(np.random.SeedSequence([seed, run]).generate_state(1)[0]) for run in range(count))
+
+
+def carried(repeated: Repeated, seed: int) -> CellRun:
+    """One run, in memory."""
+    began = time.perf_counter()
+    plan, tolerance = repeated.plan, repeated.tolerance
+    order: Order = InTurn(len(plan.postures)) if tolerance is None else Adaptive(plan, tolerance)
+    journal = MemoryJournal()
+    truth: dict[str, float] = {}
+    seconds: dict[str, float] = {}
+    refused: tuple[RefusedShot, ...] = ()
+    state: SoFar | None = None
+    failure: str | None = None
+    try:
+        rig = SimulatedRig(plan, repeated.cell, seed)
+        truth = _truth(rig)
+        procedure = Procedure(plan, rig, journal, order, _silent)
+        seconds = procedure.seconds
+        found = procedure.carry_out()
+        refused, state = found.refused, found.state
+        if state is None:
+            failure = "; ".join(dict.fromkeys(refusal.found for refusal in refused))
+    except ZerobeamError as error:
+        failure = str(error)
+    spent = time.perf_counter() - began
+    return CellRun(seed, truth, journal.shots, refused, state, seconds, failure, spent)
+
+
+def campaign(
+    works: Sequence[Repeated], of: Sequence[int], told: Progress, processes: int | None = None
+) -> list[list[CellRun]]:
+    """Each of `works` with each of the seeds `of`, in that order; as many `processes` as there are cores.
+
+    Ctrl-C ends it with the runs that are under way.
+    """
+    jobs = [(work, seed) for work in works for seed in of]
+    found: dict[int, CellRun] = {}
+    for job, run in side_by_side(_one, jobs, processes):
+        found[job] = run
+        told(len(found) / len(jobs))
+    return [[found[k * len(of) + i] for i in range(len(of))] for k in range(len(works))]
+
+
+def _one(job: tuple[Repeated, int]) -> CellRun:
+    return carried(*job)
+
+
+def _truth(rig: SimulatedRig) -> dict[str, float]:
+    """As the rig's provenance tells it: true delta2 (deg)."""
+    told = {
+        tuple(name.split()): value for name, value in rig.provenance().items() if name.startswith("true ")
+    }
+    return {name: float(value) for (_, name, _), value in told.items()}
+
+
+def _silent(event: dict[str, Any]) -> None:
+    pass

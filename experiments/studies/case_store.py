@@ -1,0 +1,156 @@
+"""The finished cases of a study on the disk, so that one that was stopped can be gone on with."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+from collections.abc import Callable
+from io import FileIO
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from ...model.errors import BadInput
+from ...model.files.reading import parse_json, shown
+from ...model.files.whole_file import lock
+
+CASES_SCHEMA = "zerobeam/study-cases/1"
+
+Json = dict[str, Any]
+
+
+class CaseStore:
+    """A file of JSON lines: first what the cases are of, then a line a finished case.
+
+    Each line is on the disk before `add` returns. A torn last line, of a process that was killed, is taken
+    out. BadInput, and the file is left as it is, where it is of another study, other settings or another
+    seed, or was made by other versions: such cases do not belong together.
+    """
+
+    def __init__(self, path: Path, heading: Json) -> None:
+        self._path = path
+        self._done: dict[int, Json] = {}
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = FileIO(path, "a+")  # every line goes to the end
+        except OSError as error:
+            raise _cannot_keep(path, error) from None
+        try:
+            self._lock()
+            self._begin({"schema": CASES_SCHEMA, **heading})
+        except OSError as error:
+            self.close()
+            raise _cannot_keep(path, error) from None
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def done(self) -> dict[int, Json]:
+        """The finished cases by their number."""
+        return dict(self._done)
+
+    def add(self, number: int, answer: Json) -> None:
+        """Keep a finished case."""
+        try:
+            self._write(_line({"case": number, "answer": answer}))
+        except OSError as error:
+            raise _cannot_keep(self._path, error) from None
+        self._done[number] = answer
+
+    def close(self) -> None:
+        self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _lock(self) -> None:
+        if not lock(self._file):
+            raise BadInput(
+                "another process carries this study out",
+                remedy="wait until it has ended, stop it, or name another folder for the study",
+                file=self._path,
+            )
+
+    def _begin(self, heading: Json) -> None:
+        self._file.seek(0)
+        content, first = self._file.readall(), _line(heading)
+        whole = content[: content.rfind(b"\n") + 1]
+        if whole or not first.startswith(content):
+            self._read(whole, heading)
+            self._file.truncate(len(whole))
+        else:
+            # Of a process that was killed while it wrote the first line, if of any.
+            self._file.truncate(0)
+            self._write(first)
+
+    def _write(self, line: bytes) -> None:
+        while line:
+            line = line[self._file.write(line) :]
+        os.fsync(self._file.fileno())
+
+    def _read(self, content: bytes, heading: Json) -> None:
+        lines = content.splitlines()
+        try:
+            found = parse_json(lines[0].decode(), file=self._path, line=1)
+            if not isinstance(found, dict) or found.get("schema") != CASES_SCHEMA:
+                raise ValueError
+        except (ValueError, IndexError):
+            raise BadInput(
+                "this file was not written by a study, or is spoilt",
+                allowed=f"a first line of schema {CASES_SCHEMA}",
+                remedy="move it away, or name another folder for the study",
+                file=self._path,
+            ) from None
+        for key, value in heading.items():
+            if found.get(key) != value:
+                raise BadInput(
+                    f"the finished cases that are kept here are of another study: {key} differs",
+                    found=shown(found.get(key)),
+                    allowed=shown(value),
+                    remedy="go on with what they were begun with, remove the file to begin anew, or name"
+                    " another folder for the study",
+                    file=self._path,
+                    line=1,
+                )
+        for number, line in enumerate(lines[1:], start=2):
+            try:
+                row = parse_json(line.decode(), file=self._path, line=number)
+                self._done[int(row["case"])] = dict(row["answer"])
+            except (ValueError, TypeError, KeyError):
+                raise BadInput(
+                    "a finished case cannot be read",
+                    remedy="remove the file to begin anew",
+                    file=self._path,
+                    line=number,
+                ) from None
+
+
+def each_case(store: Path | None, heading: Json, count: int, work: Callable[[int], Json]) -> list[Json]:
+    """The answers of so many cases in turn: those that the store has, else worked out, and kept at once."""
+    with contextlib.nullcontext() if store is None else CaseStore(store, heading) as kept:
+        answers = {} if kept is None else kept.done
+        for number in range(count):
+            if number not in answers:
+                answers[number] = work(number)
+                if kept is not None:
+                    kept.add(number, answers[number])
+    return [answers[number] for number in range(count)]
+
+
+def _line(value: Json) -> bytes:
+    return (json.dumps(value, ensure_ascii=False, allow_nan=False) + "\n").encode()
+
+
+def _cannot_keep(path: Path, error: OSError) -> BadInput:
+    return BadInput(
+        f"the finished cases cannot be kept: {error.strerror or error}",
+        file=path,
+        remedy="name a folder beside which files may be written",
+    )

@@ -1,0 +1,495 @@
+"""Study files (YAML, `zerobeam/study-file/1`): a base of settings, and axes along which some of them change.
+
+Every combination of the axes' values is a case. The built-in studies are such files too.
+"""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import product
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from ...analysis.design.exact_design import Criterion
+from ...model.errors import BadInput
+from ...model.files.header import (
+    Header,
+    Name,
+    Point,
+    Positive,
+    RobotRef,
+    StatedNoise,
+    StatedPrior,
+    StatedTarget,
+    StatedTolerance,
+    StatedTool,
+    check_header,
+)
+from ...model.files.reading import (
+    Document,
+    Place,
+    did_you_mean,
+    read_yaml,
+    shown,
+)
+from ...model.files.robot_file import load_robot
+from ...model.files.validation import FileModel, refusal, validate
+from ...model.noise import Noise
+from ...model.parameters import Parameters
+from ...model.robot import Robot
+from ...model.tool import Tool
+from .sweep_words import plain
+
+STUDY_FILE_SCHEMA: Literal["zerobeam/study-file/1"] = "zerobeam/study-file/1"
+TARGET = "psd"
+OTHER_STUDIES = ("coverage", "cell", "table2")  # their answers have another shape
+_FOLDER = Path(__file__).parent / "sweeps"
+_MOST_CASES = 10_000
+_MOST_RUNS = 100_000
+
+Cost = Literal["likelihood", "midpoint"]
+Count = Annotated[int, Field(ge=1)]
+Scalar = bool | int | float | str
+
+
+def _as_tuple(value: object) -> object:
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _costs(value: object) -> object:
+    if isinstance(value, list | tuple) and "likelihood" not in value:
+        raise refusal(
+            "the likelihood fit is left out",
+            found=shown(list(value)),
+            allowed="[likelihood] or [likelihood, midpoint]",
+            remedy="add likelihood: what is predicted is its scatter",
+        )
+    return _as_tuple(value)
+
+
+def _pair(value: object) -> object:
+    if not isinstance(value, list | tuple) or len(value) != 2:
+        raise refusal("a list of 2 numbers is wanted", found=shown(value), allowed="[shortest, longest]")
+    return tuple(value)
+
+
+def _value(value: object) -> object:
+    """One value of an axis, before pydantic tries what it might be."""
+    if isinstance(value, list) and len(value) == 3:
+        return tuple(value)
+    if isinstance(value, bool | int | float | str | tuple | dict | NamedChange):
+        return value
+    raise refusal(
+        "this cannot be a value of an axis",
+        found=shown(value),
+        allowed="a number, a word, true or false, [x, y, z], or {name: …, set: {SETTING: value, …}}",
+    )
+
+
+class PlacedTarget(FileModel):
+    """The one target of all shots."""
+
+    xyz_mm: Point = Field(description="where it is thought to stand, base frame, millimetres")
+    sigma_mm: Positive = Field(
+        default=30.0,
+        description="std of that in each direction, millimetres: how far the true one is drawn from it",
+    )
+
+
+class PlanMaking(FileModel):
+    """How the plan of a case is made."""
+
+    kind: Literal["x", "y", "optimal"] = Field(
+        default="optimal", description="the paper's X- or Y-Pattern, or the best of many candidates"
+    )
+    shots: Count = Field(default=7, description="how many shots")
+    span: Positive | None = Field(
+        default=None,
+        description="length of a pattern's line as a share of the arm's reach; default: the pattern's own",
+    )
+    candidates: Count = Field(default=1000, description="postures that an optimal plan is chosen from")
+    criterion: Criterion = Field(default="A", description="what an optimal plan minimises")
+    facing: Point | None = Field(
+        default=(0.0, 0.0, 1.0),
+        description="outward normal of the target's face, base frame, any length; null: any side",
+    )
+    acceptance_deg: Annotated[float, Field(gt=0, le=90)] = Field(
+        default=60.0, description="largest angle between beam and that normal, degrees"
+    )
+    beam_mm: Annotated[tuple[float, float], BeforeValidator(_pair)] = Field(
+        default=(200.0, 2000.0), description="shortest and longest beam, millimetres"
+    )
+    margin_deg: Annotated[float, Field(ge=0)] = Field(
+        default=5.0, description="kept to every joint limit, degrees"
+    )
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        if not 0 <= self.beam_mm[0] < self.beam_mm[1]:
+            raise refusal(
+                "no beam is within the stated lengths",
+                key=("beam_mm",),
+                found=shown(list(self.beam_mm)),
+                allowed="a shortest beam of 0 or more and below the longest",
+            )
+        if self.facing is not None and not any(self.facing):
+            raise refusal(
+                "the target's face has no direction",
+                key=("facing",),
+                found=shown(list(self.facing)),
+                allowed="any vector but zero, or null",
+            )
+        return self
+
+
+class Settings(FileModel):
+    """All that a case depends on, besides the seed."""
+
+    robot: RobotRef = Field(
+        description="a built-in name, the path of a robot file (.yaml), or a chain of a URDF file"
+    )
+    tool: StatedTool = Field(description="what the flange carries, as in a header")
+    noise: StatedNoise = Field(description="standard deviations of the readings, as in a header")
+    prior: StatedPrior = Field(
+        default=StatedPrior(), description="of the offsets, as in a header: the true ones are drawn from it"
+    )
+    held: Annotated[tuple[Name, ...], BeforeValidator(_as_tuple)] | None = Field(
+        default=None, description="names of the parameters that are not estimated, as in a header"
+    )
+    tolerance: StatedTolerance = Field(
+        default=StatedTolerance(), description="what counts as identified, as in a header"
+    )
+    target: PlacedTarget = Field(description="where the target stands")
+    plan: PlanMaking = Field(default=PlanMaking(), description="how the plan is made")
+    runs: Annotated[int, Field(ge=0, le=_MOST_RUNS)] = Field(
+        default=200, description="simulated runs of each case; 0: prediction only"
+    )
+    costs: Annotated[tuple[Cost, ...], BeforeValidator(_costs)] = Field(
+        default=("likelihood",), description="fits of each run; midpoint is the paper's (eq. 8)"
+    )
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        if self.noise.scale != "known":
+            raise refusal(
+                "the noise of a study is known: it is what the runs are simulated with",
+                key=("noise", "scale"),
+                found=f"scale: {self.noise.scale}",
+                remedy="remove scale",
+            )
+        return self
+
+    def header(self) -> Header:
+        """The header that a plan of these settings would have."""
+        target = StatedTarget(guess_mm=self.target.xyz_mm, sigma_mm=self.target.sigma_mm)
+        return Header(
+            robot=self.robot,
+            tool=self.tool,
+            noise=self.noise,
+            prior=self.prior,
+            held=self.held,
+            tolerance=self.tolerance,
+            targets={TARGET: target},
+        )
+
+
+class NamedChange(FileModel):
+    """A value of an axis that changes several settings at once."""
+
+    name: Name = Field(description="what reports call it")
+    set_: dict[Name, Any] = Field(
+        alias="set", description="values by the dotted name of the setting, such as plan.shots"
+    )
+
+
+AxisValue = Annotated[Scalar | Point | NamedChange, BeforeValidator(_value)]
+
+
+class Axis(FileModel):
+    """What changes from case to case."""
+
+    key: Name = Field(
+        description="dotted name of the setting, such as noise.joint_deg, or target.xyz_mm.x for one"
+        " coordinate; free where every value is named"
+    )
+    label: Name | None = Field(default=None, description="what reports call it; default: the key")
+    unit: str = Field(default="", description="unit of the values, for reports")
+    values: Annotated[tuple[AxisValue, ...], BeforeValidator(_as_tuple), Field(min_length=1)] = Field(
+        description="numbers, words, true or false, [x, y, z], or {name, set} to change several settings"
+    )
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        told = [told_value(value) for value in self.values]
+        for i, one in enumerate(told):
+            if one in told[:i]:
+                raise refusal("a value of an axis stands twice", key=("values", i), found=shown(one))
+        return self
+
+    def changes(self, index: int) -> dict[str, Any]:
+        """The settings that a value of the axis changes, by their dotted names."""
+        value = self.values[index]
+        return dict(value.set_) if isinstance(value, NamedChange) else {self.key: value}
+
+
+def told_value(value: Scalar | Point | NamedChange) -> int | float | str:
+    """A value of an axis as a number or a word."""
+    if isinstance(value, NamedChange):
+        return value.name
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"[{', '.join(f'{v:g}' for v in value)}]" if isinstance(value, tuple) else value
+
+
+class StudyFile(FileModel):
+    """The content of a study file."""
+
+    schema_: Literal["zerobeam/study-file/1"] = Field(
+        alias="schema", description="kind and version of the file"
+    )
+    study: Name = Field(description="name of the study")
+    title: Name = Field(description="what is asked")
+    base: Settings = Field(description="the settings of all cases, where no axis changes them")
+    axes: Annotated[tuple[Axis, ...], BeforeValidator(_as_tuple), Field(min_length=1)] = Field(
+        description="what changes; every combination of their values is a case"
+    )
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        if self.study in OTHER_STUDIES:
+            raise refusal(
+                "this is the name of another kind of study",
+                key=("study",),
+                found=self.study,
+                allowed=f"any name but {', '.join(OTHER_STUDIES)}",
+            )
+        keys = [axis.key for axis in self.axes]
+        taken: dict[str, int] = {}
+        for i, axis in enumerate(self.axes):
+            if axis.key in keys[:i]:
+                raise refusal("two axes have the same key", key=("axes", i), found=axis.key)
+            for name in dict.fromkeys(_changed(axis)):
+                other = next((old for old in taken if _overlap(old, name)), None)
+                if other is not None and taken[other] != i:
+                    raise refusal(
+                        "two axes change the same setting",
+                        key=("axes", i),
+                        found=f"{other} and {name}",
+                        remedy="change it along one of them",
+                    )
+                taken[name] = i
+        count = self.count
+        if count > _MOST_CASES:
+            raise refusal(
+                "the study is too large", key=("axes",), found=f"{count} cases", allowed=_MOST_CASES
+            )
+        return self
+
+    @property
+    def count(self) -> int:
+        """Number of cases."""
+        result = 1
+        for axis in self.axes:
+            result *= len(axis.values)
+        return result
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One combination: `at` has the index of its value on every axis."""
+
+    at: tuple[int, ...]
+    words: str
+    settings: Settings
+    header: Header
+    robot: Robot
+
+    @property
+    def fingerprint(self) -> str:
+        """SHA-256 of all that the case's answer depends on, besides seed and versions."""
+        stated = json.dumps(self.settings.model_dump(mode="json", by_alias=True, exclude={"robot"}))
+        parts = [self.robot.name, stated]
+        for joint in self.robot.joints:
+            numbers = [*joint.fixed.ravel(), *joint.axis, joint.lower, joint.upper]
+            parts.append(f"{joint.name} {joint.kind} {joint.speed} {[float(v).hex() for v in numbers]}")
+        parts.append(str([float(v).hex() for v in self.robot.flange.ravel()]))
+        return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+@dataclass(frozen=True, eq=False)
+class StatedStudy:
+    """A study file that was read: its content with the changes asked for, and its cases in order (the last
+    axis changes fastest)."""
+
+    content: StudyFile
+    cases: tuple[Case, ...]
+    file: str
+    sha256: str
+
+
+def built_in_studies() -> tuple[str, ...]:
+    """Names of the studies that come with the program."""
+    return tuple(sorted(entry.stem for entry in _FOLDER.glob("*.yaml")))
+
+
+def built_in_study(name: str) -> Path:
+    """The study file of a built-in study. BadInput where there is none of this name."""
+    if name not in built_in_studies():
+        raise BadInput(
+            "there is no built-in study of this name",
+            found=name,
+            allowed=", ".join(built_in_studies()),
+            remedy=did_you_mean(name, built_in_studies()),
+        )
+    return _FOLDER / f"{name}.yaml"
+
+
+def read_study(path: Path | str, runs: int | None = None) -> StatedStudy:
+    """A study file, every case of it checked; `runs` in the place of the base's."""
+    document = read_yaml(Path(path))
+    found = document.data.get("schema") if isinstance(document.data, dict) else None
+    if found != STUDY_FILE_SCHEMA:
+        raise BadInput(
+            "this is not a study file of this version",
+            found="no 'schema' key" if found is None else f"schema: {shown(found)}",
+            allowed=f"schema: {STUDY_FILE_SCHEMA}",
+            file=document.file,
+            line=document.line(("schema",)),
+        )
+    content = validate(StudyFile, document.data, file=document.file, line=document.line)
+    if runs is not None:
+        if any(_overlap(key, "runs") for axis in content.axes for key in _changed(axis)):
+            raise BadInput(
+                "the runs are asked for by an axis of the study and by --runs",
+                found=f"--runs {runs}",
+                remedy="leave out --runs",
+                file=document.file,
+                line=document.line(("axes",)),
+            )
+        base = Settings.model_validate({**_stated(content.base), "runs": runs})
+        content = content.model_copy(update={"base": base})
+    robots: dict[str, Robot] = {}
+    cases = tuple(_case(content, at, document, robots) for at in _grid(content.axes))
+    return StatedStudy(content, cases, document.file.name, document.sha256)
+
+
+@cache
+def setting_names() -> tuple[str, ...]:
+    """Dotted names of all settings."""
+    return tuple(_names(Settings, ""))
+
+
+def _names(model: type[FileModel], prefix: str) -> Iterator[str]:
+    for name, field in model.model_fields.items():
+        yield f"{prefix}{name}"
+        inner = field.annotation
+        if isinstance(inner, type) and issubclass(inner, FileModel):
+            yield from _names(inner, f"{prefix}{name}.")
+
+
+def _grid(axes: Sequence[Axis]) -> Iterator[tuple[int, ...]]:
+    return product(*(range(len(axis.values)) for axis in axes))
+
+
+def _changed(axis: Axis) -> Iterator[str]:
+    for j in range(len(axis.values)):
+        yield from axis.changes(j)
+
+
+def _overlap(one: str, other: str) -> bool:
+    """Whether two dotted names are the same setting, or one is a part of the other."""
+    return one == other or one.startswith(f"{other}.") or other.startswith(f"{one}.")
+
+
+def _stated(settings: Settings) -> dict[str, Any]:
+    """What of the settings is stated, as it would stand in a file."""
+    return settings.model_dump(mode="json", by_alias=True, exclude_unset=True)
+
+
+def _case(content: StudyFile, at: tuple[int, ...], document: Document, robots: dict[str, Robot]) -> Case:
+    """The settings of one case; BadInput at the line of the value that does not suit."""
+    data, where = _stated(content.base), dict[str, Place]()
+    defaults = content.base.model_dump(mode="json", by_alias=True)
+    for i, (axis, j) in enumerate(zip(content.axes, at, strict=True)):
+        place: Place = ("axes", i, "values", j)
+        for key, value in axis.changes(j).items():
+            _put(data, defaults, key, value, document, place)
+            where[key] = place
+
+    def line(place: Place) -> int | None:
+        dotted = ".".join(str(part) for part in place)
+        axis_place = next((own for key, own in where.items() if _overlap(key, dotted)), None)
+        return document.line(("base", *place) if axis_place is None else axis_place)
+
+    settings = validate(Settings, data, file=document.file, line=line)
+    header, ref = settings.header(), json.dumps(data["robot"])
+    if ref not in robots:
+        robots[ref] = load_robot(
+            settings.robot, document.file.parent, file=document.file, line=line(("robot",))
+        )
+    robot = robots[ref]
+    check_header(header, robot, file=document.file, line=line)
+    try:
+        Parameters.build(robot, Tool.from_header(header), Noise.from_header(header, robot), header, [TARGET])
+    except BadInput as error:
+        raise error.at(document.file, line(("held",))) from None
+    return Case(at, _words(content.axes, at), settings, header, robot)
+
+
+def _put(
+    data: dict[str, Any], defaults: dict[str, Any], key: str, value: Any, document: Document, place: Place
+) -> None:
+    """Set a dotted name; its last part may be the x, y or z of a triple."""
+    *path, last = key.split(".")
+    names = setting_names()
+    triple = last in "xyz" and ".".join(path) in names
+    if not (key in names or triple):
+        raise BadInput(
+            "there is no setting of this name",
+            found=key,
+            allowed=", ".join(names),
+            remedy=did_you_mean(key, names),
+            file=document.file,
+            line=document.line(place),
+        )
+    if triple:
+        *path, name = path
+    for part in path:
+        # What is stated of a part may be nothing at all.
+        data = data.setdefault(part, {})
+        defaults = defaults.get(part) or {}
+    if not triple:
+        data[last] = copy.deepcopy(value)
+        return
+    point = data.get(name, defaults.get(name))
+    if not isinstance(point, list | tuple) or len(point) != 3:
+        raise BadInput(
+            f"{'.'.join((*path, name))} has no {last}: it is no point or direction",
+            found=shown(point),
+            file=document.file,
+            line=document.line(place),
+        )
+    data[name] = [value if axis == last else own for axis, own in zip("xyz", point, strict=True)]
+
+
+def _words(axes: Sequence[Axis], at: Sequence[int]) -> str:
+    """A case in words: 'joint noise 0.01 deg, Y-Pattern'."""
+    parts = []
+    for axis, j in zip(axes, at, strict=True):
+        value = axis.values[j]
+        told = told_value(value)
+        if isinstance(value, NamedChange):
+            parts.append(value.name)
+        else:
+            shown_value = (
+                plain(told) if isinstance(told, int | float) and not isinstance(told, bool) else str(told)
+            )
+            parts.append(" ".join(part for part in (axis.label or axis.key, shown_value, axis.unit) if part))
+    return ", ".join(parts)

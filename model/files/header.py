@@ -1,0 +1,349 @@
+"""The header that run and plan files share: which robot and tool, how noisy, what is known beforehand.
+
+Units stand in the names of the keys (degrees and millimetres: this is what people write). The keys
+are those of `docs/files.md`; what is not among them is an error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+
+from ..errors import BadInput
+from ..noise import Noise
+from ..robot import Robot
+from .reading import Place, read_yaml, shown
+from .validation import FileModel, refusal, validate
+
+RUN_SCHEMA: Literal["zerobeam/run/1"] = "zerobeam/run/1"
+PLAN_SCHEMA: Literal["zerobeam/plan/1"] = "zerobeam/plan/1"
+
+
+def _tuple_of(size: int, meaning: str) -> BeforeValidator:
+    def check(value: object) -> object:
+        if not isinstance(value, list | tuple) or len(value) != size:
+            found = f"{len(value)} values" if isinstance(value, list | tuple) else shown(value)
+            raise refusal(f"a list of {size} values is wanted", found=found, allowed=meaning)
+        return tuple(value)
+
+    return BeforeValidator(check)
+
+
+def _as_tuple(value: object) -> object:
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _name(value: object) -> object:
+    """A name that can stand in a table, in JSON and in front of '.x'."""
+    if isinstance(value, str) and (not value or value != value.strip() or not value.isprintable()):
+        raise refusal(
+            "this cannot be a name",
+            found=shown(value),
+            allowed="printable text that neither begins nor ends with a blank",
+        )
+    return value
+
+
+def _target_name(value: object) -> object:
+    if value == "tool":
+        # Parameters of targets and of the tool are both called <name>.x.
+        raise refusal("a target cannot be called 'tool'", remedy="give it another name")
+    return _name(value)
+
+
+def _scalar_or_list(value: object) -> object:
+    """One positive number, or one for each joint."""
+    values = value if isinstance(value, list | tuple) else [value]
+    for i, item in enumerate(values):
+        if isinstance(item, bool) or not isinstance(item, int | float) or not item > 0:
+            raise refusal(
+                "the standard deviation of a joint reading cannot be used",
+                key=(i,) if isinstance(value, list | tuple) else (),
+                found=shown(item),
+                allowed="one number above 0, or a list of them, one for each joint",
+            )
+    return _as_tuple(value)
+
+
+def _free_text(value: object) -> object:
+    if isinstance(value, dict):
+        for key, item in value.items():
+            if not isinstance(item, str | int | float):
+                raise refusal(
+                    f"provenance.{key} is neither text, a number nor true or false",
+                    key=(key,),
+                    found=shown(item),
+                    allowed="one value for each key",
+                    remedy="write it as one text",
+                )
+    return value
+
+
+def _unique(value: object) -> object:
+    if isinstance(value, list | tuple):
+        for i, item in enumerate(value):
+            if item in value[:i]:
+                raise refusal("a name stands twice", key=(i,), found=shown(item), allowed="each name once")
+    return _as_tuple(value)
+
+
+Point = Annotated[tuple[float, float, float], _tuple_of(3, "[x, y, z]")]
+Positive = Annotated[float, Field(gt=0)]
+Name = Annotated[str, BeforeValidator(_name)]
+TargetName = Annotated[str, BeforeValidator(_target_name)]
+
+
+class UrdfRef(FileModel):
+    """A chain of a URDF file."""
+
+    urdf: Name = Field(description="path of the URDF file, relative to the file that names it")
+    base: Name = Field(description="name of the link that is the base frame")
+    tip: Name = Field(description="name of the link that is the flange frame")
+
+
+def _robot_tag(value: object) -> str | None:
+    # The tags must not look like keys of the file: they turn up in pydantic's error locations.
+    if isinstance(value, str):
+        return "<name>"
+    return "<urdf>" if isinstance(value, dict | UrdfRef) else None
+
+
+RobotRef = Annotated[
+    Annotated[Name, Tag("<name>")] | Annotated[UrdfRef, Tag("<urdf>")],
+    Discriminator(
+        _robot_tag,
+        custom_error_type="robot_kind",
+        custom_error_message="neither a name or path nor {urdf, base, tip}",
+    ),
+]
+
+
+class StatedSigma(FileModel):
+    """How far the tool may be from what is stated: prior standard deviations of an uncalibrated tool."""
+
+    tilt_deg: Positive = Field(
+        default=3.0, description="of each tilt of the beam, degrees (default 3; not for a probe)"
+    )
+    shift_mm: Positive = Field(
+        default=10.0, description="of each shift, millimetres (default 10 for a laser, 50 for a probe)"
+    )
+
+
+class StatedTool(FileModel):
+    """What the flange carries."""
+
+    kind: Literal["laser", "probe"] = Field(
+        description="laser: a beam that must pass the target; probe: a tip that must meet it"
+    )
+    calibrated: bool = Field(default=True, description="false: the tool is estimated along with the offsets")
+    point_mm: Point = Field(
+        description="a point on the beam, or the tip of the probe, in the flange frame, millimetres"
+    )
+    direction: Point | None = Field(
+        default=None,
+        description="direction of the beam in the flange frame, any length; required for a laser",
+    )
+    sigma: StatedSigma = Field(
+        default=StatedSigma(),
+        description="how far an uncalibrated tool may be off; a calibrated one is not estimated",
+    )
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        stated_sigma = "sigma" in self.model_fields_set
+        if self.kind == "laser" and self.direction is None:
+            raise refusal(
+                "tool.direction is missing",
+                found="a laser without the direction of its beam",
+                remedy="add the beam's direction in the flange frame, such as [1, 0, 0]",
+            )
+        if self.kind == "probe" and self.direction is not None:
+            raise refusal(
+                "tool.direction is stated for a probe, which has none",
+                key=("direction",),
+                found=f"direction: {shown(self.direction)}",
+                remedy="remove it, or state kind: laser",
+            )
+        if self.direction is not None and not any(self.direction):
+            raise refusal(
+                "tool.direction has no length",
+                key=("direction",),
+                found=shown(self.direction),
+                allowed="any vector but zero",
+            )
+        if self.kind == "probe":
+            if stated_sigma and "tilt_deg" in self.sigma.model_fields_set:
+                raise refusal(
+                    "tool.sigma.tilt_deg is stated for a probe, which has no direction",
+                    key=("sigma", "tilt_deg"),
+                    allowed="shift_mm",
+                    remedy="remove it",
+                )
+            if "shift_mm" not in self.sigma.model_fields_set:
+                # The default depends on the kind. It does not count as stated, so that it is not
+                # written out with the header.
+                own = StatedSigma.model_construct(_fields_set=set(), tilt_deg=3.0, shift_mm=50.0)
+                object.__setattr__(self, "sigma", own)
+        return self
+
+
+class StatedNoise(FileModel):
+    """Standard deviations of the readings."""
+
+    joint_deg: Annotated[Positive | tuple[Positive, ...], BeforeValidator(_scalar_or_list)] = Field(
+        description="of a joint reading: one number for all revolute joints, degrees, or one for each "
+        "joint, degrees (millimetres for a prismatic one)"
+    )
+    joint_mm: Positive | None = Field(
+        default=None, description="of a prismatic joint's reading, millimetres, where joint_deg is one number"
+    )
+    spot_mm: Annotated[float, Field(ge=0)] = Field(
+        description="of a spot reading, or of the ball in its socket, in each direction, millimetres"
+    )
+    scale: Literal["known", "estimated", "separate"] = Field(
+        default="known",
+        description="estimated: the figures are right up to one common factor; separate: up to one "
+        "factor for the joints and one for the spot",
+    )
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        if isinstance(self.joint_deg, tuple) and self.joint_mm is not None:
+            raise refusal(
+                "noise.joint_mm is stated beside a list for every joint",
+                key=("joint_mm",),
+                found=f"joint_mm: {self.joint_mm:g}",
+                remedy="remove it: the list holds the prismatic joints too, in mm",
+            )
+        if self.scale == "separate" and self.spot_mm == 0:
+            raise refusal(
+                "there is no spot noise of which a factor could be estimated",
+                key=("spot_mm",),
+                found="spot_mm: 0 with scale: separate",
+                allowed="a spot noise above 0",
+                remedy="state spot_mm as well as you know it, or scale: estimated",
+            )
+        return self
+
+
+class StatedPrior(FileModel):
+    """What is known of an offset before the shots: normal about zero."""
+
+    offset_deg: Positive = Field(default=5.0, description="standard deviation for a revolute joint, degrees")
+    offset_mm: Positive = Field(
+        default=5.0, description="standard deviation for a prismatic joint, millimetres"
+    )
+
+
+class StatedTarget(FileModel):
+    """What is known of a target before the shots."""
+
+    guess_mm: Point | None = Field(
+        default=None, description="where it is thought to stand, base frame, millimetres"
+    )
+    sigma_mm: Positive = Field(
+        default=10_000.0, description="standard deviation of that, each direction, millimetres"
+    )
+
+
+class StatedDistance(FileModel):
+    """A measured distance between two targets."""
+
+    between: Annotated[tuple[TargetName, TargetName], _tuple_of(2, "[one target, another target]")] = Field(
+        description="names of the two targets"
+    )
+    mm: Positive = Field(description="the distance, millimetres")
+    sigma_mm: Positive = Field(description="its standard deviation, millimetres")
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        if self.between[0] == self.between[1]:
+            raise refusal(
+                "a distance is between a target and itself",
+                key=("between",),
+                found=shown(self.between),
+                allowed="two targets",
+            )
+        return self
+
+
+class StatedTolerance(FileModel):
+    """Up to which standard deviation from the data alone a parameter counts as identified."""
+
+    offset_deg: Positive = Field(default=0.1, description="offset of a revolute joint, degrees")
+    length_mm: Positive = Field(default=1.0, description="any length, millimetres")
+    tilt_deg: Positive = Field(default=0.1, description="tilt of the tool, degrees")
+
+
+class Header(FileModel):
+    """What the shots of one file have in common. Paths in it are relative to the file's folder."""
+
+    schema_: Literal["zerobeam/run/1", "zerobeam/plan/1"] | None = Field(
+        default=None,
+        alias="schema",
+        description="kind and version of the file; optional where a header stands alone",
+    )
+    robot: RobotRef = Field(
+        description="a built-in name, the path of a robot file (.yaml), or a chain of a URDF file"
+    )
+    tool: StatedTool = Field(description="what the flange carries")
+    noise: StatedNoise = Field(description="standard deviations of the readings")
+    prior: StatedPrior = Field(default=StatedPrior(), description="what is known of the offsets beforehand")
+    targets: dict[TargetName, StatedTarget] = Field(
+        default={}, description="what is known of the targets, by name"
+    )
+    distances: Annotated[tuple[StatedDistance, ...], BeforeValidator(_as_tuple)] = Field(
+        default=(), description="measured distances between targets"
+    )
+    held: Annotated[tuple[Name, ...], BeforeValidator(_unique)] | None = Field(
+        default=None,
+        description="names of the parameters that are not estimated, instead of what the method holds",
+    )
+    limits: Literal["error", "warn"] = Field(
+        default="error", description="warn: joints outside the robot's limits are reported, not refused"
+    )
+    tolerance: StatedTolerance = Field(default=StatedTolerance(), description="what counts as identified")
+    provenance: Annotated[dict[Name, str | bool | int | float], BeforeValidator(_free_text)] = Field(
+        default={}, description="free text by key: serial number, controller software, who, when"
+    )
+
+
+def read_header(path: Path | str) -> Header:
+    """Header that stands alone in a YAML file, for `plan` and the importers."""
+    document = read_yaml(Path(path))
+    return validate(Header, document.data, file=document.file, line=document.line)
+
+
+def header_content(header: Header, schema: Literal["zerobeam/run/1", "zerobeam/plan/1"]) -> dict[str, Any]:
+    """The header's stated keys as plain values, `schema` first: what a file begins with."""
+    content = header.model_dump(mode="json", by_alias=True, exclude_unset=True, exclude_none=True)
+    return {"schema": schema, **{key: value for key, value in content.items() if key != "schema"}}
+
+
+def check_header(
+    header: Header, robot: Robot, *, file: Path | None, line: Callable[[Place], int | None]
+) -> None:
+    """BadInput where the header's noise does not suit the robot."""
+    stated = header.noise
+    if stated.joint_mm is not None and all(joint.kind == "revolute" for joint in robot.joints):
+        raise BadInput(
+            f"noise.joint_mm is stated, but {robot.name} has no prismatic joint",
+            found=f"joint_mm: {stated.joint_mm:g}",
+            remedy="remove it",
+            file=file,
+            line=line(("noise", "joint_mm")),
+        )
+    try:
+        Noise.from_header(header, robot)
+    except BadInput as error:
+        raise BadInput(
+            error.what,
+            found=error.found,
+            allowed=error.allowed,
+            remedy=error.remedy,
+            file=file,
+            line=line(("noise", "joint_deg")),
+        ) from None

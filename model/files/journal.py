@@ -1,0 +1,194 @@
+"""The journal: a run file that grows shot by shot and can be gone on with after a stop at any instant."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+from collections.abc import Iterator
+from io import FileIO
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from ..errors import BadInput, RigFault
+from .header import (
+    RUN_SCHEMA,
+    Header,
+    check_header,
+    header_content,
+)
+from .reading import shown
+from .robot_file import load_robot
+from .run import (
+    Shot,
+    check_shot,
+    header_text,
+    recorded,
+    shot_text,
+)
+from .whole_file import (
+    lock,
+    refuse_existing,
+    sync_folder,
+    write_whole,
+)
+
+
+class RunJournal:
+    """A run file that grows shot by shot; each is on the disk before `append` returns.
+
+    `RunJournal(path, header)` makes a new file, which gets its name once the whole header is on the
+    disk, and never writes into or over another; `RunJournal.resumed` goes on with one. Joints outside
+    their limits are recorded as they are: what happened, happened; `read_run` judges them, and so does
+    `resumed`.
+
+    One process at a time may record to a file: the lock is the system's and goes with the process,
+    however that ends. On Windows there is none, and two processes are not kept apart.
+    """
+
+    def __init__(self, path: Path | str, header: Header) -> None:
+        path = Path(path)
+        refuse_existing(path, or_else="go on with it (--resume)")
+        check_header(header, load_robot(header.robot, path.parent), file=None, line=lambda _: None)
+        write_whole(path, header_text(header))
+        self._open(path, header)
+
+    @classmethod
+    def resumed(cls, path: Path | str, header: Header) -> Self:
+        """Go on with a run file that was begun with the same header, even if it has no shot yet.
+
+        A torn last line is taken out, and `torn` is a sentence that says so. BadInput, and the file is
+        left as it is, if it is not there, cannot be read, has another header or is being recorded to.
+        """
+        journal = cls.__new__(cls)
+        journal._open(Path(path), header)
+        return journal
+
+    @property
+    def shots(self) -> tuple[Shot, ...]:
+        """All shots on the disk, in the order of the file."""
+        return tuple(self._shots.values())
+
+    def append(self, shot: Shot) -> None:
+        """Record one shot; RigFault if it cannot be brought to the disk."""
+        if self._file.closed:
+            raise RigFault(f"{self.path}: the run is closed, shot {shot.shot} was not recorded")
+        check_shot(self.header, self.robot, shot, file=self.path, line=None)
+        if shot.shot in self._shots:
+            raise BadInput(
+                f"the shot number {shot.shot} is recorded already", allowed="each number once", file=self.path
+            )
+        self._write(shot_text(shot))
+        self._shots[shot.shot] = shot
+
+    def _open(self, path: Path, header: Header) -> None:
+        if not path.is_file():
+            raise BadInput(
+                "there is no recording to go on with",
+                found="not a file" if path.exists() else "no file of this name",
+                remedy="correct the name, or start without --resume",
+                file=path,
+            )
+        self.path = path
+        try:
+            self._file = FileIO(path, "r+")
+        except OSError as error:
+            raise BadInput(f"the run cannot be recorded: {error.strerror}", file=path) from None
+        with self._closed_on_failure():
+            self._lock()
+            content = self._file.readall()
+            if not content.strip():
+                raise BadInput("the file is empty", remedy="remove it, start without --resume", file=path)
+            run, torn = recorded(content, path)
+            _require_same(run.header, header, file=path, line=run.header_line)
+            self.header, self.robot = run.header, run.robot
+            self._shots = {shot.shot: shot for shot in run.shots}
+            self.torn: str | None = None
+            if torn is not None:
+                self.torn = f"line {torn}, the last, was torn: it is taken out, the shots before it are kept"
+                content = content[: content.rstrip().rfind(b"\n") + 1]  # blank lines may stand behind it
+                self._file.truncate(len(content))
+            self._end = self._file.seek(len(content))
+            # Whoever recorded this may have been killed before it was on the disk.
+            self._write("" if content.endswith(b"\n") else "\n")
+            sync_folder(path.parent)
+
+    def _lock(self) -> None:
+        if not lock(self._file):
+            raise BadInput(
+                "another process is recording to this file",
+                remedy="wait until it has ended, or stop it",
+                file=self.path,
+            )
+
+    def _write(self, text: str) -> None:
+        """Text at the end of the file, brought to the disk whole or taken back."""
+        rest = content = text.encode("utf-8")
+        with self._closed_on_failure():
+            try:
+                while rest:
+                    rest = rest[self._file.write(rest) :]
+                os.fsync(self._file.fileno())
+            except BaseException:
+                # What is left of the line would spoil the file for whatever came after it.
+                with contextlib.suppress(OSError):
+                    self._file.truncate(self._end)
+                raise
+        self._end += len(content)
+
+    @contextlib.contextmanager
+    def _closed_on_failure(self) -> Iterator[None]:
+        """Close the file if what is done to it fails, and tell a failure of the system as a RigFault."""
+        try:
+            yield
+        except BaseException as error:
+            with contextlib.suppress(OSError):
+                self.close()
+            if isinstance(error, OSError):
+                raise RigFault(f"{self.path}: the run cannot be recorded: {error.strerror}") from error
+            raise
+
+    def close(self) -> None:
+        """End the recording and let others record to the file; nothing happens the second time."""
+        self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def _require_same(recorded: Header, wanted: Header, *, file: Path, line: int) -> None:
+    """BadInput for the first key in which a recorded header is not the wanted one."""
+    difference = _first_difference(
+        header_content(recorded, RUN_SCHEMA),
+        header_content(wanted, RUN_SCHEMA),
+    )
+    if difference:
+        key, found, allowed = difference
+        raise BadInput(
+            f"the recording was begun with another header: {key} differs",
+            found=found,
+            allowed=allowed,
+            remedy="go on with the plan, the cell and the seed that it was begun with, or start without"
+            " --resume under another name",
+            file=file,
+            line=line,
+        )
+
+
+def _first_difference(one: dict[str, Any], other: dict[str, Any]) -> tuple[str, str, str] | None:
+    """The first key that differs, such as 'noise.joint_deg', and its values as they stand in a file."""
+    for key in dict.fromkeys((*other, *one)):
+        a, b = one.get(key), other.get(key)  # a stated value is never None
+        if isinstance(a, dict) and isinstance(b, dict):
+            if inner := _first_difference(a, b):
+                return f"{key}.{inner[0]}", *inner[1:]
+        elif json.dumps(a) != json.dumps(b):  # where 1, 1.0 and true are three values
+            found, wanted = ("not stated" if value is None else shown(value) for value in (a, b))
+            return key, found, wanted
+    return None

@@ -1,0 +1,103 @@
+"""Joint values against a robot's limits, and the question whether they are in the unit that they claim."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from ..errors import BadInput
+from ..robot import Matrix, Robot
+
+# Values recorded at a limit may miss it by what one conversion between degrees and radians rounds off.
+ROUNDING = 1e-6
+ONE_TURN = 6.3  # rad, a little more than 2 pi
+WIDE = 90.0  # degrees: a joint that can go this far is seldom used within a few degrees of zero only
+
+
+def check_limits(
+    robot: Robot,
+    joints: Matrix,
+    noun: str,
+    numbers: Sequence[int],
+    lines: Sequence[int],
+    *,
+    limits: Literal["error", "warn"],
+    file: Path | None,
+) -> tuple[str, ...]:
+    """Judge joint values (N, n), degrees or mm; `noun` ('shot'), `numbers`, `lines` say which row is which.
+
+    A joint outside its limits is BadInput; with `limits` 'warn' it is one sentence for each joint, which
+    names all such rows. Values that look like radians, all within limits, are a sentence too.
+    """
+    lower, upper = robot.lower * robot.display, robot.upper * robot.display
+    outside = (joints < lower - ROUNDING) | (joints > upper + ROUNDING)
+    if not outside.any():
+        return _perhaps_radians(robot, joints)
+    hint = _unit_hint(robot, joints)
+    if limits == "error":
+        row, i = (int(index) for index in np.argwhere(outside)[0])
+        joint = robot.joints[i]
+        rest = int(outside.any(axis=1).sum()) - 1
+        more = "" if rest == 0 else f"; {rest} more like it"
+        raise BadInput(
+            f"{noun} {numbers[row]}: joint {i + 1} is outside its limits{more}",
+            found=f"{joints[row, i]:.6g} {joint.unit}",
+            allowed=f"{lower[i]:.6g} to {upper[i]:.6g} {joint.unit} ({robot.name}, {joint.name})",
+            remedy=hint or "correct the value; if the arm was really there, state limits: warn in the header",
+            file=file,
+            line=lines[row],
+        )
+    warnings = []
+    for i in range(robot.n):
+        rows = [int(row) for row in np.flatnonzero(outside[:, i])]
+        if not rows:
+            continue
+        beyond = np.maximum(lower[i] - joints[rows, i], joints[rows, i] - upper[i])
+        farthest = joints[rows[np.argmax(beyond)], i]
+        warnings.append(
+            f"joint {i + 1} is outside its limits ({lower[i]:.6g} to {upper[i]:.6g} {robot.joints[i].unit}), "
+            f"up to {farthest:.6g}, in {len(rows)} of {len(joints)} {noun}s: "
+            + ", ".join(str(numbers[row]) for row in rows)
+        )
+    return (*warnings, hint) if hint else tuple(warnings)
+
+
+def _revolute(robot: Robot) -> list[int]:
+    return [i for i, joint in enumerate(robot.joints) if joint.kind == "revolute"]
+
+
+def _inside(robot: Robot, degrees: Matrix, chosen: list[int]) -> bool:
+    lower, upper = robot.lower[chosen] * robot.display[chosen], robot.upper[chosen] * robot.display[chosen]
+    return bool(np.all((degrees >= lower - ROUNDING) & (degrees <= upper + ROUNDING)))
+
+
+def _unit_hint(robot: Robot, joints: Matrix) -> str | None:
+    """The unit that would bring all revolute joints within their limits, as a question."""
+    chosen = _revolute(robot)
+    values = joints[:, chosen]
+    if not chosen:
+        return None
+    if np.abs(values).max() <= ONE_TURN and _inside(robot, np.degrees(values), chosen):
+        return "radians? read as radians, all values would be within the limits; degrees are wanted"
+    furthest = np.maximum(np.abs(robot.lower[chosen]), np.abs(robot.upper[chosen])) * robot.display[chosen]
+    # A single slip also comes back within limits when it is made 57 times smaller; a wrong unit goes far.
+    if np.any(np.abs(values) > 3 * furthest) and _inside(robot, np.radians(values), chosen):
+        return (
+            "radians? all values are within the limits if they are divided by 57.3: "
+            "perhaps degrees were converted from radians once too often"
+        )
+    return None
+
+
+def _perhaps_radians(robot: Robot, joints: Matrix) -> tuple[str, ...]:
+    chosen = [i for i in _revolute(robot) if np.degrees(robot.upper[i] - robot.lower[i]) > WIDE]
+    values = joints[:, chosen]
+    if not chosen or not np.any(values) or np.abs(values).max() > ONE_TURN:
+        return ()
+    return (
+        f"radians? all joint angles are within ±{ONE_TURN} degrees, as angles in radians would be; "
+        "they were taken as degrees",
+    )

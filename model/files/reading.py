@@ -1,0 +1,273 @@
+"""Text, YAML and JSON as plain values; every refusal says in which file and line, and what is allowed.
+
+YAML is read by the core schema of YAML 1.2 (`no` and `2024-05-01` are text, not a boolean or a
+date). Keys are text and stand once; numbers are finite, everywhere.
+"""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import json
+import math
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+
+from ..errors import BadInput
+
+Place = tuple[str | int, ...]
+
+MOST_VALUES = 200_000  # in a YAML file: a plan of 20 000 postures
+DEEPEST = 50  # levels of nesting: no file of ours has more than six
+
+
+def read_bytes(path: Path) -> bytes:
+    """Content of a file; BadInput for one that is missing, a folder, unreadable or empty."""
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError:
+        raise BadInput("there is no such file", file=path, remedy=_near_file(path)) from None
+    except (IsADirectoryError, PermissionError) as error:
+        # Windows answers "permission denied" for a folder.
+        if path.is_dir():
+            raise BadInput(
+                "this is a folder, not a file", file=path, remedy="name a file inside it"
+            ) from None
+        raise BadInput(f"the file cannot be read: {error.strerror}", file=path) from None
+    except (OSError, ValueError) as error:
+        raise BadInput(f"the file cannot be read: {error}", file=path) from None
+    if not content.strip():
+        raise BadInput("the file is empty", file=path)
+    return content
+
+
+def read_text(path: Path) -> tuple[str, str]:
+    """Text of a UTF-8 file and the SHA-256 of its bytes."""
+    content = read_bytes(path)
+    return decode(content, file=path, line=None), hashlib.sha256(content).hexdigest()
+
+
+def decode(content: bytes, *, file: Path, line: int | None) -> str:
+    """UTF-8 text (a byte order mark is left out); BadInput with the line of the first bad byte.
+
+    `line` is the number of the line that `content` is; None for a whole file.
+    """
+    try:
+        if b"\0" in content:
+            raise BadInput("this is a binary file, not text", file=file, line=line, allowed="text in UTF-8")
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        at = content.count(b"\n", 0, error.start) + 1 if line is None else line
+        raise BadInput(
+            "the text is not UTF-8",
+            found=f"byte 0x{content[error.start]:02x}",
+            allowed="text in UTF-8",
+            remedy="save the file as UTF-8",
+            file=file,
+            line=at,
+        ) from None
+
+
+def _near_file(path: Path) -> str | None:
+    try:
+        names = [entry.name for entry in path.parent.iterdir()]
+    except OSError:
+        return f"the folder {path.parent} does not exist either"
+    return did_you_mean(path.name, names)
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str | None:
+    """'did you mean …?' where one of the known words is near, else None."""
+    near = difflib.get_close_matches(word, list(known), n=1, cutoff=0.6)
+    return f"did you mean {near[0]!r}?" if near else None
+
+
+@dataclass(frozen=True)
+class Document:
+    """Plain values of a YAML file, and the line of each of their places."""
+
+    data: Any
+    file: Path
+    sha256: str
+    lines: Mapping[Place, int]
+
+    def line(self, place: Place) -> int | None:
+        """Line of a place, or of the nearest one around it (for a key that is missing)."""
+        for length in range(len(place), -1, -1):
+            if place[:length] in self.lines:
+                return self.lines[place[:length]]
+        return None
+
+
+def read_yaml(path: Path) -> Document:
+    """One YAML 1.2 document whose top is a mapping."""
+    text, sha256 = read_text(path)
+    try:
+        node = YAML(typ="safe", pure=True).compose(text)
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        raise BadInput(
+            f"the file is not valid YAML: {error.problem or error.context}",
+            file=path,
+            line=None if mark is None else mark.line + 1,
+        ) from None
+    except (YAMLError, RecursionError, ValueError) as error:
+        raise BadInput(f"the file is not valid YAML: {error}", file=path) from None
+    if not isinstance(node, MappingNode):
+        raise BadInput(
+            "the file does not hold keys and values",
+            allowed="a YAML mapping, such as 'robot: irb1600'",
+            file=path,
+            line=None if node is None else node.start_mark.line + 1,
+        )
+    lines: dict[Place, int] = {(): node.start_mark.line + 1}
+    return Document(_plain(node, (), path, lines), path, sha256, lines)
+
+
+CORE_SCHEMA: tuple[tuple[re.Pattern[str], Callable[[str], Any]], ...] = (
+    (re.compile(r"null|Null|NULL|~|"), lambda text: None),
+    (re.compile(r"true|True|TRUE"), lambda text: True),
+    (re.compile(r"false|False|FALSE"), lambda text: False),
+    (re.compile(r"[-+]?[0-9]+"), int),
+    (re.compile(r"0o[0-7]+"), lambda text: int(text, 8)),
+    (re.compile(r"0x[0-9a-fA-F]+"), lambda text: int(text, 16)),
+    (re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?"), float),
+    (re.compile(r"[-+]?(\.inf|\.Inf|\.INF)|\.nan|\.NaN|\.NAN"), lambda text: math.nan),
+)
+TAGS = {f"tag:yaml.org,2002:{kind}" for kind in ("null", "bool", "int", "float", "str", "seq", "map")}
+# Resolved from the look of plain text by YAML 1.1 habits; by the core schema of 1.2 it is just text.
+TEXT_TAGS = {f"tag:yaml.org,2002:{kind}" for kind in ("timestamp", "value", "merge")}
+
+
+def _plain(node: Node, place: Place, file: Path, lines: dict[Place, int]) -> Any:
+    """Plain values of a node by the core schema (YAML 1.2.2, section 10.3)."""
+    line = node.start_mark.line + 1
+    if len(place) > DEEPEST:
+        raise BadInput("the values are nested too deeply", file=file, line=line)
+    if node.tag not in TAGS and not (isinstance(node, ScalarNode) and node.tag in TEXT_TAGS):
+        raise BadInput("a YAML tag is not allowed here", found=node.tag, file=file, line=line)
+    if isinstance(node, ScalarNode):
+        return _scalar(node, file, line)
+    if isinstance(node, SequenceNode):
+        items = []
+        for i, item in enumerate(node.value):
+            _at(item, (*place, i), file, lines)
+            items.append(_plain(item, (*place, i), file, lines))
+        return items
+    mapping: dict[str, Any] = {}
+    for key_node, value_node in node.value:
+        key = _plain(key_node, place, file, {}) if isinstance(key_node, ScalarNode) else None
+        line = key_node.start_mark.line + 1
+        if not isinstance(key, str):
+            raise BadInput(
+                "a key must be text",
+                found=shown(key) if isinstance(key_node, ScalarNode) else "a list or mapping",
+                remedy="put it in quotes",
+                file=file,
+                line=line,
+            )
+        if key in mapping:
+            raise BadInput(
+                f"the key {key!r} stands twice",
+                found=f"first on line {lines[(*place, key)]}",
+                allowed="each key once",
+                remedy="remove one of them",
+                file=file,
+                line=line,
+            )
+        _at(key_node, (*place, key), file, lines)
+        mapping[key] = _plain(value_node, (*place, key), file, lines)
+    return mapping
+
+
+def _at(node: Node, place: Place, file: Path, lines: dict[Place, int]) -> None:
+    lines[place] = node.start_mark.line + 1
+    if len(lines) > MOST_VALUES:
+        # Aliases of aliases grow without bound in a file of a few lines.
+        raise BadInput(f"the file holds more than {MOST_VALUES} values", file=file, line=lines[place])
+
+
+def _scalar(node: ScalarNode, file: Path, line: int) -> Any:
+    text: str = node.value
+    if node.style is not None or node.tag in TEXT_TAGS:
+        return text
+    for pattern, value in CORE_SCHEMA:
+        if pattern.fullmatch(text):
+            try:
+                result = value(text)
+            except ValueError as error:
+                raise BadInput(f"the number cannot be read: {error}", file=file, line=line) from None
+            if isinstance(result, float) and not math.isfinite(result):
+                raise _not_finite(text, file, line)
+            return result
+    return text
+
+
+def _not_finite(text: str, file: Path, line: int | None) -> BadInput:
+    return BadInput(
+        "a number is not finite",
+        found=text,
+        allowed="finite numbers",
+        remedy="leave out what was not measured",
+        file=file,
+        line=line,
+    )
+
+
+def parse_json(text: str, *, file: Path, line: int) -> Any:
+    """Value of one line of JSON; `json.JSONDecodeError` if it is no JSON (a torn line, perhaps).
+
+    BadInput for what is JSON to lenient readers only: a key that stands twice, NaN, Infinity,
+    a number too large for a float.
+    """
+
+    def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        result: dict[str, Any] = {}
+        for key, value in pairs:
+            if key in result:
+                raise BadInput(
+                    f"the key {key!r} stands twice",
+                    allowed="each key once",
+                    remedy="remove one of them",
+                    file=file,
+                    line=line,
+                )
+            result[key] = value
+        return result
+
+    def constant(word: str) -> Any:
+        raise _not_finite(word, file, line)
+
+    def number(digits: str) -> float:
+        value = float(digits)
+        if not math.isfinite(value):
+            raise _not_finite(digits, file, line)
+        return value
+
+    def whole(digits: str) -> int:
+        if not math.isfinite(float(digits)):
+            raise _not_finite(f"{digits[:20]}…", file, line)
+        return int(digits)
+
+    try:
+        return json.loads(
+            text, object_pairs_hook=once, parse_constant=constant, parse_float=number, parse_int=whole
+        )
+    except RecursionError:
+        raise BadInput("the values are nested too deeply", file=file, line=line) from None
+
+
+def shown(value: object) -> str:
+    """A value as it would stand in a JSON file, cut to a length that a message can carry."""
+    try:
+        text = json.dumps(value, ensure_ascii=False)
+    except (TypeError, ValueError):
+        text = str(value)
+    return text if len(text) <= 70 else text[:69] + "…"

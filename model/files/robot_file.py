@@ -1,0 +1,241 @@
+"""Robots by name, from a robot file (YAML, `zerobeam/robot/1`) or from a chain of a URDF file."""
+
+from __future__ import annotations
+
+import os
+from functools import cache
+from pathlib import Path, PurePosixPath
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import BeforeValidator, Field, model_validator
+
+from ..errors import BadInput
+from ..robot import (
+    DHRow,
+    Joint,
+    Matrix,
+    Robot,
+    dh_chain,
+    shift,
+)
+from .header import (
+    Name,
+    Point,
+    Positive,
+    UrdfRef,
+)
+from .reading import did_you_mean, read_yaml, shown
+from .urdf import read_urdf, roll_pitch_yaw
+from .validation import (
+    FileModel,
+    refusal,
+    require_schema,
+    validate,
+)
+
+BUILT_IN = Path(__file__).parents[1] / "robots"
+
+
+class StatedTransform(FileModel):
+    """A fixed transform: a shift, then turns about the fixed axes x, y, z (roll, pitch, yaw)."""
+
+    xyz_mm: Point = Field(default=(0.0, 0.0, 0.0), description="shift, millimetres")
+    rpy_deg: Point = Field(
+        default=(0.0, 0.0, 0.0), description="turns about fixed x, then y, then z, degrees"
+    )
+
+    def matrix(self) -> Matrix:
+        return shift(*self.xyz_mm) @ roll_pitch_yaw(*np.radians(self.rpy_deg))
+
+
+class StatedJoint(FileModel):
+    """One Denavit-Hartenberg row, with the joint's range."""
+
+    name: Name | None = Field(default=None, description="default: joint1, joint2 and so on")
+    kind: Literal["revolute", "prismatic"] = Field(
+        default="revolute", description="turns about, or slides along, its z axis"
+    )
+    a_mm: float = Field(description="link length, millimetres")
+    alpha_deg: float = Field(description="link twist, degrees")
+    d_mm: float = Field(description="link offset, millimetres (of a prismatic joint: at its zero position)")
+    theta_deg: float = Field(description="angle, degrees (of a revolute joint: at its zero position)")
+    lower_deg: float | None = Field(default=None, description="lower limit, degrees; for a revolute joint")
+    upper_deg: float | None = Field(default=None, description="upper limit, degrees; for a revolute joint")
+    lower_mm: float | None = Field(
+        default=None, description="lower limit, millimetres; for a prismatic joint"
+    )
+    upper_mm: float | None = Field(
+        default=None, description="upper limit, millimetres; for a prismatic joint"
+    )
+    speed_deg_s: Positive | None = Field(
+        default=None, description="top speed, degrees a second; for a revolute joint"
+    )
+    speed_mm_s: Positive | None = Field(
+        default=None, description="top speed, millimetres a second; for a prismatic one"
+    )
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        own, other = ("deg", "mm") if self.kind == "revolute" else ("mm", "deg")
+        for key in (f"lower_{other}", f"upper_{other}", f"speed_{other}_s"):
+            if getattr(self, key) is not None:
+                raise refusal(
+                    f"{key} is stated for a {self.kind} joint",
+                    key=(key,),
+                    found=f"{key}: {shown(getattr(self, key))}",
+                    allowed=f"lower_{own}, upper_{own}, speed_{own}_s",
+                    remedy=f"state it in {own}",
+                )
+        lower, upper = getattr(self, f"lower_{own}"), getattr(self, f"upper_{own}")
+        for key, value in ((f"lower_{own}", lower), (f"upper_{own}", upper)):
+            if value is None:
+                raise refusal(
+                    f"the {self.kind} joint has no {key}", remedy=f"add {key}, the limit of the joint"
+                )
+        if not lower < upper:
+            raise refusal(
+                f"lower_{own} is not below upper_{own}",
+                key=(f"lower_{own}",),
+                found=f"{lower:g} and {upper:g}",
+            )
+        return self
+
+    @property
+    def row(self) -> DHRow:
+        return DHRow(
+            self.a_mm, float(np.radians(self.alpha_deg)), self.d_mm, float(np.radians(self.theta_deg))
+        )
+
+    def joint(self, number: int, fixed: Matrix) -> Joint:
+        """The joint in internal units, behind its fixed transform."""
+        axis, name = np.array([0.0, 0.0, 1.0]), self.name or f"joint{number}"
+        if self.kind == "prismatic":
+            assert self.lower_mm is not None
+            assert self.upper_mm is not None
+            return Joint(name, self.kind, fixed, axis, self.lower_mm, self.upper_mm, self.speed_mm_s)
+        assert self.lower_deg is not None
+        assert self.upper_deg is not None
+        lower, upper = np.radians([self.lower_deg, self.upper_deg])
+        speed = None if self.speed_deg_s is None else float(np.radians(self.speed_deg_s))
+        return Joint(name, self.kind, fixed, axis, float(lower), float(upper), speed)
+
+
+def _joint_rows(value: object) -> object:
+    return tuple(value) if isinstance(value, list) else value
+
+
+class RobotFile(FileModel):
+    """A robot by Denavit-Hartenberg rows, from base to flange."""
+
+    schema_: Literal["zerobeam/robot/1"] = Field(alias="schema", description="kind and version of the file")
+    name: Name = Field(description="what reports call the robot")
+    convention: Literal["standard", "modified"] = Field(
+        description="standard: Rz(theta) Tz(d) Tx(a) Rx(alpha); "
+        "modified (Craig): Rx(alpha) Tx(a) Rz(theta) Tz(d)"
+    )
+    joints: Annotated[tuple[StatedJoint, ...], BeforeValidator(_joint_rows), Field(min_length=1)] = Field(
+        description="one row a joint, joint 1 first"
+    )
+    base: StatedTransform = Field(
+        default=StatedTransform(), description="from the base frame to the frame of the first row"
+    )
+    flange: StatedTransform = Field(
+        default=StatedTransform(), description="from the frame of the last row to the flange frame"
+    )
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        names = [joint.name or f"joint{i}" for i, joint in enumerate(self.joints, start=1)]
+        for i, name in enumerate(names):
+            if name in names[:i]:
+                raise refusal("two joints have the same name", key=("joints", i), found=shown(name))
+        return self
+
+    def robot(self) -> Robot:
+        fixed, last = dh_chain([joint.row for joint in self.joints], self.convention)
+        fixed[0] = self.base.matrix() @ fixed[0]
+        joints = tuple(
+            stated.joint(number, transform)
+            for number, (stated, transform) in enumerate(zip(self.joints, fixed, strict=True), start=1)
+        )
+        return Robot(self.name, joints, last @ self.flange.matrix())
+
+
+def built_in_robots() -> tuple[str, ...]:
+    """Names of the robots that come with the program."""
+    return tuple(sorted(entry.stem for entry in BUILT_IN.glob("*.yaml")))
+
+
+def load_robot(
+    ref: str | UrdfRef, folder: Path, *, file: Path | None = None, line: int | None = None
+) -> Robot:
+    """The robot that a header names. Paths are relative to `folder`.
+
+    `ref` is a built-in name, the path of a robot file (it ends in .yaml or .yml) or a URDF chain;
+    `file` and `line` say where it is named, for the error of a robot that is not there.
+    """
+    if isinstance(ref, UrdfRef):
+        path = folder / ref.urdf
+        if not path.exists():
+            raise _no_file(path, file, line)
+        return read_urdf(path, ref.base, ref.tip)
+    if ref in built_in_robots():
+        return _built_in_robot(ref)
+    if ref.lower().endswith((".yaml", ".yml")):
+        path = folder / ref
+        if not path.exists():
+            raise _no_file(path, file, line)
+        return read_robot(path)
+    if ref.lower().endswith((".urdf", ".xacro", ".xml")):
+        remedy: str | None = "name its chain: robot: {urdf: " + ref + ", base: <link>, tip: <link>}"
+    else:
+        remedy = did_you_mean(ref.lower(), built_in_robots())
+    raise BadInput(
+        "there is no robot of this name",
+        found=shown(ref),
+        allowed=f"{', '.join(built_in_robots())}; the path of a robot file (.yaml); or {{urdf, base, tip}}",
+        remedy=remedy,
+        file=file,
+        line=line,
+    )
+
+
+@cache
+def _built_in_robot(name: str) -> Robot:
+    return read_robot(BUILT_IN / f"{name}.yaml")
+
+
+def _no_file(path: Path, file: Path | None, line: int | None) -> BadInput:
+    return BadInput(
+        "the file of the robot is not there",
+        found=path,
+        allowed="a path relative to the file that names it, or a built-in robot: "
+        + ", ".join(built_in_robots()),
+        file=file,
+        line=line,
+    )
+
+
+def read_robot(path: Path) -> Robot:
+    """Robot of a robot file (`zerobeam/robot/1`)."""
+    document = read_yaml(path)
+    require_schema(document.data, "zerobeam/robot/1", file=path, line=document.line(("schema",)))
+    return validate(RobotFile, document.data, file=path, line=document.line).robot()
+
+
+def rebased(ref: str | UrdfRef, old: Path, new: Path) -> str | UrdfRef:
+    """The same robot as named from another folder: relative paths follow, built-in names stay."""
+    if isinstance(ref, UrdfRef):
+        return ref.model_copy(update={"urdf": _rebased_path(ref.urdf, old, new)})
+    return ref if ref in built_in_robots() else _rebased_path(ref, old, new)
+
+
+def _rebased_path(path: str, old: Path, new: Path) -> str:
+    if Path(path).is_absolute():
+        return path
+    there = (old / path).resolve()
+    try:
+        return str(PurePosixPath(*Path(os.path.relpath(there, new.resolve())).parts))
+    except ValueError:  # on Windows there is no relative path between two drives
+        return str(there)

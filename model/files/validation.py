@@ -1,0 +1,225 @@
+"""What files may contain, said by pydantic models; their complaints, said in words with file and line."""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic_core import ErrorDetails, PydanticCustomError
+
+from ..errors import BadInput
+from .reading import Place, did_you_mean, shown
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+class FileModel(BaseModel):
+    """Base of what is read from files: no unknown keys, no conversion of types, no NaN or infinity."""
+
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+def refusal(
+    what: str,
+    *,
+    key: Place = (),
+    found: object = None,
+    allowed: object = None,
+    remedy: str | None = None,
+) -> PydanticCustomError:
+    """An error for a model's own validator to raise; `key` leads from the validated value to the culprit."""
+    facts = {"what": what, "key": key, "found": found, "allowed": allowed, "remedy": remedy}
+    return PydanticCustomError("refused", "{what}", facts)
+
+
+def validate(
+    model: type[Model], data: object, *, file: Path | None, line: Callable[[Place], int | None]
+) -> Model:
+    """`data` as the model, or BadInput of the most telling of the model's complaints.
+
+    An unknown key comes before a missing one (it is that one, misspelt), and both before values.
+    `line` gives the line of a place.
+    """
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        try:
+            complaints = error.errors(include_url=False)
+        except UnicodeEncodeError as broken:
+            raise BadInput(
+                "a name holds half a letter (a lone surrogate)",
+                found=ascii(broken.object),
+                allowed="text that can be written in UTF-8",
+                remedy="write the name anew",
+                file=file,
+                line=line(()),
+            ) from None
+    order = {"extra_forbidden": 0, "missing": 1}
+    worst = min(complaints, key=lambda complaint: order.get(complaint["type"], 2))
+    raise _told(model, data, worst, file, line)
+
+
+def _told(
+    model: type[BaseModel],
+    data: object,
+    complaint: ErrorDetails,
+    file: Path | None,
+    line: Callable[[Place], int | None],
+) -> BadInput:
+    """A pydantic complaint in our own words."""
+    kind, facts = complaint["type"], complaint.get("ctx", {})
+    place = _place(data, complaint["loc"], kind)
+    value = complaint["input"]
+
+    if kind == "refused":
+        place = (*place, *facts["key"])
+        return BadInput(
+            facts["what"],
+            found=facts["found"],
+            allowed=facts["allowed"],
+            remedy=facts["remedy"],
+            file=file,
+            line=line(place),
+        )
+    if kind == "extra_forbidden":
+        key, allowed = str(place[-1]), _keys_at(model, place[:-1])
+        return BadInput(
+            f"unknown key {key!r}{_inside(place[:-1])}",
+            found=f"{key}: {shown(value)}",
+            allowed=", ".join(allowed),
+            remedy=did_you_mean(key, allowed) or "remove it",
+            file=file,
+            line=line(place),
+        )
+    if kind == "missing":
+        key = str(place[-1])
+        present = ", ".join(value) if isinstance(value, dict) and value else "no keys at all"
+        return BadInput(
+            f"the key {key!r} is missing{_inside(place[:-1])}",
+            found=present,
+            remedy=f"add {key!r}",
+            file=file,
+            line=line(place),
+        )
+    what, allowed_text = _in_words(kind, facts, str(complaint["msg"]))
+    return BadInput(
+        f"{called(place)} {what}",
+        found=shown(value),
+        allowed=allowed_text,
+        file=file,
+        line=line(place),
+    )
+
+
+KINDS = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "string_type": "text",
+    "bool_type": "true or false",
+    "list_type": "a list",
+    "tuple_type": "a list",
+    "dict_type": "keys and values",
+    "model_type": "keys and values",
+    "model_attributes_type": "keys and values",
+}
+BOUNDS = {"greater_than": ("gt", ">"), "greater_than_equal": ("ge", ">="), "less_than_equal": ("le", "<=")}
+
+
+def _in_words(kind: str, facts: Mapping[str, Any], message: str) -> tuple[str, str | None]:
+    if kind in KINDS:
+        return f"is not {KINDS[kind]}", KINDS[kind]
+    if kind in BOUNDS:
+        name, sign = BOUNDS[kind]
+        return "is out of range", f"{sign} {facts[name]:g}"
+    if kind == "literal_error":
+        return "is not one of the allowed words", str(facts["expected"])
+    if kind == "finite_number":
+        return "is not finite", "a finite number"
+    if kind in ("string_too_short", "too_short"):
+        return "is empty" if facts["min_length"] == 1 else "is too short", f"at least {facts['min_length']}"
+    return f"cannot be used: {message}", None
+
+
+def called(place: Place) -> str:
+    """A place in words: ('targets', 'psd', 'guess_mm', 1) is 'item 2 of targets.psd.guess_mm'."""
+    if not place:
+        return "the content"
+    if isinstance(place[-1], int):
+        return f"item {place[-1] + 1} of {called(place[:-1])}"
+    names = [str(part) if isinstance(part, str) else f"[{part + 1}]" for part in place]
+    return ".".join(names).replace(".[", "[")
+
+
+def _inside(place: Place) -> str:
+    return f" in {called(place)}" if place else ""
+
+
+def _place(data: object, loc: tuple[int | str, ...], kind: str) -> Place:
+    """pydantic's location without the names of the alternatives that it tried on the way."""
+    place: list[str | int] = []
+    for i, part in enumerate(loc):
+        keys = data if isinstance(data, dict) else range(len(data)) if isinstance(data, list | tuple) else ()
+        if part in keys:
+            data = data[part]  # type: ignore[index]
+        elif i < len(loc) - 1 or kind != "missing":
+            continue
+        place.append(part)
+    return tuple(place)
+
+
+def _keys_at(model: type[BaseModel], place: Place) -> list[str]:
+    """Names of the keys that the model allows at a place."""
+    models: list[type[BaseModel]] = [model]
+    for part in place:
+        inner: list[type[BaseModel]] = []
+        for candidate in models:
+            for name, field in candidate.model_fields.items():
+                if (field.alias or name) == part:
+                    inner += _models_in(field.annotation)
+        # An item of a list or a name in a mapping: the models in question stay the same.
+        models = inner or models
+    return list(
+        dict.fromkeys(
+            field.alias or name for candidate in models for name, field in candidate.model_fields.items()
+        )
+    )
+
+
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and not get_origin(annotation) and issubclass(annotation, BaseModel):
+        return [annotation]
+    if get_origin(annotation) in (Annotated, Union, types.UnionType, tuple, list, dict):
+        return [found for inner in get_args(annotation) for found in _models_in(inner)]
+    return []
+
+
+def require_schema(
+    data: object,
+    schema: Literal[
+        "zerobeam/run/1",
+        "zerobeam/plan/1",
+        "zerobeam/robot/1",
+        "zerobeam/cell/1",
+        "zerobeam/sensors/1",
+        "zerobeam/psd-calibration/1",
+    ],
+    *,
+    file: Path,
+    line: int | None,
+) -> None:
+    """Say which kind of file is wanted before its keys are judged one by one."""
+    found = data.get("schema") if isinstance(data, dict) else None
+    if found != schema:
+        kind = schema.split("/")[1]
+        raise BadInput(
+            f"this is not a {kind} file of this version",
+            found="no 'schema' key" if found is None else f"schema: {shown(found)}",
+            allowed=f"schema: {schema}",
+            remedy=f"give a {kind} file" if found is not None else f"if this is a {kind} file, add the key",
+            file=file,
+            line=line,
+        )

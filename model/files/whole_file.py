@@ -1,0 +1,100 @@
+"""Files that are written whole or not at all, and never over another one."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import tempfile
+from io import FileIO
+from pathlib import Path
+
+from ..errors import BadInput
+
+if sys.platform != "win32":
+    import fcntl
+
+
+def refuse_existing(path: Path, *, or_else: str = "move it away first") -> None:
+    """BadInput if something of this name is there, or if there is no folder to put it in.
+
+    `or_else` is what may be done with a file that is there, besides choosing another name.
+    """
+    if path.exists() or path.is_symlink():
+        folder = path.is_dir()
+        remedy = "move it away first" if folder else or_else
+        raise BadInput(
+            "there is a folder of this name" if folder else "the file exists already",
+            file=path,
+            remedy=f"choose another name, or {remedy}: nothing is overwritten",
+        )
+    if not path.parent.is_dir():
+        raise BadInput(
+            "the folder to write into does not exist", found=path.parent, file=path, remedy="make it first"
+        )
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write text as UTF-8 beside `path`, bring it to the disk, then give it its name."""
+    refuse_existing(path)
+    try:
+        handle, aside = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(text.encode("utf-8"))
+                file.flush()
+                os.fsync(file.fileno())
+            os.chmod(aside, 0o666 & ~_umask())
+            _name(Path(aside), path)
+        finally:
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(aside)
+        sync_folder(path.parent)
+    except FileExistsError:
+        refuse_existing(path)
+        raise
+    except OSError as error:
+        raise BadInput(f"the file cannot be written: {error.strerror}", file=path) from None
+
+
+def _name(aside: Path, path: Path) -> None:
+    if os.name == "nt":
+        os.rename(aside, path)  # refuses a name that is taken
+        return
+    try:
+        os.link(aside, path)  # so does this; POSIX rename would overwrite
+    except FileExistsError:
+        raise
+    except OSError:  # a file system without hard links
+        refuse_existing(path)
+        os.rename(aside, path)
+
+
+def _umask() -> int:
+    mask = os.umask(0o077)
+    os.umask(mask)
+    return mask
+
+
+def sync_folder(folder: Path) -> None:
+    """Bring the folder's list of names to the disk, where the system can (Windows does it by itself)."""
+    if os.name == "nt":
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def lock(file: FileIO) -> bool:
+    """Keep other processes out of an open file until it is closed; False where one of them has it.
+
+    On Windows, where a file that is open cannot be replaced anyway, nothing is done.
+    """
+    if sys.platform != "win32":
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+    return True

@@ -1,0 +1,1 @@
+"""Files out: HTML, PDF, the folder of a report, posterior.nc."""

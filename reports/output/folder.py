@@ -1,0 +1,78 @@
+"""The report's folder: report.html, report.pdf, result.json, posterior.nc, figures; whole or not at all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...analysis.result import Draws, Result
+from ...analysis.result_json import SCHEMA, dumps, to_json
+from . import whole_folder
+from .whole_folder import Kind, write_folder
+
+RESULT = "result.json"
+_REPORT = Kind(
+    noun="report",
+    names=frozenset({"report.html", "report.pdf", RESULT, "posterior.nc", "figures"}),
+    mark=RESULT,
+    schema=SCHEMA,
+)
+
+
+@dataclass(frozen=True)
+class ReportPaths:
+    """Where a report stands; `posterior` is None if there were no draws."""
+
+    folder: Path
+    html: Path
+    pdf: Path
+    result: Path
+    posterior: Path | None
+    figures: tuple[Path, ...]
+
+
+def write_report(folder: Path, result: Result, draws: Draws | None) -> ReportPaths:
+    """Write the whole report to `folder`, replacing one that zerobeam wrote there before.
+
+    Whole or not at all. Raises BadInput where `folder` is a file, is not ours, or cannot be written.
+    """
+    names = write_folder(folder, _REPORT, lambda aside: _write_files(aside, result, draws))
+    return ReportPaths(
+        folder=folder,
+        html=folder / "report.html",
+        pdf=folder / "report.pdf",
+        result=folder / RESULT,
+        posterior=None if draws is None else folder / "posterior.nc",
+        figures=tuple(folder / "figures" / name for name in names),
+    )
+
+
+def check_target(folder: Path) -> None:
+    """Raise BadInput unless a report may be written to `folder`: absent, empty, or a report of ours."""
+    whole_folder.check_target(folder, _REPORT)
+
+
+def _write_files(folder: Path, result: Result, draws: Draws | None) -> list[str]:
+    """All files of the report into an empty folder; the names of the figures."""
+    # The heavy libraries (matplotlib, xarray) are loaded only once it is known that they are needed.
+    answer = to_json(result)
+    text = dumps(answer)
+
+    from ..run.figures import pictures
+    from ..run.report_page import report_page
+    from ..scenes.run_scene import run_turnable
+    from .html import html
+    from .pdf import pdf
+    from .posterior_file import write_posterior
+
+    page = report_page(answer)
+    drawn, scene = pictures(answer, draws), run_turnable(answer)
+    (folder / RESULT).write_text(text, encoding="utf-8")
+    (folder / "report.html").write_text(html(page, drawn, "report", text, scene), encoding="utf-8")
+    (folder / "report.pdf").write_bytes(pdf(page, drawn))
+    if draws is not None:
+        write_posterior(folder / "posterior.nc", answer, draws)
+    (folder / "figures").mkdir()
+    for name, picture in drawn.items():
+        (folder / "figures" / f"{name}.svg").write_text(picture.svg, encoding="utf-8")
+    return [f"{name}.svg" for name in drawn]

@@ -1,0 +1,61 @@
+"""PDF documents, set by typst: templates are fixed, and whatever comes from a run reaches them as data."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from ..style.canvas import Picture
+from ..style.palette import PALETTE
+from ..style.typeface import FAMILY, FOLDER
+from ..words.wording import in_font
+
+TEMPLATES = Path(__file__).parent / "templates"
+_DOCUMENT, _PARTS = "document.typ", "parts.typ"
+
+
+def pdf(page: dict[str, Any], pictures: dict[str, Picture]) -> bytes:
+    """A page (`blocks.py`) as a tagged PDF/UA document; the same page gives the same bytes.
+
+    Letters that the shipped typeface lacks are written as escapes, since a PDF cannot borrow them
+    from the machine that shows it.
+    """
+    import typst
+
+    data = {
+        "view": _writable(page),
+        "pictures": {
+            name: {"title": _writable(picture.title), "alt": _writable(picture.alt)}
+            for name, picture in pictures.items()
+        },
+        "colours": {role: colour.light for role, colour in PALETTE.items()},
+        "typeface": FAMILY,
+    }
+    # typst sees this folder and nothing else of the disk.
+    with tempfile.TemporaryDirectory(prefix="zerobeam-") as root:
+        folder = Path(root)
+        for name in (_DOCUMENT, _PARTS):
+            shutil.copyfile(TEMPLATES / name, folder / name)
+        (folder / "view.json").write_text(json.dumps(data), encoding="utf-8")
+        for name, picture in pictures.items():
+            (folder / f"{name}.svg").write_text(picture.svg, encoding="utf-8")
+        made: bytes = typst.compile(
+            str(folder / _DOCUMENT),
+            root=root,
+            font_paths=[str(FOLDER)],
+            ignore_system_fonts=True,
+            pdf_standards=["ua-1"],
+            timestamp=0,
+        )
+    return made
+
+
+def _writable(value: Any) -> Any:
+    if isinstance(value, str):
+        return in_font(value)
+    if isinstance(value, dict):
+        return {key: _writable(item) for key, item in value.items()}
+    return [_writable(item) for item in value] if isinstance(value, list) else value

@@ -1,0 +1,158 @@
+"""A run as a scene: the arm at its shots, the beams as fitted, and how well each target's place is known.
+
+All of it comes from the part `scene` of `result.json`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ...model.robot import Matrix
+from ..run.view_parameters import NOT_DETERMINED
+from ..style.blocks import section_of, text_block
+from ..words import numbers
+from ..words.wording import (
+    clipped,
+    counted,
+    label,
+    listed,
+)
+from .scene import (
+    Placed,
+    Posed,
+    Turnable,
+    exaggerated,
+    scene_json,
+    turnable,
+)
+
+Json = dict[str, Any]
+
+SCENE_BLOCK = {"kind": "scene", "it": ""}  # where in the page the picture stands
+_MOST_TOLD = 6  # targets in the words beside the picture: more are in the report's tables
+
+
+def run_scene(result: Json) -> Json | None:
+    """The scene of a result, `scene.scene_json`; None where the fit did not converge."""
+    seen = result["scene"]
+    if seen is None:
+        return None
+    count = len(seen["shots"])
+    return scene_json(
+        [
+            Posed(
+                name=f"shot {shot['shot']} at {clipped(shot['target'], 24)} ({i} of {count})",
+                arm=np.array(shot["links"][:-1]),
+                tool=np.array(shot["links"][-1]),
+                end=None if shot["beam_to"] is None else np.array(shot["beam_to"]),
+                reaches=shot["ahead"],
+            )
+            for i, shot in enumerate(seen["shots"], start=1)
+        ],
+        [_placed(target, seen) for target in seen["targets"]],
+    )
+
+
+def half_axes(covariance: Matrix, radius2: float) -> Matrix:
+    """(3, 3) rows are the half axes of the ellipsoid of a covariance (3, 3), the longest last."""
+    size, across = np.linalg.eigh(covariance)
+    return np.asarray((across * np.sqrt(radius2 * np.maximum(size, 0.0))).T)
+
+
+def _placed(target: Json, seen: Json) -> Placed:
+    if target["at_mm"] is None:
+        # It has no place: the cross stands where the beams end that are meant for it.
+        ends = [
+            shot["beam_to"] or shot["links"][-1] for shot in seen["shots"] if shot["target"] == target["name"]
+        ]
+        at = np.mean(ends, axis=0) if ends else np.zeros(3)
+        return Placed(target["name"], at, "untold")
+    at = np.array(target["at_mm"])
+    if target["covariance_mm2"] is None:
+        return Placed(target["name"], at, "held")
+    return Placed(target["name"], at, "told", half_axes(np.array(target["covariance_mm2"]), seen["radius2"]))
+
+
+# ── the words beside it ───────────────────────────────────────────────────────────────────────
+
+
+def run_turnable(result: Json) -> Turnable | None:
+    """The scene made ready for the report's page; None where there is none."""
+    scene = run_scene(result)
+    return None if scene is None else turnable(scene, _words(scene, _places(result), result))
+
+
+def scene_section(result: Json) -> Json | None:
+    """The section of the report: a paragraph on the targets' places, which paper has too, and the picture."""
+    if result["scene"] is None:
+        return None
+    return section_of("Where the targets stand", text_block(_sentences(_places(result), result)), SCENE_BLOCK)
+
+
+def _places(result: Json) -> list[str]:
+    return [_place_in_words(target, result) for target in result["scene"]["targets"]]
+
+
+def _sentences(places: list[str], result: Json) -> str:
+    told = [target for target in result["scene"]["targets"] if target["covariance_mm2"] is not None]
+    said = f"In the base frame (x, y, z): {'; '.join(places[:_MOST_TOLD])}."
+    if len(places) > _MOST_TOLD:
+        said += f" The other {len(places) - _MOST_TOLD} are in the picture and in result.json."
+    if told:
+        said += (
+            " The ellipsoid holds the place at 95\u00a0%, its three coordinates taken together: it is wider"
+            " than the intervals of the single ones."
+        )
+    return said
+
+
+def _place_in_words(target: Json, result: Json) -> str:
+    name = clipped(target["name"], 24)
+    if target["at_mm"] is None:
+        return f"{name} {NOT_DETERMINED}"
+    if target["covariance_mm2"] is None:
+        return f"{name} held in at least one coordinate"
+    covariance = np.array(target["covariance_mm2"])
+    std = np.sqrt(np.diag(covariance)).tolist()
+    place = [numbers.estimate(value, own) for value, own in zip(target["at_mm"], std, strict=True)]
+    sizes = np.linalg.norm(half_axes(covariance, result["scene"]["radius2"]), axis=1)
+    axes = numbers.with_unit(listed([numbers.spread(float(size)) for size in sizes[::-1]]), "mm")
+    at = numbers.with_unit(", ".join(place), "mm")
+    return f"{name} at {at}, half axes of its 95\u00a0% ellipsoid {axes}"
+
+
+def _words(scene: Json, places: list[str], result: Json) -> Json:
+    """What is said about the picture, as `scene.turnable` wants it."""
+    shots = scene["postures"]
+    count, all_shots = len(shots), len(result["shots"])
+    laser = shots[0]["beam"] is not None
+    what = "with its beams as fitted" if laser else "with the tip of the probe as fitted"
+    more = "" if len(places) <= _MOST_TOLD else f"; and {len(places) - _MOST_TOLD} more"
+    caption = (
+        f"The arm at the recorded joints with the fitted offsets, {counted(count, 'shot')}"
+        f"{'' if count == all_shots else f' of {all_shots}'}. Grid of"
+        f" {numbers.exact(scene['grid']['step'], 'mm')} at z = 0; x, y and z are the base frame."
+    )
+    open_ = [
+        label(row["name"])
+        for row in result["parameters"]
+        if row["status"] == "unidentifiable" and row["group"] in ("offset", "tool")
+    ]
+    if open_:
+        caption += (
+            f" {listed(open_)} {'is' if len(open_) == 1 else 'are'} {NOT_DETERMINED}: the picture has"
+            f" {'it' if len(open_) == 1 else 'them'} at what was supposed before any shot."
+        )
+    paper = f"On paper: shot {result['scene']['shots'][0]['shot']} in black, the others in grey"
+    if scene["factor"] is not None:
+        paper += f"; an ellipsoid is drawn {exaggerated(scene['factor'])}"
+    return {
+        "alt": f"The arm as a line through its joints in {counted(count, 'shot')}, {what}, above a floor"
+        f" grid. Targets (x, y, z in the base frame): {'; '.join(places[:_MOST_TOLD])}{more}.",
+        "caption": caption,
+        "paper": f"{paper}.",
+        "one": "shot",
+        "laser": laser,
+    }

@@ -1,0 +1,238 @@
+"""The study `table2`: the scatter of the paper's three runs against what one joint noise would give."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from ..style.blocks import (
+    cell_of,
+    facts_block,
+    figure_block,
+    row_of,
+    section_of,
+    table_block,
+    table_of,
+    text_block,
+)
+from ..words import numbers
+from ..words.wording import clipped, label, sentence
+from .study_shares import STANDING
+from .study_view import (
+    LONGEST_NAME,
+    NOT_DETERMINED,
+    NOT_GIVEN,
+    about_study,
+    files_block,
+    plan_in_words,
+    plan_title,
+    spread,
+    spread_range,
+    view_of,
+)
+
+Json = dict[str, Any]
+
+# What a row states of the paper itself, whatever a plan can tell.
+OF_THE_PAPER = frozenset({"paper_std", "low", "high"})
+_CLAIMED = ("predicted_std", "alone_deg", "simulated_std")
+_NORMAL_95 = 1.959964  # half width of a 95 % interval in standard deviations
+
+
+def table2_view(answer: Json) -> Json:
+    """The display strings of the study of the paper's Table 2."""
+    settings, plans, paper = answer["settings"], answer["plans"], answer["paper"]
+    triples = f"{settings['simulated']} simulated sets of {settings['runs']} runs"
+    sections = [
+        section_of(
+            "The joint noise that would explain the scatter",
+            table_block(_overview(plans)),
+            *(text_block(_in_words(plan)) for plan in plans),
+        ),
+        section_of(
+            "Scatter of each offset",
+            text_block(
+                f"A standard deviation of {settings['runs']} runs tells the true one to a wide interval only:"
+                " compare intervals, not dots. The prediction is for the joint noise above."
+            ),
+            figure_block("scatter"),
+            *(table_block(_scatter(plan)) for plan in plans),
+        ),
+        section_of(
+            "What the paper prints",
+            table_block(_paper(paper)),
+            *(text_block(sentence(note)) for note in paper["notes"]),
+        ),
+        section_of(
+            "How it was done",
+            about_study(
+                answer,
+                [
+                    ("Runs in a set", str(settings["runs"])),
+                    ("Simulated sets", str(settings["simulated"])),
+                    ("Seed", str(settings["seed"])),
+                ],
+            ),
+            files_block(
+                "scatter.csv, plans.csv and paper.csv hold the standard deviations, the joint noise and the"
+                " paper’s table"
+            ),
+        ),
+        section_of("Plans", facts_block(_plans(plans)), level=2),
+    ]
+    return view_of(answer, f"the paper’s Table 2 against {triples}, seed {settings['seed']}", sections)
+
+
+def told(row: Json) -> bool:
+    """Whether the plan says anything of this offset."""
+    return bool(row["status"] != "unidentifiable")
+
+
+def joint_noise(plan: Json) -> str:
+    """The joint noise that explains the scatter, rounded by its own interval."""
+    at, low, high = plan["joint_deg"], plan["low"], plan["high"]
+    if at is None:
+        return NOT_GIVEN
+    if low is None or high is None or high <= low:
+        return numbers.significant(at, 2, "deg")
+    return numbers.estimate(at, (high - low) / (2 * _NORMAL_95), "deg")
+
+
+def _overview(plans: list[Json]) -> Json:
+    columns = [
+        ("plan", "left"),
+        ("joint noise", "right"),
+        ("95 % interval", "right"),
+        ("p, one for all", "right"),
+        ("simulated set", "left"),
+    ]
+    rows = [
+        row_of(
+            clipped(plan["name"], LONGEST_NAME),
+            joint_noise(plan),
+            spread_range(plan["low"], plan["high"], "deg"),
+            NOT_GIVEN if plan["p_value"] is None else numbers.p_value(plan["p_value"]),
+            (fits := _as_predicted(plan)),
+            tone=fits["mark"],
+        )
+        for plan in plans
+    ]
+    caption = (
+        "Standard deviation of one joint reading that would explain the paper’s; p-value of one for all"
+        " offsets; whether a simulated set scatters as predicted"
+    )
+    return table_of(caption, columns, rows)
+
+
+def _as_predicted(plan: Json) -> Json:
+    if plan["chi2"] is None:
+        return cell_of("no result", mark="weak")
+    mark, words = STANDING[False, plan["agrees"]]
+    return cell_of(words, mark=mark)
+
+
+def _in_words(plan: Json) -> str:
+    """The plan's sentence, and how its simulated set compares with the prediction."""
+    said = f"{plan_title(plan)}: {sentence(plan['sentence']).rstrip('.')}."
+    if plan["chi2"] is None:
+        return f"{said} A run of the simulated set has no result."
+    return (
+        f"{said} The simulated set: χ² {numbers.significant(plan['chi2'])} for {plan['dof']} degrees of"
+        f" freedom, p {numbers.p_value(plan['chance'])}."
+    )
+
+
+def _scatter(plan: Json) -> Json:
+    columns = [
+        ("offset", "left"),
+        ("paper", "right"),
+        ("95 % of the true one", "right"),
+        ("predicted", "right"),
+        ("one simulated set", "right"),
+        ("95 % of the sets", "right"),
+        ("joint noise, alone", "right"),
+    ]
+    rows = []
+    for row in plan["parameters"]:
+        name, unit = label(row["name"]), row["unit"]
+        paper = [spread(row["paper_std"], unit), spread_range(row["low"], row["high"], unit)]
+        if not told(row):
+            untold = cell_of(NOT_DETERMINED, span=len(columns) - 3)
+            rows.append(row_of(name, *paper, untold, tone="unidentifiable"))
+            continue
+        simulated = row["simulated"]
+        rows.append(
+            row_of(
+                name,
+                *paper,
+                spread(row["predicted_std"], unit),
+                spread(row["simulated_std"], unit),
+                NOT_GIVEN if simulated is None else spread_range(simulated["q2_5"], simulated["q97_5"], unit),
+                spread(row["alone_deg"], "deg"),
+            )
+        )
+    return table_of(f"{plan_title(plan)}: standard deviations over the runs of a set", columns, rows)
+
+
+def _paper(paper: Json) -> Json:
+    """The paper's table as it was printed, and what follows from its runs to as many decimals."""
+    columns = [("", "left"), *((label(name), "right") for name in paper["offsets"])]
+    stated = [value for run in paper["experiments"] for value in run]
+    rows = [
+        row_of(f"experiment {i}", *_degrees(run, stated))
+        for i, run in enumerate(paper["experiments"], start=1)
+    ]
+    for name in ("mean", "std"):
+        printed = paper[f"printed_{name}"]
+        for words, values in ((f"{name}, printed", printed), (f"{name}, recomputed", paper[name])):
+            rows.append(row_of(words, *_degrees(values, printed)))
+    return table_of("Joint offsets of three runs (Table 2)", columns, rows)
+
+
+def _degrees(values: list[float], printed: list[float]) -> list[str]:
+    """`values` with the most decimals that any of `printed` has."""
+    digits = max(len(f"{value:.10g}".partition(".")[2]) for value in printed)
+    return [numbers.with_unit(numbers.fixed(value, digits), "deg") for value in values]
+
+
+def _plans(plans: list[Json]) -> list[tuple[str, str]]:
+    return [
+        (clipped(plan["name"], LONGEST_NAME), plan_in_words(plan, {"spot_mm": plan["spot_mm"]}))
+        for plan in plans
+    ]
+
+
+# ── plain tables ──────────────────────────────────────────────────────────────────────────────
+
+
+def scatter_rows(answer: Json) -> Iterator[Json]:
+    """One row for each plan and offset; of the paper only where the plan cannot tell the offset."""
+    for plan in answer["plans"]:
+        for row in plan["parameters"]:
+            known = told(row)
+            simulated = (row["simulated"] if known else None) or {}
+            yield {
+                "plan": plan["name"],
+                "parameter": row["name"],
+                **{key: row[key] for key in ("unit", "status", "paper_std", "low", "high")},
+                **{key: row[key] if known else None for key in _CLAIMED},
+                **{f"simulated_{key}": simulated.get(key) for key in ("q2_5", "median", "q97_5")},
+            }
+
+
+def plan_rows(answer: Json) -> Iterator[Json]:
+    """One row for each plan."""
+    for plan in answer["plans"]:
+        keys = ("shots", "spot_mm", "joint_deg", "low", "high", "p_value", "agrees", "chi2", "dof", "chance")
+        yield {"plan": plan["name"], **{key: plan[key] for key in keys}}
+
+
+def paper_rows(answer: Json) -> Iterator[Json]:
+    """One row for each offset of the paper's table, degrees."""
+    paper = answer["paper"]
+    for i, name in enumerate(paper["offsets"]):
+        yield {
+            "parameter": name,
+            **{f"experiment_{k}": run[i] for k, run in enumerate(paper["experiments"], start=1)},
+            **{key: paper[key][i] for key in ("mean", "std", "printed_mean", "printed_std")},
+        }

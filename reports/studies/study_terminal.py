@@ -1,0 +1,148 @@
+"""What a person reads of a study in the terminal: the same words and roundings as HTML and PDF."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from ..run.terminal import MARK, STYLE
+from ..words.wording import (
+    clipped,
+    counted,
+    label,
+    listed,
+    sentence,
+    shown,
+)
+from .studies import SWEEP, known_study, study_view
+from .study_coverage import comparison, overview_caption
+from .study_shares import (
+    BY_CHANCE,
+    percent,
+    share,
+    share_interval,
+    standing,
+    undetermined,
+    worst_at,
+)
+from .study_view import NOT_DETERMINED
+
+Json = dict[str, Any]
+
+_LONGEST_NAME = 26
+
+
+def print_study(out: Console, answer: Json) -> None:
+    """Verdict and notes, then the first section of the study's page, or what it has of its own for this."""
+    told = study_view(answer)
+    verdict = told["verdict"]
+    style = "bold blue" if answer["agrees"] else "bold yellow"
+    out.print(Text(f"{verdict['word']}. ", style=style) + Text(verdict["sentence"]))
+    for note in told["notes"]:
+        out.print(Text("! ", style="bold yellow") + Text(note))
+    own = _OWN.get(answer["study"]) if known_study(answer) is not SWEEP else None
+    if own is not None:
+        own(out, answer)
+        return
+    first = told["sections"][0]
+    for block in (*first["lead"], *first["blocks"]):
+        print_block(out, block)
+
+
+def print_block(out: Console, block: Json) -> None:
+    kind, it = block["kind"], block["it"]
+    if kind == "text":
+        out.print(Text(it))
+    elif kind == "facts":
+        for fact in it:
+            out.print(Text(f"{fact['name']}: ", style="dim") + Text(fact["text"]))
+    elif kind == "legend":
+        # What the marks mean is said on the page.
+        for entry in it["reasons"]:
+            mark = Text(f"{MARK[entry['status']]} {entry['names']} ", style=STYLE[entry["status"]])
+            out.print(mark + Text(entry["text"]))
+    elif kind == "table":
+        out.print(Text(it["caption"], style="italic"))
+        out.print(_table(it))
+
+
+def _table(it: Json) -> Table:
+    table = Table(box=None, pad_edge=False)
+    for column in it["columns"]:
+        table.add_column(escape(column["text"]), justify=column["align"])
+    for row in it["rows"]:
+        cells: list[Text] = []
+        for cell in row["cells"]:
+            mark = cell["mark"]
+            text = f"{MARK[mark]} {cell['text']}" if mark else clipped(cell["text"], _LONGEST_NAME)
+            cells.append(Text(text, style=STYLE[mark] if mark else ""))
+            cells.extend(Text("") for _ in range(cell["span"] - 1))
+        table.add_row(*cells)
+    return table
+
+
+# ── coverage ──────────────────────────────────────────────────────────────────────────────────
+
+
+def _print_coverage(out: Console, answer: Json) -> None:
+    """For each plan and estimator the worst-covered parameter of each level."""
+    out.print(Text(f"{overview_caption()}, with its 95 % binomial interval", style="italic"))
+    out.print(Text(BY_CHANCE, style="dim"))
+    levels = answer["settings"]["levels"]
+    for plan in answer["plans"]:
+        out.print()
+        out.print(Text(f"Plan {clipped(plan['name'], 60)}", style="bold") + Text(_about(plan)))
+        out.print(_coverage(plan, levels))
+        if untold := undetermined(plan["estimators"]):
+            style = STYLE["unidentifiable"]
+            out.print(
+                Text(f"{MARK['unidentifiable']} {NOT_DETERMINED}: ", style=style) + Text(listed(untold))
+            )
+        for part in plan["sbc"]:
+            # The sentence says what the ranks are; the mark, whether that is as it must be.
+            ranks = Text(f"Ranks, {clipped(part['name'], _LONGEST_NAME)}: ")
+            out.print(ranks + _standing(part) + Text(f". {sentence(part['sentence'])}"))
+    if said := comparison(answer["plans"]):
+        out.print()
+        out.print(Text(said))
+
+
+def _about(plan: Json) -> str:
+    failed = f", {plan['failed']} truths not met" if plan["failed"] else ""
+    return (
+        f": {sentence(plan['words'])} ({counted(plan['shots'], 'shot')} of {shown(plan['robot'])},"
+        f" {plan['data_sets']} data sets{failed})"
+    )
+
+
+def _coverage(plan: Json, levels: list[float]) -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("estimator")
+    for level in levels:
+        table.add_column(percent(level), justify="right", no_wrap=True)
+    for estimator in plan["estimators"]:
+        name = Text(clipped(estimator["name"], _LONGEST_NAME) + "\n") + _standing(estimator)
+        table.add_row(name, *(_worst(estimator, level) for level in levels))
+    return table
+
+
+def _worst(estimator: Json, level: float) -> Text:
+    worst = worst_at(estimator, level)
+    if worst is None:
+        return Text(NOT_DETERMINED, style=STYLE["unidentifiable"])
+    row, entry = worst
+    style = "" if entry["agrees"] else STYLE["held" if estimator["control"] else "weak"]
+    return Text(f"{label(row['name'], 6)}: {share(entry)}\n{share_interval(entry)}", style=style)
+
+
+def _standing(part: Json) -> Text:
+    mark, words = standing(part)
+    return Text(f"{MARK[mark]} {words}", style=STYLE[mark])
+
+
+_OWN: dict[str, Callable[[Console, Json], None]] = {"coverage": _print_coverage}

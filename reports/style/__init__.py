@@ -1,0 +1,1 @@
+"""One palette, one typeface, one canvas; the blocks that all pages are made of."""

@@ -1,0 +1,87 @@
+"""Foreign text made fit to be shown: names in a run may hold anything.
+
+HTML and typst take text as data, so markup in a name does no harm there. What is left is what a
+person would not see: control characters, marks that turn the reading direction, letters that the
+report's font lacks. They are written as visible escapes.
+"""
+
+from __future__ import annotations
+
+import functools
+import re
+import unicodedata
+
+from ..style.typeface import font_file
+
+NAME_WIDTH = 32
+LONGEST_WORD = 60
+
+# Cc control, Cs lone surrogates, Cn unassigned, Zl and Zp separators: nothing to see in any font.
+_UNSEEN = {"Cc", "Cs", "Cn", "Zl", "Zp"}
+_TURNING = frozenset("\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")
+
+
+def shown(text: str) -> str:
+    """`text` with what cannot be seen written out (`\\x00`, `\\u202e`); line breaks become spaces."""
+    text = re.sub(r"[\r\n\t]+", " ", text)
+    return "".join(
+        _escape(letter) if letter in _TURNING or unicodedata.category(letter) in _UNSEEN else letter
+        for letter in text
+    )
+
+
+def clipped(name: str, width: int = NAME_WIDTH) -> str:
+    """A name as `shown`, at most `width` letters: the middle of a longer one gives way to an ellipsis."""
+    name = shown(name)
+    if len(name) <= width:
+        return name
+    head = (width - 1) * 2 // 3
+    return f"{name[:head]}…{name[len(name) - (width - 1 - head) :]}"
+
+
+def label(name: str, width: int = NAME_WIDTH) -> str:
+    """A parameter's name as people write it: `delta2` is δ2, others stay as they are."""
+    found = re.fullmatch(r"delta(\d+)", name)
+    return f"δ{found.group(1)}" if found else clipped(name, width)
+
+
+def sentence(text: str) -> str:
+    """A sentence of the analysis, offsets written as in the tables (δ2), endless words clipped."""
+    words = re.sub(
+        rf"\S{{{LONGEST_WORD + 1},}}", lambda word: clipped(word.group(), LONGEST_WORD), shown(text)
+    )
+    words = re.sub(r"(?<=\d) %", "\u00a0%", words)
+    return re.sub(r"\bdelta(\d+)\b(?!\.\w)", r"δ\1", words)
+
+
+def counted(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def listed(names: list[str], most: int = 8) -> str:
+    """`a, b and c`; of more than `most` names the first and how many more."""
+    if len(names) > most:
+        return f"{', '.join(names[:most])} and {len(names) - most} more"
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def in_font(text: str) -> str:
+    """`text` with each letter that the report's font lacks written as an escape (`\\u4e2d`)."""
+    if text.isascii():
+        return text
+    known = _letters()
+    return "".join(letter if ord(letter) in known else _escape(letter) for letter in text)
+
+
+@functools.cache
+def _letters() -> frozenset[int]:
+    from matplotlib.ft2font import FT2Font
+
+    return frozenset(FT2Font(str(font_file("Regular"))).get_charmap())
+
+
+def _escape(letter: str) -> str:
+    code = ord(letter)
+    if code <= 0xFF:
+        return f"\\x{code:02x}"
+    return f"\\u{code:04x}" if code <= 0xFFFF else f"\\U{code:08x}"

@@ -1,0 +1,243 @@
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from zerobeam.analysis.design import exact_design as module
+from zerobeam.analysis.design.exact_design import Candidates, continuous, design, offset_covariance, variance
+
+CRITERIA = ["A", "D", "E"]
+
+
+def random_candidates(seed, count=12, rows=2, offsets=3, nuisance=2, size=3.0):
+    rng = np.random.default_rng(seed)
+    roots = size * rng.normal(size=(count, rows, offsets + nuisance)) * rng.uniform(0.2, 2, (count, 1, 1))
+    return Candidates(roots, np.arange(offsets + nuisance) < offsets)
+
+
+def value_of(candidates, rows, criterion):
+    """The criterion of a choice, worked out without the module."""
+    chosen = candidates.roots[list(rows)].reshape(-1, candidates.roots.shape[2])
+    covariance = np.linalg.inv(np.eye(chosen.shape[1]) + chosen.T @ chosen)
+    own = covariance[candidates.offsets][:, candidates.offsets]
+    if criterion == "A":
+        return np.mean(np.diag(own))
+    eigenvalues = np.linalg.eigvalsh(own)
+    return eigenvalues.max() if criterion == "E" else eigenvalues.prod() ** (1 / len(own))
+
+
+def value_of_weights(candidates, weights, shots, criterion):
+    roots = candidates.roots * np.sqrt(shots * weights)[:, None, None]
+    return value_of(Candidates(roots, candidates.offsets), range(len(weights)), criterion)
+
+
+def brute_force(candidates, shots, criterion):
+    return min(
+        (value_of(candidates, rows, criterion), rows) for rows in combinations(range(candidates.count), shots)
+    )
+
+
+def line(slope_matters, count=41):
+    """Readings of a + b t at places t in [-1, 1], with little prior: roots (count, 1, 2)."""
+    places = np.linspace(-1, 1, count)
+    roots = 1e3 * np.stack([np.ones(count), places], axis=1)[:, None, :]
+    return places, Candidates(roots, np.array([not slope_matters, True]))
+
+
+# Known answers
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+def test_shots_that_each_tell_one_offset_are_shared_out_evenly(criterion):
+    roots = 50.0 * np.eye(4)[:, None, :]
+    candidates = Candidates(np.concatenate([roots, 0.5 * roots]), np.ones(4, dtype=bool))
+    found = continuous(candidates, 4, criterion)
+    np.testing.assert_allclose(found.weights, [0.25] * 4 + [0] * 4, atol=2e-3)
+    best = design(candidates, 4, criterion, seed=0)
+    np.testing.assert_array_equal(best.rows, [0, 1, 2, 3])
+    assert best.value == pytest.approx(1 / 2501)
+    assert best.efficiency > 0.99
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+def test_the_slope_of_a_line_is_read_at_its_ends(criterion):
+    """c-optimal: half of the readings at each end, variance sigma^2 / (k 1^2); the height is nuisance."""
+    _, candidates = line(slope_matters=True)
+    found = continuous(candidates, 6, criterion)
+    np.testing.assert_allclose(found.weights[[0, -1]], 0.5, atol=2e-3)
+    assert found.bound == pytest.approx(1e-6 / 6, rel=6e-3)
+    assert found.bound <= 1e-6 / 6
+
+
+def test_the_d_optimal_line_is_read_at_its_ends_too():
+    """Both coefficients matter: D puts 1/2 at each end, generalised variance (sigma^2 / k)."""
+    _, candidates = line(slope_matters=False)
+    both = Candidates(candidates.roots, np.ones(2, dtype=bool))
+    found = continuous(both, 6, "D")
+    np.testing.assert_allclose(found.weights[[0, -1]], 0.5, atol=2e-3)
+    assert found.bound == pytest.approx(1e-6 / 6, rel=1e-3)
+
+
+def test_different_readings_of_the_slope_are_those_furthest_out():
+    places, candidates = line(slope_matters=True)
+    chosen = design(candidates, 6, "A", seed=0)
+    assert sorted(np.abs(places[chosen.rows])) == pytest.approx([0.9, 0.9, 0.95, 0.95, 1, 1])
+    assert 0.85 < chosen.efficiency < 1
+
+
+# Against brute force
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+@pytest.mark.parametrize("seed", range(8))
+def test_all_choices_of_few(criterion, seed):
+    candidates = random_candidates(seed)
+    best, rows = brute_force(candidates, 3, criterion)
+    chosen = design(candidates, 3, criterion, seed=1)
+    assert chosen.value == pytest.approx(best)
+    assert tuple(chosen.rows) == rows
+    assert chosen.bound <= best
+    assert 0 < chosen.efficiency <= 1
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+@pytest.mark.parametrize("seed", range(4))
+def test_no_weights_are_below_the_bound(criterion, seed):
+    candidates = random_candidates(seed, count=40)
+    found = continuous(candidates, 5, criterion)
+    rng = np.random.default_rng(seed)
+    values = [value_of_weights(candidates, found.weights, 5, criterion)]
+    for share in (1.0, 0.3, 0.05):
+        for _ in range(150):
+            other = rng.dirichlet(np.full(40, share))
+            values.append(value_of_weights(candidates, other, 5, criterion))
+            mixed = 0.9 * found.weights + 0.1 * other
+            values.append(value_of_weights(candidates, mixed, 5, criterion))
+    assert min(values) >= found.bound
+    # It is tight, too: the weights that were found attain it to within the stated gap.
+    assert values[0] <= found.bound * (1 + 2 * (module._GAP_E if criterion == "E" else module._GAP))
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+def test_the_bound_holds_for_whole_designs_of_many(criterion):
+    candidates = random_candidates(3, count=300)
+    bound = continuous(candidates, 6, criterion).bound
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        assert value_of(candidates, rng.choice(300, 6, replace=False), criterion) >= bound
+
+
+def test_a_slope_of_the_wrong_sign_is_caught():
+    """Negative control: with the excess added, what is called a bound is above a real choice."""
+    candidates = random_candidates(0)
+    best, _ = brute_force(candidates, 3, "A")
+    even = np.full(candidates.count, 1 / candidates.count)
+    slope = module._Slope(candidates, candidates.roots, even, 3, "A")
+    gain = slope.gain(candidates.roots)
+    excess = float(gain.max() - even @ gain)
+    assert slope.bound(excess) <= best
+    assert slope.bound(-excess) > best
+
+
+@pytest.mark.parametrize("criterion", ["A", "D"])
+def test_gains_are_slopes(criterion):
+    candidates = random_candidates(4)
+    weights = np.random.default_rng(0).dirichlet(np.ones(12))
+    gain = module._Slope(candidates, candidates.roots, weights, 4, criterion).gain(candidates.roots)
+    step = 1e-6
+    for i in range(12):
+        nudge = step * np.eye(12)[i]
+        ends = [value_of_weights(candidates, weights + s * nudge, 4, criterion) for s in (1, -1)]
+        if criterion == "D":
+            ends = list(np.log(ends))
+        assert -(ends[0] - ends[1]) / (2 * step) == pytest.approx(gain[i], rel=1e-5)
+
+
+# Updates
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3])
+@pytest.mark.parametrize("nuisance", [0, 3])
+@pytest.mark.parametrize("criterion", CRITERIA)
+def test_updates_equal_working_it_out_again(criterion, rows, nuisance):
+    candidates = random_candidates(7, count=60, rows=rows, nuisance=nuisance)
+    start = np.array([3, 14, 15])
+    values = module._values_with(candidates, candidates.information(start), criterion)
+    again = np.array([value_of(candidates, [*start, i], criterion) for i in range(60)])
+    np.testing.assert_allclose(values, again, rtol=1e-9)
+
+
+def test_e_looks_at_the_promising_ones_of_many():
+    candidates = random_candidates(8, count=400)
+    start = np.array([1, 2, 3])
+    values = module._values_with(candidates, candidates.information(start), "E")
+    again = np.array([value_of(candidates, [*start, i], "E") for i in range(400)])
+    looked_at = np.isfinite(values)
+    assert looked_at.sum() == module._SCREENED
+    np.testing.assert_allclose(values[looked_at], again[looked_at], rtol=1e-9)
+    assert values.min() == pytest.approx(again.min())
+
+
+def test_the_power_mean_is_a_little_above_the_largest():
+    rng = np.random.default_rng(1)
+    roots = rng.normal(size=(50, 5, 7)) * 10.0 ** rng.uniform(-4, 4, (50, 1, 1))
+    covariances = roots @ roots.transpose(0, 2, 1)
+    eigenvalues = np.linalg.eigvalsh(covariances)
+    for power in (8, 32):
+        mean = module._power_mean(covariances, power)
+        np.testing.assert_allclose(mean, (eigenvalues**power).sum(axis=1) ** (1 / power), rtol=1e-9)
+        assert (mean >= eigenvalues[:, -1] * (1 - 1e-12)).all()
+        assert (mean <= eigenvalues[:, -1] * 5 ** (1 / power) * (1 + 1e-12)).all()
+
+
+def test_nuisance_is_eliminated_as_by_schur():
+    candidates = random_candidates(9)
+    information = candidates.information(np.array([0, 1, 2]))
+    own, other = candidates.offsets, ~candidates.offsets
+    across = information[np.ix_(own, other)]
+    rest = np.linalg.inv(information[np.ix_(other, other)])
+    schur = information[np.ix_(own, own)] - across @ rest @ across.T
+    np.testing.assert_allclose(offset_covariance(candidates, information), np.linalg.inv(schur), rtol=1e-9)
+    # Nuisance costs: were it known, the offsets would be known better.
+    known = np.linalg.inv(information[np.ix_(own, own)])
+    assert variance(offset_covariance(candidates, information), "A") > 1.01 * variance(known, "A")
+
+
+# As a whole
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+def test_the_seed_fixes_the_choice(criterion):
+    candidates = random_candidates(10, count=200)
+    one, two = (design(candidates, 6, criterion, seed=5) for _ in range(2))
+    np.testing.assert_array_equal(one.rows, two.rows)
+    assert one.value == two.value
+    assert len(set(one.rows)) == 6
+    assert one.value == pytest.approx(value_of(candidates, one.rows, criterion))
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+def test_no_exchange_improves_the_choice(criterion):
+    candidates = random_candidates(11, count=900)  # more than the starts look at
+    chosen = design(candidates, 5, criterion, seed=0, starts=4)
+    for place in range(5):
+        others = np.delete(chosen.rows, place)
+        values = module._values_with(candidates, candidates.information(others), criterion)
+        values[others] = np.inf
+        assert values.min() >= chosen.value * (1 - 1e-7)
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+def test_all_of_the_candidates_can_be_asked_for(criterion):
+    candidates = random_candidates(12, count=5)
+    chosen = design(candidates, 5, criterion, seed=0)
+    np.testing.assert_array_equal(chosen.rows, np.arange(5))
+
+
+def test_a_gauge_is_no_singular_case():
+    """What no shot tells keeps its prior variance."""
+    candidates = random_candidates(13)
+    candidates.roots[:, :, 0] = 0.0
+    chosen = design(candidates, 4, "E", seed=0)
+    assert chosen.value == pytest.approx(1.0)
+    assert chosen.efficiency == pytest.approx(1.0, rel=1e-2)

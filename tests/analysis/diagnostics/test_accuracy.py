@@ -1,0 +1,412 @@
+"""The tool point's accuracy: closed forms, Monte Carlo, gauges, and no number where the data tell none."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from cells import (
+    OPEN_LASER,
+    OPEN_PROBE,
+    PROBE,
+    TABLE_2,
+    good_plan,
+    irb1600,
+    pattern_plan,
+    random_robot,
+    simulated_problem,
+)
+from made_fit import by_hand
+from made_problem import many_runs
+from plain_model import arm, by_complex_step
+from scipy import stats
+
+from zerobeam.analysis.diagnostics import accuracy as module
+from zerobeam.analysis.diagnostics.accuracy import (
+    accuracy,
+    offset_covariance,
+    radius95,
+    spread_postures,
+    tool_point,
+)
+from zerobeam.analysis.estimation.fit import fit_likelihood, fit_rows, start_at
+from zerobeam.analysis.observability.identifiability import identify_at
+from zerobeam.model.density import Density
+from zerobeam.model.robot import DHRow, Joint, Robot, dh_chain
+
+CHANCE = 1e-3  # of a test that is right to fail: two sides together
+
+
+@pytest.fixture
+def not_compiled(monkeypatch):
+    """For arms made up for one test: to compile them takes longer than it saves."""
+    monkeypatch.setattr(module, "_COMPILE_FROM", 10**9)
+
+
+def judged(problem, **changes):
+    fit = dataclasses.replace(fit_likelihood(problem, starts=0), **changes)
+    return problem, fit, identify_at(fit)
+
+
+def answered(plan, **changes):
+    return accuracy(*judged(simulated_problem(plan, TABLE_2, seed=1)[1], **changes))
+
+
+def binomial(inside, of, share=0.95):
+    """Whether so many of so many are what chance makes of that share."""
+    return stats.binom.ppf(CHANCE / 2, of, share) <= inside <= stats.binom.isf(CHANCE / 2, of, share)
+
+
+def levels(answer):
+    return [
+        value
+        for region in (answer.workspace, answer.near_shots)
+        for level in (region.before_mm, region.before_std_mm, region.after95_mm, region.after_rms_mm)
+        for value in dataclasses.astuple(level)
+    ]
+
+
+# --- the radius of 95 % -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dof", [None, 1, 4, 30])
+def test_the_radius_of_a_line_a_disc_and_a_ball(dof):
+    """Closed forms: chi of as many degrees of freedom as there are equal variances; with Student's t F."""
+    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    covariance = np.array([turn @ np.diag(3.0**2 * np.arange(3) >= 9 * k) @ turn.T for k in (2, 1, 0)]) * 4.0
+    by_f = [np.sqrt(k * stats.f.ppf(0.95, k, dof or 1e12)) for k in (1, 2, 3)]
+    np.testing.assert_allclose(radius95(covariance, dof), 2 * np.array(by_f), rtol=2e-4)
+
+
+def test_no_error_has_no_radius():
+    assert radius95(np.zeros((2, 3, 3))).tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("dof", [None, 5])
+def test_the_radius_with_unequal_variances_by_drawing(dof):
+    rng = np.random.default_rng(1)
+    std = np.array([[1.0, 0.6, 0.3], [1.0, 0.9, 0.1], [1.0, 0.3, 0.05], [1.0, 0.05, 0.02]])
+    radius = radius95(np.array([np.diag(s**2) for s in std]), dof)
+    error = rng.normal(size=(4, 100_000, 3)) * std[:, None]
+    if dof is not None:
+        error /= np.sqrt(rng.chisquare(dof, (4, 100_000, 1)) / dof)
+    inside = (np.linalg.norm(error, axis=2) < radius[:, None]).sum(axis=1)
+    assert all(binomial(count, 100_000) for count in inside)
+    # Negative control: a ball of the same mean variance would do for none of them.
+    ball = np.sqrt((std**2).sum(axis=1) / 3) * radius95(np.eye(3)[None], dof)
+    wrong = (np.linalg.norm(error, axis=2) < ball[:, None]).sum(axis=1)
+    assert not any(binomial(count, 100_000) for count in wrong)
+
+
+# --- the tool point and its Jacobian ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["irb1600", "modified", "scara", "gantry", "bent"])
+def test_position_and_jacobian_against_the_plain_model(name, tmp_path):
+    own = arm(name, tmp_path)
+    n, point = own.robot.n, np.array([20.0, -30.0, 80.0])
+    problem, fit, _ = by_hand(own.robot, PROBE, np.full(n, 0.02), np.eye(n))
+    joints = np.array([own.random(np.random.default_rng(i)) for i in range(4)])
+    position, jacobian = tool_point(problem, fit.x, point, joints)
+    # In the base frame that the encoder of joint 1 draws: its own offset does not enter.
+    delta = np.full(n, 0.02) * (np.arange(n) > 0)
+
+    def place(q):
+        return lambda d: (own.pose(q + d) @ np.append(point, 1))[:3]
+
+    for q, at, by in zip(joints, position, jacobian, strict=True):
+        np.testing.assert_allclose(at, place(q)(delta).real, atol=1e-9)
+        exact = by_complex_step(place(q), delta)
+        assert np.abs(exact[:, 0]).max() > 0.1
+        np.testing.assert_allclose(by, exact * (np.arange(n) > 0), atol=1e-8)
+
+
+def test_postures_fill_the_limits_evenly():
+    lower, upper = np.array([-1.0, 0.0, 5.0]), np.array([1.0, 300.0, 5.0])
+    postures = spread_postures(lower, upper, 1000)
+    assert (postures >= lower).all()
+    assert (postures <= upper).all()
+    counts, *_ = np.histogram2d(postures[:, 0], postures[:, 1], bins=5, range=[(-1, 1), (0, 300)])
+    # 40 a cell; drawn by chance one of the 25 cells would be off by 12.
+    assert np.abs(counts - 40).max() <= 6
+
+
+# --- known answers ----------------------------------------------------------------------------------
+
+
+def planar(prismatic=False):
+    """A column that turns, then a shoulder and an elbow with level axes: links of 400 and 300 mm. Or a
+    column, a level slide and a turn about its own axis."""
+    rows = [DHRow(0, -np.pi / 2, 500, 0), DHRow(400, 0, 0, 0), DHRow(300, 0, 0, 0)]
+    kinds = ["revolute"] * 3
+    if prismatic:
+        rows[1:] = [DHRow(0, 0, 0, 0), DHRow(0, 0, 300, 0)]
+        kinds[1] = "prismatic"
+    fixed, flange = dh_chain(rows, "standard")
+    axis = np.array([0.0, 0.0, 1.0])
+    half = {"revolute": np.pi, "prismatic": 250.0}
+    joints = [Joint(k, k, f, axis, -half[k], half[k]) for k, f in zip(kinds, fixed, strict=True)]
+    return Robot("planar", tuple(joints), flange)
+
+
+AT_FLANGE = {**PROBE, "point_mm": [0, 0, 0]}
+
+
+@pytest.mark.usefixtures("not_compiled")
+def test_one_uncertain_elbow_moves_the_hand_along_a_line():
+    """T is off by 300 mm times the error of the elbow: along a line, in every posture the same."""
+    std, elbow = np.radians(0.05), np.radians(1.0)
+    answer = accuracy(*by_hand(planar(), AT_FLANGE, [0, 0, elbow], np.diag([0, 0, std**2])))
+    for region in (answer.workspace, answer.near_shots):
+        assert dataclasses.astuple(region.after95_mm) == pytest.approx((1.959964 * 300 * std,) * 2, rel=1e-4)
+        assert dataclasses.astuple(region.after_rms_mm) == pytest.approx((300 * std,) * 2)
+        assert dataclasses.astuple(region.before_mm) == pytest.approx((600 * np.sin(elbow / 2),) * 2)
+        # The way back is half the turn off the line of the error.
+        assert dataclasses.astuple(region.before_std_mm) == pytest.approx(
+            (300 * std * np.cos(elbow / 2),) * 2
+        )
+
+
+@pytest.mark.usefixtures("not_compiled")
+def test_shoulder_and_elbow_add_up_by_their_levers():
+    """Both errors lie in the upright plane: rms^2 = (r s2)^2 + (300 s3)^2 + 2 cov (dot product of the
+    levers), with r the distance from the shoulder."""
+    s2, s3 = np.radians([0.03, 0.05])
+    covariance = np.diag([0, s2**2, s3**2])
+    covariance[1, 2] = covariance[2, 1] = -0.4 * s2 * s3
+    problem, fit, identified = by_hand(planar(), AT_FLANGE, [0, 0.01, -0.02], covariance)
+    postures = spread_postures(problem.robot.lower, problem.robot.upper, 4096)
+    elbow = postures[:, 2] - 0.02
+    r_squared = 400**2 + 300**2 + 2 * 400 * 300 * np.cos(elbow)
+    both = 300 * (300 + 400 * np.cos(elbow))
+    rms = np.sqrt(r_squared * s2**2 + (300 * s3) ** 2 + 2 * covariance[1, 2] * both)
+    found = accuracy(problem, fit, identified).workspace.after_rms_mm
+    assert found.worst == pytest.approx(rms.max())
+    assert found.median == pytest.approx(np.sort(rms)[2047])
+
+
+@pytest.mark.usefixtures("not_compiled")
+def test_a_slide_is_off_by_its_own_error_in_millimetres():
+    problem, fit, identified = by_hand(planar(True), AT_FLANGE, [0.3, 2.0, 0.0], np.diag([0, 0.05**2, 0]))
+    answer = accuracy(problem, fit, identified)
+    assert levels(answer)[:8] == pytest.approx(
+        [2, 2, 0.05, 0.05, 1.959964 * 0.05, 1.959964 * 0.05, 0.05, 0.05], rel=1e-4
+    )
+
+
+@pytest.mark.usefixtures("not_compiled")
+@pytest.mark.parametrize("kinds", ["pprr", "rpp"])
+def test_arms_with_slides(kinds):
+    """Numbers for any arm; the first joint's offset has no part in them, a slide's neither."""
+    n = len(kinds)
+    covariance = np.diag(np.where(np.array(list(kinds)) == "r", 1e-3, 0.1) ** 2)
+    robot, delta = random_robot(kinds, 3), np.where(np.array(list(kinds)) == "r", 0.01, 2.0)
+    answer = accuracy(*by_hand(robot, PROBE, delta, covariance))
+    covariance[0, 0] *= 100
+    delta[0] *= 7
+    assert accuracy(*by_hand(robot, PROBE, delta, covariance)) == answer
+    covariance[n - 1, n - 1] *= 100
+    assert accuracy(*by_hand(robot, PROBE, delta, covariance)) != answer
+    assert min(levels(answer)) > 0
+
+
+# --- gauges, and what the data do not tell ----------------------------------------------------------
+
+
+def test_no_part_of_the_gauge_of_joint_1_enters():
+    """Base and target turned about joint 1 by any amount: nothing changes, to the last bit."""
+    problem, fit, identified = judged(simulated_problem(good_plan(8, held=[]), TABLE_2, seed=1)[1])
+    assert identified.status[0] == "unidentifiable"
+    answer = accuracy(problem, fit, identified)
+    assert answer.undetermined == ()
+    for turn in (0.1, -2.0):
+        x = fit.x.copy()
+        x[0] += turn
+        c, s = np.cos(turn), np.sin(turn)
+        x[6:8] = [c * x[6] - s * x[7], s * x[6] + c * x[7]]
+        # It is a gauge indeed: no miss has moved.
+        np.testing.assert_allclose(problem.linearise(x)[0], problem.linearise(fit.x)[0], atol=1e-9)
+        assert accuracy(problem, dataclasses.replace(fit, x=x), identified) == answer
+    x = fit.x.copy()
+    x[1] += 0.001
+    assert accuracy(problem, dataclasses.replace(fit, x=x), identified) != answer
+
+
+def test_with_joint_1_free_or_held_it_is_the_same():
+    held, free = answered(good_plan(8)), answered(good_plan(8, held=[]))
+    assert levels(free) == pytest.approx(levels(held), rel=1e-3)
+
+
+def test_nothing_is_claimed_for_the_x_pattern():
+    """Joint 2 turns with the target: the tool point's height is anything."""
+    problem, fit, identified = judged(simulated_problem(pattern_plan("x"), TABLE_2, seed=1)[1])
+    answer = accuracy(problem, fit, identified)
+    assert (answer.workspace, answer.near_shots, answer.maps, answer.weak) == (None, None, (), ())
+    assert "delta2" in answer.undetermined
+    assert "delta2" in answer.reason
+    assert "not determined: " in answer.reason
+    assert "delta2 is then a turn of everything after joint 1" in answer.reason
+    # Negative control: a status that is made up lets numbers through.
+    wrong = dataclasses.replace(identified, status=("held",) + ("identified",) * 8)
+    assert accuracy(problem, fit, wrong).workspace is not None
+
+
+def test_an_offset_that_is_held_is_not_known():
+    answer = answered(good_plan(8, held=["delta1", "delta3"]))
+    assert (answer.workspace, answer.undetermined) == (None, ("delta3",))
+    assert answer.reason == "the tool point depends on delta3, which is held: held by the header"
+
+
+def test_a_fit_that_did_not_converge_claims_nothing():
+    answer = answered(good_plan(8), converged=False)
+    assert answer.workspace is None
+    assert answer.maps == ()
+    assert answer.reason == "the fit did not converge"
+
+
+def test_weak_offsets_are_named_and_widen_the_radius():
+    strong, weak = answered(good_plan(8)), answered(good_plan(8, joint_deg=0.3, spot_mm=1.5))
+    assert strong.weak == ()
+    assert "delta2" in weak.weak
+    assert weak.workspace.after95_mm.worst > 10 * strong.workspace.after95_mm.worst
+
+
+ASIDE = [60.0, 20.0, 150.0]
+
+
+@pytest.mark.parametrize("tool", [{**OPEN_LASER, "point_mm": ASIDE}, OPEN_PROBE], ids=["laser", "probe"])
+@pytest.mark.parametrize("last", ["held", "unidentifiable"])
+@pytest.mark.usefixtures("not_compiled")
+def test_with_a_lost_last_offset_the_place_is_on_the_last_axis(tool, last):
+    """Where joint 6 really stands nobody knows: a point aside of its axis would be anywhere on a circle."""
+    delta, covariance = np.radians([0, -1.2, -0.7, 0.1, 0, 0]), np.eye(6) * 1e-7
+    made = by_hand(irb1600(), tool, delta, covariance, {5: last})
+    answer = accuracy(*made)
+    assert answer.point_mm == pytest.approx((0, 0, 150))
+    assert "axis of joint 6 nearest to the tool's stated point, as delta6 is not determined" in answer.place
+    covariance[5, 5] = 1.0
+    assert accuracy(*by_hand(irb1600(), tool, delta, covariance, {5: last})) == answer
+    asked = accuracy(*made, np.array(ASIDE))
+    assert asked.point_mm == tuple(ASIDE)
+    assert (asked.workspace, asked.undetermined) == (None, ("delta6",))
+    # With an offset that is known the point is the tool's own.
+    answer = accuracy(*by_hand(irb1600(), tool, delta, covariance))
+    assert (answer.point_mm, answer.place) == (tuple(ASIDE), "the tool's stated point")
+
+
+# --- maps -------------------------------------------------------------------------------------------
+
+
+def test_maps_hold_every_posture_and_their_worst_is_the_workspaces():
+    answer = answered(good_plan(8))
+    vertical, horizontal = answer.maps
+    assert (vertical.plane, horizontal.plane) == ("vertical", "horizontal")
+    for found in answer.maps:
+        postures, shots = np.array(found.postures), np.array(found.shots)
+        assert max(postures.shape) <= 20
+        assert (postures.sum(), shots.sum()) == (answer.workspace.postures, 8)
+        for level, own in (
+            (answer.workspace.before_mm, found.before_mm),
+            (answer.workspace.after95_mm, found.after95_mm),
+        ):
+            worst, median = np.array(own.worst, dtype=float), np.array(own.median, dtype=float)
+            np.testing.assert_array_equal(np.isnan(worst), postures == 0)
+            assert np.nanmax(worst) == level.worst
+            assert (median <= worst)[postures > 0].all()
+            assert np.nanmin(median) < level.median < np.nanmax(median)
+
+
+def test_cells_hold_the_postures_that_are_there():
+    """Counted a second time, by the plain forward kinematics at the corner and size that are told."""
+    problem, fit, identified = judged(simulated_problem(good_plan(8), TABLE_2, seed=1)[1])
+    answer = accuracy(problem, fit, identified)
+    at, _ = tool_point(
+        problem,
+        fit.x,
+        np.array([0, 0, 65.0]),
+        spread_postures(problem.robot.lower, problem.robot.upper, 4096),
+    )
+    planes = {"vertical": (np.hypot(at[:, 0], at[:, 1]), at[:, 2]), "horizontal": (at[:, 0], at[:, 1])}
+    for found in answer.maps:
+        rows, columns = len(found.postures), len(found.postures[0])
+        edges = [
+            corner + found.cell_mm * np.arange(count + 1)
+            for corner, count in zip(found.corner_mm, (columns, rows), strict=True)
+        ]
+        counts, *_ = np.histogram2d(*planes[found.plane], bins=edges)
+        np.testing.assert_array_equal(counts.T, found.postures)
+
+
+@pytest.mark.usefixtures("not_compiled")
+def test_the_vertical_map_is_about_the_axis_of_joint_1(tmp_path):
+    """An arm whose first axis leans and stands aside: turning joint 1 keeps the tool point in its cell."""
+    own = arm("bent", tmp_path)
+    robot = own.robot
+    fixed = [dataclasses.replace(robot.joints[0], lower=-2.5, upper=-2.5 + 1e-9), *robot.joints[1:]]
+    still = dataclasses.replace(robot, joints=tuple(fixed))
+    other = [dataclasses.replace(robot.joints[0], lower=1.0, upper=1.0 + 1e-9), *robot.joints[1:]]
+    turned = dataclasses.replace(robot, joints=tuple(other))
+    delta, covariance = np.full(robot.n, 0.01), np.eye(robot.n) * 1e-6
+    first, second = (accuracy(*by_hand(each, PROBE, delta, covariance)) for each in (still, turned))
+    np.testing.assert_array_equal(first.maps[0].postures, second.maps[0].postures)
+    assert first.maps[1].postures != second.maps[1].postures
+    assert [found.axes for found in first.maps] == [("distance from axis 1", "height"), ("x", "y")]
+    slide = accuracy(*by_hand(arm("gantry", tmp_path).robot, PROBE, np.zeros(4), np.eye(4) * 1e-6))
+    assert slide.maps[0].axes[0] == "distance from the base's z axis"
+
+
+def test_it_is_plain_json():
+    for answer in (answered(good_plan(8)), answered(pattern_plan("x"))):
+        told = dataclasses.asdict(answer)
+        text = json.dumps(told, allow_nan=False)
+        assert json.loads(text) == json.loads(json.dumps(json.loads(text)))
+        assert len(text) < 120_000
+
+
+# --- does it hold? ----------------------------------------------------------------------------------
+
+
+def random_postures(problem, count, seed):
+    robot = problem.robot
+    return np.random.default_rng(seed).uniform(robot.lower, robot.upper, (count, robot.n))
+
+
+def test_the_radius_holds_truths_drawn_from_the_posterior():
+    """2000 truths, each looked at in a posture of its own that no shot has seen."""
+    problem, fit, _ = judged(simulated_problem(good_plan(7), TABLE_2, seed=2)[1])
+    point, covariance = problem.tool.point, offset_covariance(problem, fit.covariance)
+    joints = random_postures(problem, 2000, 4)
+    at, jacobian = tool_point(problem, fit.x, point, joints)
+    draws = np.random.default_rng(5).multivariate_normal(fit.x[:6], covariance, 2000, method="eigh")
+    true = np.array(
+        [tool_point(problem, d, point, q[None])[0][0] for d, q in zip(draws, joints, strict=True)]
+    )
+    error = np.linalg.norm(true - at, axis=1)
+    of_point = jacobian @ covariance @ jacobian.transpose(0, 2, 1)
+    assert binomial((error < radius95(of_point)).sum(), 2000)
+    # Negative control: stds that are understated by 2.
+    assert not binomial((error < radius95(of_point / 4)).sum(), 2000)
+
+
+@pytest.mark.parametrize("count", [400, pytest.param(5000, marks=pytest.mark.long)], ids=["short", "long"])
+@pytest.mark.parametrize("scale", ["known", "estimated"])
+def test_the_radius_holds_the_truth_behind_simulated_runs(scale, count):
+    """The whole chain: simulated runs, each fitted, each looked at in a posture of its own."""
+    truth, problem, recorded, spots = many_runs(good_plan(7, noise={"scale": scale}), TABLE_2, count, seed=31)
+    density = Density(problem, recorded, spots)
+    fits = fit_rows(density, start_at(problem, np.zeros((count, density.size)), recorded))
+    assert fits.converged.all()
+    point, joints = problem.tool.point, random_postures(problem, count, 6)
+    true, _ = tool_point(problem, truth, point, joints)
+    error, of_point = np.empty(count), np.empty((count, 3, 3))
+    for i, (x, covariance) in enumerate(zip(fits.x, fits.covariance, strict=True)):
+        at, jacobian = tool_point(problem, x, point, joints[i : i + 1])
+        error[i] = np.linalg.norm(at[0] - true[i])
+        of_point[i] = jacobian[0] @ offset_covariance(problem, covariance) @ jacobian[0].T
+    dof = problem.data_size - density.size if scale == "estimated" else None
+    assert binomial((error < radius95(of_point, dof)).sum(), count)
+    # Negative control: stds that are understated by 2.
+    assert not binomial((error < radius95(of_point / 4, dof)).sum(), count)
+    if dof is not None:
+        # Nor does the normal law do for a scale from six numbers.
+        assert not binomial((error < radius95(of_point)).sum(), count)

@@ -1,0 +1,121 @@
+import numpy as np
+import pytest
+from cells import PROBE, TABLE_2, good_plan, plan_of, simulated_problem
+
+from zerobeam.analysis.diagnostics.influence import influence, influence_by_formula, leverages
+from zerobeam.analysis.estimation.fit import fit_likelihood
+from zerobeam.model.problem import Problem
+
+
+def without(plan, problem, i):
+    keep = [k for k in range(problem.shots) if k != i]
+    spots = problem.spots[keep] if problem.tool.kind == "laser" else None
+    return Problem.build(plan.header, plan.robot, problem.joints[keep], ["psd"] * len(keep), spots)
+
+
+BOTH = pytest.mark.parametrize("way", [influence, influence_by_formula])
+
+
+@pytest.mark.parametrize(("way", "bound"), [(influence, 1e-3), (influence_by_formula, 0.1)])
+@pytest.mark.parametrize("tool", ["laser", "probe"])
+def test_leave_one_out_against_refits(tool, way, bound):
+    """Against a fit of a problem without the shot: to 1e-3 of the miss's std or of the miss; the formula,
+    which is linear, to 10 %.
+
+    What the formula leaves out is the change of the weights and the curvature, of the order of the offsets'
+    errors in radians (below 1 %), and a shot of leverage h makes 1 / (1 - h) of it, up to ten here.
+    """
+    plan = good_plan(10) if tool == "laser" else good_plan(12, 5, PROBE)
+    _, problem = simulated_problem(plan, TABLE_2 if tool == "laser" else {"delta4": 0.5}, seed=3)
+    fit = fit_likelihood(problem, starts=0)
+    effect, worst = way(problem, fit), 0.0
+    for i in range(problem.shots):
+        other = fit_likelihood(without(plan, problem, i), starts=0)
+        miss, own = problem.linearise(other.x)
+        std = np.sqrt(np.trace(problem.factors(other.x, own)[i] @ problem.factors(other.x, own)[i].T))
+        length = np.linalg.norm(miss[i])
+        assert effect.leave_one_out[i] == pytest.approx(length, abs=bound * max(std, length))
+        assert effect.leave_one_out[i] >= np.linalg.norm(fit.whitened.miss[i]) * 0.99
+        worst = max(worst, length / np.linalg.norm(fit.whitened.miss[i]))
+    assert worst > 1.5  # control: the misses of the fit itself are others
+
+
+@pytest.mark.parametrize(
+    ("way", "relative", "absolute"), [(influence, 1e-2, 1e-3), (influence_by_formula, 0.15, 0.01)]
+)
+def test_cooks_distance_against_refits(way, relative, absolute):
+    """How far the whole answer moves without the shot, in its covariance, over the number of unknowns."""
+    plan = good_plan(10)
+    _, problem = simulated_problem(plan, TABLE_2, seed=3)
+    fit = fit_likelihood(problem, starts=0)
+    effect = way(problem, fit)
+    for i in range(problem.shots):
+        move = fit_likelihood(without(plan, problem, i), starts=0).z - fit.z
+        exact = move @ np.linalg.solve(fit.covariance, move) / 8
+        assert effect.cooks[i] == pytest.approx(exact, rel=relative, abs=absolute)
+
+
+def test_the_leverages_sum_to_what_the_shots_determine():
+    """The trace of the hat matrix: the unknowns less what their priors tell, near 8 here. It is Fisher's
+    information in the hat, and the exact curvature in the covariance: 5 %."""
+    _, problem = simulated_problem(good_plan(10), TABLE_2, seed=4)
+    fit = fit_likelihood(problem, starts=0)
+    blocks = fit.whitened.jacobian[:, problem.parameters.free].reshape(10, 2, 8)
+    open_part, decides = leverages(blocks, fit.covariance)
+    assert not decides.any()
+    determined = 20 - np.trace(open_part, axis1=1, axis2=2).sum()
+    assert determined == pytest.approx(8, rel=0.05)
+    # Ten times the covariance: every shot would tell more than all of them.
+    assert leverages(blocks, 10 * fit.covariance)[1].any()
+
+
+@BOTH
+def test_whitened_misses_are_in_stds(way):
+    _, problem = simulated_problem(good_plan(10), TABLE_2, seed=4)
+    fit = fit_likelihood(problem, starts=0)
+    effect = way(problem, fit)
+    for i in range(10):
+        factor = fit.whitened.factor[i]
+        miss = fit.whitened.miss[i]
+        assert effect.whitened[i] == pytest.approx(np.sqrt(miss @ np.linalg.inv(factor @ factor.T) @ miss))
+
+
+@BOTH
+def test_an_outlier_stands_out(way):
+    plan = good_plan(12)
+    _, problem = simulated_problem(plan, TABLE_2, seed=5)
+    joints = problem.joints.copy()
+    joints[7, 4] += np.radians(1.0)
+    problem = problem.moved(joints)
+    effect = way(problem, fit_likelihood(problem, starts=0))
+    assert effect.leave_one_out.argmax() == effect.cooks.argmax() == effect.whitened.argmax() == 7
+    assert effect.cooks[7] > 1.0
+
+
+@BOTH
+def test_a_shot_that_determines_itself_has_no_prediction(way):
+    """Nothing tells where a target stands that no other shot has seen."""
+    own = good_plan(10)
+    header = own.header.model_copy(update={"targets": {}})
+    plan = plan_of(header, own.postures, ["a"] * 9 + ["b"])
+    joints = simulated_problem(own, TABLE_2, seed=6)[1].joints
+    problem = Problem.build(header, plan.robot, joints, plan.targets)
+    effect = way(problem, fit_likelihood(problem, starts=0))
+    assert np.isnan(effect.leave_one_out[9])
+    assert np.isnan(effect.cooks[9])
+    assert np.isfinite(effect.leave_one_out[:9]).all()
+    assert effect.whitened[9] == pytest.approx(0, abs=1e-3)
+
+
+@BOTH
+def test_an_estimated_scale_is_in_the_stds(way):
+    plan = good_plan(12, noise={"scale": "estimated"})
+    known = good_plan(12)
+    _, problem = simulated_problem(known, TABLE_2, seed=8)
+    scaled = Problem.build(plan.header, plan.robot, problem.joints, ["psd"] * 12, problem.spots)
+    fit = fit_likelihood(scaled, starts=0)
+    one = way(problem, fit_likelihood(problem, starts=0))
+    other = way(scaled, fit)
+    np.testing.assert_allclose(other.whitened / one.whitened, np.sqrt(fit.weight), rtol=0.1)
+    # In mm the predictions do not depend on the scale.
+    np.testing.assert_allclose(other.leave_one_out, one.leave_one_out, rtol=0.1, atol=0.05)

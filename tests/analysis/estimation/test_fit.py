@@ -1,0 +1,470 @@
+import numpy as np
+import pytest
+from cells import (
+    TABLE_2,
+    good_plan,
+    header,
+    pattern_plan,
+    plan_of,
+    random_robot,
+    simulated_problem,
+    varied_postures,
+)
+from made_problem import many_runs
+from plain_posterior import PlainPosterior
+from scipy import optimize, stats
+
+from zerobeam.analysis.estimation.fit import (
+    CONTRADICTED,
+    fit_likelihood,
+    fit_rows,
+    modes,
+    start_at,
+    unbiased_weight,
+)
+from zerobeam.analysis.estimation.levenberg_marquardt import least_squares, levenberg_marquardt
+from zerobeam.analysis.observability.aim import aim, servo_joints
+from zerobeam.experiments.studies.coverage import drawn
+from zerobeam.model.density import Density
+from zerobeam.model.problem import Problem
+
+GUESS = (900.0, 0.0, 0.0)
+
+
+def plain(problem, joint_deg=0.01, spot_mm=0.05):
+    return PlainPosterior(problem.joints, problem.spots, GUESS, joint_deg, spot_mm)
+
+
+def truth_in_z(truth):
+    parameters = truth.problem.parameters
+    return ((truth.x - parameters.prior_mean) / parameters.prior_std)[parameters.free]
+
+
+@pytest.fixture(scope="module")
+def good():
+    truth, problem = simulated_problem(good_plan(), TABLE_2, seed=2)
+    return truth, problem, fit_likelihood(problem)
+
+
+def test_the_plain_model_is_the_same_posterior(good):
+    """Two independent programs of section 1: the value and the gradient at random places."""
+    _, problem, fit = good
+    parameters = problem.parameters
+    second = plain(problem)
+    rng = np.random.default_rng(3)
+    shift = []
+    for _ in range(4):
+        z = fit.z + rng.normal(size=8) * np.array([0.02] * 5 + [1e-3] * 3)
+        x = parameters.prior_mean.copy()
+        x[parameters.free] += z * parameters.prior_std[parameters.free]
+        value, gradient, _ = Density(problem).slopes(x[None])
+        assert Density(problem).log_posterior(x[None])[0] == pytest.approx(value[0], rel=1e-12)
+        shift.append(value[0] + second.value(z).real)
+        np.testing.assert_allclose(gradient[0], -second.gradient(z), rtol=1e-7, atol=1e-5)
+    np.testing.assert_allclose(shift, shift[0], rtol=1e-9, atol=1e-7)
+
+
+def test_the_mode_by_scipy_minimize(good):
+    """-log posterior in plain numpy, minimised by trust-exact from the truth: 1e-6 of a std."""
+    truth, problem, fit = good
+    second, root = plain(problem), np.linalg.cholesky(fit.covariance)
+    centre = truth_in_z(truth)
+    found = optimize.minimize(
+        lambda w: second.value(centre + root @ w).real,
+        np.zeros(8),
+        jac=lambda w: root.T @ second.gradient(centre + root @ w),
+        hess=lambda w: root.T @ second.hessian(centre + root @ w, 1e-3 * fit.std) @ root,
+        method="trust-exact",
+        options={"gtol": 1e-8},
+    )
+    assert np.linalg.norm(found.jac) < 1e-6
+    assert fit.converged
+    np.testing.assert_allclose((centre + root @ found.x - fit.z) / fit.std, 0, atol=1e-6)
+
+
+def test_the_mode_by_scipy_least_squares(good):
+    """The same misses in the stds that move with the parameters, priors as residuals: 1e-6 of a std."""
+    truth, problem, fit = good
+    second = plain(problem)
+    found = optimize.least_squares(
+        lambda z: second.residuals(z).real,
+        truth_in_z(truth),
+        jac=second.residual_jacobian,
+        method="lm",
+        x_scale=fit.std,
+        xtol=1e-15,
+        ftol=1e-15,
+        gtol=1e-15,
+    )
+    assert found.cost > 1
+    np.testing.assert_allclose((found.x - fit.z) / fit.std, 0, atol=1e-6)
+
+
+def test_with_spot_noise_alone_it_is_plain_least_squares():
+    """S is constant there: ordinary least squares of the misses in plain numpy."""
+    plan = good_plan(joint_deg=1e-9, spot_mm=0.2)
+    _, problem = simulated_problem(plan, TABLE_2, seed=5)
+    fit = fit_likelihood(problem, starts=0)
+    second = plain(problem, 1e-9, 0.2)
+
+    def residuals(z):
+        return second.residuals(z).real
+
+    found = optimize.least_squares(
+        residuals,
+        np.zeros(8),
+        jac=lambda z: second.residual_jacobian(z),
+        method="lm",
+        x_scale=fit.std,
+        xtol=1e-15,
+        ftol=1e-15,
+        gtol=1e-15,
+    )
+    np.testing.assert_allclose((found.x - fit.z) / fit.std, 0, atol=1e-6)
+
+
+def test_the_weighted_step_by_scipy(good):
+    """Weights kept at one place: levenberg_marquardt and scipy on the same whitened misses and priors."""
+    _, problem, fit = good
+    parameters, factor = problem.parameters, fit.whitened.factor
+
+    def residual(z):
+        x = parameters.prior_mean.copy()
+        x[parameters.free] += z * parameters.prior_std[parameters.free]
+        white = problem.whiten(x, factor)
+        return (
+            np.append(white.residual, z),
+            np.vstack([white.jacobian[:, parameters.free], np.eye(len(z))]),
+        )
+
+    def rows(z, _):
+        return tuple(part[None] for part in residual(z[0]))
+
+    start = fit.z + 3 * fit.std
+    found = levenberg_marquardt(least_squares(rows), start[None])
+    second = optimize.least_squares(
+        lambda z: residual(z)[0],
+        start,
+        jac=lambda z: residual(z)[1],
+        x_scale="jac",
+        method="lm",
+        xtol=1e-15,
+        ftol=1e-15,
+        gtol=1e-15,
+    )
+    std = np.sqrt(np.diag(np.linalg.inv(found.curvature[0])))
+    assert found.converged[0]
+    np.testing.assert_allclose((found.x[0] - second.x) / std, 0, atol=1e-6)
+    assert np.abs((found.x[0] - start) / std).max() > 1
+
+
+def test_the_covariance_is_that_of_the_plain_posterior(good):
+    _, problem, fit = good
+    hessian = plain(problem).hessian(fit.z, 1e-3 * fit.std)
+    covariance = np.linalg.inv(hessian)
+    scale = np.outer(fit.std, fit.std)
+    np.testing.assert_allclose(fit.covariance / scale, covariance / scale, atol=1e-4)
+    assert fit.weight == 1.0
+
+
+def test_the_gradient_vanishes(good):
+    _, problem, fit = good
+    gradient = Density(problem).slopes(fit.x[None]).gradient[0]
+    assert np.abs(gradient * fit.std).max() < 1e-6
+    assert fit.gradient < 1e-6
+
+
+def test_one_basin_on_a_good_run(good):
+    _, _, fit = good
+    assert fit.other_basins == 0
+    assert fit.converged
+    assert "gradient" in fit.reason
+
+
+def test_the_truth_lies_where_it_is_said():
+    """40 runs: the offsets' Mahalanobis distances sum to a chi-squared of 40 x 5."""
+    plan = good_plan()
+    distances = []
+    for seed in range(40):
+        truth, problem = simulated_problem(plan, TABLE_2, seed=100 + seed)
+        fit = fit_likelihood(problem, starts=0)
+        assert fit.converged
+        miss = (fit.z - truth_in_z(truth))[:5]
+        distances.append(miss @ np.linalg.solve(fit.covariance[:5, :5], miss))
+    low, high = stats.chi2.ppf([0.0005, 0.9995], 5 * 40)
+    assert low < sum(distances) < high
+    # Negative control: stds too small by a fifth would be caught.
+    assert not low < sum(distances) / 0.8**2 < high
+
+
+def test_chi_squared_is_that_of_the_stated_noise():
+    plan = good_plan()
+    chi2 = []
+    for seed in range(40):
+        _, problem = simulated_problem(plan, TABLE_2, seed=300 + seed)
+        residual = fit_likelihood(problem, starts=0).whitened.residual
+        chi2.append(residual @ residual)
+    low, high = stats.chi2.ppf([0.0005, 0.9995], 40 * (2 * 10 - 8))
+    assert low < sum(chi2) < high
+
+
+def misstated(factor, seed, scale):
+    """A run whose real noise is `factor` times what its header says."""
+    plan = good_plan(20, joint_deg=0.01 * factor, spot_mm=0.05 * factor)
+    truth, problem = simulated_problem(plan, TABLE_2, seed)
+    told = header(noise={"scale": scale})
+    return truth, Problem.build(told, plan.robot, problem.joints, ["psd"] * 20, problem.spots)
+
+
+def test_understated_noise_is_found():
+    """dof of scale^2: 2 N - 8 = 32 a run, over 12 runs."""
+    scales = []
+    for seed in range(12):
+        _, problem = misstated(2.0, 500 + seed, "estimated")
+        fit = fit_likelihood(problem, starts=0)
+        assert fit.converged
+        scales.append(1 / fit.weight)
+    low, high = 4 * stats.chi2.ppf([0.0005, 0.9995], 12 * 32) / (12 * 32)
+    assert low < np.mean(scales) < high
+    assert not low < 1.0 < high
+
+
+def test_estimated_noise_widens_the_stds():
+    _, known = misstated(2.0, 600, "known")
+    _, open_scale = misstated(2.0, 600, "estimated")
+    narrow, wide = fit_likelihood(known, starts=0), fit_likelihood(open_scale, starts=0)
+    # Not exactly equal: the curvature is that of a t and the prior has a small say.
+    np.testing.assert_allclose(wide.std / narrow.std, 1 / np.sqrt(wide.weight), rtol=0.1)
+    np.testing.assert_array_equal(unbiased_weight(Density(known), narrow.x[None]), [1.0])
+    chi2 = narrow.whitened.residual @ narrow.whitened.residual
+    assert 1 / wide.weight == pytest.approx(chi2 / 32, rel=0.02)
+    np.testing.assert_allclose((wide.z - narrow.z) / wide.std, 0, atol=0.05)
+
+
+def test_the_truth_under_an_estimated_scale():
+    """Mahalanobis distances over 5 are F(5, 32) each: the mean of 30 by the central limit theorem."""
+    distances = []
+    for seed in range(30):
+        truth, problem = misstated(2.0, 700 + seed, "estimated")
+        fit = fit_likelihood(problem, starts=0)
+        miss = (fit.z - truth_in_z(truth))[:5]
+        distances.append(miss @ np.linalg.solve(fit.covariance[:5, :5], miss) / 5)
+    mean, variance = stats.f.stats(5, 32, moments="mv")
+    assert abs(np.mean(distances) - mean) < 3.5 * np.sqrt(variance / 30)
+
+
+def test_information_is_the_inverse_covariance_of_a_small_residual_fit(good):
+    """Fisher's and the exact curvature agree to what noise in the misses makes of it."""
+    _, problem, fit = good
+    information = Density(problem).slopes(fit.x[None]).information[0]
+    approximate = np.sqrt(np.diag(np.linalg.inv(information)))
+    np.testing.assert_allclose(approximate, fit.std, rtol=0.05)
+
+
+def test_starts_put_targets_nearest_to_their_beams(good):
+    truth, problem, _ = good
+    z = np.array([np.append(truth_in_z(truth)[:5], [0.0, 0.0, 0.0]), np.zeros(8)])
+    near, far = start_at(problem, z)
+    assert np.linalg.norm(near[6:9] - truth.x[6:9]) < 5.0
+    assert np.linalg.norm(far[6:9] - truth.x[6:9]) > 5.0
+    np.testing.assert_array_equal(near[:6], truth.x[:6])
+    # With recordings of their own, each is near to its own beams.
+    moved = problem.joints + np.array([0.0, 0.02])[:, None, None]
+    own = start_at(problem, z[[0, 0]], moved)
+    np.testing.assert_allclose(own[0], near, rtol=1e-12)
+    np.testing.assert_allclose(own[1], start_at(problem.moved(moved[1]), z[:1])[0], rtol=1e-12)
+    assert np.linalg.norm(own[1, 6:9] - own[0, 6:9]) > 5.0
+
+
+def test_a_target_of_which_a_coordinate_is_held_starts_there():
+    plan = good_plan(held=["delta1", "psd.z"])
+    x = start_at(Problem.from_plan(plan), np.full((2, 7), 0.2))
+    np.testing.assert_array_equal(x[:, 8], 0.0)
+    assert np.abs(x[:, 6] - 900).min() > 1.0
+
+
+def test_without_data_the_prior_stands():
+    """One direction of the X-Pattern without noise in the joints: delta2 keeps its prior std."""
+    _, problem = simulated_problem(pattern_plan("x"), {}, seed=1)
+    fit = fit_likelihood(problem, starts=2)
+    assert fit.converged
+    assert fit.std[0] == pytest.approx(1.0, abs=0.05)
+    assert (fit.std[1:5] < 0.2).all()
+
+
+def test_another_basin_is_found_and_told():
+    """A wide prior and the fewest shots: polynomial equations, with several solutions."""
+    plan = good_plan(4, prior={"offset_deg": 40.0})
+    _, problem = simulated_problem(plan, {}, seed=1)
+    fit = fit_likelihood(problem, seed=1)
+    assert fit.converged
+    assert fit.other_basins >= 1
+    assert fit_likelihood(problem, starts=0).other_basins == 0
+
+
+def test_the_best_of_all_starts_wins():
+    plan = good_plan(4, prior={"offset_deg": 40.0})
+    _, problem = simulated_problem(plan, {"delta2": 30.0, "delta3": -40.0, "delta5": 50.0}, seed=1)
+    single = fit_likelihood(problem, starts=0)
+    several = fit_likelihood(problem, starts=8)
+    assert several.log_posterior >= single.log_posterior - 1e-9
+    # The starts are rows: the best of them by hand.
+    density, rng = Density(problem), np.random.default_rng(0)
+    z = np.vstack([np.zeros(8), rng.normal(size=(8, 8))])
+    found = fit_rows(density, start_at(problem, z), np.zeros(9, dtype=np.int64))
+    best = found.log_posterior[found.converged].max()
+    assert several.log_posterior == pytest.approx(best, abs=1e-6)
+    assert np.ptp(found.log_posterior) > 1  # they do not all end in one place
+
+
+# --- rows -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("scale", ["known", "estimated", "separate"])
+def test_fifty_runs_at_once_are_fifty_fits(scale):
+    """Row by row the fit of a problem with those recordings alone: 1e-9 of a posterior std."""
+    x, problem, joints, spots = many_runs(good_plan(12, noise={"scale": scale}), TABLE_2, 50, seed=21)
+    density = Density(problem, joints, spots)
+    away = np.random.default_rng(2).normal(scale=0.2, size=(50, density.size))
+    start = start_at(problem, away, joints)
+    many = fit_rows(density, start)
+    assert many.converged.all()
+    for row in range(50):
+        alone = Density(problem.moved(joints[row], spots[row]))
+        one = fit_rows(alone, start[row : row + 1])
+        std = one.std[0]
+        np.testing.assert_allclose((many.z[row] - one.z[0]) / std, 0, atol=1e-9)
+        np.testing.assert_allclose(
+            many.covariance[row] / np.outer(std, std), one.covariance[0] / np.outer(std, std), atol=1e-9
+        )
+        assert many.weight[row] == pytest.approx(one.weight[0], rel=1e-9)
+        assert many.log_posterior[row] == pytest.approx(one.log_posterior[0], abs=1e-9)
+        assert (many.iterations[row], many.converged[row]) == (one.iterations[0], one.converged[0])
+    # Control: the runs are not one.
+    assert (np.ptp(many.z, axis=0) > many.std.mean(axis=0))[:8].all()
+    if scale == "known":
+        miss = (many.z - density.scaled(x[None]))[:, :5]
+        inverse = np.linalg.inv(many.covariance[:, :5, :5])
+        low, high = stats.chi2.ppf([0.0005, 0.9995], 50 * 5)
+        assert low < (miss[:, None, :] @ inverse @ miss[:, :, None]).sum() < high
+
+
+def test_several_starts_of_several_runs():
+    """`of` names the run of each start; where they meet, it is in one place."""
+    _, problem, joints, spots = many_runs(good_plan(12), TABLE_2, 3, seed=22)
+    density, of = Density(problem, joints, spots), np.array([2, 0, 1, 0, 2, 1])
+    z = np.random.default_rng(1).normal(scale=0.3, size=(6, density.size))
+    found = fit_rows(density, start_at(problem, z, joints[of]), of)
+    assert found.converged.all()
+    for run in range(3):
+        first, second = np.flatnonzero(of == run)
+        np.testing.assert_allclose((found.z[first] - found.z[second]) / found.std[first], 0, atol=1e-3)
+        alone = fit_likelihood(problem.moved(joints[run], spots[run]), starts=0)
+        np.testing.assert_allclose((found.z[first] - alone.z) / alone.std, 0, atol=1e-3)
+    assert np.abs((found.z[0] - found.z[1]) / found.std[0]).max() > 0.1
+
+
+def test_the_modes_alone_are_near_the_polished_ones():
+    _, problem, joints, spots = many_runs(good_plan(12), TABLE_2, 20, seed=23)
+    density = Density(problem, joints, spots)
+    start = start_at(problem, np.zeros((20, density.size)), joints)
+    rough, fine = modes(density, start), fit_rows(density, start)
+    assert rough.converged.all()
+    # A step that would gain no more than 1e-7 of the log-posterior is shorter than sqrt(2e-7) stds; and what
+    # Fisher's curvature differs from the exact one makes it less than twice that.
+    away = (density.scaled(rough.x) - fine.z)[:, None, :]
+    distance = (away @ np.linalg.solve(fine.covariance, away.transpose(0, 2, 1)))[:, 0, 0]
+    assert np.sqrt(distance).max() < 2 * np.sqrt(2e-7)
+    np.testing.assert_allclose(-rough.cost, fine.log_posterior, atol=1e-6)
+
+
+def test_a_start_that_is_no_number_hurts_no_other():
+    _, problem, joints, spots = many_runs(good_plan(12), TABLE_2, 3, seed=24)
+    density = Density(problem, joints, spots)
+    start = start_at(problem, np.zeros((3, density.size)), joints)
+    sound = fit_rows(density, start)
+    start[1] = np.nan
+    found = fit_rows(density, start)
+    np.testing.assert_array_equal(found.converged, [True, False, True])
+    assert "not finite" in found.reason[1]
+    np.testing.assert_array_equal(found.z[[0, 2]], sound.z[[0, 2]])
+    np.testing.assert_array_equal(found.covariance[[0, 2]], sound.covariance[[0, 2]])
+
+
+def test_shots_of_no_weight_are_not_fitted():
+    """Leave-one-out side by side, against fits of problems without the shot."""
+    _, problem = simulated_problem(good_plan(12), TABLE_2, seed=25)
+    weights = np.ones((12, 12))
+    weights[np.arange(12), np.arange(12)] = 0
+    start = np.tile(fit_likelihood(problem, starts=0).x, (12, 1))
+    found = fit_rows(Density(problem).weighted(weights), start)
+    for i in range(12):
+        fewer = problem.select(np.delete(np.arange(12), i))
+        one = fit_rows(Density(fewer), start[:1])
+        np.testing.assert_allclose((found.z[i] - one.z[0]) / one.std[0], 0, atol=1e-4)
+        np.testing.assert_allclose(found.std[i] / one.std[0], 1, atol=1e-4)
+    assert np.abs((found.z - found.z[0]) / found.std).max() > 0.1
+
+
+def test_the_mode_with_free_noise_factors_by_scipy():
+    """The common mode of all parameters, as `fit_rows` finds it: scipy's BFGS on the values."""
+    _, problem, joints, spots = many_runs(good_plan(12, noise={"scale": "separate"}), TABLE_2, 1, seed=26)
+    density = Density(problem, joints, spots)
+    fit = fit_rows(density, start_at(problem, np.zeros((1, density.size)), joints))
+    root, free = np.linalg.cholesky(fit.covariance[0]), problem.parameters.free
+    mean, scale = problem.parameters.prior_mean, problem.parameters.prior_std[free]
+
+    def cost(w):
+        x = mean.copy()
+        x[free] += (fit.z[0] + 0.5 * root.sum(axis=1) + root @ w) * scale
+        return fit.log_posterior[0] - density.log_posterior(x[None])[0]
+
+    found = optimize.minimize(cost, np.zeros(len(root)), method="BFGS", options={"gtol": 1e-6})
+    np.testing.assert_allclose(found.x, -0.5, atol=1e-3)
+    assert cost(found.x) >= -1e-9
+    assert cost(np.zeros(len(root))) > 0.5
+
+
+@pytest.mark.long
+def test_a_probe_on_an_arm_with_a_slide():
+    robot = random_robot("rprrrr", 6)
+    own = header(
+        {"kind": "probe", "calibrated": True, "point_mm": [60, 20, 150]},
+        target=(300.0, 200.0, 100.0),
+        noise={"joint_mm": 0.02},
+    )
+    # The tip's place in a middle posture: near it there are many ways to stand.
+    problem = Problem.build(own, robot, np.zeros((1, 6)), ["psd"])
+    place = problem.beams(problem.parameters.prior_mean)[0][0]
+    own = header(
+        {"kind": "probe", "calibrated": True, "point_mm": [60, 20, 150]},
+        target=place,
+        noise={"joint_mm": 0.02},
+    )
+    postures = varied_postures(own, robot, place, 20, 2)
+    true = {"delta2": 2.0, "delta3": 0.8, "delta4": -0.5}
+    truth, problem = simulated_problem(plan_of(own, postures, robot=robot), true, seed=4)
+    fit = fit_likelihood(problem, starts=2)
+    assert fit.converged
+    miss = fit.z - truth_in_z(truth)
+    distance = miss @ np.linalg.solve(fit.covariance, miss)
+    assert distance < stats.chi2.ppf(0.9995, len(miss))
+
+
+def test_a_fit_in_a_wrong_basin_contradicts_noise_and_priors_and_is_tried_again():
+    """Four shots leave no number to spare: chi-squared cannot warn, misses and priors together can."""
+    plan = Problem.from_plan(pattern_plan("y", shots=4))
+    problem = aim(plan, plan.supposed(), servo_joints(plan)).problem
+    data = drawn(problem, 12, np.random.default_rng(1))
+    lost = wrong = 0
+    for joints, spots, truth in zip(data.joints, data.spots, data.truths, strict=True):
+        own = problem.moved(joints, spots)
+        best = Density(own).log_posterior(truth[None])[0] - 5
+        first, found = fit_likelihood(own, starts=0), fit_likelihood(own)
+        lost += first.log_posterior < best
+        wrong += found.log_posterior < best
+        # Whoever is lost is told so.
+        assert first.log_posterior >= best or first.chance < CONTRADICTED
+        assert found.log_posterior >= best or found.chance < CONTRADICTED
+    assert lost >= 2
+    assert wrong <= 1

@@ -1,0 +1,97 @@
+import numpy as np
+import pytest
+from cells import header, irb1600, plan_of, random_robot, varied_postures
+
+from zerobeam.analysis.observability.aim import aim, moving_joints, servo_joints
+from zerobeam.model.problem import Problem
+
+AWAY = {"kind": "laser", "calibrated": True, "point_mm": [10, -20, 65], "direction": [1, 0.2, -0.1]}
+
+
+def near(tool=AWAY, count=6, off_deg=5.0):
+    """Postures some degrees off the target, at parameters with offsets, and those parameters."""
+    own = header(tool)
+    robot = irb1600()
+    joints = varied_postures(own, robot, (900.0, 0.0, 0.0), count, 3)
+    rng = np.random.default_rng(4)
+    joints = joints + np.radians(off_deg) * rng.uniform(-1, 1, joints.shape)
+    problem = Problem.from_plan(plan_of(own, joints))
+    x = problem.parameters.prior_mean.copy()
+    x[:6] = np.radians(rng.normal(size=6))
+    return problem, x
+
+
+def test_the_wrist_brings_every_beam_onto_the_target():
+    problem, x = near()
+    aimed = aim(problem, x, servo_joints(problem))
+    miss, _ = aimed.problem.linearise(x)
+    assert aimed.hit.all()
+    assert np.linalg.norm(miss, axis=1).max() < 1e-6
+    before, _ = problem.linearise(x)
+    np.testing.assert_allclose(aimed.off_mm, np.linalg.norm(before, axis=1))
+    assert aimed.off_mm.min() > 1.0
+
+
+def test_only_joints_with_a_weight_move():
+    problem, x = near()
+    aimed = aim(problem, x, servo_joints(problem))
+    np.testing.assert_array_equal(aimed.problem.joints[:, :3], problem.joints[:, :3])
+    assert (np.abs(aimed.problem.joints[:, 3:] - problem.joints[:, 3:]).max(axis=1) > 1e-3).all()
+
+
+def test_the_turn_is_small():
+    """Not just any hit: from postures a degree off, no joint turns by more than some degrees."""
+    problem, x = near(off_deg=0.5)
+    aimed = aim(problem, x, servo_joints(problem))
+    assert np.degrees(np.abs(aimed.problem.joints - problem.joints)).max() < 15
+
+
+def test_what_cannot_be_hit_is_told_and_left_best():
+    problem, x = near()
+    x = x.copy()
+    x[6:9] = [50_000.0, 0.0, 0.0]  # no beam from behind can be turned there by joint 6 alone
+    only_last = np.array([0, 0, 0, 0, 0, 1.0])
+    aimed = aim(problem, x, only_last)
+    assert not aimed.hit.any()
+    miss, _ = aimed.problem.linearise(x)
+    assert (np.linalg.norm(miss, axis=1) <= aimed.off_mm).all()
+
+
+def test_a_shot_that_hits_stays_where_it_is():
+    problem, x = near()
+    there = aim(problem, x, servo_joints(problem)).problem
+    again = aim(there, x, np.ones(6))
+    np.testing.assert_allclose(again.problem.joints, there.joints, atol=1e-9)
+
+
+def test_the_given_problem_is_not_changed():
+    problem, x = near()
+    before = problem.joints.copy()
+    aim(problem, x, np.ones(6))
+    np.testing.assert_array_equal(problem.joints, before)
+
+
+def test_a_constant_joint_may_not_move():
+    joints = np.random.default_rng(1).normal(size=(5, 4))
+    joints[:, 1] = 0.3
+    weights = moving_joints(joints)
+    assert weights[1] == 0
+    np.testing.assert_allclose(weights[[0, 2, 3]], joints[:, [0, 2, 3]].var(axis=0))
+
+
+@pytest.mark.parametrize("kinds", ["rprrr", "pprrr", "rrrp"])
+def test_prismatic_joints_help_too(kinds):
+    robot = random_robot(kinds, 8)
+    own = header({"kind": "probe", "calibrated": True, "point_mm": [10, 20, 150]}, noise={"joint_mm": 0.02})
+    rng = np.random.default_rng(2)
+    joints = rng.uniform(-0.5, 0.5, (4, robot.n)) * np.where(robot.display > 1, 1.0, 200.0)
+    problem = Problem.build(own, robot, joints, ["psd"] * 4)
+    x = problem.parameters.prior_mean.copy()
+    # A place that the tip reaches from the first posture; some of the others can get there as well.
+    x[robot.n : robot.n + 3] = problem.moved(joints[:1]).beams(x)[0][0]
+    aimed = aim(problem, x, np.ones(robot.n))
+    assert aimed.off_mm[0] == pytest.approx(0, abs=1e-9)
+    assert aimed.hit.sum() >= 2
+    slides = robot.display == 1
+    moved = np.abs(aimed.problem.joints - joints)[aimed.hit][:, slides]
+    assert moved.max() > 1.0

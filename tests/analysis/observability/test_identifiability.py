@@ -1,0 +1,559 @@
+import dataclasses
+
+import numpy as np
+import pytest
+from cells import (
+    AXIS_LASER,
+    LASER,
+    OPEN_LASER,
+    OPEN_PROBE,
+    PROBE,
+    TABLE_2,
+    good_plan,
+    header,
+    irb1600,
+    pattern_plan,
+    plan_of,
+    random_pose,
+    simulated_problem,
+)
+from scipy import stats
+from scipy.spatial.transform import Rotation
+
+from zerobeam.analysis.estimation.fit import fit_likelihood
+from zerobeam.analysis.observability.check import check
+from zerobeam.analysis.observability.identifiability import identify, observability
+from zerobeam.analysis.observability.verdict import reason_for, verdict
+from zerobeam.experiments.plans.candidates import candidates
+from zerobeam.experiments.plans.planning import Planner
+from zerobeam.model.files.urdf import read_urdf
+from zerobeam.model.problem import Problem
+from zerobeam.model.robot import rotation_about
+
+
+def judged(plan):
+    problem = Problem.from_plan(plan)
+    return problem, identify(problem, problem.supposed())
+
+
+def by_name(problem, identified):
+    """{name: (status, data_std in deg or mm)}."""
+    data_std = identified.data_std * problem.parameters.display
+    return dict(zip(problem.parameters.names, zip(identified.status, data_std, strict=True), strict=True))
+
+
+def direction_of(identified, name, kind=None):
+    found = [d for d in identified.facts.null_space if abs(d.combination.get(name, 0)) == 1]
+    assert found, f"{name} leads no null direction"
+    assert kind is None or found[0].kind == kind
+    return found[0]
+
+
+# --- what is known -----------------------------------------------------------------------------------
+
+
+def test_a_good_plan_passes():
+    problem, identified = judged(good_plan())
+    rows = by_name(problem, identified)
+    assert verdict(problem, identified) == "pass"
+    assert rows["delta1"][0] == "held"
+    assert np.isnan(rows["delta1"][1])
+    for name, (status, data_std) in rows.items():
+        if name != "delta1":
+            assert status == "identified"
+            assert data_std < (0.1 if name.startswith("delta") else 1.0)
+    facts = identified.facts
+    assert (facts.rank, facts.size, facts.null_space) == (8, 8, ())
+    assert facts.condition > 1
+    assert all(value > 0 for value in facts.observability.values())
+
+
+def test_data_std_is_that_of_the_data_alone():
+    """Against the inverse of the plain normal matrix, without any prior."""
+    problem, identified = judged(good_plan())
+    jacobian = problem.whiten(problem.supposed()).jacobian[:, problem.parameters.free]
+    plain = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
+    free = problem.parameters.free
+    np.testing.assert_allclose(
+        identified.data_std[free], plain * problem.parameters.prior_std[free], rtol=1e-6
+    )
+
+
+def monte_carlo(draws, seed, plan=None, *, eigenvectors=True):
+    """Errors (draws, f) of re-fits, whitened by the predicted covariance's eigenvectors (or only scaled by
+    each parameter's own predicted std).
+
+    The truth stands at the prior's mean: what the prior adds is no error of its own, it only shrinks.
+    """
+    plan = plan or good_plan()
+    problem = Problem.from_plan(plan)
+    free = problem.parameters.free
+    jacobian = problem.whiten(problem.supposed()).jacobian[:, free]
+    data = jacobian.T @ jacobian
+    both = np.linalg.inv(data + np.eye(len(data)))
+    values, vectors = np.linalg.eigh(both @ data @ both)
+    errors = []
+    for draw in range(draws):
+        truth, shots = simulated_problem(plan, {}, seed=seed + draw)
+        fit = fit_likelihood(shots, starts=0)
+        parameters = problem.parameters
+        z = ((truth.x - parameters.prior_mean) / parameters.prior_std)[free]
+        errors.append(fit.z - z)
+    if not eigenvectors:
+        return np.array(errors) / np.sqrt(np.diag(both @ data @ both))
+    return np.array(errors) @ vectors / np.sqrt(values)
+
+
+def within_chi_square_bounds(errors, chance=0.001):
+    """Every eigenvector's variance is 1 within the bounds of its sample size; all 8 together at `chance`."""
+    draws, size = errors.shape
+    low, high = stats.chi2.ppf([chance / size / 2, 1 - chance / size / 2], draws) / draws
+    variances = (errors**2).mean(axis=0)
+    return ((variances > low) & (variances < high)).all()
+
+
+def test_predicted_stds_against_monte_carlo():
+    errors = monte_carlo(200, 1000)
+    assert within_chi_square_bounds(errors)
+    # Negative controls: a std wrong by 1.4 is caught, in a single eigenvector.
+    wrong = np.ones(8)
+    wrong[2] = 1.4
+    assert not within_chi_square_bounds(errors * wrong)
+    assert not within_chi_square_bounds(errors / wrong)
+
+
+@pytest.mark.long
+def test_predicted_stds_against_more_monte_carlo():
+    assert within_chi_square_bounds(monte_carlo(2000, 100_000))
+
+
+def optimal_plan():
+    """The A-optimal seven of a few hundred postures."""
+    own, robot, target = header(), irb1600(), np.array([900.0, 0.0, 0.0])
+    found = candidates(own, robot, target, 300)
+    return plan_of(own, Planner(own, robot, target, found).optimal(7).postures)
+
+
+MONTE_CARLO = {
+    "random, open laser": lambda: good_plan(12, 5, OPEN_LASER),
+    "random, probe": lambda: good_plan(12, 7, PROBE, target=(700.0, 200.0, 900.0), held=["delta1", "delta2"]),
+    "optimal": optimal_plan,
+}
+
+
+@pytest.mark.parametrize("case", ["random, open laser", "optimal"])
+def test_predicted_stds_of_other_plans(case):
+    assert within_chi_square_bounds(monte_carlo(60, 7000, MONTE_CARLO[case]()))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("case", MONTE_CARLO)
+def test_predicted_stds_of_other_plans_at_length(case):
+    assert within_chi_square_bounds(monte_carlo(500, 200_000, MONTE_CARLO[case]()))
+
+
+@pytest.mark.long
+def test_predicted_stds_of_a_weak_plan_at_length():
+    """The Y-Pattern leaves delta2 at 1 degree: along that arc the misses are curved, and the tightest
+    combination of offsets and target scatters twice as much as the straight line says (variance 2.2).
+    Each parameter's own std, which is what is reported, is as predicted."""
+    assert within_chi_square_bounds(monte_carlo(500, 200_000, pattern_plan("y"), eigenvectors=False))
+
+
+# --- what cannot be known -------------------------------------------------------------------------------
+
+
+def test_x_pattern_straight_ahead():
+    problem, identified = judged(pattern_plan("x"))
+    status, data_std = by_name(problem, identified)["delta2"]
+    assert (status, data_std) == ("unidentifiable", np.inf)
+    assert verdict(problem, identified) == "degenerate"
+    null = direction_of(identified, "delta2", "exact")
+    assert null.reason.startswith("joint 1 does not change over the shots")
+    assert "X-Pattern" in null.reason
+    assert "vary joint 1" in null.remedy
+    assert null.combination["delta2"] == 1.0
+    assert set(null.combination) == {"delta2", "psd.x", "psd.z"}
+    assert reason_for(identified, problem.parameters.items[1], "unidentifiable") == null.reason
+    facts = identified.facts
+    assert (facts.rank, facts.condition) == (7, None)
+    assert set(facts.observability.values()) == {0.0}
+
+
+def test_the_named_combination_is_null():
+    """The weights are in prior stds: moved along them, the arm's misses stay."""
+    problem, identified = judged(pattern_plan("x"))
+    x = problem.supposed()
+    weights = direction_of(identified, "delta2").combination
+    move = np.zeros(len(x))
+    for name, weight in weights.items():
+        i = problem.parameters.index(name)
+        move[i] = weight * problem.parameters.prior_std[i]
+    step = 1e-6
+    before, _ = problem.linearise(x)
+    after, _ = problem.linearise(x + step * move)
+    alone, _ = problem.linearise(x + step * move * problem.parameters.group("offset"))
+    assert np.abs(alone - before).max() > 1e-5
+    assert np.abs(after - before).max() < 1e-9
+
+
+def test_x_pattern_with_joint_1_jittered():
+    """A hundredth of a degree in joint 1 is no information, though the matrix is regular."""
+    plan = pattern_plan("x")
+    postures = plan.postures.copy()
+    postures[:, 0] += np.radians(0.01) * np.array([1, -1, 0.5, 0.2, -0.7, 0.9, -0.4])
+    answer = check(plan_of(plan.header, postures))
+    row = answer.parameters[1]
+    assert (row.status, row.std) == ("unidentifiable", None)
+    assert 50 < row.data_std < 5000
+    (null,) = [d for d in answer.identifiability.null_space if d.combination.get("delta2") == 1.0]
+    assert null.kind == "noise"
+    assert null.reason.startswith("joint 1 varies by no more than 0.02 degrees")
+    assert "vary joint 1" in null.remedy
+    assert answer.identifiability.condition > 1e3
+    assert answer.identifiability.rank == 7
+
+
+def test_a_jitter_that_leaves_the_target():
+    """Judged where the shots hit, which is where joint 1 does not change: no number may come of rounding."""
+    plan = pattern_plan("x")
+    postures = plan.postures.copy()
+    postures[:, 0] += np.radians(0.01) * np.array([1, -1, 0.5, 0.2, -0.7, 0.9, -0.4])
+    problem, identified = judged(plan_of(plan.header, postures))
+    status, data_std = by_name(problem, identified)["delta2"]
+    assert status == "unidentifiable"
+    assert data_std > 5000
+    stds = [d.data_std for d in identified.facts.null_space]
+    assert all(std is None or np.isfinite(std) for std in stds)
+
+
+def test_x_pattern_as_it_is_recorded():
+    problem = simulated_problem(pattern_plan("x"), TABLE_2, seed=3)[1]
+    fit = fit_likelihood(problem, starts=0)
+    identified = identify(problem, fit.x)
+    status, data_std = by_name(problem, identified)["delta2"]
+    assert status == "unidentifiable"
+    assert 50 < data_std < 5000
+    # Negative control: a pseudo-inverse that cuts off the small singular value claims to know it well.
+    jacobian = fit.whitened.jacobian[:, problem.parameters.free]
+    cut = np.linalg.pinv(jacobian, rcond=1e-4)
+    claimed = np.degrees(np.sqrt((cut @ cut.T)[0, 0]) * problem.parameters.prior_std[1])
+    assert claimed < 0.2
+
+
+def test_the_pseudo_inverse_claims_what_nobody_can_know():
+    """Negative control for the rule above all others: pinv gives the unknown joint a tiny std."""
+    problem, identified = judged(pattern_plan("x"))
+    jacobian = problem.whiten(problem.supposed()).jacobian[:, problem.parameters.free]
+    inverse = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12, hermitian=True)
+    claimed = np.degrees(np.sqrt(np.diag(inverse))[:5] * problem.parameters.prior_std[1])
+    assert claimed[0] < 0.1
+    assert claimed[0] == claimed.min()
+    assert np.isinf(identified.data_std[1])
+
+
+def test_two_joints_constant():
+    """Both turns share the target, and still each is told on its own."""
+    plan = good_plan()
+    postures = plan.postures.copy()
+    postures[:, :2] = [0.1, 0.3]
+    problem, identified = judged(plan_of(plan.header, postures))
+    rows = by_name(problem, identified)
+    assert rows["delta2"] == rows["delta3"] == ("unidentifiable", np.inf)
+    assert {rows[f"delta{i}"][0] for i in (4, 5, 6)} == {"identified"}
+    assert "joint 1 does not change" in direction_of(identified, "delta2", "exact").reason
+    assert "joints 1 to 2 do not change" in direction_of(identified, "delta3", "exact").reason
+    assert "vary joints 1 to 2" in direction_of(identified, "delta3").remedy
+
+
+def test_delta1_freed():
+    problem, identified = judged(good_plan(held=[]))
+    rows = by_name(problem, identified)
+    assert rows["delta1"] == ("unidentifiable", np.inf)
+    assert {rows[f"delta{i}"][0] for i in range(2, 7)} == {"identified"}
+    assert "base frame" in direction_of(identified, "delta1", "exact").reason
+    assert verdict(problem, identified) == "degenerate"
+
+
+def test_delta1_freed_in_the_x_pattern():
+    """Two gauges at once, each with its own reason."""
+    plan = pattern_plan("x", held=[])
+    _, identified = judged(plan)
+    assert "base frame" in direction_of(identified, "delta1", "exact").reason
+    assert "joint 1 does not change" in direction_of(identified, "delta2", "exact").reason
+    assert identified.facts.rank == 7
+    assert identified.facts.size == 9
+
+
+def test_an_open_laser_holds_the_last_joint():
+    problem, identified = judged(good_plan(12, 5, OPEN_LASER))
+    rows = by_name(problem, identified)
+    assert verdict(problem, identified) == "pass"
+    assert rows["delta6"][0] == "held"
+    assert rows["tool.tilt1"][0] == "identified"
+
+
+def test_an_open_laser_with_the_last_joint_freed():
+    problem, identified = judged(good_plan(12, 5, OPEN_LASER, held=["delta1"]))
+    rows = by_name(problem, identified)
+    assert rows["delta6"] == ("unidentifiable", np.inf)
+    null = direction_of(identified, "tool.tilt1", "exact")
+    assert "delta6" in null.combination
+    assert "uncalibrated laser" in null.reason
+    assert "hold delta6" in null.remedy
+
+
+def test_a_free_probe_tip_against_the_last_joint():
+    plan = good_plan(12, 7, OPEN_PROBE, target=(700.0, 200.0, 900.0))
+    problem, identified = judged(plan)
+    rows = by_name(problem, identified)
+    assert rows["delta6"] == ("unidentifiable", np.inf)
+    null = direction_of(identified, "delta6", "exact")
+    assert "joint 6 and a free probe tip turn together" in null.reason
+    assert {"tool.x", "tool.y"} <= set(null.combination)
+    # With residuals of real size the gauge stays exact: the miss is kept in the flange frame.
+    _, rough = simulated_problem(plan, TABLE_2, seed=1)
+    rough = rough.moved(
+        rough.joints + np.radians(0.3) * np.random.default_rng(2).normal(size=rough.joints.shape)
+    )
+    fit = fit_likelihood(rough, starts=0)
+    assert np.linalg.norm(fit.whitened.miss, axis=1).mean() > 0.5
+    assert by_name(rough, identify(rough, fit.x))["delta6"] == ("unidentifiable", np.inf)
+
+
+def test_beam_on_the_last_axis():
+    problem, identified = judged(good_plan(12, 5, AXIS_LASER))
+    rows = by_name(problem, identified)
+    assert rows["delta6"] == ("unidentifiable", np.inf)
+    null = direction_of(identified, "delta6", "exact")
+    assert "axis of joint 6" in null.reason
+    assert null.combination == {"delta6": 1.0}
+    assert {rows[f"delta{i}"][0] for i in range(2, 6)} == {"identified"}
+
+
+def test_beam_near_the_last_axis():
+    """A hundredth of a millimetre off the axis: regular, but far below the noise."""
+    tool = {**AXIS_LASER, "point_mm": [0.01, 0, 65]}
+    problem, identified = judged(good_plan(12, 5, tool))
+    status, data_std = by_name(problem, identified)["delta6"]
+    assert status == "unidentifiable"
+    assert 5 < data_std < np.inf
+    assert "axis of joint 6" in direction_of(identified, "delta6", "noise").reason
+
+
+@pytest.mark.parametrize("shots", [2, 3])
+def test_too_few_shots(shots):
+    plan = good_plan()
+    problem, identified = judged(plan_of(plan.header, plan.postures[:shots]))
+    rows = by_name(problem, identified)
+    assert all(rows[f"delta{i}"] == ("unidentifiable", np.inf) for i in range(2, 7))
+    exact = [d for d in identified.facts.null_space if d.kind == "exact"]
+    assert len(exact) == 8 - 2 * shots
+    assert all(d.reason.startswith(f"too few shots: {shots} shots give {2 * shots} numbers") for d in exact)
+    assert all("at least 4 shots" in d.remedy for d in exact)
+
+
+def test_four_shots_are_enough_to_be_regular():
+    plan = good_plan()
+    _, identified = judged(plan_of(plan.header, plan.postures[:4]))
+    assert identified.facts.condition is not None
+    assert np.isfinite(identified.data_std[1:]).all()
+
+
+def test_too_few_shots_of_an_open_laser():
+    plan = good_plan(12, 5, OPEN_LASER)
+    _, identified = judged(plan_of(plan.header, plan.postures[:5]))
+    reasons = [d.reason for d in identified.facts.null_space if d.kind == "exact"]
+    assert reasons == ["too few shots: 5 shots give 10 numbers for 11 unknowns"]
+    remedies = [d.remedy for d in identified.facts.null_space if d.kind == "exact"]
+    assert "at least 6 shots" in remedies[0]
+
+
+def test_the_same_shot_again_and_again():
+    """All beams are one line: the target along it, and every joint, are open."""
+    plan = good_plan()
+    problem, identified = judged(plan_of(plan.header, np.repeat(plan.postures[:1], 6, axis=0)))
+    rows = by_name(problem, identified)
+    assert all(rows[f"delta{i}"] == ("unidentifiable", np.inf) for i in range(2, 7))
+    assert identified.facts.rank == 2
+    reasons = [d.reason for d in identified.facts.null_space]
+    assert reasons[0].startswith("the target psd is seen from too few sides")
+    assert not any("base frame" in reason for reason in reasons)
+
+
+def test_a_target_seen_once():
+    own = header(targets={name: {"guess_mm": [900, 0, 0]} for name in "ab"})
+    problem, identified = judged(plan_of(own, good_plan().postures, ["a"] * 9 + ["b"]))
+    rows = by_name(problem, identified)
+    assert rows["b.z"] == ("unidentifiable", np.inf)
+    assert {rows[f"a.{axis}"][0] for axis in "xyz"} == {"identified"}
+    assert {rows[f"delta{i}"][0] for i in range(2, 7)} == {"identified"}
+    assert verdict(problem, identified) == "pass"  # the verdict is over the offsets
+    assert "target b is seen by one shot only" in direction_of(identified, "b.z", "exact").reason
+
+
+def test_statuses_by_their_thresholds():
+    plan = good_plan()
+    problem, identified = judged(plan)
+    std = by_name(problem, identified)["delta2"][1]
+    for tolerance, prior, status in (
+        (std * 1.01, 5.0, "identified"),
+        (std * 0.99, 5.0, "weak"),
+        (std * 0.5, std * 1.01, "weak"),
+        (std * 0.5, std * 0.99, "unidentifiable"),
+    ):
+        own = header(tolerance={"offset_deg": tolerance}, prior={"offset_deg": prior})
+        rows = by_name(*judged(plan_of(own, plan.postures)))
+        assert rows["delta2"][0] == status
+        assert rows["delta2"][1] == pytest.approx(std, rel=1e-6)
+
+
+def test_more_noise_less_data():
+    """data_std is in proportion to the noise, and to one over the root of repeated shots."""
+    plan = good_plan()
+    std = judged(plan)[1].data_std[1:]
+    noisy = plan_of(header(joint_deg=0.03, spot_mm=0.15), plan.postures)
+    np.testing.assert_allclose(judged(noisy)[1].data_std[1:], 3 * std, rtol=1e-6)
+    four = plan_of(plan.header, np.tile(plan.postures, (4, 1)))
+    np.testing.assert_allclose(judged(four)[1].data_std[1:], std / 2, rtol=1e-6)
+    problem = Problem.from_plan(plan)
+    weighted = identify(problem, problem.supposed(), weight=0.25)
+    np.testing.assert_allclose(weighted.data_std[1:], 2 * std, rtol=1e-6)
+
+
+# --- what must not matter ---------------------------------------------------------------------------------
+
+
+def plans():
+    return {"good": good_plan(), "x": pattern_plan("x"), "x aside": pattern_plan("x", 400.0)}
+
+
+def same_verdict(first, second, lengths=1.0):
+    """The same statuses, data stds (lengths in other units) and directions of two judged problems."""
+    (problem_a, a), (problem_b, b) = first, second
+    assert a.status == b.status
+    factor = np.where([item.unit == "mm" for item in problem_a.parameters.items], lengths, 1.0)
+    np.testing.assert_allclose(b.data_std, a.data_std * factor, rtol=1e-4)
+    told = [[(d.kind, d.reason, d.remedy) for d in found.facts.null_space] for found in (a, b)]
+    assert told[0] == told[1]
+    assert verdict(problem_a, a) == verdict(problem_b, b)
+
+
+CASES = list(plans())
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_order_of_shots_does_not_matter(case):
+    plan = plans()[case]
+    order = np.random.default_rng(4).permutation(len(plan.postures))
+    same_verdict(judged(plan), judged(plan_of(plan.header, plan.postures[order])))
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_names_of_targets_do_not_matter(case):
+    plan = plans()[case]
+    guess = plan.header.targets["psd"].guess_mm
+    own = header(targets={"z9": {"guess_mm": list(guess)}})
+    same_verdict(judged(plan), judged(plan_of(own, plan.postures, ["z9"] * len(plan.postures))))
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("unit", [1 / 25.4, 0.001, 10.0])
+def test_the_unit_of_length_does_not_matter(case, unit):
+    """The same cell with every length in inches, metres, tenths of millimetres."""
+    plan = plans()[case]
+    robot = irb1600()
+
+    def scaled(pose):
+        pose = pose.copy()
+        pose[:3, 3] *= unit
+        return pose
+
+    joints = tuple(dataclasses.replace(j, fixed=scaled(j.fixed)) for j in robot.joints)
+    other = dataclasses.replace(robot, joints=joints, flange=scaled(robot.flange))
+    guess = np.array(plan.header.targets["psd"].guess_mm) * unit
+    own = header(
+        {**LASER, "point_mm": (np.array(LASER["point_mm"]) * unit).tolist()},
+        spot_mm=0.05 * unit,
+        targets={"psd": {"guess_mm": guess.tolist(), "sigma_mm": 10_000.0 * unit}},
+        tolerance={"length_mm": unit},
+    )
+    same_verdict(judged(plan), judged(plan_of(own, plan.postures, robot=other)), lengths=unit)
+
+
+def in_base(plan, pose):
+    """The same cell in a base frame moved by `pose` (4, 4)."""
+    robot = irb1600()
+    first = dataclasses.replace(robot.joints[0], fixed=pose @ robot.joints[0].fixed)
+    other = dataclasses.replace(robot, joints=(first, *robot.joints[1:]))
+    guess = (pose @ [*plan.header.targets["psd"].guess_mm, 1.0])[:3]
+    return plan_of(header(target=guess), plan.postures, robot=other)
+
+
+def offsets_alike(plan, other):
+    problem, identified = judged(plan)
+    _, moved = judged(other)
+    n = problem.robot.n
+    assert moved.status[:n] == identified.status[:n]
+    np.testing.assert_allclose(moved.data_std[:n], identified.data_std[:n], rtol=1e-4)
+    reasons = [[(d.kind, d.reason) for d in i.facts.null_space] for i in (identified, moved)]
+    assert reasons[0] == reasons[1]
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_turn_of_the_base_about_joint_1_does_not_matter(case):
+    plan = plans()[case]
+    offsets_alike(plan, in_base(plan, rotation_about("z", 0.7)))
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_another_base_frame_does_not_matter(case):
+    plan = plans()[case]
+    offsets_alike(plan, in_base(plan, random_pose(np.random.default_rng(6), 400.0)))
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_same_arm_as_urdf_in_metres(case, tmp_path):
+    robot = irb1600()
+
+    def origin(pose):
+        xyz = " ".join(f"{v / 1000:.17g}" for v in pose[:3, 3])
+        rpy = " ".join(f"{v:.17g}" for v in Rotation.from_matrix(pose[:3, :3]).as_euler("xyz"))
+        return f'<origin xyz="{xyz}" rpy="{rpy}"/>'
+
+    text = '<robot name="same"><link name="l0"/>'
+    for i, joint in enumerate(robot.joints, start=1):
+        text += f'<link name="l{i}"/><joint name="joint{i}" type="revolute">{origin(joint.fixed)}'
+        text += f'<parent link="l{i - 1}"/><child link="l{i}"/><axis xyz="0 0 1"/>'
+        text += f'<limit lower="{joint.lower}" upper="{joint.upper}" velocity="1" effort="1"/></joint>'
+    text += f'<link name="tip"/><joint name="end" type="fixed">{origin(robot.flange)}'
+    text += '<parent link="l6"/><child link="tip"/></joint></robot>'
+    path = tmp_path / "same.urdf"
+    path.write_text(text)
+    plan = plans()[case]
+    same_verdict(
+        judged(plan), judged(plan_of(plan.header, plan.postures, robot=read_urdf(path, "l0", "tip")))
+    )
+
+
+def test_another_target_is_another_plan():
+    """Negative control of the invariances."""
+    plan = good_plan()
+    other = plan_of(header(target=(900.0, 30.0, 0.0)), plan.postures)
+    assert not np.allclose(judged(plan)[1].data_std[1:], judged(other)[1].data_std[1:], rtol=1e-4)
+
+
+# --- observability indices ----------------------------------------------------------------------------------
+
+
+def test_observability_of_singular_values_by_hand():
+    indices = observability(np.array([8.0, 2.0, 1.0, 4.0]), shots=16)
+    assert indices["O1"] == pytest.approx(64**0.25 / 4)
+    assert indices["O2"] == pytest.approx(1 / 8)
+    assert indices["O3"] == pytest.approx(1.0)
+    assert indices["O4"] == pytest.approx(1 / 8)
+    assert indices["O5"] == pytest.approx(1 / (1 / 8 + 1 / 2 + 1 + 1 / 4))
+
+
+def test_observability_of_a_singular_matrix_is_zero():
+    assert observability(np.array([3.0, 0.0]), 4) == dict.fromkeys(["O1", "O2", "O3", "O4", "O5"], 0.0)

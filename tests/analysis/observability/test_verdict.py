@@ -1,0 +1,82 @@
+import numpy as np
+import pytest
+from cells import good_plan, header, pattern_plan, plan_of
+
+from zerobeam.analysis.observability.identifiability import identify
+from zerobeam.analysis.observability.verdict import (
+    listed,
+    offsets_with,
+    reason_for,
+    verdict,
+    verdict_sentence,
+    worst_direction,
+)
+from zerobeam.model.problem import Problem
+
+
+def judged(plan):
+    problem = Problem.from_plan(plan)
+    return problem, identify(problem, problem.supposed())
+
+
+def test_pass_weak_degenerate():
+    plan = good_plan()
+    problem, identified = judged(plan)
+    assert verdict(problem, identified) == "pass"
+    assert (
+        verdict_sentence(problem, identified) == "delta2, delta3, delta4, delta5 and delta6 are identified."
+    )
+
+    problem, identified = judged(plan_of(header(tolerance={"offset_deg": 0.02}), plan.postures))
+    assert verdict(problem, identified) == "weak"
+    weak = offsets_with(problem, identified, "weak")
+    assert "delta2" in weak
+    assert "delta6" not in weak
+    sentence = verdict_sentence(problem, identified)
+    assert f"{listed(weak)} are only weakly determined by these shots." in sentence
+    assert sentence.index("weakly") < sentence.index("identified")
+
+    problem, identified = judged(pattern_plan("x"))
+    assert verdict(problem, identified) == "degenerate"
+    sentence = verdict_sentence(problem, identified)
+    assert sentence.startswith("delta2 is not determined by these shots: joint 1 does not change")
+    assert "delta2 is identified" not in sentence
+
+
+def test_targets_and_held_ones_do_not_count():
+    plan = good_plan()
+    own = header(targets={"a": {}, "b": {}})
+    problem, identified = judged(plan_of(own, plan.postures, ["a"] * 9 + ["b"]))
+    assert "unidentifiable" in identified.status
+    assert verdict(problem, identified) == "pass"
+    every = [f"delta{i}" for i in range(1, 7)]
+    problem, identified = judged(plan_of(header(held=every), plan.postures))
+    assert verdict(problem, identified) == "pass"
+    assert verdict_sentence(problem, identified) == "No offset is estimated: all are held."
+
+
+def test_reasons_of_every_kind():
+    problem, identified = judged(pattern_plan("x"))
+    items = problem.parameters.items
+    assert "base frame" in reason_for(identified, items[0], "held")
+    assert "joint 1 does not change" in reason_for(identified, items[1], "unidentifiable")
+    assert reason_for(identified, items[3], "identified") is None
+    # The targets x takes part in delta2's gauge and in weaker things: the gauge is the reason.
+    x = items[problem.parameters.index("psd.x")]
+    assert "joint 1 does not change" in reason_for(identified, x, "unidentifiable")
+    assert worst_direction(identified, "psd.x").kind == "exact"
+
+
+def test_without_a_direction_of_its_own_it_is_the_noise():
+    _, identified = judged(good_plan())
+    found = worst_direction(identified, "delta2")
+    assert found.reason == "the noise hides it"
+    assert found.combination == {"delta2": 1.0}
+    assert np.isfinite(identified.data_std[1])
+
+
+@pytest.mark.parametrize(
+    ("names", "text"), [(["a"], "a"), (["a", "b"], "a and b"), (["a", "b", "c"], "a, b and c")]
+)
+def test_lists_in_words(names, text):
+    assert listed(names) == text

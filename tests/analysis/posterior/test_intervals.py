@@ -1,0 +1,266 @@
+"""The parts of the answer that stand beside the estimates: intervals by three ways, robust, held out."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from cells import (
+    TABLE_2,
+    good_plan,
+    header,
+    irb1600,
+    plan_of,
+    run_of,
+    simulated,
+    varied_postures,
+)
+from scipy import stats
+
+from zerobeam.analysis import analyse as module
+from zerobeam.analysis.analyse import analyse
+from zerobeam.analysis.estimation.fit import fit_likelihood
+from zerobeam.analysis.estimation.profile import profile_intervals
+from zerobeam.analysis.result import PosteriorSummary
+from zerobeam.analysis.result_json import to_json
+from zerobeam.experiments.plans.patterns import pattern
+from zerobeam.model.problem import Problem
+
+HALF = float(stats.norm.ppf(0.975))
+
+
+def short_pattern(**changes):
+    """Seven shots of the Y-Pattern over 0.4 of the reach: weak."""
+    place = np.array([900.0, 150.0, 0.0])
+    own = header(target=place, **changes)
+    return plan_of(own, pattern(own, irb1600(), place, "y", 7, span=0.4))
+
+
+@pytest.fixture(scope="module")
+def weak():
+    _, run = simulated(short_pattern(), TABLE_2, seed=3)
+    return run, analyse(run, ess=1000)[0]
+
+
+@pytest.fixture(scope="module")
+def two_targets():
+    places = {"a": (900.0, 0.0, 0.0), "b": (800.0, 300.0, 100.0)}
+    own = header(target=None, targets={name: {"guess_mm": list(place)} for name, place in places.items()})
+    postures = [
+        varied_postures(header(target=place), irb1600(), place, 8, 5 + i)
+        for i, place in enumerate(places.values())
+    ]
+    return simulated(plan_of(own, np.concatenate(postures), ["a"] * 8 + ["b"] * 8), TABLE_2, seed=3)[1]
+
+
+# --- intervals --------------------------------------------------------------------------------------
+
+
+def test_weak_parameters_are_told_by_all_three_ways(weak):
+    run, result = weak
+    statuses = {row.name: row.status for row in result.parameters}
+    told = {row.name: row for row in result.intervals}
+    assert [name for name in told if statuses[name] == "weak"] == [
+        name for name, status in statuses.items() if status == "weak" and "." not in name
+    ]
+    assert any(status == "weak" for status in statuses.values())
+    problem = Problem.from_run(run)
+    fit = fit_likelihood(problem)
+    for name, row in told.items():
+        i = problem.parameters.index(name)
+        ends = np.degrees(profile_intervals(problem, fit, np.array([i]), HALF)[0])
+        own = next(each for each in result.parameters if each.name == name)
+        drawn = next(each for each in result.posterior.parameters if each.name == name)
+        assert row.unit == "deg"
+        assert row.linear == own.interval95
+        assert row.profile == pytest.approx(tuple(ends))
+        assert row.posterior == (drawn.q2_5, drawn.q97_5)
+        width = row.linear[1] - row.linear[0]
+        off = max(
+            abs(end - straight)
+            for way in (row.profile, row.posterior)
+            for end, straight in zip(way, row.linear, strict=True)
+        )
+        assert row.differ == (off > 0.1 * width)
+
+
+def test_the_three_ways_are_about_the_same_thing(weak):
+    """Each end within a quarter of the width of the others': the ridge is bent and no more."""
+    _, result = weak
+    for row in result.intervals:
+        width = row.linear[1] - row.linear[0]
+        np.testing.assert_allclose(np.array([row.profile, row.posterior]), [row.linear] * 2, atol=width / 4)
+
+
+def test_on_a_good_run_there_is_nothing_to_tell():
+    _, run = simulated(good_plan(12), TABLE_2, seed=2)
+    result, _ = analyse(run, ess=2000)
+    assert {row.status for row in result.parameters} == {"held", "identified"}
+    assert result.intervals == ()
+
+
+def test_intervals_that_differ_are_told_of_identified_ones_too(monkeypatch):
+    """Made so: ends of the profile that are off by 0.2 of the width, then by 0.05."""
+    _, run = simulated(good_plan(12), TABLE_2, seed=2)
+    real = module.profile_intervals
+    for off, names in ((0.2, ["delta2"]), (0.05, [])):
+
+        def moved(problem, fit, which, half, off=off):
+            ends = real(problem, fit, which, half)
+            ends[0] += off * np.diff(ends[0])
+            return ends
+
+        monkeypatch.setattr(module, "profile_intervals", moved)
+        result, _ = analyse(run, ess=4000)
+        assert [row.name for row in result.intervals if row.differ] == names
+
+
+def test_an_end_that_was_not_found_is_said(monkeypatch):
+    _, run = simulated(good_plan(12), TABLE_2, seed=2)
+    monkeypatch.setattr(
+        module, "profile_intervals", lambda problem, fit, which, half: np.full((len(which), 2), np.nan)
+    )
+    result, _ = analyse(run, ess=400)
+    assert [row.name for row in result.intervals] == [f"delta{i}" for i in range(2, 7)]
+    for row in result.intervals:
+        assert row.profile is None
+        assert row.differ
+        assert row.linear[0] < row.linear[1]
+
+
+def test_with_separate_noise_there_is_no_profile():
+    """The fit is at the marginal mode of the noise: a profile from there would start off its top."""
+    _, run = simulated(short_pattern(noise={"scale": "separate"}), TABLE_2, seed=3)
+    result, _ = analyse(run, ess=400)
+    assert [row.profile for row in result.intervals] == [None] * len(result.intervals)
+    known = {row.name for row in result.parameters if row.estimate is not None}
+    assert {row.name for row in result.intervals} <= known
+
+
+def test_what_cannot_be_told_has_no_interval():
+    """Joint 1 freed, and an X-Pattern that cannot tell joints 2 and 3 apart."""
+    _, run = simulated(good_plan(10, held=[]), TABLE_2, seed=2)
+    result, _ = analyse(run, ess=400, robust="student")
+    unknown = {row.name for row in result.parameters if row.status == "unidentifiable"}
+    assert "delta1" in unknown
+    assert not unknown & {row.name for row in result.intervals}
+    for row in result.robust.parameters:
+        assert (row.estimate is None) == (row.name in unknown)
+
+
+def test_a_run_of_which_no_offset_is_known_is_answered(monkeypatch):
+    """Two shots: four numbers, nothing that could have an interval. The slow posterior is left out."""
+    none = PosteriorSummary(False, "left out", 0, 0, 0, None, None, None, 0.0, None)
+    monkeypatch.setattr(module, "sample_posterior", lambda *args, **kwargs: (none, None))
+    _, run = simulated(good_plan(2), TABLE_2, seed=2)
+    result, _ = analyse(run, ess=400, robust="huber")
+    assert result.verdict == "degenerate"
+    assert {row.status for row in result.parameters if row.group == "offset"} == {"held", "unidentifiable"}
+    assert result.intervals == ()
+    assert {row.std for row in result.robust.parameters} == {None}
+
+
+def test_without_a_fit_there_is_nothing(monkeypatch):
+    _, run = simulated(good_plan(10), TABLE_2, seed=2)
+    real = module.fit_likelihood
+    monkeypatch.setattr(
+        module,
+        "fit_likelihood",
+        lambda *args, **kwargs: dataclasses.replace(
+            real(*args, **kwargs), converged=False, reason="cut short"
+        ),
+    )
+    result, draws = analyse(run, robust="huber")
+    assert draws is None
+    assert (result.intervals, result.robust) == ((), None)
+
+
+# --- robust -----------------------------------------------------------------------------------------
+
+
+def test_a_robust_fit_is_there_when_asked_for():
+    _, run = simulated(good_plan(12), TABLE_2, seed=3)
+    assert analyse(run, ess=400)[0].robust is None
+    for loss in ("huber", "student"):
+        result, _ = analyse(run, ess=400, robust=loss)
+        told, rows = result.robust, {row.name: row for row in result.parameters}
+        assert told.loss == loss
+        assert told.converged
+        assert len(told.weights) == 12
+        assert told.outliers == ()
+        quantile = stats.t.ppf(0.975, 24 - 8)
+        for row in told.parameters:
+            assert row.unit == rows[row.name].unit
+            assert abs(row.estimate - rows[row.name].estimate) < rows[row.name].std
+            half = (row.interval95[1] - row.interval95[0]) / 2
+            assert half == pytest.approx(quantile * row.std)
+            assert np.mean(row.interval95) == pytest.approx(row.estimate)
+
+
+def test_a_robust_fit_that_did_not_settle_has_no_numbers(monkeypatch):
+    _, run = simulated(good_plan(12), TABLE_2, seed=3)
+    real = module.fit_robust
+    monkeypatch.setattr(
+        module,
+        "fit_robust",
+        lambda *args: dataclasses.replace(real(*args), converged=False, reason="the weights did not settle"),
+    )
+    result, _ = analyse(run, ess=400, robust="huber")
+    for row in result.robust.parameters:
+        assert (row.estimate, row.std, row.interval95) == (None, None, None)
+    assert result.robust.outliers == ()
+    assert any("did not converge" in note for note in result.notes)
+
+
+# --- held out ---------------------------------------------------------------------------------------
+
+
+def test_held_out_targets_are_in_the_answer_and_leave_it_alone(two_targets):
+    calm, _ = analyse(two_targets, ess=400)
+    told, _ = analyse(two_targets, ess=400, held_out=["b"])
+    assert calm.hold_out is None
+    assert told.hold_out.targets == ("b",)
+    assert (told.hold_out.shots, told.hold_out.shots_fitted) == (8, 8)
+    assert told.hold_out.p_value > 1e-3
+    assert told.notes == calm.notes
+    assert told.parameters == calm.parameters
+
+
+def test_offsets_that_do_not_carry_over_are_noted(two_targets):
+    """Joint 3 slips by 0.5 degrees between the two targets."""
+    shots = [
+        shot.model_copy(
+            update={"joints_deg": (*shot.joints_deg[:2], shot.joints_deg[2] + 0.5, *shot.joints_deg[3:])}
+        )
+        if shot.target == "b"
+        else shot
+        for shot in two_targets.shots
+    ]
+    result, _ = analyse(run_of(two_targets.header, shots), ess=400, held_out=["b*"])
+    assert result.hold_out.p_value < 1e-3
+    assert any(note.startswith("At the targets held out (b)") for note in result.notes)
+
+
+def test_a_name_that_is_not_there_is_said_before_the_long_part(two_targets, refused):
+    told = []
+    error = refused(analyse, two_targets, held_out=["c"], progress=lambda stage, share: told.append(stage))
+    assert error.found == "c"
+    assert str(two_targets.path) in str(error)
+    assert set(told) <= {"fit"}
+
+
+# --- the same answer twice --------------------------------------------------------------------------
+
+
+def test_one_seed_gives_the_same_file_twice(two_targets):
+    """The JSON, bytes and all, but for the seconds of the sampling."""
+
+    def told(seed):
+        answer = to_json(analyse(two_targets, seed=seed, ess=400, robust="student", held_out=["b"])[0])
+        seconds = answer["posterior"].pop("seconds")
+        assert seconds > 0
+        return json.dumps(answer, sort_keys=True)
+
+    first = told(3)
+    assert told(3) == first
+    assert told(4) != first

@@ -1,0 +1,453 @@
+"""Repeated runs: their scatter against the prediction, drift, the odd one, and what may not be compared."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cells import LASER, TABLE_2, good_plan, pattern_plan, run_of
+from repeated_runs import COVARIANCE, drawn, repeat, repeats, run_files, table_file
+from scipy import stats
+
+from zerobeam.analysis.estimation.fit import fit_likelihood
+from zerobeam.analysis.repeatability.compare import _sample, compare, compared
+from zerobeam.analysis.repeatability.consistency import Sample, against_others, consistency, drift, holm
+from zerobeam.analysis.repeatability.repeats import Repeat, _fitted, _problem, _unfitted, told_by_shots
+from zerobeam.experiments.simulate import Truth, simulated_readings
+from zerobeam.experiments.studies.table2 import EXPERIMENTS, OFFSETS, PRINTED_MEAN, PRINTED_STD
+from zerobeam.model.errors import BadInput
+from zerobeam.model.files.plan import Plan
+from zerobeam.model.files.run import Run, Shot
+from zerobeam.model.problem import Problem
+
+ROOT = Path(__file__).resolve().parents[3]
+Json = dict[str, Any]
+
+
+def sample(values: np.ndarray, covariances: np.ndarray | None = None, **changes: Any) -> Sample:
+    """Of runs that all predict COVARIANCE, unless stated otherwise."""
+    covariances = np.tile(COVARIANCE, (len(values), 1, 1)) if covariances is None else covariances
+    stated = {"joint": True, "noise_dof": None, "at": np.arange(1.0, len(values) + 1)}
+    return Sample(values, covariances, **{**stated, **changes})
+
+
+# ── the paper's Table 2 ───────────────────────────────────────────────────────────────────────
+
+
+def test_table_2_gives_the_means_and_stds_of_the_paper_to_its_digits(tmp_path: Path) -> None:
+    answer = compare([table_file(tmp_path)])
+    assert [row["name"] for row in answer["offsets"]] == list(OFFSETS)
+    np.testing.assert_allclose([row["mean"] for row in answer["offsets"]], PRINTED_MEAN, atol=0.5001e-4)
+    np.testing.assert_allclose([row["std"] for row in answer["offsets"]], PRINTED_STD, atol=0.5e-4)
+    assert [run["name"] for run in answer["runs"]] == ["experiment 1", "experiment 2", "experiment 3"]
+    assert json.loads(json.dumps(answer, allow_nan=False)) == answer
+
+
+def test_table_2_implies_little_and_says_so(tmp_path: Path) -> None:
+    """Nothing is predicted, so nothing is called consistent; a std of three is known to a factor of 12."""
+    answer = compare([table_file(tmp_path)])
+    assert (answer["verdict"], answer["consistency"]) == ("not tested", None)
+    for row, values in zip(answer["offsets"], EXPERIMENTS.T, strict=True):
+        assert row["predicted_std"] is row["ratio"] is row["p_value"] is None
+        low, high = row["std_interval95"]
+        assert low / row["std"] == pytest.approx(0.5207, rel=1e-3)
+        assert high / row["std"] == pytest.approx(6.285, rel=1e-3)
+        half = stats.t.ppf(0.975, 2) * values.std(ddof=1) / np.sqrt(3)
+        assert row["mean_interval95"] == pytest.approx([values.mean() - half, values.mean() + half])
+    told = " ".join(answer["notes"])
+    assert "0.52 and 6.3 times" in told
+    assert "zerobeam study table2" in told
+    # delta2 falls in a line, which one of five offsets does by chance once in 38.
+    assert "A hint, no more: delta2" in told
+    assert answer["drifting"] == []
+    assert answer["odd_run"] is None
+
+
+def test_an_offset_that_a_table_does_not_state_has_no_number_there(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text("run,delta2_deg,delta3_deg,d4_mm\na,1,2,\nb,1.5,,\nc,1.2,2.5,7\n")
+    answer = compare([path])
+    assert [row["runs"] for row in answer["offsets"]] == [3, 2, 0]
+    assert answer["offsets"][2]["mean"] is answer["offsets"][2]["std"] is None
+    assert [run["offsets"][1]["estimate"] for run in answer["runs"]] == [2.0, None, 2.5]
+    assert any("Not compared: d4" in note for note in answer["notes"])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("run,delta2\na,1\nb,2\n", "no unit"),
+        ("name,delta2_deg\na,1\nb,2\n", "header row"),
+        ("run,delta2_deg,delta2_deg\na,1,1\nb,2,2\n", "header row"),
+        ("run,delta2_deg\na,1\n", "one run"),
+        ("run,delta2_deg\na,1\na,2\n", "cannot be used"),
+        ("run,delta2_deg\na,1\nb,2,3\n", "cannot be used"),
+        ("run,delta2_deg\na,1\nb,nan\n", "not an offset"),
+        ("run,delta2_deg\na,1\nb,1_0\n", "not an offset"),
+        ("run,delta2_deg\na,1\nb,x\n", "not an offset"),
+    ],
+)
+def test_a_table_that_is_not_one_is_refused(text: str, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text(text)
+    with pytest.raises(BadInput, match=said):
+        compare([path])
+
+
+# ── tests against second ways to the same number ──────────────────────────────────────────────
+
+
+def test_the_common_mean_is_that_of_stacked_least_squares() -> None:
+    rng = np.random.default_rng(1)
+    covariances = np.array([COVARIANCE * rng.uniform(0.3, 3) for _ in range(4)])
+    values = drawn(4, seed=2)
+    roots = [np.linalg.inv(np.linalg.cholesky(own)) for own in covariances]
+    design = np.vstack(roots)
+    mean, chi2, *_ = np.linalg.lstsq(
+        design, np.concatenate([r @ v for r, v in zip(roots, values, strict=True)])
+    )
+    common = sample(values, covariances).common
+    np.testing.assert_allclose(common.mean, mean)
+    np.testing.assert_allclose(common.covariance, np.linalg.inv(design.T @ design))
+    assert common.chi2 == pytest.approx(chi2[0])
+    assert common.dof == 9
+
+
+def test_a_run_against_the_others_is_its_distance_from_their_mean() -> None:
+    values = drawn(4, seed=3)
+    own = sample(values)
+    others = own.without(1).common
+    off = values[1] - others.mean
+    told = against_others(own, 1)
+    assert told is not None
+    assert told["chi2"] == pytest.approx(off @ np.linalg.solve(COVARIANCE + others.covariance, off))
+    assert told["dof"] == 3
+    # Without a prediction: Student's t against the scatter of the others, offset by offset.
+    alone = against_others(Sample(values[:, :1], None, False, None, own.at), 1)
+    rest = np.delete(values[:, 0], 1)
+    t = abs(values[1, 0] - rest.mean()) / (rest.std(ddof=1) * np.sqrt(1 + 1 / 3))
+    assert alone is not None
+    assert alone["p_value"] == pytest.approx(2 * stats.t.sf(t, 2))
+
+
+def test_drift_is_that_of_a_regression() -> None:
+    at, values = np.array([0.0, 1.0, 5.0, 7.0]), np.array([0.1, 0.3, 0.2, 0.6])
+    told = drift(Sample(values[:, None], None, True, None, at))
+    line = stats.linregress(at, values)
+    assert told is not None
+    assert told["slope"] == pytest.approx(line.slope)
+    assert told["p_value"] == pytest.approx(line.pvalue)
+    half = stats.t.ppf(0.975, 2) * line.stderr
+    assert told["interval95"] == pytest.approx([line.slope - half, line.slope + half])
+    # Numbers that were rounded onto a line tell nothing of the scatter about it.
+    assert drift(Sample(np.array([[0.1], [0.2], [0.3]]), None, True, None, np.arange(3.0))) is None
+
+
+def test_holm_raises_the_least_most() -> None:
+    rows: list[Json] = [{"p_value": p} for p in (0.04, 0.01, 0.03)]
+    assert [row["p_holm"] for row in holm(rows)] == pytest.approx([0.06, 0.03, 0.06])
+
+
+def test_p_values_are_uniform_with_known_and_with_estimated_noise() -> None:
+    """Made-up runs: 400 triples; the noise of each run estimated from 6 numbers."""
+    rng, count = np.random.default_rng(4), 400
+    known, estimated, wrong = [], [], []
+    for k in range(count):
+        values = drawn(3, seed=1000 + k)
+        scales = np.sqrt(rng.chisquare(6, size=3) / 6)
+        known.append(consistency(sample(values))["p_value"])
+        told = [repeat(value, noise_scale=s, noise_dof=6) for value, s in zip(values, scales, strict=True)]
+        whole = consistency(_sample(told, np.arange(3.0), 3))
+        assert whole["noise_dof"] == 18
+        estimated.append(whole["p_value"])
+        wrong.append(stats.chi2.sf(whole["chi2"], whole["dof"]))
+    assert stats.kstest(known, "uniform").pvalue > 0.001
+    assert stats.kstest(estimated, "uniform").pvalue > 0.001
+    # As if the estimated noise were known, agreement would be denied too often.
+    assert np.sum(np.array(wrong) < 0.01) > stats.binom.ppf(0.999, count, 0.01)
+
+
+# ── simulated runs ────────────────────────────────────────────────────────────────────────────
+
+
+def chi2_of(
+    plan: Plan, sets: int, of: int = 3, *, told: Callable[..., Any] | None = None
+) -> tuple[float, int]:
+    """The sum over `sets` comparisons of simulated runs of their chi-squared, and its degrees of freedom."""
+    truth = Truth.stated(plan, TABLE_2)
+    of, display = 3, truth.problem.robot.display
+    read = simulated_readings(truth.problem, np.tile(truth.x, (sets * of, 1)), np.random.default_rng(0))
+    chi2, dof = 0.0, 0
+    runs = []
+    for joints, spots in zip(read.joints, read.spots, strict=True):
+        shots = [
+            Shot(shot=i, target="psd", joints_deg=tuple(q * display), spot_mm=tuple(spot))
+            for i, (q, spot) in enumerate(zip(joints, spots, strict=True))
+        ]
+        runs.append(run_of(plan.header, shots))
+    for first in range(0, len(runs), of):
+        own = [told(run) for run in runs[first : first + of]]
+        whole = compared("runs", own, 0)["consistency"]
+        chi2, dof = chi2 + whole["chi2"], dof + whole["dof"]
+    return chi2, dof
+
+
+def by_its_shots(run: Run) -> Repeat:
+    problem = _problem(run)
+    return _fitted(_unfitted(run, problem, "run"), problem, 0)
+
+
+def by_chance(chi2: float, dof: int) -> bool:
+    return bool(stats.chi2.ppf(0.001, dof) < chi2 < stats.chi2.ppf(0.999, dof))
+
+
+def test_runs_scatter_as_predicted_and_not_as_two_thirds_of_it() -> None:
+    chi2, dof = chi2_of(good_plan(10), 3, told=by_its_shots)
+    assert by_chance(chi2, dof)
+    # As if the headers stated two thirds of the noise.
+    assert not by_chance(chi2 * 1.5**2, dof)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("changes", [{}, {"joint_deg": 0.1}, {"prior": {"offset_deg": 0.16}}])
+def test_runs_scatter_as_predicted_whatever_the_prior(changes: Json) -> None:
+    """Identified, weak, and nearly known before: the prior has no part in what is compared."""
+    assert by_chance(*chi2_of(good_plan(7, **changes), 40, told=by_its_shots))
+
+
+def by_the_mode(run: Run) -> Repeat:
+    """With the prior left in its estimates."""
+    return replace(by_its_shots(run), value=np.degrees(fit_likelihood(Problem.from_run(run)).x[1:6]))
+
+
+@pytest.mark.long
+def test_estimates_with_the_prior_in_them_would_agree_falsely() -> None:
+    chi2, dof = chi2_of(good_plan(7, prior={"offset_deg": 0.16}), 120, told=by_the_mode)
+    assert chi2 < stats.chi2.ppf(0.001, dof)
+
+
+def test_the_prior_is_taken_out_of_values_and_covariance() -> None:
+    """With a prior as wide as what the shots tell: the same numbers as without any prior to speak of."""
+    columns = [1, 2, 3, 4, 5]
+    found = []
+    for prior in (0.16, 50.0):
+        plan = good_plan(7, prior={"offset_deg": prior}, joint_deg=0.01)
+        truth = Truth.stated(plan, {})
+        read = simulated_readings(truth.problem, truth.x[None], np.random.default_rng(3))
+        fit = fit_likelihood(truth.problem.moved(read.joints[0], read.spots[0]))
+        found.append((fit.x[columns], *told_by_shots(fit, columns)))
+    (pulled, value, covariance), (wide, same, like) = found
+    std = np.sqrt(np.diag(like))
+    np.testing.assert_allclose((value - wide) / std, 0, atol=0.02)
+    np.testing.assert_allclose((same - wide) / std, 0, atol=0.02)
+    np.testing.assert_allclose(covariance, like, rtol=0.02)
+    assert np.abs((pulled - wide) / std).max() > 0.1
+
+
+def test_the_odd_run_is_found_and_where_there_is_none_none(tmp_path: Path) -> None:
+    plan = good_plan(10)
+    paths = run_files(tmp_path, plan, [{}, {}, {"delta4": TABLE_2["delta4"] + 0.2}, {}])
+    answer = compare(paths)
+    assert (answer["verdict"], answer["odd_run"]) == ("does not agree", "run3.jsonl")
+    assert answer["differing"] == ["delta4"]
+    assert "run3.jsonl is the odd one" in answer["headline"]
+    assert {row["mean_by"] for row in answer["offsets"]} == {"scatter"}
+    rest = compare([path for path in paths if path.name != "run3.jsonl"])
+    assert (rest["verdict"], rest["odd_run"]) == ("agrees", None)
+    assert {row["mean_by"] for row in rest["offsets"]} == {"prediction"}
+    for row in rest["offsets"]:
+        low, high = row["mean_interval95"]
+        assert low < TABLE_2[row["name"]] < high
+    two = compare([paths[0], paths[2]])
+    assert (two["verdict"], two["odd_run"]) == ("does not agree", None)
+    assert all(row["drift"] is None for row in two["offsets"])
+    assert any("Two runs cannot show a drift" in note for note in two["notes"])
+
+
+def test_where_the_others_disagree_as_well_no_one_run_is_odd() -> None:
+    values = drawn(4, seed=5) + np.array([[0.0], [0.3], [0.6], [1.2]])
+    answer = compared("runs", repeats(values), 0)
+    assert answer["verdict"] == "does not agree"
+    assert answer["odd_run"] is None
+
+
+def test_a_scatter_below_the_prediction_is_told() -> None:
+    answer = compared("runs", repeats(1 + 0.1 * (drawn(5, seed=6) - 1)), 0)
+    assert answer["verdict"] == "agrees"
+    assert answer["consistency"]["ratio_interval95"][1] < 1
+    assert any("scatter less than predicted" in note for note in answer["notes"])
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.03])
+def test_a_drift_is_found_over_the_order_and_over_the_time(slope: float) -> None:
+    values = drawn(8, seed=7)
+    hours = np.array([0, 1, 2, 3, 4, 20, 21, 22])
+    values[:, 2] += slope * np.arange(8)
+    answer = compared("runs", repeats(values), 0)
+    assert answer["drifting"] == (["delta4"] if slope else [])
+    assert (answer["verdict"] == "does not agree") == bool(slope)
+    timed = [
+        replace(own, when=f"2014-08-0{1 + h // 20}T{h % 20:02d}:00:00Z")
+        for own, h in zip(repeats(values), hours, strict=True)
+    ]
+    shuffled = compared("runs", timed[::-1], 0)
+    assert shuffled["settings"]["order"] == "time"
+    assert [run["name"] for run in shuffled["runs"]] == [run["name"] for run in answer["runs"]]
+    assert [run["at"] for run in shuffled["runs"]][:3] == [0.0, 1.0, 2.0]
+    mixed = [replace(timed[0], when="2014-08-01T00:00:00"), *timed[1:]]
+    assert compared("runs", mixed, 0)["settings"]["order"] == "given"
+
+
+def test_an_offset_that_the_runs_do_not_determine_has_no_number(tmp_path: Path) -> None:
+    answer = compare(run_files(tmp_path, pattern_plan("x"), [{}, {}, {}]))
+    (second,) = [row for row in answer["offsets"] if row["name"] == "delta2"]
+    assert second["runs"] == 0
+    numbers = {key: value for key, value in second.items() if key not in ("name", "unit", "runs")}
+    assert set(numbers.values()) == {None}
+    for run in answer["runs"]:
+        own = run["offsets"][0]
+        assert (own["name"], own["status"]) == ("delta2", "unidentifiable")
+        assert own["estimate"] is own["std"] is None
+    # Nor is the prediction for the others relied on: it depends on where the lost one is.
+    assert (answer["verdict"], answer["consistency"]) == ("not tested", None)
+    told = " ".join(answer["notes"])
+    assert "Not compared: delta2" in told
+    assert "does not determine delta2" in told
+
+
+def test_a_run_without_a_fit_has_no_part() -> None:
+    lost = repeat([np.nan] * 3, name="lost", status=("unidentifiable",) * 3, failure="did not converge")
+    values = drawn(3, seed=8)
+    answer = compared("runs", [lost, *repeats(values)], 0)
+    assert answer["failed"] == ["lost"]
+    assert answer["consistency"] == compared("runs", repeats(values), 0)["consistency"]
+    alone = compared("runs", [lost, repeat(values[0])], 0)
+    assert alone["verdict"] == "not tested"
+    assert "nothing is compared" in alone["headline"]
+
+
+# ── results ───────────────────────────────────────────────────────────────────────────────────
+
+
+def result_file(folder: Path, name: str, values: np.ndarray, **changes: Any) -> Path:
+    """As much of a result.json as `compare` reads; `changes` are of its first offset."""
+    rows: list[Json] = [{"name": "delta1", "unit": "deg", "group": "offset", "held": True, "status": "held"}]
+    for k, value in enumerate(values):
+        std = float(np.sqrt(COVARIANCE[k, k]))
+        row = {"name": f"delta{k + 2}", "unit": "deg", "group": "offset", "held": False}
+        rows.append({**row, "status": "identified", "estimate": float(value), "std": std, "data_std": std})
+    rows[1] |= changes
+    inputs = {"sha256": name, "robot": "arm", "shots": 7, "header": {"noise": {}, "provenance": {}}}
+    fit = {"converged": True, "reason": "", "noise_scale": None, "dof": 5, "p_value": 0.5}
+    answer = {
+        "schema": "zerobeam/result/1",
+        "parameters": rows,
+        "fits": {"likelihood": fit},
+        "inputs": inputs,
+    }
+    path = folder / f"{name}.json"
+    path.write_text(json.dumps(answer))
+    return path
+
+
+def test_results_are_tested_offset_by_offset(tmp_path: Path) -> None:
+    values = drawn(3, seed=9)
+    answer = compare([result_file(tmp_path, f"r{k}", value) for k, value in enumerate(values)])
+    assert (answer["kind"], answer["verdict"], answer["consistency"]) == ("results", "agrees", None)
+    for k, row in enumerate(answer["offsets"]):
+        chi2 = ((values[:, k] - values[:, k].mean()) ** 2).sum() / COVARIANCE[k, k]
+        assert row["p_value"] == pytest.approx(stats.chi2.sf(chi2, 2))
+    assert any("no covariance" in note for note in answer["notes"])
+    values[1, 0] += 1.0
+    odd = compare([result_file(tmp_path, f"o{k}", value) for k, value in enumerate(values)])
+    assert (odd["verdict"], odd["odd_run"]) == ("does not agree", "o1.json")
+
+
+def test_of_a_result_only_what_owes_nothing_to_a_prior_is_compared(tmp_path: Path) -> None:
+    values = drawn(3, seed=10)
+    paths = [result_file(tmp_path, f"r{k}", value, data_std=0.07) for k, value in enumerate(values)]
+    answer = compare(paths)
+    assert answer["offsets"][0]["mean"] is None
+    assert answer["runs"][0]["offsets"][0] == {
+        "name": "delta2",
+        "unit": "deg",
+        "status": "prior",
+        "estimate": None,
+        "std": None,
+    }
+    assert any("the prior has a part" in note for note in answer["notes"])
+    assert answer["offsets"][1]["p_value"] is not None
+
+
+@pytest.mark.parametrize("change", [{"std": None}, {"std": 0.0}, {"status": None, "group": []}])
+def test_a_result_that_is_not_whole_is_refused(change: Json, tmp_path: Path) -> None:
+    values = drawn(2, seed=11)
+    good = result_file(tmp_path, "good", values[0])
+    bad = result_file(tmp_path, "bad", values[1], **change)
+    if change == {"status": None, "group": []}:
+        bad.write_text('{"schema": "zerobeam/result/1"}')
+    with pytest.raises(BadInput, match=r"bad\.json: this is not a whole result"):
+        compare([good, bad])
+
+
+# ── what may not be compared ──────────────────────────────────────────────────────────────────
+
+
+def test_runs_that_are_not_repeats_are_refused(tmp_path: Path) -> None:
+    one, other = run_files(tmp_path, good_plan(10), [{}, {}])
+    lines = other.read_text().splitlines()
+    head = json.loads(lines[0])
+    arm = (ROOT / "model" / "robots" / "irb1600.yaml").read_text()
+    assert "a_mm: 700" in arm
+    (tmp_path / "same.yaml").write_text(arm)
+    (tmp_path / "longer.yaml").write_text(arm.replace("a_mm: 700", "a_mm: 701"))
+    (tmp_path / "other.yaml").write_text(arm.replace("name: irb1600", "name: irb1601"))
+    changed = tmp_path / "changed.jsonl"
+
+    def with_header(**changes: Any) -> list[Path]:
+        changed.write_text("\n".join([json.dumps({**head, **changes}), *lines[1:]]))
+        return [one, changed]
+
+    def refused(paths: list[Path], *said: str) -> None:
+        with pytest.raises(BadInput) as caught:
+            compare(paths)
+        assert all(words in str(caught.value) for words in said), caught.value
+
+    assert compare(with_header(robot="same.yaml"))["verdict"] == "agrees"
+    refused(with_header(robot="longer.yaml"), "different robots", "their geometry differ")
+    refused(with_header(robot="other.yaml"), "different robots", "irb1600 in", "irb1601 in")
+    open_tool = with_header(tool={**LASER, "calibrated": False})
+    refused(open_tool, "do not hold the same offsets", "delta1, delta6 in changed.jsonl")
+    estimated = {**head["noise"], "scale": "estimated"}
+    refused(with_header(noise=estimated), "noise is known in one run and estimated in another")
+    copy = tmp_path / "copy.jsonl"
+    copy.write_bytes(one.read_bytes())
+    refused([one, other, copy], "stands twice", "copy.jsonl")
+    refused([one, other, one], "stands twice")
+    refused([one], "one run cannot be compared")
+    refused([], "one run cannot be compared")
+    refused([one, table_file(tmp_path)], "a table is compared alone")
+    refused([one, tmp_path / "none.jsonl"], "no such file")
+
+
+def test_every_key_of_the_answer_is_documented(tmp_path: Path) -> None:
+    """One with all parts: runs with a drift and an odd one."""
+    answer = compared("runs", repeats(drawn(4, seed=12)), 0)
+    answer.pop("versions")
+    keys: set[str] = set()
+
+    def collect(value: Any) -> None:
+        if isinstance(value, dict):
+            keys.update(value)
+        for item in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
+            collect(item)
+
+    collect(answer)
+    page = (ROOT / "docs" / "compare.md").read_text(encoding="utf-8")
+    assert len(keys) > 40
+    assert not {key for key in keys if f"`{key}`" not in page}

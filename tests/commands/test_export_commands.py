@@ -1,0 +1,101 @@
+"""`zerobeam export …`: what is written, what is refused, and that nothing is overwritten or half written."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from cells import pattern_plan, simulated
+from command_line import zerobeam
+from export_runs import TRUTH, saved, urdf_run
+
+from zerobeam.experiments.exporters.calibration import Calibration, calibration
+from zerobeam.experiments.exporters.moc_offsets import Gears, moc_text
+from zerobeam.experiments.exporters.offsets_csv import csv_text
+from zerobeam.experiments.exporters.offsets_json import document, json_text
+from zerobeam.experiments.exporters.rapid_module import rapid_text
+from zerobeam.experiments.exporters.urdf_origins import urdf_text
+from zerobeam.model.files.run import Run
+
+TEXTS: dict[str, Callable[[Run, Calibration], str]] = {
+    "urdf": urdf_text,
+    "moc": lambda _, answer: moc_text(answer, Gears()),
+    "rapid": lambda _, answer: rapid_text(answer),
+    "json": lambda _, answer: json_text(answer),
+    "csv": lambda _, answer: csv_text(answer),
+}
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    return urdf_run(tmp_path_factory.mktemp("arm"))
+
+
+@pytest.fixture(scope="module")
+def poor(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    plan = pattern_plan("x")
+    return saved(tmp_path_factory.mktemp("poor"), plan.header, simulated(plan, TRUTH, 2)[1])
+
+
+@pytest.mark.parametrize("what", TEXTS)
+def test_the_file_is_the_text(what: str, run: Run, tmp_path: Path) -> None:
+    file = tmp_path / "out"
+    told = zerobeam("export", what, run.path, "-o", file)
+    assert told.status == 0
+    assert file.read_bytes() == TEXTS[what](run, calibration(run)).encode()
+    assert "delta1 (j1): HELD at 0" in told.out
+    assert "Written to" in told.out
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+    again = zerobeam("export", what, run.path, "-o", tmp_path / "two", "--json")
+    assert again.json == json.loads(json.dumps(document(calibration(run))))
+
+
+@pytest.mark.parametrize("what", TEXTS)
+def test_nothing_is_overwritten(what: str, run: Run, tmp_path: Path) -> None:
+    file = tmp_path / "out"
+    file.write_text("mine")
+    assert "exists already" in zerobeam("export", what, run.path, "-o", file).refused()
+    assert file.read_text() == "mine"
+    assert "exists already" in zerobeam("export", what, run.path, "-o", run.path).refused()
+
+
+@pytest.mark.parametrize("what", TEXTS)
+def test_what_is_refused_leaves_no_file(what: str, poor: Run, tmp_path: Path) -> None:
+    file = tmp_path / "out"
+    told = zerobeam("export", what, poor.path, "-o", file, "--allow-weak").refused()
+    assert "delta2 cannot be exported" in told
+    assert "--without delta2" in told
+    weak = zerobeam("export", what, poor.path, "-o", file, "--without", "delta2").refused()
+    assert "--allow-weak" in weak
+    assert not list(tmp_path.iterdir())
+
+
+def test_weak_ones_that_are_allowed(poor: Run, tmp_path: Path) -> None:
+    file = tmp_path / "out.csv"
+    options = ("--allow-weak", "--without", "delta2")
+    assert zerobeam("export", "csv", poor.path, "-o", file, *options).status == 0
+    assert ",weak,yes," in file.read_text()
+
+
+def test_a_diff_against_the_controllers_file(run: Run, tmp_path: Path) -> None:
+    against, file = tmp_path / "MOC.cfg", tmp_path / "moc.diff"
+    motors = "".join(f'      -name "rob2_{i}" -cal_offset 1 -valid_cal_offset\n' for i in range(1, 7))
+    against.write_text(f"MOC:CFG_1.0:6:0::\n#\nMOTOR_CALIB:\n\n{motors}")
+    options = ("--against", against, "--unit", "rob2", "--ratio", "100,-100,90,50,50,-40")
+    assert "sign must be stated" in zerobeam("export", "moc", run.path, "-o", file, *options).refused()
+    told = zerobeam("export", "moc", run.path, "-o", file, *options, "--motor-sign", "-1")
+    assert told.status == 0
+    assert file.read_text() == moc_text(
+        calibration(run), Gears([100, -100, 90, 50, 50, -40], [-1] * 6), against, "rob2"
+    )
+    assert "\n+      -name" in file.read_text()
+
+
+def test_options_of_another_tool_are_bad_usage(run: Run, tmp_path: Path) -> None:
+    assert zerobeam("export", "csv", run.path, "-o", tmp_path / "a", "--against", run.path).status == 2
+    assert (
+        "--without names"
+        in zerobeam("export", "csv", run.path, "-o", tmp_path / "a", "--without", "delta9").refused()
+    )

@@ -1,0 +1,91 @@
+import numpy as np
+import pytest
+from cells import OPEN_LASER, PROBE, header, irb1600
+from plain_posterior import beam
+
+from zerobeam.experiments.plans.patterns import _LINES, pattern, reach
+from zerobeam.model.errors import BadInput
+
+CASES = [("x", 0.0), ("y", 0.0), ("x", 400.0), ("y", 400.0)]
+
+
+def beams(which, aside, shots=7, tool=None):
+    target = np.array([900.0, aside, 0.0])
+    own = header(target=target) if tool is None else header(tool, target=target)
+    postures = pattern(own, irb1600(), target, which, shots)
+    origin, direction = np.array([beam(q) for q in postures]).transpose(1, 0, 2)
+    return postures, origin, direction, target
+
+
+def test_reach_of_the_built_in_arm():
+    """a1 + a2 + d4 of Table 1 (the last two frames coincide); the base's column is no reach."""
+    assert reach(irb1600()) == pytest.approx(np.hypot(150, 486.5) + 700 + 600, abs=1e-9)
+
+
+@pytest.mark.parametrize(("which", "aside"), CASES)
+def test_every_beam_hits_the_target_in_front(which, aside):
+    _, origin, direction, target = beams(which, aside)
+    away = target - origin
+    along = (away * direction).sum(axis=1)
+    assert (along > 100).all()
+    assert np.linalg.norm(away - along[:, None] * direction, axis=1).max() < 1e-3
+
+
+@pytest.mark.parametrize(("which", "aside"), CASES)
+def test_the_laser_moves_along_the_stated_line(which, aside):
+    _, origin, _, target = beams(which, aside)
+    forward, above, span = _LINES[which]
+    arm = reach(irb1600())
+    axis, across = (0, 1) if which == "x" else (1, 0)
+    np.testing.assert_allclose(origin[:, 2], target[2] + above * arm, atol=2e-3)
+    np.testing.assert_allclose(origin[:, across], 0.0 if which == "x" else forward * arm, atol=2e-3)
+    middle = forward * arm if which == "x" else 0.0
+    expected = middle + np.linspace(-span / 2, span / 2, 7) * arm
+    np.testing.assert_allclose(origin[:, axis], expected, atol=2e-3)
+
+
+def test_joint_1_is_constant_in_the_x_pattern_straight_ahead():
+    postures, *_ = beams("x", 0.0)
+    assert np.ptp(postures[:, 0]) == 0.0
+    # Not so with the target aside, nor in the Y-Pattern.
+    assert np.ptp(beams("x", 400.0)[0][:, 0]) > 1e-4
+    assert np.degrees(np.ptp(beams("y", 0.0)[0][:, 0])) > 30
+
+
+@pytest.mark.parametrize(("which", "aside"), CASES)
+def test_within_the_limits(which, aside):
+    postures, *_ = beams(which, aside)
+    robot = irb1600()
+    assert (postures >= robot.lower).all()
+    assert (postures <= robot.upper).all()
+
+
+def test_neighbours_are_near():
+    """One row of postures, not a jump between branches of the inverse kinematics."""
+    postures, *_ = beams("y", 0.0, shots=13)
+    assert np.degrees(np.abs(np.diff(postures, axis=0)).max()) < 45
+
+
+@pytest.mark.parametrize("shots", [1, 2, 4, 10])
+def test_any_number_of_shots(shots):
+    postures, *_ = beams("y", 100.0, shots)
+    assert postures.shape == (shots, 6)
+
+
+def test_an_open_laser_is_placed_at_its_nominal_beam():
+    postures, *_ = beams("y", 0.0, tool=OPEN_LASER)
+    np.testing.assert_allclose(postures, beams("y", 0.0)[0], atol=1e-9)
+
+
+def test_a_target_out_of_sight_is_bad_input(refused):
+    target = np.array([0.0, 0.0, 3000.0])
+    error = refused(pattern, header(target=target), irb1600(), target, "x")
+    assert "X-Pattern cannot be made" in str(error)
+    assert "no posture has the laser at" in str(error)
+    assert error.remedy
+    assert isinstance(error, BadInput)
+
+
+def test_a_probe_has_no_pattern(refused):
+    error = refused(pattern, header(PROBE), irb1600(), np.array([900.0, 0, 0]), "x")
+    assert "made for a beam" in str(error)

@@ -1,0 +1,159 @@
+"""Many runs in simulated cells: the same for any number of processes, each with an arm of its own."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cells import good_plan
+
+from zerobeam.analysis.so_far import SoFar
+from zerobeam.experiments.rigs.simulated.cell_file import ArmInCell, Cell, PlacedPsd, PsdInCell, RobotStop
+from zerobeam.experiments.rigs.simulated.simulated_rig import SimulatedRig
+from zerobeam.experiments.studies.campaign import CellRun, Repeated, campaign, carried, seeds
+
+PLAN = good_plan(5)
+BLIND = Cell(camera=None)
+WORK = Repeated(PLAN, BLIND)
+
+
+def silent(share: float) -> None:
+    pass
+
+
+def told(run: CellRun) -> tuple[Any, ...]:
+    """All of a run but the time that it took the computer."""
+    assert isinstance(run.state, SoFar)
+    return (run.seed, run.truth, run.shots, run.refused, run.seconds, run.failure, run.state.offsets)
+
+
+def test_the_answer_is_the_same_for_any_number_of_processes() -> None:
+    works, of = [WORK, Repeated(good_plan(6), BLIND, tolerance=0.05)], seeds(1, 3)
+    shares: list[float] = []
+    one = campaign(works, of, shares.append, processes=1)
+    two = campaign(works, of, silent, processes=2)
+    assert [[told(run) for run in runs] for runs in one] == [[told(run) for run in runs] for runs in two]
+    assert [run.seed for run in two[1]] == list(of)
+    np.testing.assert_allclose(shares, np.arange(1, 7) / 6)
+
+
+def test_each_run_has_an_arm_a_place_and_noise_of_its_own() -> None:
+    first, again, other = (carried(WORK, seed) for seed in (3, 3, 4))
+    assert told(first) == told(again)
+    assert first.truth["delta2"] != other.truth["delta2"]
+    assert first.shots[0].joints_deg != other.shots[0].joints_deg
+    assert first.state is not None
+    assert other.state is not None
+    places = [state.x[PLAN.robot.n : PLAN.robot.n + 3] for state in (first.state, other.state)]
+    assert np.abs(places[0] - places[1]).max() > 1.0  # they stand 20 mm about the guess
+    # With the same offsets stated, the noise is still another.
+    same = Repeated(PLAN, BLIND.model_copy(update={"arm": ArmInCell(offsets_deg={"delta2": 0.5})}))
+    third, fourth = carried(same, 3), carried(same, 4)
+    assert third.truth == fourth.truth
+    assert third.shots != fourth.shots
+
+
+def test_the_truth_is_that_of_the_rig() -> None:
+    own = SimulatedRig(PLAN, BLIND, 3).provenance()
+    assert carried(WORK, 3).truth == {f"delta{i}": own[f"true delta{i} (deg)"] for i in range(1, 7)}
+
+
+def test_the_first_seeds_of_many_are_those_of_fewer() -> None:
+    assert seeds(0, 50)[:5] == seeds(0, 5)
+    assert len(set(seeds(0, 200)) | set(seeds(1, 200))) == 400
+
+
+def test_what_a_run_came_to() -> None:
+    run = carried(WORK, 5)
+    assert run.failure is None
+    assert [shot.shot for shot in run.shots] == list(range(5))
+    assert list(run.seconds) == ["move", "search", "servo", "settle"]
+    assert sum(run.seconds.values()) == pytest.approx(run.shots[-1].time_s, abs=1e-3)
+    assert run.state is not None
+    for offset in run.state.offsets:
+        if offset.estimate is not None and offset.std is not None:
+            assert abs(offset.estimate - run.truth[offset.name]) < 5 * offset.std
+
+
+def test_a_run_that_fails_says_why_and_ends_no_other() -> None:
+    """The arm stops at shot 2; and a PSD out of view is refused before anything moves."""
+    stops = BLIND.model_copy(update={"faults": (RobotStop(kind="robot-stop", shot=2),)})
+    away = PsdInCell(placed={"psd": PlacedPsd(centre_mm=(-3000.0, 0.0, 5000.0))})
+    works = [Repeated(PLAN, stops), Repeated(PLAN, BLIND.model_copy(update={"psd": away})), WORK]
+    runs = campaign(works, [1], silent, processes=1)
+    (stopped,), (refused,), (good,) = runs
+    assert stopped.state is None
+    assert stopped.failure is not None
+    assert "stop" in stopped.failure
+    assert [shot.shot for shot in stopped.shots] == [0, 1]
+    assert stopped.truth["delta2"] != 0
+    assert refused.failure is not None
+    assert "out of view" in refused.failure
+    assert (refused.shots, refused.state) == ((), None)
+    assert good.state is not None
+
+
+SCRIPT = """
+from cells import good_plan
+from zerobeam.experiments.studies.campaign import Repeated, campaign, seeds
+from zerobeam.experiments.rigs.simulated.cell_file import Cell
+
+if __name__ == "__main__":
+    try:
+        work = Repeated(good_plan(5), Cell(camera=None))
+        campaign([work], seeds(0, 10_000), lambda share: print(share, flush=True), processes=2)
+    except KeyboardInterrupt:
+        print("interrupted", flush=True)
+"""
+
+
+@pytest.mark.long
+@pytest.mark.skipif(sys.platform != "linux", reason="processes are looked for in /proc")
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
+def test_no_worker_is_left(how: signal.Signals, tmp_path: Path) -> None:
+    """Ctrl-C reaches all processes of a terminal; a kill only the one that waits for the others."""
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT)
+    path = os.pathsep.join(
+        [str(Path(__file__).parents[2] / "support"), *filter(None, [os.environ.get("PYTHONPATH")])]
+    )
+    with subprocess.Popen(
+        [sys.executable, script],
+        env={**os.environ, "PYTHONPATH": path},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        start_new_session=True,
+    ) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        workers = children(process.pid)
+        assert len(workers) >= 2
+        if how == signal.SIGINT:
+            os.killpg(process.pid, how)
+            assert process.stdout.read().splitlines()[-1] == "interrupted"
+        else:
+            process.send_signal(how)
+    until = time.monotonic() + 30
+    while (left := {pid for pid in workers if alive(pid)}) and time.monotonic() < until:
+        time.sleep(0.05)
+    assert not left
+
+
+def children(parent: int) -> set[int]:
+    return {int(pid) for pid in Path(f"/proc/{parent}/task/{parent}/children").read_text().split()}
+
+
+def alive(pid: int) -> bool:
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+    return state != "Z"

@@ -1,0 +1,135 @@
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from ruamel.yaml import YAML
+
+from zerobeam.model.files.reading import parse_json, read_text, read_yaml
+
+
+def yaml(tmp_path: Path, text: str | bytes) -> Path:
+    path = tmp_path / "file.yaml"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def test_yaml_follows_the_core_schema_of_1_2(tmp_path):
+    text = """
+a: no
+b: 2024-05-01
+c: 0o17
+d: 0x1F
+e: 1_000
+f: ~
+g: +1.5e3
+h: "12"
+i: [true, False, null, .5]
+j: 12:30:00
+"""
+    assert read_yaml(yaml(tmp_path, text)).data == {
+        "a": "no",
+        "b": "2024-05-01",
+        "c": 15,
+        "d": 31,
+        "e": "1_000",
+        "f": None,
+        "g": 1500.0,
+        "h": "12",
+        "i": [True, False, None, 0.5],
+        "j": "12:30:00",
+    }
+
+
+def test_places_have_the_lines_of_their_keys(tmp_path):
+    document = read_yaml(yaml(tmp_path, "# comment\na: 1\nb:\n  c:\n    - 1\n    -\n      d: 2\n"))
+    assert [
+        document.line(place) for place in [("a",), ("b",), ("b", "c"), ("b", "c", 0), ("b", "c", 1, "d")]
+    ] == [2, 3, 4, 5, 7]
+    assert document.line(("b", "c", 1, "missing")) == 7
+    assert document.line(("b", "c", 1, "missing")) == document.line(("b", "c", 1))
+
+
+@pytest.mark.parametrize("word", [".nan", ".inf", "-.INF", "1e999"])
+def test_numbers_that_are_not_finite_are_refused(tmp_path, refused, word):
+    error = refused(read_yaml, yaml(tmp_path, f"a: 1\nb: {word}\n"))
+    assert error.line == 2
+    assert error.found == word
+
+
+@pytest.mark.parametrize("word", ["NaN", "Infinity", "-Infinity", "1e999", "1" + "0" * 400])
+def test_json_numbers_that_are_not_finite_are_refused(refused, word):
+    error = refused(parse_json, f'{{"a": {word}}}', file=Path("f"), line=7)
+    assert "finite" in error.what
+    assert error.line == 7
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "what"),
+    [
+        ("a: 1\nb: 2\na: 3\n", 3, "stands twice"),
+        ("a: 1\nb: [1, 2\n", 3, "not valid YAML"),
+        ("a: 1\nb: !python/object:os.system x\n", 2, "tag"),
+        ("- 1\n- 2\n", 1, "keys and values"),
+        ("just text", 1, "keys and values"),
+        ("1: a\n", 1, "key must be text"),
+        ("[1, 2]: a\n", 1, "key must be text"),
+        ("a: 1\n---\nb: 2\n", 2, "not valid YAML"),
+        ("a:\n\tb: 1\n", 2, "not valid YAML"),
+        ("# a comment only\n", None, "keys and values"),
+        (b"a: 1\nb: \xff\n", 2, "not UTF-8"),
+        (b"a: 1\0\n", None, "binary"),
+        ("a: &x [*x]\n", 1, "not valid YAML|nested"),
+        ("a: " + "[" * 500, 1, "nested|not valid YAML"),
+    ],
+)
+def test_what_is_no_good_yaml_is_refused_with_its_line(tmp_path, text, line, what, refused):
+    error = refused(read_yaml, yaml(tmp_path, text))
+    assert any(part in error.what for part in what.split("|")), error
+    if "[" * 100 not in str(text):
+        assert error.line == line
+    assert str(tmp_path / "file.yaml") in str(error)
+
+
+def test_aliases_of_aliases_do_not_fill_the_memory(tmp_path, refused):
+    rows = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
+    rows += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 9)]
+    assert "200000 values" in refused(read_yaml, yaml(tmp_path, "\n".join(rows))).what
+
+
+def test_missing_file_folder_and_empty_file(tmp_path, refused):
+    yaml(tmp_path, "a: 1")
+    assert "did you mean 'file.yaml'?" in str(refused(read_text, tmp_path / "fiel.yaml"))
+    assert "does not exist either" in str(refused(read_text, tmp_path / "no" / "file.yaml"))
+    assert "folder" in refused(read_text, tmp_path).what
+    assert "empty" in refused(read_text, yaml(tmp_path, " \n\n")).what
+    assert "cannot be read" in refused(read_text, Path("a\0b")).what
+
+
+def test_a_byte_order_mark_is_no_content(tmp_path):
+    assert read_yaml(yaml(tmp_path, b"\xef\xbb\xbfa: 1\n")).data == {"a": 1}
+
+
+def test_json_keys_stand_once(refused):
+    assert "stands twice" in refused(parse_json, '{"a": 1, "a": 1}', file=Path("f"), line=1).what
+    assert "nested" in refused(parse_json, "[" * 100_000, file=Path("f"), line=1).what
+
+
+words = st.text(st.characters(codec="utf-8", exclude_categories=["Cs", "Cc", "Zl", "Zp"]), max_size=8)
+scalars = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(-(10**9), 10**9),
+    st.floats(allow_nan=False, allow_infinity=False),
+    words,
+)
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(content=st.dictionaries(words, scalars | st.lists(scalars, max_size=4), min_size=1, max_size=4))
+def test_what_another_writer_wrote_is_read_as_it_was(tmp_path, content):
+    path = tmp_path / "round.yaml"
+    writer = YAML()
+    with path.open("w", encoding="utf-8") as file:
+        writer.dump(content, file)
+    assert read_yaml(path).data == content

@@ -1,0 +1,151 @@
+"""The report's folder: whole or not at all, and never over what is not ours."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from example_results import draws, good, hostile, unconverged, x_pattern
+
+from zerobeam.analysis.result_json import UnsoundResult, to_json
+from zerobeam.model.errors import BadInput
+from zerobeam.reports.output import whole_folder
+from zerobeam.reports.output.folder import write_report
+
+Refused = Callable[..., BadInput]
+
+
+def everything(root: Path) -> set[str]:
+    return {str(path.relative_to(root)) for path in root.rglob("*")}
+
+
+WHOLE = {
+    "report.html",
+    "report.pdf",
+    "result.json",
+    "posterior.nc",
+    "figures",
+    "figures/offsets.svg",
+    "figures/posterior.svg",
+    "figures/misses.svg",
+}
+
+
+def test_all_files_are_there_and_nothing_else(tmp_path: Path) -> None:
+    paths = write_report(tmp_path / "out", good(), draws(good()))
+    assert everything(tmp_path / "out") == WHOLE
+    assert everything(tmp_path) == {"out"} | {f"out/{name}" for name in WHOLE}
+    assert json.loads(paths.result.read_text(encoding="utf-8")) == to_json(good())
+    assert paths.pdf.read_bytes().startswith(b"%PDF")
+    assert paths.html.read_text(encoding="utf-8").startswith("<!doctype html>")
+    assert paths.posterior is not None
+    assert paths.posterior.exists()
+    assert all(path.exists() for path in paths.figures)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX rights")
+def test_others_may_read_it_as_any_new_folder(tmp_path: Path) -> None:
+    (tmp_path / "plain").mkdir()
+    write_report(tmp_path / "out", good(), None)
+    assert (tmp_path / "out").stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
+def test_without_draws_there_is_no_posterior_file_and_unconverged_ones_are_not_drawn(tmp_path: Path) -> None:
+    assert write_report(tmp_path / "none", good(), None).posterior is None
+    assert "posterior.nc" not in everything(tmp_path / "none")
+    write_report(tmp_path / "bad", unconverged(), draws(unconverged()))
+    assert everything(tmp_path / "bad") == WHOLE - {"figures/posterior.svg"}
+
+
+def test_a_report_of_ours_is_replaced_and_leaves_nothing_behind(tmp_path: Path) -> None:
+    write_report(tmp_path / "out", good(), draws(good()))
+    (tmp_path / "out" / ".DS_Store").write_bytes(b"")
+    write_report(tmp_path / "out", unconverged(), None)
+    assert everything(tmp_path / "out") == WHOLE - {"figures/posterior.svg", "posterior.nc"}
+    assert {path.name for path in tmp_path.iterdir()} == {"out"}
+
+
+def test_an_empty_folder_is_used_and_missing_parents_are_made(tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    write_report(tmp_path / "empty", good(), None)
+    write_report(tmp_path / "a" / "b" / "out", good(), None)
+    assert (tmp_path / "empty" / "report.html").exists()
+    assert (tmp_path / "a" / "b" / "out" / "report.html").exists()
+
+
+def test_what_is_not_ours_is_refused_and_left_alone(tmp_path: Path, refused: Refused) -> None:
+    file = tmp_path / "file"
+    file.write_text("mine")
+    assert "is a file" in str(refused(write_report, file, good(), None))
+    assert file.read_text() == "mine"
+
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "thesis.tex").write_text("mine")
+    assert "thesis.tex" in str(refused(write_report, other, good(), None))
+
+    alike = tmp_path / "alike"
+    alike.mkdir()
+    (alike / "result.json").write_text('{"schema": "someone/else/1"}')
+    assert "not written by zerobeam" in str(refused(write_report, alike, good(), None))
+    assert everything(tmp_path) == {"file", "other", "other/thesis.tex", "alike", "alike/result.json"}
+
+
+def test_a_report_that_someone_put_files_into_is_not_thrown_away(tmp_path: Path, refused: Refused) -> None:
+    write_report(tmp_path / "out", good(), None)
+    (tmp_path / "out" / "notes.txt").write_text("mine")
+    assert "notes.txt" in str(refused(write_report, tmp_path / "out", good(), None))
+    assert (tmp_path / "out" / "notes.txt").read_text() == "mine"
+
+
+def test_a_fault_leaves_what_was_there_as_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_report(tmp_path / "out", good(), None)
+    before = (tmp_path / "out" / "report.html").read_bytes()
+    unsound = dataclasses.replace(good(), likelihood=dataclasses.replace(good().likelihood, chi2=math.nan))
+    with pytest.raises(UnsoundResult):
+        write_report(tmp_path / "out", unsound, None)
+    with pytest.raises(UnsoundResult):
+        write_report(tmp_path / "new" / "deeper", unsound, None)
+
+    def fail(self: Path, target: Path) -> Path:
+        if self.name.startswith(".zerobeam-new"):
+            raise OSError(28, "No space left on device")
+        return rename(self, target)
+
+    rename = Path.rename
+    monkeypatch.setattr(Path, "rename", fail)
+    with pytest.raises(BadInput, match="No space left"):
+        write_report(tmp_path / "out", x_pattern(), None)
+    assert (tmp_path / "out" / "report.html").read_bytes() == before
+    assert {path.name for path in tmp_path.iterdir()} == {"out"}
+
+
+def test_an_interruption_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(whole_folder, "_swap", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        write_report(tmp_path / "a" / "out", good(), None)
+    assert everything(tmp_path) == set()
+
+
+@pytest.mark.skipif(os.name == "nt" or os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_that_may_not_be_written_to_is_bad_input(tmp_path: Path, refused: Refused) -> None:
+    tmp_path.chmod(0o500)
+    assert "cannot be written" in str(refused(write_report, tmp_path / "out", good(), None))
+
+
+def test_a_parent_that_is_a_file_is_bad_input(tmp_path: Path, refused: Refused) -> None:
+    (tmp_path / "file").write_text("mine")
+    refused(write_report, tmp_path / "file" / "out", good(), None)
+
+
+def test_hostile_names_make_no_file_names(tmp_path: Path) -> None:
+    write_report(tmp_path / "out", hostile(), draws(hostile()))
+    assert everything(tmp_path / "out") == WHOLE

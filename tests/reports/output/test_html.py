@@ -1,0 +1,146 @@
+"""report.html: one file, no script, no network, hostile names as text."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from itertools import pairwise
+
+import pytest
+from example_results import (
+    EXAMPLES,
+    FORBIDDEN,
+    drawn,
+    good,
+    held_out,
+    hostile,
+    misfit,
+    outlier,
+    separate,
+    uncalibrated,
+    unconverged,
+    x_pattern,
+)
+from pages import Page, assert_fetches_nothing
+
+from zerobeam.analysis.result import Result
+from zerobeam.analysis.result_json import dumps, to_json
+from zerobeam.reports.output.html import html
+from zerobeam.reports.run.report_page import report_page
+
+
+def made(result: Result) -> str:
+    answer = to_json(result)
+    return html(report_page(answer), drawn(result), "report", dumps(answer))
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_it_is_one_well_formed_file_that_fetches_nothing(name: str) -> None:
+    text = made(EXAMPLES[name])
+    page = Page(text)
+    text.encode()
+    assert_fetches_nothing(page)
+    style = text[text.index("<style>") : text.index("</style>")]
+    assert set(re.findall(r"url\(\"?([a-z]+):", style)) == {"data"}
+    assert len(text.encode()) < 3_000_000
+
+
+def test_sections_stand_in_the_order_of_their_weight() -> None:
+    text = made(x_pattern())
+    marks = ['class="verdict', *(f"<h2><bdi>{title}</bdi></h2>" for title in (
+        "Offsets", "What cannot be known", "Fit quality", "Posterior", "Misses", "Inputs"
+    ))]  # fmt: skip
+    places = [text.index(mark) for mark in marks]
+    assert places == sorted(places)
+
+
+@pytest.mark.parametrize(
+    ("result", "heading", "words"),
+    [
+        (outlier(), "Robust fit", "Too far off for chance: shot 2 (weight 0.11)."),
+        (held_out(), "Held-out targets", "the offsets hold there too."),
+        (uncalibrated(), "Intervals by three ways", "no end found"),
+        (separate(), "Intervals by three ways", "0.38 to 1.60\u00a0times"),
+    ],
+)
+def test_what_was_asked_for_besides_has_a_section(result: Result, heading: str, words: str) -> None:
+    text = made(result)
+    assert f"<h2><bdi>{heading}</bdi></h2>" in text
+    assert words in " ".join(Page(text).text)
+    assert heading not in made(good())
+
+
+def test_no_unidentifiable_parameter_has_a_number() -> None:
+    """The decisive test: whatever its prior draws were, no row of it has a digit beside its name."""
+    for result in (x_pattern(), hostile()):
+        page = Page(made(result))
+        rows = [row for row in page.rows if "not determined by these data" in row]
+        untold = [row for row in result.parameters if row.status == "unidentifiable"]
+        assert len(rows) >= len(untold)
+        for row in page.rows:
+            if row[0] == "δ2":
+                assert not re.search(r"\d", " ".join(row[1:]))
+        text = " ".join(page.text)
+        assert f"{abs(FORBIDDEN):.2f}" not in text
+        assert "4.98" not in text
+
+
+def test_what_the_table_says_is_what_result_json_says() -> None:
+    result = good()
+    rows = {row[0]: row for row in reversed(Page(made(result)).rows)}
+    for row in result.parameters:
+        if row.estimate is not None and not row.held:
+            name = row.name.replace("delta", "δ")
+            cell = rows[name][1].replace("\u2212", "-").replace("\u00a0mm", "").removesuffix("°")
+            assert row.std is not None
+            assert abs(float(cell) - row.estimate) <= 0.05 * row.std
+            assert rows[name][3] == row.status
+
+
+def test_an_unconverged_posterior_is_a_sentence_and_no_figure() -> None:
+    text = made(unconverged())
+    assert "The posterior has not converged and is not shown." in text
+    assert "Corner plot" not in text
+    assert "Corner plot" in made(good())
+
+
+def test_figures_tables_and_headings_are_told_to_a_screen_reader() -> None:
+    page = Page(made(good()))
+    roles = [attributes for _, attributes in page.tags if attributes.get("role") == "img"]
+    assert len(roles) == 3
+    assert all(attributes["aria-label"] for attributes in roles)
+    assert dict(page.tags[[tag for tag, _ in page.tags].index("html")][1]) == {"lang": "en"}
+    headers = [attributes for tag, attributes in page.tags if tag == "th"]
+    assert all(attributes.get("scope") in ("row", "col") for attributes in headers)
+    levels = [int(tag[1]) for tag, _ in page.tags if re.fullmatch(r"h\d", tag)]
+    assert levels[0] == 1
+    assert levels.count(1) == 1
+    assert all(after <= before + 1 for before, after in pairwise(levels))
+
+
+def test_light_and_dark_phone_and_paper_are_provided_for() -> None:
+    text = made(good())
+    assert "@media (prefers-color-scheme: dark)" in text
+    assert "@media print" in text
+    assert 'name="viewport"' in text
+    assert "/* LIGHT */" not in text
+    assert "/* DARK */" not in text
+
+
+def test_result_json_is_attached_where_it_is_small() -> None:
+    found = re.search(r'download="result.json" href="data:application/json;base64,([^"]+)"', made(good()))
+    assert found
+    assert json.loads(base64.b64decode(found.group(1))) == to_json(good())
+    many = misfit(count=1500)
+    assert len(dumps(to_json(many))) > 200_000
+    assert "download=" not in made(many)
+
+
+def test_hostile_names_are_shown_as_they_are_and_do_nothing() -> None:
+    text = made(hostile())
+    assert "<script" not in text
+    assert "alert(&#39;x&#39;)" in text
+    assert "{{ 7*7 }}" in text
+    assert "\x00" not in text
+    assert "\u202e" not in text

@@ -1,0 +1,129 @@
+"""report.pdf: its text, its outline, its fonts; hostile names as text."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import re
+
+import pypdf
+import pytest
+from example_results import (
+    EXAMPLES,
+    FORBIDDEN,
+    drawn,
+    good,
+    held_out,
+    hostile,
+    misfit,
+    outlier,
+    uncalibrated,
+    unconverged,
+    x_pattern,
+)
+from study_text import cells, text_of
+
+from zerobeam.analysis.result import Result
+from zerobeam.analysis.result_json import to_json
+from zerobeam.reports.output.pdf import pdf
+from zerobeam.reports.run.report_page import report_page
+from zerobeam.reports.run.view import view
+
+
+def made(result: Result) -> pypdf.PdfReader:
+    answer = to_json(result)
+    return pypdf.PdfReader(io.BytesIO(pdf(report_page(answer), drawn(result))))
+
+
+@pytest.mark.parametrize("name", [name for name in EXAMPLES if name != "hostile"])
+def test_every_cell_of_the_view_is_in_the_pdf(name: str) -> None:
+    result = EXAMPLES[name]
+    text = text_of(made(result)).replace(" ", "")
+    for cell in cells(view(to_json(result))):
+        assert re.sub(r"\s", "", cell) in text, cell
+
+
+def test_it_has_a_title_an_outline_page_numbers_tags_and_only_its_own_fonts() -> None:
+    reader = made(good())
+    assert reader.metadata is not None
+    assert reader.metadata.title == "Joint offsets of irb1600"
+    titles = [entry["/Title"] for entry in reader.outline if not isinstance(entry, list)]
+    assert titles == [
+        *(
+            "Offsets",
+            "What cannot be known",
+            "Uncertainty budget",
+            "Fit quality",
+            "Posterior",
+            "Misses",
+            "Inputs",
+        ),
+        "Traceability",
+    ]
+    assert f"page 1 of {len(reader.pages)}" in text_of(reader)
+    assert reader.trailer["/Root"]["/MarkInfo"]["/Marked"]
+    fonts = {
+        str(font.get_object()["/BaseFont"]).split("+")[-1]
+        for page in reader.pages
+        for font in page["/Resources"]["/Font"].values()
+    }
+    assert fonts
+    assert all(font.startswith("IBMPlexSans") for font in fonts)
+
+
+@pytest.mark.parametrize(
+    ("result", "heading"),
+    [
+        (outlier(), "Robust fit"),
+        (held_out(), "Held-out targets"),
+        (uncalibrated(), "Intervals by three ways"),
+    ],
+)
+def test_what_was_asked_for_besides_has_a_section(result: Result, heading: str) -> None:
+    def titles(of: Result) -> list[str]:
+        return [str(entry["/Title"]) for entry in made(of).outline if not isinstance(entry, list)]
+
+    assert heading in titles(result)
+    assert heading not in titles(good())
+
+
+def test_the_same_result_gives_the_same_bytes() -> None:
+    answer = to_json(good())
+    shown, figures = report_page(answer), drawn(good())
+    assert pdf(shown, figures) == pdf(shown, figures)
+
+
+def test_no_unidentifiable_parameter_has_a_number() -> None:
+    """The decisive test, on the text of the PDF."""
+    for result in (x_pattern(), hostile()):
+        text = text_of(made(result))
+        assert "δ2 not determined by these data unidentifiable" in text
+        assert f"{abs(FORBIDDEN):.2f}" not in text
+        assert "4.98" not in text
+        assert "9.77" not in text
+
+
+def test_an_unconverged_posterior_is_a_sentence() -> None:
+    text = text_of(made(unconverged()))
+    assert "The posterior has not converged and is not shown." in text
+    assert "Posterior of the offsets: each alone" not in text
+    assert "Posterior of the offsets: each alone" in text_of(made(good()))
+
+
+def test_lack_of_fit_is_said() -> None:
+    assert "Lack of fit: the misses are some 2.8 times as large" in text_of(made(misfit()))
+
+
+def test_typst_markup_in_names_is_text() -> None:
+    text = text_of(made(hostile()))
+    assert '#import "/etc/passwd": *; $x^2$ *bold* `raw` @cite <label>' in text
+    assert "root:" not in text
+    assert "<script>alert('x')</script>" in text
+    assert "nul\\x00inside" in text
+    assert "\\U0001f3af target" in text
+
+
+def test_a_run_without_notes_or_provenance_is_set_too() -> None:
+    header = {key: value for key, value in good().inputs.header.items() if key != "provenance"}
+    inputs = dataclasses.replace(good().inputs, header=header)
+    assert "Provenance" not in text_of(made(dataclasses.replace(good(), inputs=inputs)))

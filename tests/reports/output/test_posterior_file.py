@@ -1,0 +1,83 @@
+"""posterior.nc: read back by xarray, marked where only the prior speaks."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+from example_results import draws, good, hostile, unconverged, x_pattern
+
+from zerobeam.analysis.result import Draws, Result
+from zerobeam.analysis.result_json import to_json
+from zerobeam.reports.output.posterior_file import write_posterior
+
+
+def written(tmp_path: Path, result: Result, of: Draws | None = None) -> xarray.Dataset:
+    path = tmp_path / "posterior.nc"
+    write_posterior(path, to_json(result), of or draws(result))
+    with xarray.open_dataset(path, engine="h5netcdf") as dataset:
+        return dataset.load()
+
+
+def test_draws_come_back_chain_by_chain_with_their_units(tmp_path: Path) -> None:
+    of = draws(good())
+    dataset = written(tmp_path, good())
+    assert dict(dataset.sizes) == {"chain": 240, "draw": 40}
+    assert list(dataset.data_vars) == list(of.names)
+    chain = 2 * 60 + 7  # ensemble 2, walker 7
+    column = of.names.index("psd.x")
+    np.testing.assert_allclose(dataset["psd.x"].values[chain], of.values[2, 7, :, column], rtol=1e-6)
+    assert dataset["psd.x"].attrs["units"] == "mm"
+    assert dataset["delta2"].attrs["units"] == "degree"
+
+
+def test_it_says_where_it_comes_from(tmp_path: Path) -> None:
+    attributes = written(tmp_path, good()).attrs
+    assert attributes["sha256"] == good().inputs.sha256
+    assert attributes["seed"] == "20140803"
+    assert "emcee 3.1.6" in attributes["versions"]
+    assert attributes["converged"] == "yes"
+    assert (attributes["ensembles"], attributes["walkers"]) == (4, 60)
+
+
+def test_what_the_prior_alone_says_is_marked(tmp_path: Path) -> None:
+    dataset = written(tmp_path, x_pattern())
+    sources = {name: variable.attrs["source"] for name, variable in dataset.data_vars.items()}
+    assert {name for name, source in sources.items() if source == "prior"} == {"delta2", "psd.x", "psd.z"}
+    assert "comes from the priors" in dataset["delta2"].attrs["comment"]
+    assert "comment" not in dataset["delta3"].attrs
+
+
+def test_the_status_marks_it_even_if_the_draws_do_not(tmp_path: Path) -> None:
+    lying = dataclasses.replace(draws(x_pattern()), from_prior=(False,) * 8)
+    assert written(tmp_path, x_pattern(), lying)["delta2"].attrs["source"] == "prior"
+
+
+def test_an_unconverged_posterior_says_so(tmp_path: Path) -> None:
+    assert written(tmp_path, unconverged()).attrs["converged"].startswith("no")
+
+
+def test_hostile_names_become_names_that_netcdf_allows(tmp_path: Path) -> None:
+    result = hostile()
+    dataset = written(tmp_path, result)
+    free = [row.name for row in result.parameters if not row.held]
+    assert len(dataset.data_vars) == len(free)
+    assert all("/" not in name and len(name) <= 80 and name.isascii() for name in dataset.data_vars)
+    assert "long" * 75 + ".x" in {variable.attrs["long_name"] for variable in dataset.data_vars.values()}
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_names_that_become_alike_stay_apart(tmp_path: Path, count: int) -> None:
+    of = draws(good())
+    names = tuple(f"a{'/?*'[i]}b" for i in range(count))
+    few = dataclasses.replace(
+        of,
+        names=names,
+        units=of.units[:count],
+        from_prior=of.from_prior[:count],
+        values=of.values[..., :count],
+    )
+    assert len(written(tmp_path, good(), few).data_vars) == count

@@ -1,0 +1,118 @@
+"""The figures: valid SVG, side by side on one page, silent about what the data do not tell."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pytest
+from example_results import EXAMPLES, drawn, draws, good, hostile, misfit, unconverged, x_pattern
+
+from zerobeam.analysis.result import Result
+from zerobeam.analysis.result_json import to_json
+from zerobeam.reports.run.figure_offsets import offsets_picture
+from zerobeam.reports.run.figure_posterior import posterior_picture
+from zerobeam.reports.style.canvas import themed
+from zerobeam.reports.style.palette import PALETTE
+
+
+def words(svg: str) -> str:
+    return " ".join("".join(element.itertext()) for element in ElementTree.fromstring(svg))
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_every_figure_is_svg_with_a_text_for_those_who_do_not_see_it(name: str) -> None:
+    for key, picture in drawn(EXAMPLES[name]).items():
+        root = ElementTree.fromstring(picture.svg)
+        assert root.tag == "{http://www.w3.org/2000/svg}svg"
+        assert picture.name == key
+        assert len(picture.alt) > 20
+        assert picture.title
+        assert "<image" not in picture.svg
+
+
+def test_ids_of_several_figures_on_one_page_do_not_clash_and_all_links_lead_somewhere() -> None:
+    every: list[str] = []
+    for picture in drawn(misfit()).values():
+        ids = re.findall(r'\bid="([^"]+)"', picture.svg)
+        links = set(re.findall(r'href="#([^"]+)"|url\(#([^)]+)\)', picture.svg))
+        assert {one or other for one, other in links} == set(ids)
+        every += ids
+    assert len(every) == len(set(every)) > 0
+
+
+def test_the_same_result_gives_the_same_bytes() -> None:
+    assert drawn(good()) == drawn(good(), draws(good()))
+
+
+def test_the_ground_is_transparent_and_the_colours_follow_the_page() -> None:
+    for picture in drawn(x_pattern()).values():
+        inside = themed(picture.svg)
+        assert "var(--ink)" in inside
+        left = {found.lower() for found in re.findall(r"#[0-9a-fA-F]{6}\b", inside)}
+        assert not left & {colour.light for colour in PALETTE.values()}
+        assert left <= {"#000000"}
+
+
+def test_a_target_named_like_a_colour_keeps_its_name() -> None:
+    ink = PALETTE["ink"].light
+    shots = tuple(dataclasses.replace(shot, target=ink if shot.shot < 3 else "psd") for shot in good().shots)
+    picture = drawn(dataclasses.replace(good(), shots=shots))["misses"]
+    assert ink in words(themed(picture.svg))
+
+
+def test_an_unidentifiable_offset_has_a_band_and_no_dot() -> None:
+    def dots(result: Result) -> int:
+        return offsets_picture(to_json(result)).svg.count("<use ")
+
+    assert "not determined by these data" in words(offsets_picture(to_json(x_pattern())).svg)
+    assert "not determined" not in words(offsets_picture(to_json(good())).svg)
+    # One dot in each of the two panels goes, whatever ticks the axes have.
+    assert dots(good()) > dots(x_pattern())
+    assert "δ2 not determined by these data" in offsets_picture(to_json(x_pattern())).alt
+
+
+def test_the_posterior_leaves_out_what_comes_from_the_prior() -> None:
+    text = words(drawn(x_pattern())["posterior"].svg)
+    assert "δ2" not in text
+    assert "δ3" in text
+    assert "δ2" in words(drawn(good())["posterior"].svg)
+
+
+def test_a_lying_from_prior_flag_does_not_bring_an_unidentifiable_offset_into_the_figure() -> None:
+    lying = dataclasses.replace(draws(x_pattern()), from_prior=(False,) * len(draws(x_pattern()).names))
+    assert "δ2" not in words(drawn(x_pattern(), lying)["posterior"].svg)
+
+
+def test_an_unconverged_or_missing_posterior_is_not_drawn() -> None:
+    assert "posterior" not in drawn(unconverged())
+    assert posterior_picture(to_json(good()), None) is None
+    assert posterior_picture(to_json(good()), dataclasses.replace(draws(good()), converged=False)) is None
+
+
+def test_a_posterior_of_one_offset_and_one_of_many() -> None:
+    result = good()
+    one = dataclasses.replace(
+        result, parameters=result.parameters[:2] + result.parameters[6:], verdict="pass"
+    )
+    assert "δ2" in words(drawn(one, draws(result))["posterior"].svg)
+    many = drawn(misfit())["posterior"]
+    assert "δ7" in words(many.svg)
+
+
+def test_draws_that_do_not_move_are_still_drawn_without_a_warning() -> None:
+    still = draws(good())
+    values = np.repeat(still.values[:, :1, :1, :], 60, axis=1)
+    assert "posterior" in drawn(good(), dataclasses.replace(still, values=values))
+
+
+def test_hundreds_of_shots_stay_small() -> None:
+    assert len(drawn(misfit())["misses"].svg) < 300_000
+
+
+def test_markup_in_names_is_text() -> None:
+    svg = drawn(hostile())["misses"].svg
+    assert "<script" not in svg
+    assert "&lt;script" in svg

@@ -1,0 +1,242 @@
+"""What a person reads in a terminal of 80 columns: golden prints of good and bad results."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import pytest
+from command_line import WIDTH
+from example_results import EXAMPLES, FORBIDDEN, good, hostile, separate, uncalibrated, x_pattern
+from golden_files import assert_golden
+from rich.console import Console
+
+from zerobeam.analysis.result import Result
+from zerobeam.analysis.result_json import to_json
+from zerobeam.reports.run.terminal import print_carried, print_check, print_result, print_side_by_side
+
+SHOWN = [name for name in EXAMPLES if name != "hostile"]
+
+
+def console(colours: bool = False) -> tuple[Console, io.StringIO]:
+    text = io.StringIO()
+    kind: Any = "truecolor" if colours else None
+    return Console(
+        file=text, width=WIDTH, highlight=False, color_system=kind, force_terminal=colours, no_color=False
+    ), text
+
+
+def printed(result: Result, colours: bool = False) -> str:
+    to, text = console(colours)
+    print_result(to, to_json(result))
+    return text.getvalue()
+
+
+def check_of(result: Result, **changes: Any) -> dict[str, Any]:
+    """What `check` would say of the plan of such a run."""
+    answer = to_json(result)
+    keys = ("name", "unit", "group", "status", "held", "data_std", "std", "prior_std", "reason")
+    return {
+        "schema": "zerobeam/check/1",
+        "verdict": answer["verdict"],
+        "headline": answer["headline"],
+        "parameters": [{key: row[key] for key in keys} for row in answer["parameters"]],
+        "identifiability": answer["identifiability"],
+        "postures": [{"posture": i, "target": "psd", "off_mm": 12.3 * i, "hit": True} for i in range(7)],
+        "curve": [{"shots": 7, "worst_std": 0.02}],
+        "over_target": None,
+        "advice": None,
+        "notes": [],
+        "inputs": {"plan": "plan.yaml", "robot": "irb1600", "sha256": "0" * 64, "versions": {}},
+        **changes,
+    }
+
+
+@pytest.mark.parametrize("name", SHOWN)
+def test_a_result(name: str) -> None:
+    assert_golden(f"result_{name}.txt", printed(EXAMPLES[name]))
+
+
+def test_a_check_that_passes() -> None:
+    to, text = console()
+    print_check(to, check_of(good()))
+    assert_golden("check_good.txt", text.getvalue())
+
+
+def test_a_check_that_is_degenerate_with_notes() -> None:
+    to, text = console()
+    notes = ["Posture 3: turned onto the target, joint 5 stands at 118.0 deg, outside -115 to 115."]
+    advice = {
+        "posture": 6,
+        "joint": 1,
+        "change_deg": 30.0,
+        "unit": "deg",
+        "add": True,
+        "worst_std_before": 4.9998,
+        "worst_std_after": 0.6308,
+    }
+    over = {"draws": 16, "hit": 0.964, "worst_std": {"delta2": 4.99, "delta3": 0.61}}
+    print_check(to, check_of(x_pattern(), notes=notes, advice=advice, over_target=over))
+    assert_golden("check_x_pattern.txt", text.getvalue())
+
+
+def test_a_check_of_noise_factors_is_in_multiples_of_the_stated() -> None:
+    to, text = console()
+    print_check(to, check_of(separate()))
+    (row,) = [line for line in text.getvalue().splitlines() if line.startswith("noise.joint")]
+    assert row.split("\u00a0times")[0].split() == ["noise.joint", "0.30"]
+    assert row.count("\u00a0times") == 3
+
+
+def test_three_results_side_by_side() -> None:
+    to, text = console()
+    titles = ["good run", "X-Pattern", "uncalibrated tool"]
+    answers = [to_json(result) for result in (good(), x_pattern(), uncalibrated())]
+    answers[0]["inputs"]["header"]["provenance"] = {"true delta2 (deg)": -0.5, "true delta6 (deg)": -0.32}
+    print_side_by_side(to, titles, answers)
+    assert_golden("side_by_side.txt", text.getvalue())
+
+
+@pytest.mark.parametrize("name", SHOWN)
+def test_no_line_is_wider_than_the_terminal(name: str) -> None:
+    assert max(len(line) for line in printed(EXAMPLES[name]).splitlines()) <= WIDTH
+
+
+def test_what_is_not_determined_has_no_number() -> None:
+    rows = [line for line in printed(x_pattern()).splitlines() if line.startswith("δ2 ")]
+    assert len(rows) == 1
+    assert rows[0].split() == ["δ2", "not", "determined", "by", "these", "data", "✕", "unidentifiable"]
+    assert f"{FORBIDDEN:.2f}"[1:] not in printed(x_pattern())
+
+
+def test_a_status_has_a_shape_and_a_word_besides_its_colour() -> None:
+    plain, coloured = printed(x_pattern()), printed(x_pattern(), colours=True)
+    assert "\x1b[" not in plain
+    assert "\x1b[" in coloured
+    for mark in ("● identified", "✕ unidentifiable", "■ held"):
+        assert mark in plain
+
+
+def test_names_in_a_run_give_the_terminal_no_commands() -> None:
+    """Neither escape sequences nor rich's own markup get through, and no letter turns the line around."""
+    text = printed(hostile())
+    assert "\x00" not in text
+    assert "\u202e" not in text
+    to, caught = console()
+    answer = to_json(good())
+    answer["notes"] = ["[bold red]beware[/bold red] \x1b[2J"]
+    print_result(to, answer)
+    assert "[bold red]beware[/bold red] \\x1b[2J" in caught.getvalue()
+    assert "\x1b" not in caught.getvalue()
+
+
+def carried(**changes: Any) -> dict[str, Any]:
+    """The end of a run that went well."""
+    names = ("delta2", "delta3", "delta4", "delta5", "delta6")
+    rows = [
+        {"name": name, "unit": "deg", "status": "identified", "estimate": 0.5 - i, "std": 0.0123 * (i + 1)}
+        for i, name in enumerate(names)
+    ]
+    return {
+        "event": "end",
+        "schema": "zerobeam/carried/1",
+        "file": "run.jsonl",
+        "verdict": "pass",
+        "headline": "delta2, delta3, delta4, delta5 and delta6 are identified.",
+        "parameters": rows,
+        "p_value": 0.1753,
+        "consistent": True,
+        "shots": [0, 1, 2, 3, 4, 5, 6],
+        "refused": [],
+        "saved": None,
+        "why": None,
+        "seconds": {"move": 20.69, "search": 8.81, "servo": 4.78, "settle": 7.0},
+        "notes": [],
+        **changes,
+    }
+
+
+def carried_badly() -> dict[str, Any]:
+    """One that tells little: an offset lost, a target that moved, shots refused."""
+    answer = carried(
+        verdict="degenerate",
+        headline="delta2 is not determined by these shots: the noise hides it.",
+        p_value=1e-9,
+        consistent=False,
+        shots=[0, 2, 3, 5, 6],
+        refused=[
+            {"shot": 1, "reason": "no signal", "found": "no sample of the PSD arrives"},
+            {"shot": 4, "reason": "too weak", "found": "12% of the laser's light arrives"},
+        ],
+        saved=0,
+        why="all postures of the plan are shot",
+        notes=[
+            "Shot 1 was refused (no signal): no sample of the PSD arrives",
+            "Shot 4 was refused (too weak): 12% of the laser's light arrives",
+        ],
+    )
+    answer["parameters"][0] |= {"status": "unidentifiable", "estimate": None, "std": None}
+    answer["parameters"][1] |= {"status": "weak", "std": 0.31}
+    return answer
+
+
+def end_of(answer: dict[str, Any], colours: bool = False) -> str:
+    to, text = console(colours)
+    print_carried(to, answer)
+    return text.getvalue()
+
+
+@pytest.mark.parametrize("answer", [carried, carried_badly])
+def test_the_end_of_a_run(answer: Any) -> None:
+    assert_golden(f"{answer.__name__}.txt", end_of(answer()))
+    assert max(len(line) for line in end_of(answer()).splitlines()) <= WIDTH
+
+
+def test_the_end_of_a_run_has_no_number_for_what_is_not_determined() -> None:
+    answer = carried_badly()
+    # Not even where an answer has one by mistake.
+    answer["parameters"][0] |= {"estimate": FORBIDDEN, "std": 0.01}
+    (row,) = [line for line in end_of(answer).splitlines() if line.startswith("δ2 ")]
+    assert row.split() == ["δ2", "—", "—", "✕", "unidentifiable"]
+    assert f"{FORBIDDEN:.2f}"[1:] not in end_of(answer)
+
+
+def test_the_end_of_a_run_warns_where_the_shots_contradict_the_model() -> None:
+    assert "contradict" not in end_of(carried())
+    assert "have p 0.18 under the stated noise" in end_of(carried())
+    for p_value, told in ((1e-9, "the model (p below 0.001): no"), (None, "the model: no")):
+        text = end_of(carried(consistent=False, p_value=p_value))
+        assert f"! The shots contradict {told} estimate or std can be relied on." in " ".join(text.split())
+        assert "under the stated noise" not in text
+    assert "under the stated noise" not in end_of(carried(p_value=None))
+
+
+def test_the_end_of_an_adaptive_run_says_what_it_saved_and_why_it_ended() -> None:
+    assert "Adaptive" not in end_of(carried())
+    text = end_of(carried(saved=1, why="the worst std is 0.0188, within 0.05"))
+    assert "Adaptive: 1 shot saved; the worst std is 0.0188, within 0.05." in text
+    assert "Adaptive: 0 shots saved; all postures of the plan are shot." in end_of(carried_badly())
+
+
+def test_the_end_of_a_run_accounts_for_its_time_where_there_is_any() -> None:
+    assert "This session took 41\u00a0s: move 21, search 8.8, servo 4.8, settle 7.0." in end_of(carried())
+    for seconds in ({}, {"move": 0.0, "search": 0.0}):
+        assert "took" not in end_of(carried(seconds=seconds))
+
+
+def test_names_at_the_end_of_a_run_give_the_terminal_no_commands() -> None:
+    hostile = "[bold red]beware[/bold red] \x1b[2J\u202e"
+    refused = [{"shot": 0, "reason": hostile, "found": hostile}]
+    text = end_of(carried(notes=[hostile], headline=hostile, why=hostile, saved=1, refused=refused))
+    assert text.count("[bold red]beware[/bold red] \\x1b[2J\\u202e") == 4
+    assert "\x1b" not in text
+    assert "\u202e" not in text
+
+
+def test_the_end_of_a_run_is_told_without_colours_too() -> None:
+    plain, coloured = end_of(carried_badly()), end_of(carried_badly(), colours=True)
+    assert "\x1b[" not in plain
+    assert "\x1b[" in coloured
+    assert plain.startswith("Degenerate. ")
+    for mark in ("✕ unidentifiable", "◆ weak", "● identified"):
+        assert mark in plain

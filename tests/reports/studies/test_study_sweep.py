@@ -1,0 +1,435 @@
+"""Sweeps as people see them: figures and tables by the axes, every number the answer's, none made up."""
+
+from __future__ import annotations
+
+import csv
+import functools
+import io
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pypdf
+import pytest
+from command_line import WIDTH
+from example_sweeps import (
+    FORBIDDEN,
+    hostile_lines,
+    hostile_map,
+    hostile_sweep,
+    long_sweep,
+    map_sweep,
+    pattern_map_sweep,
+    pattern_shots_sweep,
+    patterns_sweep,
+    shots_sweep,
+)
+from golden_files import assert_golden
+from pages import Page, assert_fetches_nothing
+from study_text import cells, printed, tables_of, text_of, words
+
+from zerobeam.analysis.result_json import UnsoundResult
+from zerobeam.reports.output.html import html
+from zerobeam.reports.output.pdf import pdf
+from zerobeam.reports.studies.figure_sweep_marks import gap, log_ticks
+from zerobeam.reports.studies.studies import STUDIES, SWEEP, known_study, study_of, study_view
+from zerobeam.reports.studies.study_page import refuse_made_up, write_study
+from zerobeam.reports.studies.study_view import NOT_DETERMINED
+from zerobeam.reports.studies.sweep_cases import dot_pages, figure_names, rmse_interval, tolerance
+from zerobeam.reports.style.canvas import Picture
+
+Json = dict[str, Any]
+
+# By the form of the axes: words, numbers, words by numbers, numbers by numbers, words by both.
+CLEAN = {
+    "patterns": patterns_sweep,
+    "shots": shots_sweep,
+    "pattern_shots": pattern_shots_sweep,
+    "map": map_sweep,
+    "pattern_map": pattern_map_sweep,
+}
+HOSTILE = {"dots": hostile_sweep, "lines": hostile_lines, "map": hostile_map}
+FIGURES = {
+    "patterns": ["dots_1"],
+    "shots": ["lines"],
+    "pattern_shots": ["lines"],
+    "map": ["map"],
+    "pattern_map": ["map", "ratio"],
+}
+SUMMARY, OFFSETS = "Verdict of each plan", "Predicted std of each offset"
+ERRORS = ("runs", "rmse", "bias", "bias_std")
+
+
+@functools.cache
+def drawn_of(name: str) -> dict[str, Picture]:
+    answer = CLEAN[name]()
+    return study_of(answer).pictures(answer)
+
+
+def texts(row: Json) -> list[str]:
+    return [cell["text"] for cell in row["cells"]]
+
+
+def undetermined(answer: Json) -> Iterator[tuple[Json, Json]]:
+    for case in answer["cases"]:
+        for row in case["parameters"]:
+            if row["status"] == "unidentifiable":
+                yield case, row
+
+
+# ── which study it is ─────────────────────────────────────────────────────────────────────────
+
+
+def test_an_answer_with_axes_and_cases_is_a_sweep_whatever_its_name() -> None:
+    for name in ("my own", "../../x", "coverage", "\x00", 3):
+        assert known_study({**shots_sweep(), "study": name}) is SWEEP
+    assert printed({**shots_sweep(), "study": "coverage"}) == printed(shots_sweep())
+    assert known_study({"study": "coverage", "plans": []}) is STUDIES["coverage"]
+    for answer in ({"study": "my own"}, {"study": "x", "axes": 3, "cases": []}, ["axes", "cases"], None):
+        assert known_study(answer) is None
+    with pytest.raises(ValueError, match="or has axes and cases, not 'my own'"):
+        study_of({"study": "my own"})
+
+
+@pytest.mark.parametrize("name", CLEAN)
+def test_the_figures_follow_from_the_axes(name: str) -> None:
+    assert list(drawn_of(name)) == FIGURES[name]
+    view = study_view(CLEAN[name]())
+    shown = [b["it"] for s in view["sections"] for b in (*s["lead"], *s["blocks"]) if b["kind"] == "figure"]
+    assert shown == FIGURES[name]
+
+
+# ── the same numbers everywhere ───────────────────────────────────────────────────────────────
+
+
+def numbers_in(text: str) -> list[str]:
+    return re.findall(r"\u2212?\d+(?:\.\d+)?", text)
+
+
+def is_rounded(text: str, value: float) -> bool:
+    """Whether `text` is `value` rounded to the place where it ends."""
+    place = 10.0 ** -len(text.partition(".")[2])
+    return abs(float(text.replace("\u2212", "-")) - value) <= 0.5000001 * place
+
+
+def wanted(row: Json) -> list[float]:
+    """The numbers of a row of the table of offsets."""
+    likelihood, midpoint = row["likelihood"], row["midpoint"]
+    found = [row["std"]] if row["std"] is not None else []
+    if likelihood:
+        shares = [100 * likelihood[key] for key in ("held", "held_low", "held_high")]
+        found += [likelihood["rmse"], likelihood["bias"], *shares]
+    return found + ([midpoint["rmse"]] if midpoint else [])
+
+
+def untruths(view: Json, answer: Json) -> list[str]:
+    """Cells of the tables that do not hold the numbers of the answer."""
+    found = []
+    (offsets,) = tables_of(view, OFFSETS)
+    rows = iter(offsets["rows"])
+    for number, case in enumerate(answer["cases"], start=1):
+        if case["reason"] is not None:
+            continue
+        head = next(rows, None)
+        if head is None:
+            assert "cases shown, all in offsets.csv" in offsets["caption"]
+            break
+        assert texts(head)[0] == f"case {number}"
+        for parameter in case["parameters"]:
+            name, *told = texts(next(rows))
+            assert name == parameter["name"].replace("delta", "δ")
+            numbers, values = numbers_in(" ".join(told)), wanted(parameter)
+            assert len(numbers) == len(values), (told, values)
+            found += [
+                text for text, value in zip(numbers, values, strict=True) if not is_rounded(text, value)
+            ]
+    (summary,) = tables_of(view, SUMMARY)
+    for row, case in zip(summary["rows"], answer["cases"], strict=True):
+        told = " ".join(texts(row)[len(answer["axes"]) :])
+        std = re.search(r": (\d+\.\d+)°", told)
+        assert (std is None) == (case["worst_std"] is None)
+        if std is not None and not is_rounded(std.group(1), case["worst_std"]):
+            found.append(std.group(1))
+    return found
+
+
+@pytest.mark.parametrize("name", CLEAN)
+def test_every_number_of_the_tables_is_that_of_the_answer(name: str) -> None:
+    assert untruths(study_view(CLEAN[name]()), CLEAN[name]()) == []
+
+
+def change_std(case: Json) -> None:
+    case["parameters"][0]["std"] *= 1.5
+
+
+def change_share(case: Json) -> None:
+    case["parameters"][1]["likelihood"]["held_high"] -= 0.1
+
+
+def change_midpoint(case: Json) -> None:
+    case["parameters"][1]["midpoint"]["rmse"] *= 1.1
+
+
+@pytest.mark.parametrize("change", [change_std, change_share, change_midpoint])
+def test_a_number_that_is_not_that_of_the_answer_is_caught(change: Any) -> None:
+    answer = patterns_sweep()
+    change(answer["cases"][1])
+    assert len(untruths(study_view(patterns_sweep()), answer)) == 1
+
+
+def as_text(value: object) -> str:
+    return "" if value is None else str(value)
+
+
+def test_the_plain_tables_say_what_the_answer_says_and_the_folder_is_whole(tmp_path: Path) -> None:
+    answer = pattern_shots_sweep()
+    answer["study"] = "../../x"
+    paths = write_study(tmp_path / "out", answer)
+    assert {path.name for path in tmp_path.iterdir()} == {"out"}
+    assert {path.name for path in paths.tables} == {"cases.csv", "offsets.csv"}
+    assert [path.name for path in paths.figures] == ["lines.svg"]
+    cases, offsets = (
+        list(csv.DictReader(io.StringIO(path.read_text(encoding="utf-8")))) for path in paths.tables
+    )
+    axes = answer["axes"]
+    every = [(i, case, row) for i, case in enumerate(answer["cases"], 1) for row in case["parameters"]]
+    for told, (i, case, row) in zip(offsets, every, strict=True):
+        assert told["case"] == str(i)
+        assert told["axis1_plan.kind"] == axes[0]["values"][case["at"][0]]
+        assert told["axis2_plan.shots"] == str(axes[1]["values"][case["at"][1]])
+        assert (told["parameter"], told["status"], told["std"]) == (
+            row["name"], row["status"], as_text(row["std"])
+        )  # fmt: skip
+        for fit in ("likelihood", "midpoint"):
+            for key in ERRORS:
+                assert told[f"{fit}_{key}"] == as_text((row[fit] or {}).get(key))
+    for told, case in zip(cases, answer["cases"], strict=True):
+        assert (told["verdict"], told["worst_std"]) == (case["verdict"], as_text(case["worst_std"]))
+        assert told["not_determined"] == ("delta2" if case["verdict"] == "degenerate" else "")
+
+
+def test_an_axis_whose_key_is_that_of_a_column_hides_nothing() -> None:
+    answer = patterns_sweep()
+    answer["axes"][0]["key"] = "parameter"
+    row = next(iter(SWEEP.tables["offsets.csv"](answer)))
+    assert (row["axis1_parameter"], row["parameter"]) == ("x-pattern", "delta2")
+
+
+def test_every_cell_and_sentence_is_in_the_pdf() -> None:
+    view = study_view(patterns_sweep())
+    read = pypdf.PdfReader(io.BytesIO(pdf(view, {})))
+    text = re.sub(r"\s", "", text_of(read))
+    said = [*cells(view), view["verdict"]["sentence"], *view["notes"]]
+    assert len(said) > 80
+    for told in said:
+        assert re.sub(r"\s", "", told) in text, told
+
+
+def test_the_interval_of_an_rmse_is_that_of_chi_squared() -> None:
+    """χ² of 100 degrees of freedom: 74.222 and 129.561 (printed tables)."""
+    low, high = rmse_interval({"runs": 100, "rmse": 2.0})
+    assert low == pytest.approx(2 * (100 / 129.561) ** 0.5, rel=1e-5)
+    assert high == pytest.approx(2 * (100 / 74.222) ** 0.5, rel=1e-5)
+
+
+# ── what must be seen ─────────────────────────────────────────────────────────────────────────
+
+
+@pytest.mark.parametrize("name", ["patterns", "shots", "pattern_map"])
+def test_a_sweep_in_the_terminal(name: str) -> None:
+    assert_golden(f"study_sweep_{name}.txt", printed(CLEAN[name]()))
+
+
+def test_a_gap_is_drawn_and_said_where_nothing_is_determined() -> None:
+    # δ2 and δ3 at three shots, δ4 at three and four; beside the legend's own.
+    lines = drawn_of("shots")["lines"]
+    assert words(lines.svg).count(NOT_DETERMINED) == 3 + 1
+    assert "δ4 0.036° at 5, 0.0098° at 30, not determined at 3, 4" in lines.alt
+    # Where all is determined there is no gap: in one of four panels alone.
+    assert words(drawn_of("pattern_shots")["lines"].svg).count(NOT_DETERMINED) == 1 + 1
+    dots = drawn_of("patterns")["dots_1"]
+    assert words(dots.svg).count(NOT_DETERMINED) == 1 + 1
+    assert "ring: no plan" in dots.alt
+    grid = drawn_of("map")["map"]
+    assert words(grid.svg).count("determined") == 1 + 1
+    assert words(grid.svg).count("no plan") == 1
+    assert "not determined in 1 of 12 cases; no plan in 2 of 12 cases" in grid.alt
+
+
+def test_a_map_has_the_worst_std_of_every_case_that_tells_all() -> None:
+    text = words(drawn_of("map")["map"].svg)
+    told = {f"{case['worst_std']:.2g}" for case in map_sweep()["cases"] if case["worst_std"] is not None}
+    assert len(told) > 3
+    for std in told:
+        assert re.search(rf"(?<![\d.]){re.escape(std)}(?![\d])", text), std
+
+
+def test_the_summary_has_verdict_and_reason_in_words() -> None:
+    answer = patterns_sweep()
+    answer["cases"][1]["parameters"][1]["likelihood"]["agrees"] = False
+    view = study_view(answer)
+    (table,) = tables_of(view, SUMMARY)
+    assert [texts(row) for row in table["rows"]] == [
+        ["x-pattern", "degenerate", "δ2: not determined", "yes"],
+        ["y-pattern", "pass", "δ6: 0.087°", "no"],
+        ["optimal", "pass", "δ6: 0.043°", "yes"],
+        ["ring", "no plan", "", ""],
+    ]
+    assert table["caption"].startswith("Verdict of each plan of 7 shots, ")
+    (offsets,) = tables_of(view, OFFSETS)
+    marks = [row["cells"][-2]["mark"] for row in offsets["rows"] if texts(row)[0] == "δ3"]
+    assert marks == ["identified", "weak", "identified"]
+    assert [row["cells"][1]["mark"] for row in table["rows"]] == [
+        "unidentifiable", "identified", "identified", "held"
+    ]  # fmt: skip
+    page = " ".join(" ".join(Page(html(view, {}, "study")).text).split())
+    assert "No plan for ring: only 3 of 400 candidates see the PSD." in page
+
+
+def test_without_simulated_runs_nothing_is_said_of_them() -> None:
+    view = study_view(map_sweep())
+    heads = [column["text"] for table in tables_of(view, "") for column in table["columns"]]
+    assert "predicted std" in heads
+    assert not {"rmse", "runs agree", "midpoint rmse"} & set(heads)
+    assert "No runs were simulated." in " ".join(Page(html(view, {}, "study")).text)
+
+
+def test_long_grids_are_cut_and_say_so() -> None:
+    view = study_view(long_sweep(200))
+    (summary,), (offsets,) = tables_of(view, SUMMARY), tables_of(view, OFFSETS)
+    assert len(summary["rows"]) == 60
+    assert summary["caption"].endswith("(60 of 200 cases shown, all in cases.csv)")
+    shown = sum(texts(row)[0].startswith("case ") for row in offsets["rows"])
+    assert len(offsets["rows"]) <= 60
+    assert offsets["caption"].endswith(f"({shown} of 200 cases shown, all in offsets.csv)")
+    assert sum(1 for _ in SWEEP.tables["cases.csv"](long_sweep(200))) == 200
+    (whole,) = tables_of(study_view(long_sweep(60)), SUMMARY)
+    assert len(whole["rows"]) == 60
+    assert "shown" not in whole["caption"]
+
+
+def test_cases_of_one_value_of_the_first_axis_stay_in_one_figure_of_dots() -> None:
+    answer = patterns_sweep()
+    (case,) = answer["cases"][1:2]
+    answer["axes"] = [{**answer["axes"][0], "values": list(values)} for values in ("abcde", "xyz")]
+    answer["cases"] = [{**case, "at": [i, j]} for i in range(5) for j in range(3)]
+    # Three cases of five offsets make 18 rows with their headings: two such groups to a page.
+    assert [[one["at"][0] for one in page] for page in dot_pages(answer)] == [
+        [0, 0, 0, 1, 1, 1], [2, 2, 2, 3, 3, 3], [4, 4, 4]
+    ]  # fmt: skip
+    assert figure_names(answer) == ["dots_1", "dots_2", "dots_3"]
+    assert figure_names(long_sweep(200)) == [f"dots_{k}" for k in range(1, 5)]
+
+
+def test_a_parameter_that_a_case_does_not_have_is_said_to_be_not_estimated() -> None:
+    case, row = shots_sweep()["cases"][0], shots_sweep()["cases"][0]["parameters"][0]
+    assert [gap(case, None), gap(case, row), gap({**case, "reason": "far"}, None)] == [
+        "not estimated", NOT_DETERMINED, "no plan"
+    ]  # fmt: skip
+
+
+def test_a_scale_is_of_the_parameters_unit_in_every_panel_of_a_row() -> None:
+    """A length that one of two series does not have: that one's panel stands first and has the numbers."""
+    answer = pattern_shots_sweep()
+    for case in answer["cases"]:
+        del case["parameters"][1:]
+        if case["at"][0] == 0:
+            case["parameters"] = []
+        else:
+            (row,) = case["parameters"]
+            row |= {"name": "tool.shift1", "unit": "mm", "std": 4.0, "likelihood": None, "midpoint": None}
+    text = words(SWEEP.pictures(answer)["lines"].svg)
+    assert {"1", "2", "5"} <= set(text.split())  # millimetres
+    assert not {"0.1", "0.01"} & set(text.split())  # degrees
+    assert "not estimated" in text
+
+
+def test_a_tolerance_that_differs_from_case_to_case_is_not_drawn_as_one() -> None:
+    answer = patterns_sweep()
+    row = answer["cases"][1]["parameters"][0]
+    assert tolerance(answer, row) == 0.1
+    assert tolerance(answer, {**row, "name": "tool.shift1", "unit": "mm"}) == 1.0
+    answer["axes"][0]["set"] = [{"tolerance.offset_deg": 0.1}] * 4
+    assert tolerance(answer, row) is None
+
+
+def test_ticks_are_round_numbers_within_the_scale() -> None:
+    assert log_ticks(0.009, 0.12) == pytest.approx([0.01, 0.02, 0.05, 0.1])
+    assert log_ticks(0.004, 20) == pytest.approx([0.01, 0.1, 1, 10])
+
+
+# ── what must not be said ─────────────────────────────────────────────────────────────────────
+
+
+def with_made_up(answer: Json, key: str) -> Json:
+    """The answer with a number for all that it cannot tell."""
+    errors = dict.fromkeys(("rmse", "bias", "bias_std"), FORBIDDEN) | {"runs": 200}
+    held = dict.fromkeys(("held", "held_low", "held_high"), FORBIDDEN / 2) | {"agrees": True}
+    value: Any = {"likelihood": errors | held, "midpoint": errors}.get(key, FORBIDDEN)
+    for case, row in undetermined(answer):
+        case["worst_std"] = FORBIDDEN
+        if key in row:
+            row[key] = value
+    return answer
+
+
+@pytest.mark.parametrize("key", ["std", "likelihood", "midpoint"])
+def test_a_sweep_with_a_made_up_number_is_refused(key: str) -> None:
+    refuse_made_up(patterns_sweep(), SWEEP)
+    with pytest.raises(UnsoundResult, match="'delta2' is unidentifiable"):
+        refuse_made_up(with_made_up(patterns_sweep(), key), SWEEP)
+
+
+@pytest.mark.parametrize("name", ["patterns", "shots", "map"])
+def test_what_is_not_determined_has_no_number_whatever_the_answer_holds(name: str) -> None:
+    answer = CLEAN[name]()
+    assert list(undetermined(answer))
+    for key in ("std", "likelihood", "midpoint"):
+        with_made_up(answer, key)
+    view, drawn = study_view(answer), SWEEP.pictures(answer)
+    seen = [" ".join(Page(html(view, {}, "study")).text), printed(answer)]
+    seen += [words(picture.svg) + picture.alt for picture in drawn.values()]
+    seen += [str(list(rows(answer))) for rows in SWEEP.tables.values()]
+    for text in seen:
+        assert not re.search(r"1\.23|1\.2°|0\.617|61\.7|62 \(", text)
+    # Nor is there a mark where the number would stand.
+    for key, picture in drawn_of(name).items():
+        assert drawn[key].svg == picture.svg
+
+
+# ── one file, no network, names as text ───────────────────────────────────────────────────────
+
+
+@pytest.mark.parametrize("name", CLEAN)
+def test_the_page_is_one_well_formed_file_that_fetches_nothing(name: str) -> None:
+    text = html(study_view(CLEAN[name]()), drawn_of(name), "study")
+    page = Page(text)
+    assert_fetches_nothing(page)
+    figures = [attributes for _, attributes in page.tags if attributes.get("role") == "img"]
+    assert [bool(attributes["aria-label"]) for attributes in figures] == [True] * len(FIGURES[name])
+    used = re.findall(r'\bid="([^"]+)"', text)
+    assert len(used) == len(set(used)) > 0
+    assert "<image" not in text
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_hostile_names_are_shown_as_they_are_and_do_nothing(name: str) -> None:
+    answer = HOSTILE[name]()
+    view, drawn = study_view(answer), SWEEP.pictures(answer)
+    assert {re.sub(r"_\d$", "", key) for key in drawn} == {name}
+    page = html(view, drawn, "study")
+    Page(page)
+    assert "<script" not in page
+    assert "&lt;script&gt;" in page
+    assert pdf(view, drawn).startswith(b"%PDF")
+    # Without figures, whose text is slow to read.
+    text = text_of(pypdf.PdfReader(io.BytesIO(pdf(view, {}))))
+    assert "#import" in text
+    assert "root:" not in text
+    terminal = printed(answer)
+    assert max(len(line) for line in terminal.splitlines()) <= WIDTH
+    headers = " ".join(key for rows in SWEEP.tables.values() for row in rows(answer) for key in row)
+    for told in (page, terminal, headers, *(picture.svg + picture.alt for picture in drawn.values())):
+        for letter in ("\x00", "\x1b", "\u202e"):
+            assert letter not in told

@@ -1,0 +1,23 @@
+"""Golden files: printed text that changes on purpose only.
+
+After a change that is meant, write them anew with ZEROBEAM_WRITE_GOLDEN=1 and look at the difference.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+FOLDER = Path(__file__).parents[1] / "golden"
+
+
+def assert_golden(name: str, text: str) -> None:
+    """`text` is what stands in the golden file of this name."""
+    file = FOLDER / name
+    # Spaces at the ends of lines are no part of what a person sees, and editors take them away.
+    text = "\n".join(line.rstrip() for line in text.splitlines()).rstrip() + "\n"
+    if os.environ.get("ZEROBEAM_WRITE_GOLDEN"):
+        FOLDER.mkdir(exist_ok=True)
+        file.write_text(text, encoding="utf-8")
+    assert file.is_file(), f"there is no golden file {name}; ZEROBEAM_WRITE_GOLDEN=1 writes it"
+    assert text == file.read_text(encoding="utf-8"), f"{name} is not what was printed"

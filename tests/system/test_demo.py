@@ -1,0 +1,110 @@
+"""`zerobeam demo`: three reports, and the truth of each run within what its report says."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from command_line import Answer, zerobeam
+
+from zerobeam.experiments.demos import demo_runs
+from zerobeam.model.files.run import read_run
+
+# Of a unit normal: 99 % lie within.
+WITHIN_99 = 2.576
+TABLE_2 = {"delta2": -1.2168, "delta3": -0.6931, "delta4": 0.1129, "delta5": 0.0053, "delta6": -0.0382}
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Answer, Path]:
+    folder = tmp_path_factory.mktemp("demo") / "reports"
+    return zerobeam("demo", "-o", folder), folder
+
+
+def result(demo: tuple[Answer, Path], name: str) -> Any:
+    return json.loads((demo[1] / name / "result.json").read_text(encoding="utf-8"))
+
+
+def rows(answer: Any) -> dict[str, Any]:
+    return {row["name"]: row for row in answer["parameters"]}
+
+
+def outside(answer: Any) -> list[str]:
+    """Names of the parameters whose true value is not within their 99 % interval."""
+    provenance = answer["inputs"]["header"]["provenance"]
+    found = []
+    for row in answer["parameters"]:
+        true = provenance.get(f"true {row['name']} ({row['unit']})")
+        known = row["status"] in ("identified", "weak") and true is not None
+        if known and abs(row["estimate"] - true) > WITHIN_99 * row["std"]:
+            found.append(row["name"])
+    return found
+
+
+def test_it_writes_three_reports_and_tells_where(demo: tuple[Answer, Path]) -> None:
+    told, folder = demo
+    assert (told.status, told.err) == (0, "")
+    assert {path.name for path in folder.iterdir()} == {"good", "x-pattern", "uncalibrated"}
+    for case in folder.iterdir():
+        files = {path.name for path in case.iterdir()}
+        assert files == {"report.html", "report.pdf", "result.json", "posterior.nc", "figures"}
+        assert f"Report: {case / 'report.html'}" in told.out
+    assert all(title in told.out for title in ("good run", "X-Pattern", "uncalibrated tool", "verdict"))
+
+
+def test_the_good_run_passes_and_holds_the_truth(demo: tuple[Answer, Path]) -> None:
+    answer = result(demo, "good")
+    assert answer["verdict"] == "pass"
+    assert answer["posterior"]["converged"]
+    offsets = {name: row for name, row in rows(answer).items() if name.startswith("delta")}
+    assert offsets.pop("delta1")["status"] == "held"
+    assert {row["status"] for row in offsets.values()} == {"identified"}
+    provenance = answer["inputs"]["header"]["provenance"]
+    assert {name: provenance[f"true {name} (deg)"] for name in offsets} == TABLE_2
+    assert outside(answer) == []
+    # The check itself: a truth that is off by half a degree is seen.
+    provenance["true delta3 (deg)"] += 0.5
+    assert outside(answer) == ["delta3"]
+
+
+def test_the_x_pattern_does_not_tell_delta2_and_says_why_and_what_to_do(demo: tuple[Answer, Path]) -> None:
+    answer = result(demo, "x-pattern")
+    assert answer["verdict"] == "degenerate"
+    row = rows(answer)["delta2"]
+    assert row["status"] == "unidentifiable"
+    assert (row["estimate"], row["std"], row["interval95"], row["midpoint"]) == (None, None, None, None)
+    assert "joint 1" in row["reason"]
+    assert "X-Pattern" in row["reason"]
+    assert "delta2 is not determined by these shots: joint 1" in answer["headline"]
+    direction = answer["identifiability"]["null_space"][0]
+    assert max(direction["combination"], key=lambda name: abs(direction["combination"][name])) == "delta2"
+    assert "vary joint 1" in direction["remedy"]
+    assert outside(answer) == []
+    page = (demo[1] / "x-pattern" / "report.html").read_text(encoding="utf-8")
+    assert "vary joint 1" in page.replace("Vary", "vary")
+
+
+def test_the_uncalibrated_tool_is_estimated_and_its_joint_held(demo: tuple[Answer, Path]) -> None:
+    answer = result(demo, "uncalibrated")
+    assert answer["verdict"] == "pass"
+    row = rows(answer)["delta6"]
+    assert (row["status"], row["estimate"], row["std"]) == ("held", 0.0, None)
+    assert "tool" in row["reason"] or "laser" in row["reason"]
+    tool = [row for row in answer["parameters"] if row["group"] == "tool"]
+    assert [row["name"] for row in tool] == ["tool.tilt1", "tool.tilt2", "tool.shift1", "tool.shift2"]
+    assert {row["status"] for row in tool} == {"identified"}
+    # Found, not left where the header supposes them.
+    assert all(abs(row["estimate"]) > 5 * row["std"] for row in tool)
+    assert outside(answer) == []
+
+
+def test_the_built_in_runs_are_whole_and_say_that_they_are_simulated() -> None:
+    for case in demo_runs():
+        run = read_run(case.path)
+        run.require_analysable()
+        assert run.warnings == ()
+        assert run.header.provenance["origin"] == "simulated"
+        assert "true delta2 (deg)" in run.header.provenance
+    assert [len(read_run(case.path).shots) for case in demo_runs()] == [7, 7, 12]

@@ -1,0 +1,241 @@
+"""Section 3 of the paper with its numbers: patterns, joint 1, a laser that was not calibrated, eq. 12-16."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from benchmark_script import load_benchmark
+from cells import OPEN_LASER, good_plan, header, irb1600, pattern_plan, plan_of
+
+from zerobeam.analysis.observability.aim import aim
+from zerobeam.analysis.observability.check import Check, CheckedParameter, check
+from zerobeam.model.files.plan import Plan
+from zerobeam.model.problem import Problem
+from zerobeam.model.robot import Matrix, Robot
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
+JITTER_DEG = 0.01
+AXIS_2_MM = 486.5  # height of joint 2's axis: d1 of Table 1
+
+
+def named(answer: Check, name: str) -> CheckedParameter:
+    return next(row for row in answer.parameters if row.name == name)
+
+
+def offsets(answer: Check) -> dict[str, CheckedParameter]:
+    return {row.name: row for row in answer.parameters if row.group == "offset" and not row.held}
+
+
+# --- 3.2: X-Pattern and Y-Pattern -----------------------------------------------------------------------
+
+
+def test_x_pattern_with_the_psd_straight_ahead() -> None:
+    answer = check(pattern_plan("x"))
+    delta2 = named(answer, "delta2")
+    assert (delta2.status, delta2.data_std, delta2.std) == ("unidentifiable", None, None)
+    assert delta2.reason is not None
+    assert delta2.reason.startswith("joint 1 does not change over the shots")
+    (null,) = [
+        d for d in answer.identifiability.null_space if "delta2" in d.combination and d.kind == "exact"
+    ]
+    assert null.remedy == "vary joint 1 by 30 degrees or more between shots"
+    # The others are told, if poorly.
+    for name in ("delta3", "delta4", "delta5", "delta6"):
+        assert named(answer, name).data_std == pytest.approx(0.1, abs=0.25)
+
+
+def jittered(plan: Plan, seed: int) -> Plan:
+    rng = np.random.default_rng(seed)
+    postures = plan.postures.copy()
+    postures[:, 0] += np.radians(JITTER_DEG) * rng.normal(size=len(postures))
+    return plan_of(plan.header, postures)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_jitter_of_joint_1_is_no_information(seed: int) -> None:
+    """A pass by accident would need a std below the prior's 5 degrees: it is tens of degrees at the least."""
+    answer = check(jittered(pattern_plan("x"), seed))
+    delta2 = named(answer, "delta2")
+    assert (delta2.status, delta2.std) == ("unidentifiable", None)
+    assert delta2.data_std is not None
+    assert 30 < delta2.data_std < 1000
+    (null,) = [d for d in answer.identifiability.null_space if d.combination.get("delta2") == 1.0]
+    assert null.kind == "noise"
+    assert "joint 1 varies by no more than" in null.reason
+
+
+def straight_ahead(height: float, jitter_deg: float, seed: int = 1) -> Plan:
+    """Seven postures in the plane of y = 0 that hit a PSD at (900, 0, height) mm, joint 1 jittered."""
+    rng = np.random.default_rng(seed)
+    shots = 7
+    postures = np.radians(
+        [[0.0, lift, elbow, 0.0, -60.0, 0.0] for lift, elbow in zip(
+            np.linspace(-25, 15, shots), np.linspace(-30, 5, shots) + rng.normal(size=shots), strict=True
+        )]
+    )  # fmt: skip
+    own = header(target=(900.0, 0.0, height))
+    problem = Problem.from_plan(plan_of(own, postures))
+    only_wrist = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 0.0])
+    aimed = aim(problem, problem.supposed(), only_wrist)
+    assert aimed.hit.all()
+    postures = aimed.problem.joints.copy()
+    postures[:, 0] += np.radians(jitter_deg) * np.array([1, -1, 0.5, 0.2, -0.7, 0.9, -0.4])
+    return plan_of(own, postures)
+
+
+def test_how_much_a_jitter_tells_depends_on_the_height_of_the_psd() -> None:
+    """Joint 1 turned by e moves what a turn about joint 2 does to the target by e times the target's height
+    over the axis of joint 2: data_std goes with one over both."""
+
+    def std(height: float, jitter_deg: float) -> float:
+        delta2 = named(check(straight_ahead(height, jitter_deg)), "delta2")
+        assert delta2.status == "unidentifiable"
+        assert delta2.data_std is not None
+        return delta2.data_std
+
+    at_the_floor = std(0.0, JITTER_DEG)
+    near = {height: std(height, JITTER_DEG) for height in (400.0, 450.0, 480.0)}
+    products = [value * (AXIS_2_MM - height) for height, value in near.items()]
+    np.testing.assert_allclose(products, products[0], rtol=0.1)
+    assert near[480.0] > 1000 > 300 > at_the_floor
+    # Half the jitter, twice the std.
+    assert std(0.0, JITTER_DEG / 2) == pytest.approx(2 * at_the_floor, rel=0.05)
+
+
+def test_x_pattern_with_the_psd_aside() -> None:
+    """Joint 1 changes by a degree or two: a number, but no knowledge."""
+    for aside in (200.0, 600.0):
+        plan = pattern_plan("x", aside)
+        assert 0.5 < np.degrees(np.ptp(plan.postures[:, 0])) < 3
+        delta2 = named(check(plan), "delta2")
+        assert (delta2.status, delta2.std) == ("unidentifiable", None)
+        assert delta2.data_std is not None
+        assert 5 < delta2.data_std < 20
+
+
+def test_y_pattern() -> None:
+    """Free from the issue, as the paper says: every offset is told, delta2 to about a degree."""
+    plan = pattern_plan("y")
+    assert np.degrees(np.ptp(plan.postures[:, 0])) > 80
+    answer = check(plan)
+    assert answer.verdict == "weak"
+    assert {row.status for row in offsets(answer).values()} <= {"identified", "weak"}
+    told, by_x = (
+        named(answer, "delta2").data_std,
+        named(check(jittered(pattern_plan("x"), 0)), "delta2").data_std,
+    )
+    assert told is not None
+    assert by_x is not None
+    assert told < 2 < by_x / 10
+
+
+@pytest.mark.parametrize(("which", "aside_m"), [("x", 0.4), ("y", 0.0)])
+def test_the_table_of_docs_paper(which: str, aside_m: float) -> None:
+    made = load_benchmark("pattern_table").row(which, aside_m)
+    assert made in PAGE
+
+
+def test_the_table_of_docs_paper_is_whole() -> None:
+    rows = re.findall(r"^\| ([XY]) \| (0\.\d) \|", PAGE, flags=re.MULTILINE)
+    script = load_benchmark("pattern_table")
+    assert rows == [(w.upper(), f"{a:.1f}") for w in script.PATTERNS for a in script.ASIDE_M]
+
+
+# --- 3.3 and 3.1 ------------------------------------------------------------------------------------------
+
+
+def test_delta1_is_the_base_frame() -> None:
+    held, freed = check(good_plan()), check(good_plan(held=[]))
+    assert (named(freed, "delta1").status, named(freed, "delta1").data_std) == ("unidentifiable", None)
+    (null,) = freed.identifiability.null_space
+    assert null.kind == "exact"
+    assert "base frame" in null.reason
+    # Freeing it takes nothing from the others, and holding it gives them nothing.
+    for name, row in offsets(held).items():
+        assert named(freed, name).data_std == pytest.approx(row.data_std, rel=1e-6)
+
+
+def test_an_uncalibrated_laser_with_delta6_held() -> None:
+    answer = check(good_plan(12, 5, OPEN_LASER))
+    assert answer.verdict == "pass"
+    assert (named(answer, "delta6").status, named(answer, "delta6").data_std) == ("held", None)
+    assert named(answer, "tool.tilt1").status == "identified"
+
+
+def test_an_uncalibrated_laser_with_delta6_freed() -> None:
+    """ "The identified offset of joint 6 is meaningless": it and the tool turn together."""
+    answer = check(good_plan(12, 5, OPEN_LASER, held=["delta1"]))
+    assert (named(answer, "delta6").status, named(answer, "delta6").data_std) == ("unidentifiable", None)
+    (null,) = answer.identifiability.null_space
+    assert null.kind == "exact"
+    assert "last joint and an uncalibrated laser" in null.reason
+    # The turn by delta6 is undone by the tool's own parameters alone.
+    assert set(null.combination) <= {"delta6", "tool.tilt1", "tool.tilt2", "tool.shift1", "tool.shift2"}
+    for name in ("delta2", "delta3", "delta4", "delta5"):
+        assert named(answer, name).status == "identified"
+
+
+# --- eq. 12-16 --------------------------------------------------------------------------------------------
+
+
+def position(theta: Matrix, point: Matrix) -> Matrix:
+    """A point (3,) mm in the frame of joint 2 (eq. 13), in the base frame at theta (2,), by Table 1."""
+    arm = irb1600()
+    # Up to the frame of joint 2 in the sense of eq. 1: with the link that the file puts before joint 3.
+    upper = Robot("upper arm", arm.joints[:2], arm.joints[2].fixed)
+    angles = ca.SX.sym("theta", 2)
+    pose = ca.Function("pose", [angles], list(upper.flange_pose(angles)))
+    rotation, translation = (np.array(value) for value in pose(theta))
+    return np.asarray(rotation @ point + translation[:, 0])
+
+
+def test_eq_12_is_one_point_for_all_shots() -> None:
+    """The spot, as far before each laser as the target, is the same point in the base frame."""
+    plan = good_plan()
+    problem = Problem.from_plan(plan)
+    x = problem.supposed()
+    origin, direction = problem.beams(x)
+    _, targets, _ = problem.split(x)
+    along = ((targets[0] - origin) * direction).sum(axis=1)
+    spots = origin + along[:, None] * direction
+    np.testing.assert_allclose(spots, np.tile(targets[0], (len(spots), 1)), atol=1e-6)
+
+
+def test_eq_14_as_docs_paper_corrects_it() -> None:
+    rng = np.random.default_rng(14)
+    for _ in range(5):
+        angles, (x, y, z) = rng.uniform(-1.5, 1.5, 2), rng.uniform(-500, 500, 3)
+        found = position(angles, np.array([x, y, z]))
+        (c1, c2), (s1, s2) = np.cos(angles), np.sin(angles)
+        corrected = [
+            x * c1 * s2 + y * c1 * c2 - z * s1 + 700 * c1 * s2 + 150 * c1,
+            x * s1 * s2 + y * s1 * c2 + z * c1 + 700 * s1 * s2 + 150 * s1,
+            x * c2 - y * s2 + 700 * c2 + 486.5,
+        ]
+        np.testing.assert_allclose(found, corrected, atol=1e-9)
+        printed_y = -x * s1 * c2 + y * s1 * c2 + z * c1 + 700 * s1 * s2 + 150 * s1
+        printed_z = x * c2 - y * s2 + 700 * c2 + 150 * s1
+        assert abs(found[1] - printed_y) > 1e-3
+        assert abs(found[2] - printed_z) > 1e-3
+
+
+def test_eq_15_and_16_as_docs_paper_corrects_them() -> None:
+    """For theta1 = 0 and p_y = 0: the distance from the axis of joint 2 does not depend on theta2."""
+    rng = np.random.default_rng(16)
+    for _ in range(5):
+        x, y = rng.uniform(-500, 500, 2)
+        theta2, turned = rng.uniform(-1.5, 1.5, 2)
+        found = position(np.array([0.0, theta2]), np.array([x, y, 0.0]))
+        c2, s2 = np.cos(theta2), np.sin(theta2)
+        eq15 = [x * s2 + y * c2 + 700 * s2, 0.0, x * c2 - y * s2 + 700 * c2]
+        np.testing.assert_allclose(found, np.add(eq15, [150.0, 0.0, 486.5]), atol=1e-9)
+        eq16 = x**2 + 1400 * x + y**2 + 700**2
+        for place in (found, position(np.array([0.0, turned]), np.array([x, y, 0.0]))):
+            assert (place[0] - 150) ** 2 + (place[2] - 486.5) ** 2 == pytest.approx(eq16)
+        # As printed, about the base's origin, it is not true.
+        assert abs(float(found @ found) - eq16) > 1.0
