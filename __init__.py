@@ -10,12 +10,7 @@ if TYPE_CHECKING:
     from .analysis.analyse import analyse
     from .analysis.observability.check import Check, check
     from .analysis.result import Draws, Result
-    from .model.errors import (
-        BadInput,
-        FitFailed,
-        RigFault,
-        ZerobeamError,
-    )
+    from .model.errors import BadInput, FitFailed, RigFault, ZerobeamError
     from .model.files.plan import Plan, read_plan
     from .model.files.run import Run, read_run
     from .reports.output.folder import write_report

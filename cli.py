@@ -15,20 +15,8 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 from . import __version__
-from .commands import (
-    carrying_out,
-    exporting,
-    importing,
-    judging,
-    studying,
-)
-from .commands.console import (
-    FAULT,
-    INTERRUPTED,
-    err,
-    out,
-    plain,
-)
+from .commands import carrying_out, exporting, importing, judging, studying
+from .commands.console import FAULT, INTERRUPTED, err, out, plain
 from .model.errors import ZerobeamError
 
 app = typer.Typer(

@@ -20,22 +20,12 @@ from .diagnostics.hold_out import hold_out
 from .diagnostics.influence import influence
 from .diagnostics.notes import OUTLYING, misfit, notes
 from .diagnostics.scene import scene
-from .estimation.fit import (
-    CONTRADICTED,
-    LikelihoodFit,
-    fit_likelihood,
-    start_at,
-)
+from .estimation.fit import CONTRADICTED, LikelihoodFit, fit_likelihood, start_at
 from .estimation.midpoint import MidpointFit, fit_midpoint
 from .estimation.profile import profile_intervals
 from .estimation.robust import Loss, fit_robust, outlying
 from .observability.identifiability import Identified, identify_at
-from .observability.verdict import (
-    listed,
-    reason_for,
-    verdict,
-    verdict_sentence,
-)
+from .observability.verdict import listed, reason_for, verdict, verdict_sentence
 from .posterior.posterior import sample_posterior
 from .result import (
     DistanceResult,

@@ -12,21 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..model.errors import BadInput
-from .console import (
-    EXIT_STATUS,
-    INTERRUPTED,
-    err,
-    out,
-    print_json,
-    stoppable,
-)
-from .options import (
-    Camera,
-    Json,
-    NewRunFile,
-    PlanFile,
-    Seed,
-)
+from .console import EXIT_STATUS, INTERRUPTED, err, out, print_json, stoppable
+from .options import Camera, Json, NewRunFile, PlanFile, Seed
 
 if TYPE_CHECKING:
     from ..experiments.recording import Controller

@@ -11,20 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..model.errors import BadInput
-from .console import (
-    EXIT_STATUS,
-    FAULT,
-    out,
-    print_json,
-    progress,
-)
-from .options import (
-    HeaderFile,
-    Json,
-    PlanFile,
-    RunFile,
-    Seed,
-)
+from .console import EXIT_STATUS, FAULT, out, print_json, progress
+from .options import HeaderFile, Json, PlanFile, RunFile, Seed
 
 if TYPE_CHECKING:
     from ..analysis.estimation.robust import Loss

@@ -8,13 +8,7 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
-from .console import (
-    err,
-    out,
-    print_json,
-    progress,
-    stoppable,
-)
+from .console import err, out, print_json, progress, stoppable
 from .options import Camera, Json, Seed
 
 studies = typer.Typer(

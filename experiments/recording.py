@@ -17,13 +17,7 @@ from ..model.files.robot_file import rebased
 from ..model.files.run import Shot, read_run
 from .procedure.adaptive import Adaptive
 from .procedure.order import Closing, InTurn, Order
-from .procedure.procedure import (
-    Carried,
-    Procedure,
-    Told,
-    recorded_event,
-    told_by,
-)
+from .procedure.procedure import Carried, Procedure, Told, recorded_event, told_by
 from .rigs.abb.abb_rig import AbbRig, Caution, Sensors
 from .rigs.abb.access import Access
 from .rigs.replay import ReplayRig

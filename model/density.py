@@ -11,16 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .kernel import (
-    GridInput,
-    Index,
-    Kernel,
-    constant,
-    per_both,
-    per_inner,
-    per_outer,
-    selected,
-)
+from .kernel import GridInput, Index, Kernel, constant, per_both, per_inner, per_outer, selected
 from .problem import Problem
 from .robot import Matrix
 

@@ -8,13 +8,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from ..observability.verdict import listed
-from ..result import (
-    FitSummary,
-    HoldOut,
-    PosteriorSummary,
-    Robust,
-    ShotResult,
-)
+from ..result import FitSummary, HoldOut, PosteriorSummary, Robust, ShotResult
 from .displacement import Displacement, displacement_sentence
 
 LACK_OF_FIT = 1e-3  # p-value below which the misfit is not put down to chance

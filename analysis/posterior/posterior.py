@@ -18,20 +18,9 @@ from ...model.problem import Problem
 from ...model.robot import Matrix
 from ..estimation.coordinates import SeenCoordinates
 from ..estimation.fit import LikelihoodFit
-from ..result import (
-    Draws,
-    PosteriorParameter,
-    PosteriorSummary,
-    Status,
-)
+from ..result import Draws, PosteriorParameter, PosteriorSummary, Status
 from .moves import IndependenceProposal, degrees_of_freedom
-from .sampler import (
-    RHAT_GATE,
-    Progress,
-    Sampled,
-    diagnostics,
-    sample_density,
-)
+from .sampler import RHAT_GATE, Progress, Sampled, diagnostics, sample_density
 
 _THREADS_FROM = 50  # shots
 _KEPT_PER_WALKER = 400

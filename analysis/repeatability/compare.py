@@ -11,23 +11,8 @@ import numpy as np
 from ...model.robot import Matrix
 from ..observability.verdict import listed
 from ..versions import versions
-from .consistency import (
-    LEVEL,
-    Sample,
-    against_others,
-    consistency,
-    holm,
-    mean_of,
-    of_a_std,
-    one_offset,
-)
-from .repeats import (
-    Kind,
-    Progress,
-    Repeat,
-    read_repeats,
-    times,
-)
+from .consistency import LEVEL, Sample, against_others, consistency, holm, mean_of, of_a_std, one_offset
+from .repeats import Kind, Progress, Repeat, read_repeats, times
 
 Json = dict[str, Any]
 

@@ -22,12 +22,7 @@ from threadpoolctl import threadpool_limits
 
 from ...model.density import Density
 from ...model.errors import BadInput
-from ...model.files.reading import (
-    parse_json,
-    read_bytes,
-    read_text,
-    shown,
-)
+from ...model.files.reading import parse_json, read_bytes, read_text, shown
 from ...model.files.run import Run, read_run
 from ...model.problem import Problem
 from ...model.robot import Matrix, Robot

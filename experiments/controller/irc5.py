@@ -13,15 +13,7 @@ from .cell_behind import CellBehind
 from .drive import Drive
 from .egm import Egm
 from .rapid_data import RapidData
-from .return_code import (
-    EXECUTION_STATE,
-    HELD,
-    INVALID_ARGUMENT,
-    MODE_REJECT,
-    NOT_HELD,
-    REJECTED,
-    Refused,
-)
+from .return_code import EXECUTION_STATE, HELD, INVALID_ARGUMENT, MODE_REJECT, NOT_HELD, REJECTED, Refused
 
 CYCLE = 0.004  # s
 PATIENCE = 1.0  # s without a word of the client: the timer of command 1, CommTimeout of EGMSetupUC

@@ -7,13 +7,7 @@ from dataclasses import dataclass
 
 from .irc5 import DOMAINS, Irc5
 from .rapid_data import MODULE, number_text
-from .return_code import (
-    INVALID_ARGUMENT,
-    NO_SUCH_RESOURCE,
-    NO_SUCH_SIGNAL,
-    NO_SUCH_SYMBOL,
-    Refused,
-)
+from .return_code import INVALID_ARGUMENT, NO_SUCH_RESOURCE, NO_SUCH_SIGNAL, NO_SUCH_SYMBOL, Refused
 
 TASK, UNIT = "T_ROB1", "ROB_1"
 _SYMBOL = "rw/rapid/symbol/data/RAPID/"

@@ -14,12 +14,7 @@ from ...model.errors import BadInput
 from ...model.files.reading import shown
 from ...model.robot import Matrix, Robot
 from .dwells import Stillness, held
-from .imported import (
-    Found,
-    Imported,
-    Job,
-    one_target_each,
-)
+from .imported import Found, Imported, Job, one_target_each
 from .joint3 import J3, J3_TOLD, from_ground
 from .log import Log, Mark
 from .table import Table, check_signs, read_table

@@ -11,14 +11,7 @@ import numpy as np
 
 from ...model.errors import BadInput
 from ...model.robot import Matrix, Robot
-from .dwells import (
-    Stand,
-    Stillness,
-    calmest,
-    find_stands,
-    repeats,
-    stand_of_each,
-)
+from .dwells import Stand, Stillness, calmest, find_stands, repeats, stand_of_each
 from .imported import Found
 
 

@@ -10,12 +10,7 @@ import numpy as np
 
 from ...model.errors import BadInput
 from ...model.files.reading import did_you_mean, read_text
-from .imported import (
-    Found,
-    Imported,
-    Job,
-    one_target_each,
-)
+from .imported import Found, Imported, Job, one_target_each
 from .joint3 import J3_TOLD, from_ground
 
 

@@ -9,14 +9,7 @@ from itertools import pairwise
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from ...analysis.design.exact_design import (
-    STARTS,
-    Candidates,
-    Criterion,
-    Design,
-    Index,
-    design,
-)
+from ...analysis.design.exact_design import STARTS, Candidates, Criterion, Design, Index, design
 from ...model.errors import BadInput
 from ...model.files.header import Header
 from ...model.problem import Problem

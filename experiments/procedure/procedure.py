@@ -26,12 +26,7 @@ from ...model.robot import Matrix
 from ..rigs.rig import Rig
 from .centring import WEAKEST, centre
 from .order import Order
-from .readings import (
-    Spot,
-    read_dark,
-    read_joints,
-    read_spot,
-)
+from .readings import Spot, read_dark, read_joints, read_spot
 from .refused import Reason, Refused
 from .search import Search
 from .steering import Belief, come_to

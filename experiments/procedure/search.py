@@ -15,14 +15,7 @@ import numpy as np
 from ...model.robot import Matrix
 from ..rigs.rig import Rig
 from ..sensors.camera import Camera, Image
-from ..sensors.markers import (
-    NoPair,
-    Pair,
-    blobs,
-    is_black,
-    marker_pair,
-    spot_between,
-)
+from ..sensors.markers import NoPair, Pair, blobs, is_black, marker_pair, spot_between
 from ..sensors.psd import Psd
 from .readings import read_spot
 from .refused import Reason, Refused

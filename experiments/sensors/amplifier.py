@@ -12,14 +12,7 @@ import numpy as np
 from ...model.errors import RigFault
 from ...model.robot import Matrix
 from ..extras import missing_extra
-from .line import (
-    IDENTITY,
-    LONGEST,
-    REQUESTS,
-    asking,
-    heard,
-    sample_of,
-)
+from .line import IDENTITY, LONGEST, REQUESTS, asking, heard, sample_of
 
 T = TypeVar("T")
 

@@ -10,12 +10,7 @@ from pydantic import Field, model_validator
 
 from ...model.files.header import Name, Positive
 from ...model.files.reading import read_yaml
-from ...model.files.validation import (
-    FileModel,
-    refusal,
-    require_schema,
-    validate,
-)
+from ...model.files.validation import FileModel, refusal, require_schema, validate
 from ...model.robot import Matrix
 from ..rigs.simulated.cell_file import numbers
 from .psd import PAIR_LIGHT, PsdKind

@@ -17,21 +17,10 @@ from ..procedure.centring import BRIGHTEST
 from .amplifier import Amplifier
 from .calibration import PsdCalibration, read_calibration
 from .camera import Camera, Image
-from .line import (
-    MOST_SAMPLES,
-    REQUESTS,
-    Sample,
-    read_sample,
-    told,
-)
+from .line import MOST_SAMPLES, REQUESTS, Sample, read_sample, told
 from .pictures import open_camera
 from .psd import PAIR_LIGHT, Psd
-from .sensors_file import (
-    CameraBeside,
-    PsdBeside,
-    SensorsFile,
-    read_sensors_file,
-)
+from .sensors_file import CameraBeside, PsdBeside, SensorsFile, read_sensors_file
 
 _BITS_A_BYTE = 10  # 8N1
 

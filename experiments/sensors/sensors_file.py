@@ -11,26 +11,10 @@ from typing import Annotated, Literal, Self
 from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 from ...model.errors import BadInput
-from ...model.files.header import (
-    Name,
-    Point,
-    Positive,
-    TargetName,
-)
+from ...model.files.header import Name, Point, Positive, TargetName
 from ...model.files.reading import Document, Place, read_yaml
-from ...model.files.validation import (
-    FileModel,
-    refusal,
-    require_schema,
-    validate,
-)
-from ..rigs.simulated.cell_file import (
-    Count,
-    Pair,
-    as_tuple,
-    face_normal,
-    numbers,
-)
+from ...model.files.validation import FileModel, refusal, require_schema, validate
+from ..rigs.simulated.cell_file import Count, Pair, as_tuple, face_normal, numbers
 
 SENSORS_SCHEMA: Literal["zerobeam/sensors/1"] = "zerobeam/sensors/1"
 

@@ -20,15 +20,7 @@ import numpy as np
 from ...model.robot import Matrix
 from ..rigs.abb.abb_rig import Sensors
 from .calibration import read_calibration
-from .line import (
-    IDENTITY,
-    LONGEST,
-    MOST_SAMPLES,
-    Sample,
-    asked,
-    read_sample,
-    told,
-)
+from .line import IDENTITY, LONGEST, MOST_SAMPLES, Sample, asked, read_sample, told
 
 _POLL_S = 0.02
 

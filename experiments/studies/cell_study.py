@@ -32,12 +32,7 @@ from ..plans.planning import Planner
 from ..procedure.procedure import PHASES, told_by
 from ..rigs.simulated.cell_file import ArmInCell, CameraInCell, Cell
 from .binomial import accuracy, held_share, nothing_known
-from .campaign import (
-    CellRun,
-    Repeated,
-    campaign,
-    seeds,
-)
+from .campaign import CellRun, Repeated, campaign, seeds
 from .case_store import each_case
 
 SHOTS, CANDIDATES = 7, 1000

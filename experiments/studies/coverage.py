@@ -23,12 +23,7 @@ from scipy import stats
 from threadpoolctl import threadpool_limits
 
 from ...analysis.estimation.coordinates import SeenCoordinates
-from ...analysis.estimation.fit import (
-    Fits,
-    fit_rows,
-    modes,
-    start_at,
-)
+from ...analysis.estimation.fit import Fits, fit_rows, modes, start_at
 from ...analysis.estimation.midpoint import fit_midpoints
 from ...analysis.observability.identifiability import identify
 from ...analysis.observability.verdict import listed

@@ -17,13 +17,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from ...analysis.estimation.fit import (
-    CONTRADICTED,
-    MANY_STARTS,
-    Fits,
-    chance,
-    fit_likelihood,
-)
+from ...analysis.estimation.fit import CONTRADICTED, MANY_STARTS, Fits, chance, fit_likelihood
 from ...analysis.observability.aim import aim, servo_joints
 from ...analysis.observability.identifiability import identify
 from ...analysis.observability.outlook import predicted_std
@@ -39,21 +33,8 @@ from ..plans.planning import Planner
 from ..processes import side_by_side
 from .binomial import held_share
 from .case_store import CaseStore
-from .coverage import (
-    DataSets,
-    Estimates,
-    drawn,
-    fitted,
-    likelihood,
-    midpoint,
-)
-from .sweep_file import (
-    TARGET,
-    Case,
-    NamedChange,
-    StatedStudy,
-    told_value,
-)
+from .coverage import DataSets, Estimates, drawn, fitted, likelihood, midpoint
+from .sweep_file import TARGET, Case, NamedChange, StatedStudy, told_value
 from .sweep_words import findings, headline
 
 LEVEL = 0.95

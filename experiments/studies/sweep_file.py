@@ -32,13 +32,7 @@ from ...model.files.header import (
     StatedTool,
     check_header,
 )
-from ...model.files.reading import (
-    Document,
-    Place,
-    did_you_mean,
-    read_yaml,
-    shown,
-)
+from ...model.files.reading import Document, Place, did_you_mean, read_yaml, shown
 from ...model.files.robot_file import load_robot
 from ...model.files.validation import FileModel, refusal, validate
 from ...model.noise import Noise

@@ -23,13 +23,7 @@ from ...model.problem import Problem
 from ...model.robot import Matrix
 from ..rigs.simulated.cell_file import ArmInCell, Cell
 from .campaign import Repeated, campaign, seeds
-from .cell_study import (
-    CANDIDATES,
-    SHOTS,
-    header,
-    optimal_plan,
-    paper_plan,
-)
+from .cell_study import CANDIDATES, SHOTS, header, optimal_plan, paper_plan
 
 OFFSETS = ("delta2", "delta3", "delta4", "delta5", "delta6")
 EXPERIMENTS = np.array(

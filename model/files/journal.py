@@ -12,27 +12,11 @@ from types import TracebackType
 from typing import Any, Self
 
 from ..errors import BadInput, RigFault
-from .header import (
-    RUN_SCHEMA,
-    Header,
-    check_header,
-    header_content,
-)
+from .header import RUN_SCHEMA, Header, check_header, header_content
 from .reading import shown
 from .robot_file import load_robot
-from .run import (
-    Shot,
-    check_shot,
-    header_text,
-    recorded,
-    shot_text,
-)
-from .whole_file import (
-    lock,
-    refuse_existing,
-    sync_folder,
-    write_whole,
-)
+from .run import Shot, check_shot, header_text, recorded, shot_text
+from .whole_file import lock, refuse_existing, sync_folder, write_whole
 
 
 class RunJournal:

@@ -17,13 +17,7 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from ..errors import BadInput
 from ..robot import Matrix, Robot
-from .header import (
-    PLAN_SCHEMA,
-    Header,
-    TargetName,
-    check_header,
-    header_content,
-)
+from .header import PLAN_SCHEMA, Header, TargetName, check_header, header_content
 from .limits import check_limits
 from .reading import read_yaml
 from .robot_file import load_robot

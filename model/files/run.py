@@ -21,29 +21,11 @@ from pydantic import BeforeValidator, Field
 
 from ..errors import BadInput
 from ..robot import Matrix, Robot
-from .header import (
-    RUN_SCHEMA,
-    Header,
-    TargetName,
-    check_header,
-    header_content,
-)
+from .header import RUN_SCHEMA, Header, TargetName, check_header, header_content
 from .limits import check_limits
-from .reading import (
-    Place,
-    decode,
-    did_you_mean,
-    parse_json,
-    read_bytes,
-    shown,
-)
+from .reading import Place, decode, did_you_mean, parse_json, read_bytes, shown
 from .robot_file import load_robot
-from .validation import (
-    FileModel,
-    refusal,
-    require_schema,
-    validate,
-)
+from .validation import FileModel, refusal, require_schema, validate
 from .whole_file import refuse_existing, write_whole
 
 ENOUGH_CALIBRATED, ENOUGH_UNCALIBRATED = 4, 6

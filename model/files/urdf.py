@@ -16,14 +16,7 @@ from xml.parsers import expat
 import numpy as np
 
 from ..errors import BadInput
-from ..robot import (
-    Joint,
-    JointKind,
-    Matrix,
-    Robot,
-    rotation_about,
-    shift,
-)
+from ..robot import Joint, JointKind, Matrix, Robot, rotation_about, shift
 from .reading import did_you_mean, read_text
 
 MILLIMETRES = 1000.0  # in a metre

@@ -12,13 +12,7 @@ from ..output import whole_folder
 from ..output.whole_folder import Kind, write_folder
 from ..studies.studies import Study
 from ..studies.study_page import write_files
-from ..studies.study_view import (
-    LONGEST_NAME,
-    NOT_DETERMINED,
-    NOT_GIVEN,
-    spread,
-    spread_range,
-)
+from ..studies.study_view import LONGEST_NAME, NOT_DETERMINED, NOT_GIVEN, spread, spread_range
 from ..style.blocks import (
     cell_of,
     facts_block,
@@ -31,14 +25,7 @@ from ..style.blocks import (
 )
 from ..style.canvas import Picture
 from ..words import numbers
-from ..words.wording import (
-    clipped,
-    counted,
-    label,
-    listed,
-    sentence,
-    shown,
-)
+from ..words.wording import clipped, counted, label, listed, sentence, shown
 from .figure_compare import compare_picture
 
 Json = dict[str, Any]

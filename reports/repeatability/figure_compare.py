@@ -4,12 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ..style.canvas import (
-    Picture,
-    new_figure,
-    style,
-    to_svg,
-)
+from ..style.canvas import Picture, new_figure, style, to_svg
 from ..style.palette import SHAPES, light
 from ..words.numbers import significant, with_unit
 from ..words.wording import clipped, in_font, label

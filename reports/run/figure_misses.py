@@ -9,12 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..style.canvas import (
-    Picture,
-    new_figure,
-    style,
-    to_svg,
-)
+from ..style.canvas import Picture, new_figure, style, to_svg
 from ..style.palette import light
 from ..words.wording import clipped, in_font, shown
 

@@ -5,13 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from ..style.canvas import (
-    Picture,
-    bare_y,
-    new_figure,
-    style,
-    to_svg,
-)
+from ..style.canvas import Picture, bare_y, new_figure, style, to_svg
 from ..style.palette import SHAPES, light
 from ..words import numbers
 from ..words.wording import in_font, label

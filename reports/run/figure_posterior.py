@@ -9,13 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...analysis.result import Draws
-from ..style.canvas import (
-    WIDTH,
-    Picture,
-    new_figure,
-    style,
-    to_svg,
-)
+from ..style.canvas import WIDTH, Picture, new_figure, style, to_svg
 from ..style.palette import light
 from ..words.wording import in_font, label
 

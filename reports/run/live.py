@@ -15,12 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ..words import numbers
-from ..words.wording import (
-    clipped,
-    label,
-    sentence,
-    shown,
-)
+from ..words.wording import clipped, label, sentence, shown
 from .terminal import STYLE, contradicted
 
 Json = dict[str, Any]

@@ -5,14 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..scenes.run_scene import scene_section
-from ..style.blocks import (
-    directions_block,
-    figure_block,
-    legend_block,
-    section_of,
-    table_block,
-    text_block,
-)
+from ..style.blocks import directions_block, figure_block, legend_block, section_of, table_block, text_block
 from .view import view
 from .view_accuracy import accuracy_section
 from .view_budget import budget_section

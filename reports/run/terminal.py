@@ -11,14 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ..words import numbers
-from ..words.wording import (
-    clipped,
-    counted,
-    label,
-    listed,
-    sentence,
-    shown,
-)
+from ..words.wording import clipped, counted, label, listed, sentence, shown
 from .view import view
 from .view_parameters import unit_of
 from .view_unknown import advice_words, direction_kind, over_target_words

@@ -4,14 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..style.blocks import (
-    figure_block,
-    row_of,
-    section_of,
-    table_block,
-    table_of,
-    text_block,
-)
+from ..style.blocks import figure_block, row_of, section_of, table_block, table_of, text_block
 from ..words import numbers
 from ..words.wording import label, listed, sentence
 from .figure_tool_accuracy import NAME

@@ -5,15 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ..style.blocks import (
-    cell_of,
-    legend_block,
-    row_of,
-    section_of,
-    table_block,
-    table_of,
-    text_block,
-)
+from ..style.blocks import cell_of, legend_block, row_of, section_of, table_block, table_of, text_block
 from ..words import numbers
 from ..words.wording import label, listed
 from .view_fit import times_the_noise

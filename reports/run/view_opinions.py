@@ -4,19 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..style.blocks import (
-    cell_of,
-    facts_of,
-    row_of,
-    table_of,
-)
+from ..style.blocks import cell_of, facts_of, row_of, table_of
 from ..words import numbers
-from ..words.wording import (
-    clipped,
-    label,
-    listed,
-    sentence,
-)
+from ..words.wording import clipped, label, listed, sentence
 from .view_fit import times_the_noise
 from .view_parameters import NOT_DETERMINED, unit_of
 

@@ -4,12 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..style.blocks import (
-    cell_of,
-    facts_of,
-    row_of,
-    table_of,
-)
+from ..style.blocks import cell_of, facts_of, row_of, table_of
 from ..words import numbers
 from ..words.wording import counted, label, sentence
 from .view_parameters import unit_of

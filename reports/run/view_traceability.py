@@ -5,13 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from ..style.blocks import (
-    row_of,
-    section_of,
-    table_block,
-    table_of,
-    text_block,
-)
+from ..style.blocks import row_of, section_of, table_block, table_of, text_block
 from ..words.wording import shown
 
 Json = dict[str, Any]

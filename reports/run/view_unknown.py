@@ -6,12 +6,7 @@ from typing import Any
 
 from ..style.blocks import facts_of
 from ..words import numbers
-from ..words.wording import (
-    label,
-    listed,
-    sentence,
-    shown,
-)
+from ..words.wording import label, listed, sentence, shown
 from .view_parameters import NOT_DETERMINED
 
 Json = dict[str, Any]

@@ -16,28 +16,11 @@ from ...model.files.plan import Plan
 from ...model.files.whole_file import sync_folder, write_whole
 from ..output.html import TEMPLATES, style, template
 from ..run.view import VERDICT_WORDS
-from ..run.view_parameters import (
-    STATUS_WORDS,
-    legend,
-    reasons,
-    unit_of,
-)
+from ..run.view_parameters import STATUS_WORDS, legend, reasons, unit_of
 from ..run.view_unknown import advice_words, over_target_words, unknown
-from ..style.blocks import (
-    cell_of,
-    facts_of,
-    row_of,
-    table_of,
-)
+from ..style.blocks import cell_of, facts_of, row_of, table_of
 from ..words import numbers
-from ..words.wording import (
-    clipped,
-    counted,
-    label,
-    listed,
-    sentence,
-    shown,
-)
+from ..words.wording import clipped, counted, label, listed, sentence, shown
 from .plan_scene import Postures, plan_scene, postures_of
 from .scene import MOST_DRAWN, turnable
 

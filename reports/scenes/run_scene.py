@@ -13,20 +13,8 @@ from ...model.robot import Matrix
 from ..run.view_parameters import NOT_DETERMINED
 from ..style.blocks import section_of, text_block
 from ..words import numbers
-from ..words.wording import (
-    clipped,
-    counted,
-    label,
-    listed,
-)
-from .scene import (
-    Placed,
-    Posed,
-    Turnable,
-    exaggerated,
-    scene_json,
-    turnable,
-)
+from ..words.wording import clipped, counted, label, listed
+from .scene import Placed, Posed, Turnable, exaggerated, scene_json, turnable
 
 Json = dict[str, Any]
 

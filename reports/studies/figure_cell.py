@@ -5,13 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import TYPE_CHECKING, Any
 
-from ..style.canvas import (
-    Picture,
-    bare_y,
-    new_figure,
-    style,
-    to_svg,
-)
+from ..style.canvas import Picture, bare_y, new_figure, style, to_svg
 from ..style.palette import light
 from ..words import numbers
 from ..words.wording import clipped, in_font

@@ -5,25 +5,12 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from ..style.canvas import (
-    WIDTH,
-    Picture,
-    bare_y,
-    new_figure,
-    style,
-    to_svg,
-)
+from ..style.canvas import WIDTH, Picture, bare_y, new_figure, style, to_svg
 from ..style.palette import light
 from ..words import numbers
 from ..words.wording import clipped, in_font, label
 from .study_coverage import solved
-from .study_shares import (
-    determined,
-    percent,
-    share,
-    standing,
-    worst_at,
-)
+from .study_shares import determined, percent, share, standing, worst_at
 from .study_view import NOT_DETERMINED
 
 if TYPE_CHECKING:

@@ -6,13 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..style.canvas import (
-    WIDTH,
-    Picture,
-    new_figure,
-    style,
-    to_svg,
-)
+from ..style.canvas import WIDTH, Picture, new_figure, style, to_svg
 from ..style.palette import light
 from ..words import numbers
 from ..words.wording import clipped, in_font, label

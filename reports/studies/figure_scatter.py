@@ -4,13 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ..style.canvas import (
-    Picture,
-    bare_y,
-    new_figure,
-    style,
-    to_svg,
-)
+from ..style.canvas import Picture, bare_y, new_figure, style, to_svg
 from ..style.palette import light
 from ..words.wording import clipped, in_font, label
 from .study_table2 import joint_noise, told

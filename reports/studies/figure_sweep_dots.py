@@ -4,37 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ..style.canvas import (
-    Picture,
-    bare_y,
-    new_figure,
-    style,
-    to_svg,
-)
+from ..style.canvas import Picture, bare_y, new_figure, style, to_svg
 from ..style.palette import light
 from ..words import numbers
 from ..words.wording import in_font, label
-from .figure_sweep_marks import (
-    FITS,
-    draw_fit,
-    gap,
-    gap_colour,
-    hatch,
-    legend,
-    log_ticks,
-    plain,
-    scale_of,
-)
-from .sweep_cases import (
-    NO_PLAN,
-    case_name,
-    dot_pages,
-    observed,
-    predicted,
-    standing,
-    tolerance,
-    unit_of,
-)
+from .figure_sweep_marks import FITS, draw_fit, gap, gap_colour, hatch, legend, log_ticks, plain, scale_of
+from .sweep_cases import NO_PLAN, case_name, dot_pages, observed, predicted, standing, tolerance, unit_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

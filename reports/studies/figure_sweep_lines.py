@@ -6,12 +6,7 @@ import itertools
 import math
 from typing import TYPE_CHECKING, Any
 
-from ..style.canvas import (
-    Picture,
-    new_figure,
-    style,
-    to_svg,
-)
+from ..style.canvas import Picture, new_figure, style, to_svg
 from ..style.palette import light
 from ..words import numbers
 from ..words.wording import clipped, in_font, label
@@ -27,15 +22,7 @@ from .figure_sweep_marks import (
     plain,
     scale_of,
 )
-from .sweep_cases import (
-    axis_title,
-    is_numeric,
-    place_name,
-    predicted,
-    tolerance,
-    unit_of,
-    value_text,
-)
+from .sweep_cases import axis_title, is_numeric, place_name, predicted, tolerance, unit_of, value_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

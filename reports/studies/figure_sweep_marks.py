@@ -9,15 +9,7 @@ from ..style.palette import light
 from ..words import numbers
 from ..words.wording import clipped, in_font
 from .study_view import NOT_DETERMINED
-from .sweep_cases import (
-    NO_PLAN,
-    has_observed,
-    observed,
-    predicted,
-    rmse_interval,
-    tolerance,
-    unit_of,
-)
+from .sweep_cases import NO_PLAN, has_observed, observed, predicted, rmse_interval, tolerance, unit_of
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -6,23 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from ..style.canvas import (
-    Picture,
-    new_figure,
-    style,
-    to_svg,
-)
+from ..style.canvas import Picture, new_figure, style, to_svg
 from ..style.palette import SHAPES, light
 from ..words import numbers
 from ..words.wording import in_font
 from .figure_sweep_marks import FITS, log_ticks, plain
-from .sweep_cases import (
-    has_observed,
-    observed,
-    predicted,
-    rmse_interval,
-    unit_of,
-)
+from .sweep_cases import has_observed, observed, predicted, rmse_interval, unit_of
 
 Json = dict[str, Any]
 

@@ -10,20 +10,10 @@ from ..style.canvas import Picture
 from .study_cell import cell_view, parameter_rows, time_rows
 from .study_cell import plan_rows as cell_plan_rows
 from .study_coverage import coverage_rows, coverage_view, rank_rows
-from .study_figures import (
-    cell_pictures,
-    coverage_pictures,
-    sweep_pictures,
-    table2_pictures,
-)
+from .study_figures import cell_pictures, coverage_pictures, sweep_pictures, table2_pictures
 from .study_sweep import TABLES as SWEEP_TABLES
 from .study_sweep import sweep_view
-from .study_table2 import (
-    OF_THE_PAPER,
-    paper_rows,
-    scatter_rows,
-    table2_view,
-)
+from .study_table2 import OF_THE_PAPER, paper_rows, scatter_rows, table2_view
 from .study_table2 import plan_rows as table2_plan_rows
 
 Json = dict[str, Any]

@@ -17,12 +17,7 @@ from ..style.blocks import (
     text_block,
 )
 from ..words import numbers
-from ..words.wording import (
-    clipped,
-    label,
-    listed,
-    sentence,
-)
+from ..words.wording import clipped, label, listed, sentence
 from .study_shares import (
     BY_CHANCE,
     ERROR_COLUMNS,

@@ -22,23 +22,9 @@ from ..style.blocks import (
     text_block,
 )
 from ..words import numbers
-from ..words.wording import (
-    clipped,
-    counted,
-    label,
-    listed,
-    sentence,
-    shown,
-)
+from ..words.wording import clipped, counted, label, listed, sentence, shown
 from .study_shares import BY_CHANCE, percent, share_cell
-from .study_view import (
-    LONGEST_NAME,
-    NOT_DETERMINED,
-    NOT_GIVEN,
-    about_study,
-    files_block,
-    view_of,
-)
+from .study_view import LONGEST_NAME, NOT_DETERMINED, NOT_GIVEN, about_study, files_block, view_of
 from .sweep_cases import (
     STANDING,
     case_name,

@@ -11,25 +11,10 @@ from rich.table import Table
 from rich.text import Text
 
 from ..run.terminal import MARK, STYLE
-from ..words.wording import (
-    clipped,
-    counted,
-    label,
-    listed,
-    sentence,
-    shown,
-)
+from ..words.wording import clipped, counted, label, listed, sentence, shown
 from .studies import SWEEP, known_study, study_view
 from .study_coverage import comparison, overview_caption
-from .study_shares import (
-    BY_CHANCE,
-    percent,
-    share,
-    share_interval,
-    standing,
-    undetermined,
-    worst_at,
-)
+from .study_shares import BY_CHANCE, percent, share, share_interval, standing, undetermined, worst_at
 from .study_view import NOT_DETERMINED
 
 Json = dict[str, Any]

@@ -6,12 +6,7 @@ from typing import Any
 
 from ..style.blocks import facts_block, text_block
 from ..words import numbers
-from ..words.wording import (
-    clipped,
-    counted,
-    sentence,
-    shown,
-)
+from ..words.wording import clipped, counted, sentence, shown
 
 Json = dict[str, Any]
 

@@ -3,16 +3,7 @@
 import numpy as np
 import pytest
 from command_line import zerobeam
-from recorded_logs import (
-    HEADER,
-    POSTURES,
-    fanuc_listing,
-    fanuc_position,
-    kuka_list,
-    kuka_point,
-    moves,
-    ur,
-)
+from recorded_logs import HEADER, POSTURES, fanuc_listing, fanuc_position, kuka_list, kuka_point, moves, ur
 
 from zerobeam.model.files.run import read_run
 

@@ -20,13 +20,7 @@ from ....model.tool import Tool
 from ...sensors.camera import Camera
 from ...sensors.psd import Psd
 from ...simulate import Truth
-from .cell_file import (
-    CameraInCell,
-    Cell,
-    EachJoint,
-    EncoderGlitch,
-    PlacedPsd,
-)
+from .cell_file import CameraInCell, Cell, EachJoint, EncoderGlitch, PlacedPsd
 from .simulated_arm import SimulatedArm, geometry_errors
 
 _PLACED_BY_HAND = 20.0  # mm, std of a PSD about the plan's guess

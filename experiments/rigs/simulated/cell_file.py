@@ -12,27 +12,10 @@ from typing import Annotated, Literal, Self, get_args
 from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 from ....model.errors import BadInput
-from ....model.files.header import (
-    Name,
-    Point,
-    Positive,
-    RobotRef,
-    TargetName,
-)
-from ....model.files.reading import (
-    Document,
-    Place,
-    did_you_mean,
-    read_yaml,
-    shown,
-)
+from ....model.files.header import Name, Point, Positive, RobotRef, TargetName
+from ....model.files.reading import Document, Place, did_you_mean, read_yaml, shown
 from ....model.files.robot_file import load_robot
-from ....model.files.validation import (
-    FileModel,
-    refusal,
-    require_schema,
-    validate,
-)
+from ....model.files.validation import FileModel, refusal, require_schema, validate
 from ....model.robot import Robot
 
 CELL_SCHEMA: Literal["zerobeam/cell/1"] = "zerobeam/cell/1"

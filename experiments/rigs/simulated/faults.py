@@ -11,12 +11,7 @@ from typing import TypeVar
 import numpy as np
 
 from ....model.robot import Matrix
-from .cell_file import (
-    AnyFault,
-    ProcessKilled,
-    PsdBump,
-    RobotStop,
-)
+from .cell_file import AnyFault, ProcessKilled, PsdBump, RobotStop
 
 Kind = TypeVar("Kind", bound=AnyFault)
 

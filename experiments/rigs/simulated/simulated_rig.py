@@ -18,15 +18,7 @@ from ....model.robot import Matrix
 from ...sensors.camera import Camera, Image
 from ...sensors.psd import Psd
 from .assembly import assemble, turned
-from .cell_file import (
-    CameraBlack,
-    Cell,
-    EncoderGlitch,
-    LedOccluded,
-    PsdDropout,
-    Reflection,
-    RobotStop,
-)
+from .cell_file import CameraBlack, Cell, EncoderGlitch, LedOccluded, PsdDropout, Reflection, RobotStop
 from .faults import Faults
 from .simulated_camera import Scene, render
 from .simulated_psd import SimulatedPsd, caught

@@ -5,16 +5,7 @@ import json
 
 import numpy as np
 import pytest
-from cells import (
-    TABLE_2,
-    good_plan,
-    header,
-    irb1600,
-    plan_of,
-    run_of,
-    simulated,
-    varied_postures,
-)
+from cells import TABLE_2, good_plan, header, irb1600, plan_of, run_of, simulated, varied_postures
 from scipy import stats
 
 from zerobeam.analysis import analyse as module

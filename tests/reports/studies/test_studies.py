@@ -13,13 +13,7 @@ from typing import Any
 import pypdf
 import pytest
 from command_line import WIDTH
-from example_studies import (
-    FORBIDDEN,
-    cell_study,
-    hostile_cell,
-    hostile_table2,
-    table2_study,
-)
+from example_studies import FORBIDDEN, cell_study, hostile_cell, hostile_table2, table2_study
 from golden_files import assert_golden
 from pages import Page, assert_fetches_nothing
 from study_text import cells, printed, tables_of, text_of, words
