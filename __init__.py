@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from .model.errors import BadInput, FitFailed, RigFault, ZerobeamError
     from .model.files.plan import Plan, read_plan
     from .model.files.run import Run, read_run
-    from .reports.output.folder import write_report
+    from .reports.run.folder import write_report
 
 __version__ = "0.1.0"
 
@@ -49,7 +49,7 @@ _HOME = {
     "check": "analysis.observability.check",
     "read_plan": "model.files.plan",
     "read_run": "model.files.run",
-    "write_report": "reports.output.folder",
+    "write_report": "reports.run.folder",
 }
 
 

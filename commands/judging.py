@@ -71,7 +71,7 @@ def demo(
     from ..analysis.result_json import to_json
     from ..experiments.demos import demo_runs
     from ..model.files.run import read_run
-    from ..reports.output.folder import check_target, write_report
+    from ..reports.run.folder import check_target, write_report
     from ..reports.run.terminal import print_side_by_side, print_verdict
 
     cases = demo_runs()
@@ -148,7 +148,7 @@ def report(
     """The report of a run: report.html, report.pdf, result.json, posterior.nc and the figures."""
     from ..analysis.result_json import to_json
     from ..model.files.run import read_run
-    from ..reports.output.folder import check_target, write_report
+    from ..reports.run.folder import check_target, write_report
     from ..reports.run.terminal import print_result
 
     recorded = read_run(run)

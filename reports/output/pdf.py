@@ -12,8 +12,8 @@ from ..style.canvas import Picture
 from ..style.palette import PALETTE
 from ..style.typeface import FAMILY, FOLDER
 from ..words.wording import in_font
+from .template import TEMPLATES
 
-TEMPLATES = Path(__file__).parent / "templates"
 _DOCUMENT, _PARTS = "document.typ", "parts.typ"
 
 

@@ -1,67 +1,104 @@
-"""`posterior.nc`: the posterior's draws as netCDF, for people who go on from them (xarray, arviz).
+"""`posterior.nc`: the draws of the posterior as netCDF, in the layout that ArviZ and xarray read.
 
-Written by h5netcdf itself: xarray reads it, but would cost each report a second to import.
+Group `posterior`, dimensions (chain, draw), one variable a parameter in the units that people read; `source`
+says whether the data or only the prior stand behind its draws. The root names the same variables once more
+(hard links, no copy), for readers that know of no groups.
 
-Dimensions (chain, draw): chain = ensemble * walkers + walker. One variable a parameter, in the
-units that people read; `source` says whether the data or only the prior stand behind its draws.
+A chain is a walker: chain = ensemble * walkers + walker; `ensemble` and `walker` are coordinates of `chain`.
+Walkers of one ensemble are proposed from each other and are not independent, so an R-hat over all chains is
+not the one that zerobeam judges by. That one takes ensembles as superchains (nested R-hat, Margossian et al.,
+Bayesian Analysis, 2024). Walkers laid end to end, an ensemble a chain, would be worse: autocorrelations would
+be between different walkers, and the effective sample size far too large.
+
+Written by h5netcdf itself: xarray would cost each report a second to import.
 """
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
 
-from ...analysis.result import Draws
+from ... import __version__
+from ...analysis.result import Draws, Result
 from ..words.wording import clipped, shown
 
 # Longest name that netCDF allows is 256 bytes; names beyond this are clipped, `long_name` has them whole.
 _NAME_WIDTH = 60
+_CHAINS = (
+    "chain = ensemble * walkers + walker. The walkers of one ensemble are not independent, the ensembles are:"
+    " take them as superchains (nested R-hat). rhat_max is that of zerobeam; an R-hat over chains is not it"
+)
 
 
-def write_posterior(path: Path, result: dict[str, Any], draws: Draws) -> None:
+def write_posterior(path: Path | str, result: Result, draws: Draws) -> None:
     """Write the draws with what a reader needs to judge them: converged or not, hash, seed, versions.
 
     Draws are stored in 32 bits (7 digits, far below their Monte Carlo error).
     """
     import h5netcdf
+    import h5py
     import numpy as np
 
     ensembles, walkers, steps, _ = draws.values.shape
     chains = draws.values.reshape(ensembles * walkers, steps, -1).astype(np.float32)
-    untold = {row["name"] for row in result["parameters"] if row["status"] == "unidentifiable"}
-    inputs = result["inputs"]
+    unidentifiable = {row.name for row in result.parameters if row.status == "unidentifiable"}
+    coordinates = {
+        "chain": ("chain", np.arange(ensembles * walkers)),
+        "draw": ("draw", np.arange(steps)),
+        "ensemble": ("chain", np.repeat(np.arange(ensembles), walkers)),
+        "walker": ("chain", np.tile(np.arange(walkers), ensembles)),
+    }
     with h5netcdf.File(path, "w") as file:
-        file.attrs.update(
-            {
-                "title": "Posterior draws of a zerobeam run",
-                "converged": "yes" if draws.converged else "no: do not use these draws as a posterior",
-                "verdict": result["verdict"],
-                "run": shown(inputs["run"]),
-                "sha256": inputs["sha256"],
-                "robot": shown(inputs["robot"]),
-                "seed": str(inputs["seed"]),
-                "versions": ", ".join(
-                    f"{shown(name)} {shown(at)}" for name, at in inputs["versions"].items()
-                ),
-                "ensembles": ensembles,
-                "walkers": walkers,
-                "chain_order": "chain = ensemble * walkers + walker",
-            }
-        )
-        file.dimensions = {"chain": ensembles * walkers, "draw": steps}
+        group = file.create_group("posterior")
+        about = _about(result, draws)
+        file.attrs.update(about)
+        group.attrs.update(about)
+        group.dimensions = {"chain": ensembles * walkers, "draw": steps}
+        for name, (along, values) in coordinates.items():
+            group.create_variable(name, (along,), data=values)
         for i, name in enumerate(draws.names):
-            prior = draws.from_prior[i] or name in untold
-            variable = file.create_variable(
-                _variable(name, set(file.variables)), ("chain", "draw"), data=chains[:, :, i]
+            variable = group.create_variable(
+                _variable(name, set(group.variables)), ("chain", "draw"), data=chains[:, :, i]
             )
             variable.attrs["units"] = "degree" if draws.units[i] == "deg" else draws.units[i]
             variable.attrs["long_name"] = shown(name)
+            variable.attrs["coordinates"] = "ensemble walker"
+            prior = draws.from_prior[i] or name in unidentifiable
             variable.attrs["source"] = "prior" if prior else "data"
             if prior:
                 variable.attrs["comment"] = (
-                    "The data do not tell it: what these draws say comes from the priors."
+                    "Unidentifiable: these draws come from the prior, not from the data."
                 )
+    with h5py.File(path, "r+") as file:
+        for name, variable in file["posterior"].items():
+            file[name] = variable
+
+
+def _about(result: Result, draws: Draws) -> dict[str, str | int | float]:
+    """The attributes: what the draws are of, by what they were made, and whether they may be used."""
+    inputs, summary = result.inputs, result.posterior
+    told: dict[str, str | int | float | None] = {
+        "title": "Posterior draws of a zerobeam run",
+        "converged": "yes" if draws.converged else "no: do not use these draws as a posterior",
+        "verdict": result.verdict,
+        "run": shown(inputs.run),
+        "sha256": inputs.sha256,
+        "robot": shown(inputs.robot),
+        "seed": str(inputs.seed),
+        "versions": ", ".join(f"{shown(name)} {shown(at)}" for name, at in inputs.versions.items()),
+        "ensembles": draws.values.shape[0],
+        "walkers": draws.values.shape[1],
+        "chain_order": _CHAINS,
+        "rhat_max": summary.rhat_max,
+        "ess_min": summary.ess_min,
+        "creation_library": "zerobeam",
+        "creation_library_version": __version__,
+        "creation_library_language": "Python",
+        "inference_library": "emcee",
+        "inference_library_version": shown(inputs.versions.get("emcee", "")),
+        "sampling_time": summary.seconds,
+    }
+    return {key: value for key, value in told.items() if value is not None}
 
 
 def _variable(name: str, taken: set[str]) -> str:

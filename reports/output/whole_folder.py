@@ -30,7 +30,7 @@ class Kind:
     schema: str
 
 
-def write_folder(folder: Path, kind: Kind, fill: Callable[[Path], Made]) -> Made:
+def write_folder(folder: Path | str, kind: Kind, fill: Callable[[Path], Made]) -> Made:
     """Let `fill` write into an empty folder, then give that the place of `folder`; returns what `fill` does.
 
     Everything is written to a folder beside it and renamed at the end, so that a fault leaves what
@@ -55,8 +55,9 @@ def write_folder(folder: Path, kind: Kind, fill: Callable[[Path], Made]) -> Made
     return filled
 
 
-def check_target(folder: Path, kind: Kind) -> None:
+def check_target(folder: Path | str, kind: Kind) -> None:
     """Raise BadInput unless this kind may be written to `folder`: absent, empty, or one of ours."""
+    folder = Path(folder)
     allowed = f"a folder that does not exist, is empty, or holds a {kind.noun} of zerobeam and nothing else"
     if folder.is_dir():
         names = {entry.name for entry in folder.iterdir()} - _LITTER

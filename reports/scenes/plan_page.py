@@ -14,7 +14,7 @@ from ...analysis.observability.aimed_plan import AimedPlan
 from ...model.errors import BadInput
 from ...model.files.plan import Plan
 from ...model.files.whole_file import sync_folder, write_whole
-from ..output.html import TEMPLATES, style, template
+from ..output.template import TEMPLATES, style, template
 from ..run.view import VERDICT_WORDS
 from ..run.view_parameters import STATUS_WORDS, legend, reasons, unit_of
 from ..run.view_unknown import advice_words, over_target_words, unknown

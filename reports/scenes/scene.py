@@ -19,7 +19,7 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from ...model.robot import Matrix
-from ..output.html import TEMPLATES
+from ..output.template import TEMPLATES
 from ..words.wording import clipped
 
 Json = dict[str, Any]

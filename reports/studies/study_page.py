@@ -36,13 +36,14 @@ class StudyPaths:
     figures: tuple[Path, ...]
 
 
-def write_study(folder: Path, answer: Json) -> StudyPaths:
+def write_study(folder: Path | str, answer: Json) -> StudyPaths:
     """Write a study (`zerobeam/study/1`) to `folder`, replacing one that zerobeam wrote there before.
 
     Whole or not at all. Raises BadInput where `folder` is a file, is not ours, or cannot be written,
     UnsoundResult where a parameter that a data set cannot tell has a number, ValueError where `answer` is
     of another schema or of no known study, or holds a number that is not finite.
     """
+    folder = Path(folder)
     names = write_folder(folder, _kind(folder), lambda aside: _write_files(aside, answer))
     return StudyPaths(
         folder=folder,
@@ -54,9 +55,9 @@ def write_study(folder: Path, answer: Json) -> StudyPaths:
     )
 
 
-def check_target(folder: Path) -> None:
+def check_target(folder: Path | str) -> None:
     """Raise BadInput unless a study may be written to `folder`; to be asked before one is computed."""
-    whole_folder.check_target(folder, _kind(folder))
+    whole_folder.check_target(folder, _kind(Path(folder)))
 
 
 def _kind(folder: Path) -> Kind:

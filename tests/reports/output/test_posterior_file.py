@@ -1,4 +1,4 @@
-"""posterior.nc: read back by xarray, marked where only the prior speaks."""
+"""posterior.nc: read back by xarray as a tree and flat, marked where the draws are the prior's."""
 
 from __future__ import annotations
 
@@ -11,15 +11,18 @@ import xarray
 from example_results import draws, good, hostile, unconverged, x_pattern
 
 from zerobeam.analysis.result import Draws, Result
-from zerobeam.analysis.result_json import to_json
 from zerobeam.reports.output.posterior_file import write_posterior
 
 
 def written(tmp_path: Path, result: Result, of: Draws | None = None) -> xarray.Dataset:
+    """The group `posterior`; the root must say the same, as it did before there were groups."""
     path = tmp_path / "posterior.nc"
-    write_posterior(path, to_json(result), of or draws(result))
-    with xarray.open_dataset(path, engine="h5netcdf") as dataset:
-        return dataset.load()
+    write_posterior(path, result, of or draws(result))
+    with xarray.open_datatree(path, engine="h5netcdf") as tree:
+        group = tree["posterior"].to_dataset().load()
+    with xarray.open_dataset(path, engine="h5netcdf") as root:
+        xarray.testing.assert_identical(root.load(), group)
+    return group
 
 
 def test_draws_come_back_chain_by_chain_with_their_units(tmp_path: Path) -> None:
@@ -32,6 +35,22 @@ def test_draws_come_back_chain_by_chain_with_their_units(tmp_path: Path) -> None
     np.testing.assert_allclose(dataset["psd.x"].values[chain], of.values[2, 7, :, column], rtol=1e-6)
     assert dataset["psd.x"].attrs["units"] == "mm"
     assert dataset["delta2"].attrs["units"] == "degree"
+
+
+def test_each_chain_says_its_ensemble_and_walker(tmp_path: Path) -> None:
+    dataset = written(tmp_path, good())
+    assert set(dataset.coords) == {"chain", "draw", "ensemble", "walker"}
+    ensemble, walker = (dataset.coords[name].values for name in ("ensemble", "walker"))
+    np.testing.assert_array_equal(ensemble * 60 + walker, dataset.coords["chain"].values)
+    np.testing.assert_array_equal(np.unique(ensemble, return_counts=True), [range(4), [60] * 4])
+    assert "not independent" in dataset.attrs["chain_order"]
+    assert dataset.attrs["rhat_max"] == good().posterior.rhat_max
+
+
+def test_the_draws_are_in_the_file_once(tmp_path: Path) -> None:
+    of = draws(good())
+    written(tmp_path, good())
+    assert (tmp_path / "posterior.nc").stat().st_size < 1.5 * of.values.size * 4
 
 
 def test_it_says_where_it_comes_from(tmp_path: Path) -> None:
@@ -47,7 +66,7 @@ def test_what_the_prior_alone_says_is_marked(tmp_path: Path) -> None:
     dataset = written(tmp_path, x_pattern())
     sources = {name: variable.attrs["source"] for name, variable in dataset.data_vars.items()}
     assert {name for name, source in sources.items() if source == "prior"} == {"delta2", "psd.x", "psd.z"}
-    assert "comes from the priors" in dataset["delta2"].attrs["comment"]
+    assert "come from the prior" in dataset["delta2"].attrs["comment"]
     assert "comment" not in dataset["delta3"].attrs
 
 

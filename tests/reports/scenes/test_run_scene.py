@@ -34,7 +34,7 @@ from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
 from zerobeam.analysis.observability.identifiability import Identified, identify_at
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.problem import Problem
-from zerobeam.reports.output.html import style, template
+from zerobeam.reports.output.template import style, template
 from zerobeam.reports.scenes.run_scene import half_axes, run_scene, run_turnable, scene_section
 from zerobeam.reports.scenes.scene import Placed, Posed, scene_json
 

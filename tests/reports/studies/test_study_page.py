@@ -306,7 +306,7 @@ def test_hostile_names_are_shown_as_they_are_and_do_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     draw_once(monkeypatch, "hostile")
-    paths = write_study(tmp_path / "out", hostile())
+    paths = write_study(str(tmp_path / "out"), hostile())  # a name as a string will do
     assert everything(tmp_path / "out") == WHOLE
     page = paths.html.read_text(encoding="utf-8")
     assert "<script" not in page

@@ -15,7 +15,7 @@ from example_results import draws, good, hostile, unconverged, x_pattern
 from zerobeam.analysis.result_json import UnsoundResult, to_json
 from zerobeam.model.errors import BadInput
 from zerobeam.reports.output import whole_folder
-from zerobeam.reports.output.folder import write_report
+from zerobeam.reports.run.folder import write_report
 
 Refused = Callable[..., BadInput]
 
@@ -46,6 +46,12 @@ def test_all_files_are_there_and_nothing_else(tmp_path: Path) -> None:
     assert paths.posterior is not None
     assert paths.posterior.exists()
     assert all(path.exists() for path in paths.figures)
+
+
+def test_a_name_as_a_string_is_as_good_as_a_path(tmp_path: Path) -> None:
+    """Before, all was written and a TypeError raised at the end."""
+    paths = write_report(str(tmp_path / "out"), good(), None)
+    assert paths == write_report(tmp_path / "out", good(), None)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX rights")

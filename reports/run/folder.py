@@ -7,8 +7,8 @@ from pathlib import Path
 
 from ...analysis.result import Draws, Result
 from ...analysis.result_json import SCHEMA, dumps, to_json
-from . import whole_folder
-from .whole_folder import Kind, write_folder
+from ..output import whole_folder
+from ..output.whole_folder import Kind, write_folder
 
 RESULT = "result.json"
 _REPORT = Kind(
@@ -21,7 +21,7 @@ _REPORT = Kind(
 
 @dataclass(frozen=True)
 class ReportPaths:
-    """Where a report stands; `posterior` is None if there were no draws."""
+    """The files of a report; `posterior` is None if there were no draws."""
 
     folder: Path
     html: Path
@@ -31,11 +31,12 @@ class ReportPaths:
     figures: tuple[Path, ...]
 
 
-def write_report(folder: Path, result: Result, draws: Draws | None) -> ReportPaths:
+def write_report(folder: Path | str, result: Result, draws: Draws | None) -> ReportPaths:
     """Write the whole report to `folder`, replacing one that zerobeam wrote there before.
 
     Whole or not at all. Raises BadInput where `folder` is a file, is not ours, or cannot be written.
     """
+    folder = Path(folder)
     names = write_folder(folder, _REPORT, lambda aside: _write_files(aside, result, draws))
     return ReportPaths(
         folder=folder,
@@ -47,7 +48,7 @@ def write_report(folder: Path, result: Result, draws: Draws | None) -> ReportPat
     )
 
 
-def check_target(folder: Path) -> None:
+def check_target(folder: Path | str) -> None:
     """Raise BadInput unless a report may be written to `folder`: absent, empty, or a report of ours."""
     whole_folder.check_target(folder, _REPORT)
 
@@ -58,12 +59,12 @@ def _write_files(folder: Path, result: Result, draws: Draws | None) -> list[str]
     answer = to_json(result)
     text = dumps(answer)
 
-    from ..run.figures import pictures
-    from ..run.report_page import report_page
+    from ..output.html import html
+    from ..output.pdf import pdf
+    from ..output.posterior_file import write_posterior
     from ..scenes.run_scene import run_turnable
-    from .html import html
-    from .pdf import pdf
-    from .posterior_file import write_posterior
+    from .figures import pictures
+    from .report_page import report_page
 
     page = report_page(answer)
     drawn, scene = pictures(answer, draws), run_turnable(answer)
@@ -71,7 +72,7 @@ def _write_files(folder: Path, result: Result, draws: Draws | None) -> list[str]
     (folder / "report.html").write_text(html(page, drawn, "report", text, scene), encoding="utf-8")
     (folder / "report.pdf").write_bytes(pdf(page, drawn))
     if draws is not None:
-        write_posterior(folder / "posterior.nc", answer, draws)
+        write_posterior(folder / "posterior.nc", result, draws)
     (folder / "figures").mkdir()
     for name, picture in drawn.items():
         (folder / "figures" / f"{name}.svg").write_text(picture.svg, encoding="utf-8")
