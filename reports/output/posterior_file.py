@@ -16,9 +16,9 @@ Written by h5netcdf itself: xarray would cost each report a second to import.
 from __future__ import annotations
 
 import re
+from importlib.metadata import version
 from pathlib import Path
 
-from ... import __version__
 from ...analysis.result import Draws, Result
 from ..words.wording import clipped, shown
 
@@ -92,7 +92,7 @@ def _about(result: Result, draws: Draws) -> dict[str, str | int | float]:
         "rhat_max": summary.rhat_max,
         "ess_min": summary.ess_min,
         "creation_library": "zerobeam",
-        "creation_library_version": __version__,
+        "creation_library_version": version("zerobeam"),
         "creation_library_language": "Python",
         "inference_library": "emcee",
         "inference_library_version": shown(inputs.versions.get("emcee", "")),
