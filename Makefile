@@ -31,7 +31,8 @@ lint: .venv/installed-test
 	@rm -rf build/typing && mkdir -p build/typing/zerobeam
 	@for part in *.py py.typed $(dir $(wildcard */__init__.py)); do \
 		ln -s "$(CURDIR)/$${part%/}" build/typing/zerobeam/; done
-	@PYTHONPATH=build/typing $(BIN)/lint-imports --no-cache --no-logo >build/imports.txt || { cat build/imports.txt; exit 1; }
+	@PYTHONPATH=build/typing $(BIN)/lint-imports --no-cache --no-logo >build/imports.txt || \
+		{ cat build/imports.txt; exit 1; }
 	@$(BIN)/mypy --no-error-summary -p zerobeam
 
 format: .venv/installed-test
