@@ -236,9 +236,11 @@ def _robust(problem: Problem, fit: LikelihoodFit, rows: Sequence[ParameterResult
     numbers = problem.data_size - int(parameters.free.sum())
     quantile = float(stdtrit(max(numbers, 1), 0.975))
     told = []
-    for row, item, value, spread in zip(rows, parameters.items, found.x.tolist(), std.tolist(), strict=False):
-        if row.held:
+    of = {row.name: row for row in rows}
+    for item, value, spread in zip(parameters.items, found.x.tolist(), std.tolist(), strict=True):
+        if item.held:
             continue
+        row = of[item.name]
         known = row.estimate is not None and found.converged
         spread_known = known and bool(np.isfinite(spread)) and numbers > 0
         told.append(
@@ -362,15 +364,13 @@ def _finite(value: float) -> float | None:
 def _distances(problem: Problem, fit: LikelihoodFit) -> tuple[DistanceResult, ...]:
     """Each stated distance next to what the fit makes of it, with the std of that."""
     rows = []
-    _, targets, _ = problem.split(fit.x)
-    parameters = problem.parameters
+    targets, parameters = problem.split(fit.x).targets, problem.parameters
     for stated in problem.distances:
         between = targets[stated.second] - targets[stated.first]
         length = float(np.linalg.norm(between))
         along = np.zeros(len(parameters))
-        n = problem.robot.n
-        along[n + 3 * stated.second : n + 3 * stated.second + 3] = between / length
-        along[n + 3 * stated.first : n + 3 * stated.first + 3] = -between / length
+        along[parameters.block("target", stated.second)] = between / length
+        along[parameters.block("target", stated.first)] = -between / length
         along = (along * parameters.prior_std)[parameters.free]
         rows.append(
             DistanceResult(

@@ -90,8 +90,7 @@ def so_far(problem: Problem) -> SoFar:
     identified = identify_at(fit)
     moved = displacement(fit) if told else None
     _, dof, p_value = fit.against_noise(identified.facts.rank)
-    x = problem.supposed()
-    x[: len(fit.x)] = fit.x
+    x = problem.parameters.with_values(problem.supposed(), judged.parameters, fit.x)
     return SoFar(
         shots=problem.shots,
         x=x,

@@ -113,7 +113,7 @@ class _Shot:
         robot, tool = functions.robot, functions.tool
         self.spot, self.target = ca.SX.sym("spot", tool.miss_size), ca.SX.sym("target", 3)
         self.delta = ca.SX.sym("delta", robot.n)
-        self.unknown = ca.SX.sym("tool", len(tool.parameter_names))
+        self.unknown = ca.SX.sym("tool", len(tool.free_axes))
         turns = turned(self.delta)
         seen, stations = robot.seen(turns, self.target)
         if tool.kind == "laser":
@@ -256,7 +256,7 @@ def _placed(functions: ShotFunctions) -> ca.Function:
 
 def _beam(functions: ShotFunctions) -> ca.Function:
     q, delta, rotation, translation = _pose(functions)
-    unknown = ca.SX.sym("tool", len(functions.tool.parameter_names))
+    unknown = ca.SX.sym("tool", len(functions.tool.free_axes))
     if functions.tool.kind == "laser":
         point, direction, _ = functions.tool.beam(unknown)
     else:
@@ -272,7 +272,7 @@ def _beam(functions: ShotFunctions) -> ca.Function:
 
 def _hit(functions: ShotFunctions) -> ca.Function:
     q, delta, rotation, translation = _pose(functions)
-    unknown = ca.SX.sym("tool", len(functions.tool.parameter_names))
+    unknown = ca.SX.sym("tool", len(functions.tool.free_axes))
     centre, normal = ca.SX.sym("centre", 3), ca.SX.sym("normal", 3)
     point, direction, _ = functions.tool.beam(unknown)
     origin, direction = translation + rotation @ point, rotation @ direction
@@ -324,7 +324,7 @@ def midpoint_function(robot: Robot, tool: Tool) -> ca.Function:
     n = robot.n
     q1, q2 = ca.SX.sym("q1", n), ca.SX.sym("q2", n)
     delta = ca.SX.sym("delta", n)
-    unknown = ca.SX.sym("tool", len(tool.parameter_names))
+    unknown = ca.SX.sym("tool", len(tool.free_axes))
     point, direction, _ = tool.beam(unknown)
     feet: list[tuple[ca.SX, ca.SX]] = []
     for q in (q1, q2):

@@ -195,12 +195,12 @@ class Density:
     ) -> list[GridInput]:
         """The inputs of `terms` and `slopes` at x (W, p): all shots, or `shots` of one target."""
         problem = self.problem
-        delta, targets, tool = problem.split(x)
+        parts = problem.split(x)
         count = problem.shots if shots is None else len(shots)
         if target is None:
-            at_target = selected(targets, problem.target_index)
+            at_target = selected(parts.targets, problem.target_index)
         else:
-            at_target = per_outer(targets[:, target], count)
+            at_target = per_outer(parts.targets[:, target], count)
         if weights is None and target in self._kept and (of is None or self._single):
             recorded = self._kept[target]
         else:
@@ -211,9 +211,9 @@ class Density:
                 self._kept[target] = recorded
         return [
             *recorded,
-            per_outer(delta, count),
+            per_outer(parts.arm, count),
             at_target,
-            per_outer(tool, count),
+            per_outer(parts.tool, count),
             self._variances(x, count),
             constant(problem.noise.variances, count),
         ]
@@ -251,17 +251,13 @@ class Density:
     @cached_property
     def _blocks(self) -> list[_Block]:
         """Per target where the slopes of its shots stand among the free parameters."""
-        problem = self.problem
-        n, p = problem.robot.n, len(problem.parameters)
-        after = n + 3 * len(problem.targets)
-        free = problem.parameters.free
-        blocks = []
-        for k in range(len(problem.targets)):
-            columns = np.concatenate([np.arange(n), n + 3 * k + np.arange(3), np.arange(after, p)])
-            local = np.flatnonzero(free[columns])
+        parameters, blocks = self.problem.parameters, []
+        for k in range(len(self.problem.targets)):
+            columns = parameters.of_shot(k)
+            local = np.flatnonzero(parameters.free[columns])
             rows, others = np.maximum(*np.ix_(local, local)), np.minimum(*np.ix_(local, local))
             blocks.append(
-                _Block(problem.parameters.among_free[columns[local]], local, rows * (rows + 1) // 2 + others)
+                _Block(parameters.among_free[columns[local]], local, rows * (rows + 1) // 2 + others)
             )
         return blocks
 

@@ -1,4 +1,8 @@
-"""Everything that is unknown, by name: offsets, targets, what is open of the tool, and of the noise.
+"""Everything that is unknown, by name: offsets, targets, the free tool parameters, the noise factors.
+
+A parameter vector x (p,) has them in blocks: one block a group, in the order of `ORDER`. A new group is an
+entry there, one in `ARM` or `IN_RESIDUAL` if shots depend on it, and its items in `Parameters.build`; where
+its columns are follows. Nobody else counts columns or takes names to pieces.
 
 Inside, values are rad and mm; `display` turns them into the degrees and millimetres that people read. A
 noise factor is its logarithm inside.
@@ -7,9 +11,10 @@ noise factor is its logarithm inside.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import groupby
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -26,6 +31,12 @@ if TYPE_CHECKING:
 Group = Literal["offset", "target", "tool", "noise"]
 Unit = Literal["deg", "mm", "1"]
 
+ORDER: tuple[Group, ...] = ("offset", "target", "tool", "noise")
+# The groups that forward kinematics depends on: they stand together, in this order, from the first on.
+ARM: tuple[Group, ...] = ("offset",)
+# The groups that the residual of one shot depends on: of the targets it is its own alone.
+IN_RESIDUAL: tuple[Group, ...] = (*ARM, "target", "tool")
+
 BASE_FRAME = (
     "joint 1 defines the base frame: turning it and every target together changes no shot (section 3.3)"
 )
@@ -37,16 +48,22 @@ _DEGREES = float(np.degrees(1.0))
 
 @dataclass(frozen=True)
 class Parameter:
-    """One unknown. Prior mean, std and tolerance are in internal units (rad, mm, or the logarithm)."""
+    """One unknown. Prior mean, std and tolerance are in internal units (rad, mm, or the logarithm).
+
+    `of` is what it belongs to (joint1, a target's name, tool, noise) and `axis` which number of that it is
+    (offset, x, tilt1, spot).
+    """
 
     name: str
     group: Group
+    of: str
+    axis: str
     unit: Unit
     prior_mean: float
     prior_std: float
     tolerance: float
-    held: bool
-    held_reason: str | None
+    held: bool = False
+    held_reason: str | None = None
 
     @property
     def display(self) -> float:
@@ -73,61 +90,97 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Parameters:
-    """The unknowns in their one order: offsets 1…n, each target's x, y, z, the tool's, the noise factors."""
+    """The unknowns in their one order: offsets 1…n, each target's x, y, z, the tool's, the noise factors.
+
+    Raises ValueError for items in another order.
+    """
 
     items: tuple[Parameter, ...]
+
+    def __post_init__(self) -> None:
+        places = [ORDER.index(item.group) for item in self.items]
+        if places != sorted(places):
+            raise ValueError(f"the groups of parameters stand in the order {', '.join(ORDER)}")
 
     @classmethod
     def build(
         cls, robot: Robot, tool: Tool, noise: Noise, header: Header, targets: Sequence[str]
     ) -> Parameters:
         """Name every unknown of these shots; raises BadInput for a held name that is none of them."""
-        open_items: list[Parameter] = []
-
-        def add(name: str, group: Group, unit: Unit, mean: float, std: float, tol: float) -> None:
-            open_items.append(Parameter(name, group, unit, mean, std, tol, False, None))
-
-        tolerance, prior = header.tolerance, header.prior
-        for i, joint in enumerate(robot.joints, start=1):
-            if joint.kind == "revolute":
-                std, tol = np.radians([prior.offset_deg, tolerance.offset_deg])
-                add(f"delta{i}", "offset", "deg", 0.0, float(std), float(tol))
-            else:
-                add(f"delta{i}", "offset", "mm", 0.0, prior.offset_mm, tolerance.length_mm)
-        for target in targets:
-            stated = header.targets.get(target)
-            guess = (0.0, 0.0, 0.0) if stated is None or stated.guess_mm is None else stated.guess_mm
-            sigma = 10_000.0 if stated is None else stated.sigma_mm
-            for axis, value in zip("xyz", guess, strict=True):
-                add(f"{target}.{axis}", "target", "mm", value, sigma, tolerance.length_mm)
-        nominal = dict(zip("xyz", tool.point, strict=True))
-        for name in tool.parameter_names:
-            if ".tilt" in name:
-                add(name, "tool", "deg", 0.0, tool.tilt_std, float(np.radians(tolerance.tilt_deg)))
-            else:
-                mean = float(nominal.get(name[-1], 0.0)) if tool.kind == "probe" else 0.0
-                add(name, "tool", "mm", mean, tool.shift_std, tolerance.length_mm)
-
-        if noise.separate:
-            add("noise.joint", "noise", "1", 0.0, _NOISE_PRIOR, _NOISE_TOLERANCE)
-            add("noise.spot", "noise", "1", 0.0, _NOISE_PRIOR, _NOISE_TOLERANCE)
-
-        held = _held(header.held, robot, tool, [item.name for item in open_items])
+        items = [
+            *_offsets(robot, header),
+            *(item for target in targets for item in _coordinates(target, header)),
+            *_of_tool(tool, header),
+            *(_noise_factors() if noise.separate else ()),
+        ]
+        held = _held(header.held, robot, tool, [item.name for item in items])
         return cls(
-            tuple(
-                Parameter(
-                    p.name,
-                    p.group,
-                    p.unit,
-                    p.prior_mean,
-                    p.prior_std,
-                    p.tolerance,
-                    p.name in held,
-                    held.get(p.name),
-                )
-                for p in open_items
-            )
+            tuple(replace(item, held=item.name in held, held_reason=held.get(item.name)) for item in items)
         )
+
+    # Blocks
+
+    def block(self, group: Group, which: int | None = None) -> slice:
+        """Where the parameters of a group stand in x, an empty slice where there are none.
+
+        `which` chooses the k-th owner in it, such as `block("target", k)`.
+        """
+        return self._groups[group] if which is None else self._owners[group][which]
+
+    @cached_property
+    def arm(self) -> slice:
+        """All that forward kinematics depends on."""
+        return slice(self.block(ARM[0]).start, self.block(ARM[-1]).stop)
+
+    def of_shot(self, target: int, *, noise: bool = True) -> NDArray[np.int64]:
+        """The parameters that a shot at the k-th target depends on, in the order of its own Jacobian;
+        without `noise` those of its residual alone."""
+        groups = [*IN_RESIDUAL, *(("noise",) if noise else ())]
+        blocks = [
+            self.block("target", target) if group == "target" else self.block(group) for group in groups
+        ]
+        return np.concatenate([np.arange(len(self))[block] for block in blocks])
+
+    def in_shot(self, group: Group) -> slice:
+        """Where the columns of a group stand in a shot's own Jacobian (`of_shot`)."""
+        start = 0
+        for other in IN_RESIDUAL:
+            block = self.block("target", 0) if other == "target" else self.block(other)
+            if other == group:
+                return slice(start, start + block.stop - block.start)
+            start += block.stop - block.start
+        raise ValueError(f"the residual of a shot does not depend on the group {group}")
+
+    @cached_property
+    def _groups(self) -> dict[Group, slice]:
+        ends = np.cumsum([0, *(int(self.group(group).sum()) for group in ORDER)]).tolist()
+        return {group: slice(ends[k], ends[k + 1]) for k, group in enumerate(ORDER)}
+
+    @cached_property
+    def _owners(self) -> dict[Group, list[slice]]:
+        owners: dict[Group, list[slice]] = {group: [] for group in ORDER}
+        start = 0
+        for (group, _), own in groupby(self.items, lambda item: (item.group, item.of)):
+            count = len(list(own))
+            owners[group].append(slice(start, start + count))
+            start += count
+        return owners
+
+    def targets(self, names: Collection[str]) -> NDArray[np.bool_]:
+        """(p,) True for the coordinates of the targets of these names."""
+        return np.array([item.group == "target" and item.of in names for item in self.items], dtype=bool)
+
+    def with_values(self, x: Matrix, of: Parameters, values: Matrix) -> Matrix:
+        """(p,) `x` with the `values` of those parameters that are among `of` too."""
+        result = x.copy()
+        result[[self.index(name) for name in of.names]] = values
+        return result
+
+    def without(self, group: Group) -> Parameters:
+        """All but those of a group."""
+        return Parameters(tuple(item for item in self.items if item.group != group))
+
+    # Numbers of all
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -174,17 +227,57 @@ class Parameters:
 
     def group(self, group: Group) -> NDArray[np.bool_]:
         """(p,) True for the parameters of one group."""
-        return np.asarray(self._groups == group)
+        return np.asarray(self._group_names == group)
 
     @cached_property
-    def _groups(self) -> NDArray[np.str_]:
+    def _group_names(self) -> NDArray[np.str_]:
         return np.array([item.group for item in self.items])
 
     def index(self, name: str) -> int:
+        """Where the parameter of that name stands; ValueError where there is none."""
         return self.names.index(name)
 
     def __len__(self) -> int:
         return len(self.items)
+
+
+def _offsets(robot: Robot, header: Header) -> Iterator[Parameter]:
+    prior, tolerance = header.prior, header.tolerance
+    for i, joint in enumerate(robot.joints, start=1):
+        unit: Unit = "mm"
+        std, tol = prior.offset_mm, tolerance.length_mm
+        if joint.kind == "revolute":
+            unit = "deg"
+            std, tol = np.radians([prior.offset_deg, tolerance.offset_deg]).tolist()
+        yield Parameter(f"delta{i}", "offset", f"joint{i}", "offset", unit, 0.0, std, tol)
+
+
+def _coordinates(target: str, header: Header) -> Iterator[Parameter]:
+    stated = header.targets.get(target)
+    guess = (0.0, 0.0, 0.0) if stated is None or stated.guess_mm is None else stated.guess_mm
+    std = 10_000.0 if stated is None else stated.sigma_mm
+    for axis, mean in zip("xyz", guess, strict=True):
+        yield Parameter(
+            f"{target}.{axis}", "target", target, axis, "mm", mean, std, header.tolerance.length_mm
+        )
+
+
+def _of_tool(tool: Tool, header: Header) -> Iterator[Parameter]:
+    nominal = dict(zip("xyz", tool.point.tolist(), strict=True))
+    for axis in tool.free_axes:
+        name, mean = f"tool.{axis}", nominal.get(axis, 0.0)
+        if axis.startswith("tilt"):
+            tol = float(np.radians(header.tolerance.tilt_deg))
+            yield Parameter(name, "tool", "tool", axis, "deg", mean, tool.tilt_std, tol)
+        else:
+            yield Parameter(
+                name, "tool", "tool", axis, "mm", mean, tool.shift_std, header.tolerance.length_mm
+            )
+
+
+def _noise_factors() -> Iterator[Parameter]:
+    for axis in ("joint", "spot"):
+        yield Parameter(f"noise.{axis}", "noise", "noise", axis, "1", 0.0, _NOISE_PRIOR, _NOISE_TOLERANCE)
 
 
 def _held(stated: Sequence[str] | None, robot: Robot, tool: Tool, names: Sequence[str]) -> dict[str, str]:

@@ -41,6 +41,16 @@ class Distance:
     sigma: float
 
 
+@dataclass(frozen=True)
+class Parts:
+    """Parameter vectors (..., p) taken apart: `arm` (..., a) what forward kinematics takes (the offsets),
+    `targets` (..., K, 3) mm, `tool` (..., k)."""
+
+    arm: Matrix
+    targets: Matrix
+    tool: Matrix
+
+
 class Whitened(NamedTuple):
     """Misses and distances in their own standard deviations at one x.
 
@@ -138,11 +148,9 @@ class Problem:
             return replace(self, noise=replace(self.noise, estimated=False)), x
         variances = self.variances(x)
         noise = Noise(np.sqrt(variances[:-1]), float(np.sqrt(variances[-1])), estimated=False)
-        kept = ~self.parameters.group("noise")
-        items = tuple(item for item in self.parameters.items if item.group != "noise")
-        functions = shot_functions(self.robot, self.tool)
-        problem = replace(self, noise=noise, parameters=Parameters(items), functions=functions)
-        return problem, x[kept]
+        parameters, functions = self.parameters.without("noise"), shot_functions(self.robot, self.tool)
+        problem = replace(self, noise=noise, parameters=parameters, functions=functions)
+        return problem, x[~self.parameters.group("noise")]
 
     # Shapes
 
@@ -162,26 +170,22 @@ class Problem:
 
     @cached_property
     def columns(self) -> Index:
-        """(N, n + 3 + k): where the columns of each shot's own Jacobian stand among the parameters."""
-        n, k = self.robot.n, len(self.tool.parameter_names)
-        result = np.empty((self.shots, n + 3 + k), dtype=np.int64)
-        result[:, :n] = np.arange(n)
-        result[:, n : n + 3] = n + 3 * self.target_index[:, None] + np.arange(3)
-        result[:, n + 3 :] = n + 3 * len(self.targets) + np.arange(k)
-        return result
+        """(N, c): where the c columns of each shot's own Jacobian stand among the parameters."""
+        own = [self.parameters.of_shot(k, noise=False) for k in range(len(self.targets))]
+        return np.asarray(np.stack(own)[self.target_index])
 
-    def split(self, x: Matrix) -> tuple[Matrix, Matrix, Matrix]:
-        """Offsets (..., n), targets (..., K, 3) and tool (..., k) of parameter vectors (..., p)."""
-        n, end = self.robot.n, self.robot.n + 3 * len(self.targets)
-        targets = x[..., n:end].reshape(*x.shape[:-1], len(self.targets), 3)
-        return x[..., :n], targets, x[..., end : end + len(self.tool.parameter_names)]
+    def split(self, x: Matrix) -> Parts:
+        """The parts of parameter vectors (..., p)."""
+        parameters = self.parameters
+        targets = x[..., parameters.block("target")].reshape(*x.shape[:-1], len(self.targets), 3)
+        return Parts(x[..., parameters.arm], targets, x[..., parameters.block("tool")])
 
     def variances(self, x: Matrix) -> Matrix:
         """(..., n + 1) of joints and spot at parameter vectors (..., p), or (n + 1,) as stated."""
         if not self.noise.separate:
             return self.noise.variances
         with np.errstate(over="ignore"):  # what overflows is told by the density: -inf
-            factors = np.exp(2 * x[..., -2:])
+            factors = np.exp(2 * x[..., self.parameters.block("noise")])
         joints = np.repeat(factors[..., :1], self.robot.n, axis=-1)
         return np.concatenate([joints, factors[..., 1:]], axis=-1) * self.noise.variances
 
@@ -192,7 +196,7 @@ class Problem:
         and `factors`).
         """
         variances = self.variances(x)
-        by_joints = jacobian[:, :, : self.robot.n]
+        by_joints = self.by_joints(jacobian)
         halves = []
         joint = (by_joints * variances[:-1]) @ by_joints.transpose(0, 2, 1)
         spot = np.broadcast_to(variances[-1] * np.eye(self.tool.miss_size), joint.shape)
@@ -203,28 +207,35 @@ class Problem:
 
     # Misses and Jacobians at one x
 
+    def by_joints(self, jacobian: Matrix) -> Matrix:
+        """(N, d, n) the columns by the joint positions of the shots' own Jacobians (N, d, c).
+
+        Positions and offsets enter as their sums alone: they are the columns by the offsets.
+        """
+        return jacobian[:, :, self.parameters.in_shot("offset")]
+
     def linearise(
         self, x: Matrix, joints: Matrix | None = None, rows: Index | slice = slice(None)
     ) -> tuple[Matrix, Matrix]:
-        """Misses (N, d) mm and each shot's own Jacobian (N, d, n + 3 + k) by delta, its target, tool.
+        """Misses (N, d) mm and each shot's own Jacobian (N, d, c) by what it depends on (`columns`).
 
         `x` is (p,), or (shots, p) with parameters of its own for every shot of the problem. `joints` takes
         the place of the recorded ones, `rows` chooses some of the shots.
         """
-        delta, targets, tool = self.split(x if x.ndim == 1 else x[rows])
+        parts = self.split(x if x.ndim == 1 else x[rows])
         joints = self.joints[rows] if joints is None else joints
         if x.ndim == 1:
-            own_target = targets[self.target_index[rows]]
+            own_target = parts.targets[self.target_index[rows]]
         else:
-            own_target = targets[np.arange(len(targets)), self.target_index[rows]]
+            own_target = parts.targets[np.arange(len(parts.targets)), self.target_index[rows]]
         miss, jacobian = self.functions.kernel("linear", compile=self.shots > _COMPILE_FROM)(
-            joints, self.spots[rows], delta, own_target, tool
+            joints, self.spots[rows], parts.arm, own_target, parts.tool
         )
         return miss, jacobian
 
     def factors(self, x: Matrix, jacobian: Matrix) -> Matrix:
         """(N, d, d) lower Cholesky factors of S_i = J_i diag(joint variances) J_i' + spot variance."""
-        by_joints = jacobian[:, :, : self.robot.n]
+        by_joints = self.by_joints(jacobian)
         variances = self.variances(x)
         covariance = (by_joints * variances[:-1]) @ by_joints.transpose(0, 2, 1)
         covariance += variances[-1] * np.eye(self.tool.miss_size)
@@ -257,15 +268,14 @@ class Problem:
         """Whitened distance residuals (W, D) of parameter vectors (W, p), their Jacobian (W, D, p) by x."""
         residual = np.zeros((len(x), len(self.distances)))
         jacobian = np.zeros((*residual.shape, len(self.parameters)))
-        _, targets, _ = self.split(x)
-        n = self.robot.n
+        targets, block = self.split(x).targets, self.parameters.block
         for row, stated in enumerate(self.distances):
             between = targets[:, stated.second] - targets[:, stated.first]
             length = np.maximum(np.linalg.norm(between, axis=1), 1e-9)
             residual[:, row] = (length - stated.mm) / stated.sigma
             along = between / length[:, None] / stated.sigma
-            jacobian[:, row, n + 3 * stated.second : n + 3 * stated.second + 3] = along
-            jacobian[:, row, n + 3 * stated.first : n + 3 * stated.first + 3] = -along
+            jacobian[:, row, block("target", stated.second)] = along
+            jacobian[:, row, block("target", stated.first)] = -along
         return residual, jacobian
 
     def roots(self, whitened: Whitened) -> Matrix:
@@ -274,16 +284,16 @@ class Problem:
         jacobian = whitened.jacobian[: self.shots * d, self.parameters.free]
         return np.asarray(jacobian.reshape(self.shots, d, -1))
 
-    def nearest_targets(self, delta: Matrix, tool: Matrix, joints: Matrix | None = None) -> Matrix:
+    def nearest_targets(self, arm: Matrix, tool: Matrix, joints: Matrix | None = None) -> Matrix:
         """(W, K, 3) mm: for each target the point nearest to all its beams (or the mean of the tips).
 
-        `delta` (W, n), `tool` (W, k) and the recorded `joints` (W, N, n), the problem's own by default.
+        `arm` (W, a), `tool` (W, k) and the recorded `joints` (W, N, n), the problem's own by default.
         Directions that the beams leave open (one beam, parallel beams) stay at the prior mean.
         """
-        origin, direction = self._beams(delta, tool, self.joints[None] if joints is None else joints)
-        _, start, _ = self.split(self.parameters.prior_mean)
+        origin, direction = self._beams(arm, tool, self.joints[None] if joints is None else joints)
+        start = self.split(self.parameters.prior_mean).targets
         across = np.eye(3) - direction[..., :, None] * direction[..., None, :]
-        result = np.empty((len(delta), len(self.targets), 3))
+        result = np.empty((len(arm), len(self.targets), 3))
         for k in range(len(self.targets)):
             mine = self.target_index == k
             weight = across[:, mine].sum(axis=1) + 1e-9 * np.eye(3)
@@ -292,28 +302,28 @@ class Problem:
         return result
 
     def supposed(self) -> Matrix:
-        """(p,) what is supposed before any shot: no offsets, the nominal tool, each target at its guess or,
-        without one, at the point nearest to its beams."""
+        """(p,) the nominal parameters, before any shot: no offsets, the nominal tool, each target at its
+        guess or, without one, at the point nearest to its beams."""
         x = self.parameters.prior_mean.copy()
-        delta, targets, tool = self.split(x)
-        nearest = self.nearest_targets(delta[None], tool[None])[0]
-        x[self.parameters.group("target")] = np.where(self.guessed[:, None], targets, nearest).reshape(-1)
+        parts = self.split(x)
+        nearest = self.nearest_targets(parts.arm[None], parts.tool[None])[0]
+        targets = np.where(self.guessed[:, None], parts.targets, nearest)
+        x[self.parameters.block("target")] = targets.reshape(-1)
         return x
 
     def beams(self, x: Matrix) -> tuple[Matrix, Matrix]:
         """Origins (N, 3) mm and unit directions (N, 3) of the beams in the base frame (eq. 7); `x` as for
         `linearise`."""
-        delta, _, tool = self.split(x)
-        compile = self.shots > _COMPILE_FROM
-        origin, direction = self.functions.kernel("beam", compile=compile)(self.joints, delta, tool)
+        parts, compile = self.split(x), self.shots > _COMPILE_FROM
+        origin, direction = self.functions.kernel("beam", compile=compile)(self.joints, parts.arm, parts.tool)
         return origin, direction
 
-    def _beams(self, delta: Matrix, tool: Matrix, joints: Matrix) -> tuple[Matrix, Matrix]:
-        """(W, N, 3) each, of offsets (W, n), tools (W, k) and recorded joints (W or 1, N, n)."""
-        rows, shots = len(delta), self.shots
+    def _beams(self, arm: Matrix, tool: Matrix, joints: Matrix) -> tuple[Matrix, Matrix]:
+        """(W, N, 3) each, of arms (W, a), tools (W, k) and recorded joints (W or 1, N, n)."""
+        rows, shots = len(arm), self.shots
         origin, direction = self.functions.kernel("beam", compile=rows * shots > _COMPILE_FROM**2)(
             np.broadcast_to(joints, (rows, shots, self.robot.n)).reshape(rows * shots, -1),
-            np.repeat(delta, shots, axis=0),
+            np.repeat(arm, shots, axis=0),
             np.repeat(tool, shots, axis=0),
         )
         return origin.reshape(rows, shots, 3), direction.reshape(rows, shots, 3)

@@ -51,13 +51,11 @@ class Tool:
         return 2 if self.kind == "laser" else 3
 
     @property
-    def parameter_names(self) -> tuple[str, ...]:
-        """Names of what is unknown of the tool: none if it is calibrated."""
+    def free_axes(self) -> tuple[str, ...]:
+        """The k free tool parameters: none if the tool is calibrated."""
         if self.calibrated:
             return ()
-        if self.kind == "laser":
-            return ("tool.tilt1", "tool.tilt2", "tool.shift1", "tool.shift2")
-        return ("tool.x", "tool.y", "tool.z")
+        return ("tilt1", "tilt2", "shift1", "shift2") if self.kind == "laser" else ("x", "y", "z")
 
     def tip(self, unknowns: ca.SX) -> ca.SX:
         """Tip of a probe (3, 1) mm in the flange frame; `unknowns` is x, y, z, or empty if calibrated."""

@@ -121,9 +121,9 @@ def accuracy(
     problem: Problem, fit: LikelihoodFit, identified: Identified, point: Matrix | None = None
 ) -> Accuracy:
     """The accuracy of `point` (3,) mm in the flange frame, by default the tool's stated one, as above."""
-    n = problem.robot.n
+    parameters, offsets = problem.parameters, problem.parameters.block("offset")
     # As in the table of parameters: a fit that did not converge tells nothing.
-    status = [s if fit.converged or s == "held" else "unidentifiable" for s in identified.status[:n]]
+    status = [s if fit.converged or s == "held" else "unidentifiable" for s in identified.status[offsets]]
     open_offsets = np.isin(status, ["unidentifiable", "held"])
     open_offsets[0] = False
     place = "a point stated by the user"
@@ -134,7 +134,8 @@ def accuracy(
     drawn = [spread_postures(*limits, _POSTURES), spread_postures(*own, _POSTURES // 4)]
     joints = np.concatenate([*drawn, problem.joints])
     position, jacobian = tool_point(problem, fit.x, point, joints)
-    effect = np.linalg.norm(jacobian, axis=1).max(axis=0) * problem.parameters.prior_std[:n]
+    effect = np.linalg.norm(jacobian, axis=1).max(axis=0) * parameters.prior_std[offsets]
+    names = parameters.names[offsets]
     enters = effect > _NO_EFFECT
     undetermined = np.flatnonzero(enters & open_offsets)
     workspace, near_shots = None, None
@@ -145,14 +146,14 @@ def accuracy(
         whole, near = slice(_POSTURES), slice(_POSTURES, len(joints) - problem.shots)
         workspace, near_shots = _region(errors.select(whole)), _region(errors.select(near))
         maps = _maps(problem, position[whole], position[near.stop :], errors.select(whole))
-        weak = tuple(problem.parameters.names[i] for i in np.flatnonzero(enters & np.equal(status, "weak")))
+        weak = tuple(names[i] for i in np.flatnonzero(enters & np.equal(status, "weak")))
     return Accuracy(
         point_mm=(float(point[0]), float(point[1]), float(point[2])),
         place=place,
         workspace=workspace,
         near_shots=near_shots,
         maps=maps,
-        undetermined=tuple(problem.parameters.names[i] for i in undetermined),
+        undetermined=tuple(names[i] for i in undetermined),
         weak=weak,
         reason=_reason(problem, fit, identified, undetermined, status),
     )
@@ -161,25 +162,25 @@ def accuracy(
 def tool_point(problem: Problem, x: Matrix, point: Matrix, joints: Matrix) -> tuple[Matrix, Matrix]:
     """(P, 3) mm where the `point` (3,) of the flange stands at recorded `joints` (P, n) with the offsets of
     x (p,), in the base frame as joint 1's encoder draws it; and (P, 3, n) by the offsets, 0 by the first."""
-    n = problem.robot.n
-    delta = x[:n].copy()
-    delta[0] = 0.0
+    offsets = problem.parameters.block("offset")
+    x = x.copy()
+    x[offsets.start] = 0.0
     # The fit has this one compiled already.
     placed = problem.functions.kernel("placed", compile=len(joints) > _COMPILE_FROM)
-    position, jacobian = placed(joints, delta, point)
-    jacobian = jacobian[:, :, :n].copy()
+    position, jacobian = placed(joints, x[problem.parameters.arm], point)
+    jacobian = jacobian[:, :, offsets].copy()
     jacobian[:, :, 0] = 0.0
     return position, jacobian
 
 
 def offset_covariance(problem: Problem, covariance: Matrix) -> Matrix:
     """(n, n) of the offsets, rad or mm, from that of the scaled free parameters (f, f); 0 of what is held."""
-    parameters, n = problem.parameters, problem.robot.n
-    own = np.flatnonzero(parameters.free[:n])
+    parameters = problem.parameters
+    own = np.flatnonzero(parameters.free & parameters.group("offset"))
     at, std = parameters.among_free[own], parameters.prior_std[own]
-    result = np.zeros((n, n))
+    result = np.zeros((len(parameters), len(parameters)))
     result[np.ix_(own, own)] = covariance[np.ix_(at, at)] * np.outer(std, std)
-    return result
+    return result[parameters.block("offset"), parameters.block("offset")]
 
 
 def radius95(covariance: Matrix, dof: int | None = None) -> Matrix:
@@ -285,7 +286,7 @@ def _errors(
     dof = None
     if problem.noise.estimated:
         dof = max(fit.against_noise(identified.facts.rank).dof, 1)
-    nominal, _ = tool_point(problem, np.zeros(problem.robot.n), point, joints)
+    nominal, _ = tool_point(problem, np.zeros(len(problem.parameters)), point, joints)
     of_point = jacobian @ offset_covariance(problem, fit.covariance) @ jacobian.transpose(0, 2, 1)
     apart = nominal - position
     length = np.linalg.norm(apart, axis=1)

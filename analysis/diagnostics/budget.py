@@ -160,13 +160,14 @@ def _sources(
     jacobian = whitened.jacobian[:, parameters.free][:, ~noise]
     by_miss, by_distance = jacobian[:rows], jacobian[rows:]
     information = fit.weight * by_miss.T @ by_miss + by_distance.T @ by_distance + np.eye(jacobian.shape[1])
-    gain = np.linalg.inv(information)[at]  # the noise factors stand last
+    kept = (np.cumsum(~noise) - 1)[at]
+    gain = np.linalg.inv(information)[kept]
 
     # Of every reading: the miss's derivative by a joint is that by its offset, by the spot -1.
     _, own = problem.linearise(fit.x)
     blocks = jacobian[:rows].reshape(problem.shots, -1, jacobian.shape[1])
     by_spot = fit.weight * gain @ blocks.transpose(0, 2, 1) @ np.linalg.inv(whitened.factor)  # (N, t, d)
-    by_joint = by_spot @ own[:, :, : problem.robot.n]
+    by_joint = by_spot @ problem.by_joints(own)
     variances = problem.variances(fit.x) / fit.weight
     parts = [
         (by_joint**2).sum(axis=0).T * variances[:-1, None],
@@ -179,9 +180,7 @@ def _sources(
     groups: dict[tuple[Kind, str], list[int]] = {}
     for i, item in enumerate(items):
         # The three coordinates of a target are one source.
-        source: tuple[Kind, str] = (
-            ("target", item.name[: -len(".x")]) if item.group == "target" else ("prior", item.name)
-        )
+        source: tuple[Kind, str] = ("target", item.of) if item.group == "target" else ("prior", item.name)
         groups.setdefault(source, []).append(i)
     for (kind, name), places in groups.items():
         first = items[places[0]]
@@ -192,7 +191,7 @@ def _sources(
         sources.append(_Source("distance", between, "B", stated.sigma, "mm"))
     parts.append((by_distance @ gain.T) ** 2)
 
-    left = np.diag(fit.covariance)[at] - np.diag(gain[:, at])
+    left = np.diag(fit.covariance)[at] - np.diag(gain[:, kept])
     if noise.any():
         cross = fit.covariance[at][:, noise]
         factors = (cross * np.linalg.solve(fit.covariance[np.ix_(noise, noise)], cross.T).T).sum(axis=1)

@@ -224,7 +224,7 @@ def _displaced(fit: LikelihoodFit, left: _Left) -> tuple[list[ChangePoint], Matr
     problem, parameters = fit.problem, fit.problem.parameters
     shots, d = left.miss.shape
     rows = np.arange(shots)
-    own = problem.columns[:, problem.robot.n : problem.robot.n + 3]
+    own = problem.columns[:, parameters.in_shot("target")]
     by_place = fit.whitened.jacobian[: shots * d].reshape(shots, d, -1)
     by_place = by_place[rows[:, None, None], np.arange(d)[:, None], own[:, None, :]]
     by_place = by_place / parameters.prior_std[own][:, None, :]

@@ -50,7 +50,7 @@ def hold_out(problem: Problem, patterns: Sequence[str], seed: int = 0) -> HoldOu
     if not fit.converged:
         message = f"the fit without them did not converge: {fit.reason}"
         return HoldOut(tuple(names), unseen.shots, seen.shots, *(None,) * 6, message)
-    moved = np.isin([item.name.rpartition(".")[0] for item in problem.parameters.items], names)
+    moved = problem.parameters.targets(names)
     before = _settled(unseen, problem.supposed(), moved)
     after = _settled(unseen, fit.x, moved)
     rows = unseen.shots * unseen.tool.miss_size
@@ -85,9 +85,9 @@ def hold_out(problem: Problem, patterns: Sequence[str], seed: int = 0) -> HoldOu
 def _chance(seen: Problem, chi2: float, dof: int) -> float:
     """That chi-squared comes out as large: by F where the noise scale is estimated from the shots fitted."""
     parameters = seen.parameters
-    placed = {f"{seen.targets[k]}.{axis}" for k in set(seen.target_index.tolist()) for axis in "xyz"}
-    fitted = [p for p in parameters.items if not p.held and (p.group != "target" or p.name in placed)]
-    free = seen.data_size - len(fitted)
+    # A target without shots takes nothing of them.
+    unseen = parameters.targets(set(seen.targets) - {seen.targets[k] for k in seen.target_index})
+    free = seen.data_size - int((parameters.free & ~unseen).sum())
     if not seen.noise.estimated or free <= 0:
         return float(chdtrc(dof, chi2))
     return float(fdtrc(dof, free, chi2 / dof))

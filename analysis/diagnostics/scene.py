@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import chdtri, fdtri
 
-from ...model.kernel import Index
 from ...model.robot import Matrix
 
 if TYPE_CHECKING:
@@ -64,11 +63,11 @@ def scene(fit: LikelihoodFit, identified: Identified) -> Scene | None:
     if not fit.converged:
         return None
     problem, x = fit.problem, _drawn(fit, identified)
-    delta, places, _ = problem.split(x)
+    parts = problem.split(x)
     chosen = np.unique(np.linspace(0, problem.shots - 1, MOST_SHOTS).round().astype(np.int64))
-    (points,) = problem.functions.kernel("skeleton")(problem.joints[chosen], delta)
+    (points,) = problem.functions.kernel("skeleton")(problem.joints[chosen], parts.arm)
     origin, direction = (beam[chosen] for beam in problem.beams(x))
-    between = places[problem.target_index[chosen]] - origin
+    between = parts.targets[problem.target_index[chosen]] - origin
     length = (between * direction).sum(axis=1)
     end = origin + np.where(length >= 0, length, np.linalg.norm(between, axis=1))[:, None] * direction
     laser = problem.tool.kind == "laser"
@@ -103,8 +102,8 @@ def _drawn(fit: LikelihoodFit, identified: Identified) -> Matrix:
 
 def _target(fit: LikelihoodFit, identified: Identified, k: int) -> SceneTarget:
     problem = fit.problem
-    own: Index = problem.robot.n + 3 * k + np.arange(3)
-    status = {identified.status[i] for i in own}
+    own = problem.parameters.block("target", k)
+    status = set(identified.status[own])
     place = covariance = None
     if "unidentifiable" not in status:
         place = _point(fit.x[own])

@@ -59,9 +59,9 @@ class SeenCoordinates:
         problem = density.problem
         self._problem = problem
         parameters = problem.parameters
-        n, count = problem.robot.n, len(problem.targets)
+        count = len(problem.targets)
         self._free = parameters.free
-        places = n + np.arange(3 * count).reshape(count, 3)
+        places = np.arange(len(parameters))[parameters.block("target")].reshape(count, 3)
         # A target of which a coordinate is held stays in the base frame: seen from the flange it would move.
         moved = np.flatnonzero(self._free[places].all(axis=1))
         self._targets = moved
@@ -75,11 +75,11 @@ class SeenCoordinates:
         own_scale = np.repeat(self._scale, 3)
         self._to_seen = np.eye(len(parameters))[self._free][:, self._places.reshape(-1)] * own_scale
         every = len(moved) == count
-        self._where = slice(n, n + 3 * count) if every else self._places.reshape(-1)
+        self._where = parameters.block("target") if every else self._places.reshape(-1)
         at_v = parameters.among_free
-        turning = np.flatnonzero(self._free[:n])
+        turning = np.flatnonzero(self._free[parameters.arm])  # the arm is at the start of x
         self._blocks = np.array([np.append(at_v[turning], at_v[place]) for place in self._places], dtype=int)
-        self._moving = np.append(turning, n + np.arange(3))
+        self._moving = np.append(turning, parameters.arm.stop + np.arange(3))  # columns of `placed`
         own = np.broadcast_to(self._scale[:, None], (len(moved), 3))
         columns = np.hstack([np.tile(parameters.prior_std[turning], (len(moved), 1)), own])
         self._by_scale = columns[:, None, :] / parameters.prior_std[self._places][:, :, None]
@@ -96,7 +96,7 @@ class SeenCoordinates:
         """x (W, p) of coordinates v (W, f); what is held stays at its prior mean."""
         x, seen = self._spread_out(v)
         if len(self._targets):
-            (placed,) = self._each("place", of, x[:, : self._problem.robot.n], seen)
+            (placed,) = self._each("place", of, self._problem.split(x).arm, seen)
             x[:, self._where] = placed.reshape(len(v), 3 * len(self._targets))
         return x
 
@@ -105,7 +105,7 @@ class SeenCoordinates:
         x, seen = self._spread_out(v)
         if not len(self._targets):
             return Place(x, self._blocks, np.zeros((len(v), 0, 3, 0)))
-        placed, by = self._each("placed", of, x[:, : self._problem.robot.n], seen)
+        placed, by = self._each("placed", of, self._problem.split(x).arm, seen)
         x[:, self._where] = placed.reshape(len(v), 3 * len(self._targets))
         by = by.reshape(len(v), len(self._targets), 3, by.shape[-1])
         return Place(x, self._blocks, by[..., self._moving] * self._by_scale)
@@ -126,19 +126,19 @@ class SeenCoordinates:
 
     def _seen(self, x: Matrix, of: Index | None) -> Matrix:
         """(W, moved, 3) mm."""
-        delta, targets, _ = self._problem.split(x)
-        (seen,) = self._each("seen", of, delta, targets[:, self._targets])
+        parts = self._problem.split(x)
+        (seen,) = self._each("seen", of, parts.arm, parts.targets[:, self._targets])
         return seen.reshape(len(x), len(self._targets), 3)
 
-    def _each(self, name: str, of: Index | None, delta: Matrix, points: Matrix) -> tuple[Matrix, ...]:
-        """A function of joints, offsets and a point, for every row and moved target."""
-        rows, count = len(delta), len(self._targets)
+    def _each(self, name: str, of: Index | None, arm: Matrix, points: Matrix) -> tuple[Matrix, ...]:
+        """A function of joints, arm and a point, for every row and moved target."""
+        rows, count = len(arm), len(self._targets)
         kernel = self._problem.functions.kernel(name, compile=True)
         if count == 1 and len(self._joints) == 1:
-            return kernel(self._joints[0, 0], delta, points[:, 0])
+            return kernel(self._joints[0, 0], arm, points[:, 0])
         joints = self._joints if of is None or len(self._joints) == 1 else self._joints[of]
         return kernel(
             np.broadcast_to(joints, (rows, count, joints.shape[2])).reshape(rows * count, joints.shape[2]),
-            np.repeat(delta, count, axis=0),
+            np.repeat(arm, count, axis=0),
             points.reshape(-1, 3),
         )

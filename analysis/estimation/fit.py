@@ -180,9 +180,8 @@ def start_at(problem: Problem, z: Matrix, joints: Matrix | None = None) -> Matri
     parameters = problem.parameters
     x = np.tile(parameters.prior_mean, (len(z), 1))
     x[:, parameters.free] += z * parameters.prior_std[parameters.free]
-    delta, _, tool = problem.split(x)
-    targets = parameters.group("target")
-    nearest = problem.nearest_targets(delta, tool, joints).reshape(len(z), -1)
+    parts, targets = problem.split(x), parameters.group("target")
+    nearest = problem.nearest_targets(parts.arm, parts.tool, joints).reshape(len(z), -1)
     x[:, targets] = np.where(parameters.free[targets], nearest, parameters.prior_mean[targets])
     return x
 

@@ -177,22 +177,22 @@ class _Middles:
         """Points, their Jacobian by x (W, p), and (W, shots of a point, m, 3, n) by those shots' joints."""
         problem = self.problem
         count, n, m = len(x), problem.robot.n, len(self._target)
-        delta, _, tool = (np.repeat(part, m, axis=0) for part in problem.split(x))
+        parts, parameters = problem.split(x), problem.parameters
+        arm, tool = (np.repeat(part, m, axis=0) for part in (parts.arm, parts.tool))
         turned = [joints[:, shots].reshape(count * m, n) for shots in self.shots]
         if len(turned) == 2:
             middle = problem.functions.kernel("midpoint", compile=count > _COMPILE_FROM)
-            points, own, first, second = middle(*turned, delta, tool)
+            points, own, first, second = middle(*turned, arm, tool)
             by_shot = np.stack([first, second])
         else:
             tip = tool if tool.shape[1] else np.tile(problem.tool.point, (count * m, 1))
-            points, by = problem.functions.kernel("placed")(*turned, delta, tip)
-            own = by if tool.shape[1] else by[:, :, :n]
-            by_shot = own[None, :, :, :n]
-        jacobian = np.zeros((count, m, 3, len(problem.parameters)))
-        after = n + 3 * len(problem.targets)
+            points, by = problem.functions.kernel("placed")(*turned, arm, tip)
+            own = by if tool.shape[1] else by[:, :, : arm.shape[1]]
+            by_shot = own[None, :, :, parameters.block("offset")]
+        jacobian = np.zeros((count, m, 3, len(parameters)))
         own = own.reshape(count, m, 3, -1)
-        jacobian[..., :n] = own[..., :n]
-        jacobian[..., after : after + tool.shape[1]] = own[..., n:]
+        jacobian[..., parameters.arm] = own[..., : arm.shape[1]]
+        jacobian[..., parameters.block("tool")] = own[..., arm.shape[1] :]
         by_shot = by_shot.reshape(-1, count, m, 3, n).transpose(1, 0, 2, 3, 4)
         return points.reshape(count, m, 3), jacobian, by_shot
 

@@ -59,7 +59,7 @@ def aim(problem: Problem, x: Matrix, weights: Matrix) -> Aimed:
     """
     scale = np.array([1.0 if joint.kind == "revolute" else 1000.0 for joint in problem.robot.joints])
     weights = weights * scale**2
-    n, d = problem.robot.n, problem.tool.miss_size
+    d = problem.tool.miss_size
     joints = problem.joints.copy()
     miss, jacobian = problem.linearise(x)
     off = np.linalg.norm(miss, axis=1)
@@ -74,7 +74,7 @@ def aim(problem: Problem, x: Matrix, weights: Matrix) -> Aimed:
         if len(active) == 0:
             break
         before_last_step[active] = best_miss[active]
-        by_joints = jacobian[:, :, :n]
+        by_joints = problem.by_joints(jacobian)
         gram = (by_joints * weights) @ by_joints.transpose(0, 2, 1)
         damping = 1e-12 * np.trace(gram, axis1=1, axis2=2) + 1e-30
         gram += damping[:, None, None] * np.eye(d)
@@ -93,6 +93,6 @@ def aim(problem: Problem, x: Matrix, weights: Matrix) -> Aimed:
 
 def _ahead(problem: Problem, x: Matrix) -> NDArray[np.bool_]:
     origin, direction = problem.beams(x)
-    _, targets, _ = problem.split(np.broadcast_to(x, (problem.shots, x.shape[-1])))
+    targets = problem.split(np.broadcast_to(x, (problem.shots, x.shape[-1]))).targets
     own = targets[np.arange(problem.shots), problem.target_index]
     return np.asarray(((own - origin) * direction).sum(axis=1) >= 0)

@@ -143,11 +143,11 @@ def _shots(plan: Plan, aimed: Aimed) -> Problem:
 def _stated_spread(plan: Plan, problem: Problem) -> Matrix:
     """(p,) std of where each target may stand, mm; 0 where the header does not state its sigma."""
     spread = np.zeros(len(problem.parameters))
-    for item, name in enumerate(problem.parameters.names):
-        stated = plan.header.targets.get(name.rpartition(".")[0])
+    for k, name in enumerate(problem.targets):
+        stated = plan.header.targets.get(name)
         if stated is not None and "sigma_mm" in stated.model_fields_set and stated.guess_mm is not None:
-            spread[item] = stated.sigma_mm
-    return np.where(problem.parameters.group("target"), spread, 0.0)
+            spread[problem.parameters.block("target", k)] = stated.sigma_mm
+    return spread
 
 
 def _notes(plan: Plan, aimed: Aimed) -> tuple[str, ...]:

@@ -48,7 +48,7 @@ def mechanisms(problem: Problem) -> Iterator[Mechanism]:
 
     for which, name in enumerate(problem.targets):
         only = np.zeros(len(parameters), dtype=bool)
-        only[n + 3 * which : n + 3 * which + 3] = True
+        only[parameters.block("target", which)] = True
         yield Mechanism(
             only,
             f"the target {name} is seen by one shot only"

@@ -145,8 +145,9 @@ def _calibration(run: Run, allow_weak: bool, allow_displaced: bool, without: Seq
     _require_consistent(fit, against)
     moved = _displaced(fit, allow_displaced)
     quantile = float(stdtrit(dof, 0.975)) if problem.noise.estimated and dof > 0 else _NORMAL_95
-    names = problem.parameters.names[: run.robot.n]
-    _check_without(without, problem.parameters.items[: run.robot.n])
+    block = problem.parameters.block("offset")
+    names = problem.parameters.names[block]
+    _check_without(without, problem.parameters.items[block])
     offsets = []
     for i, joint in enumerate(run.robot.joints):
         item, status = problem.parameters.items[i], identified.status[i]

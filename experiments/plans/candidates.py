@@ -113,7 +113,7 @@ def _fit(
 ) -> Matrix:
     """The joints of the shots that satisfy everything; `removed` counts the others by their first fault."""
     origin, direction = problem.beams(x)
-    _, targets, _ = problem.split(x)
+    targets = problem.split(x).targets
     left = np.ones(problem.shots, dtype=bool)
 
     def keep(mask: Mask, reason: str) -> None:

@@ -120,7 +120,7 @@ class Clearance:
         """(N, n + 3, 3): the skeleton and the tool's point."""
         delta = np.zeros(self._problem.robot.n)
         (skeleton,) = self._kernel(joints, delta)
-        _, _, tool = self._problem.split(self._problem.parameters.prior_mean)
+        tool = self._problem.split(self._problem.parameters.prior_mean).tool
         origin, _ = self._tool(joints, delta, tool)
         return np.concatenate([skeleton.transpose(0, 2, 1), origin[:, None, :]], axis=1)
 

@@ -98,21 +98,22 @@ class _BeamAt:
         return None
 
     def _solve(self, start: Matrix, seed: Matrix) -> Matrix | None:
-        delta, _, tool = self._problem.split(self._x)
+        parts = self._problem.split(self._x)
         n, point = self._problem.robot.n, self._problem.tool.point
 
         def residual(q: Matrix, _: Index) -> tuple[Matrix, Matrix]:
-            origin, by = self._placed(q, delta, point)
+            origin, by = self._placed(q, parts.arm, point)
             miss, own = self._problem.linearise(self._x, q)
             value = np.concatenate([origin - start, miss, _KEEP_NEAR * (q - seed)], axis=1)
             near = _KEEP_NEAR * np.eye(n)[None]
-            return value, np.concatenate([by[:, :, :n], own[:, :, :n], near], axis=1)
+            by_joints = by[:, :, self._problem.parameters.block("offset")]
+            return value, np.concatenate([by_joints, self._problem.by_joints(own), near], axis=1)
 
         found = levenberg_marquardt(least_squares(residual), seed[None], max_iterations=60)
         value, _ = residual(found.x, np.zeros(1, dtype=np.int64))
         if np.abs(value[0, : 3 + self._problem.tool.miss_size]).max() > _HIT_MM:
             return None
-        origin, direction = self._beam(found.x, delta, tool)
+        origin, direction = self._beam(found.x, parts.arm, parts.tool)
         ahead = float(direction[0] @ (self._target - origin[0])) > 0
         return found.x[0] if ahead else None
 

@@ -153,10 +153,10 @@ class Procedure:
         if not shots or not self.rig.steerable:
             return x
         found = fit_likelihood(with_shots(self._near, shots), starts=0).x
-        x[: len(found)] = found
         parameters = self._problem.parameters
+        x = parameters.with_values(x, self._near.parameters, found)
         seen = {shot.target for shot in shots}
-        told = [item.group != "target" or item.name.rpartition(".")[0] in seen for item in parameters.items]
+        told = [item.group != "target" or item.of in seen for item in parameters.items]
         return np.where(told, x, self._supposed)
 
     def _posture(self, number: int) -> int:

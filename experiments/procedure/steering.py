@@ -26,16 +26,16 @@ class Belief:
 
     @property
     def delta(self) -> Matrix:
-        return self.problem.split(self.x)[0]
+        return self.problem.split(self.x).arm
 
     @property
     def tool(self) -> Matrix:
-        return self.problem.split(self.x)[2]
+        return self.problem.split(self.x).tool
 
     @property
     def target(self) -> Matrix:
         """(3,) mm, base frame."""
-        return np.asarray(self.problem.split(self.x)[1][self.problem.target_index[0]])
+        return np.asarray(self.problem.split(self.x).targets[self.problem.target_index[0]])
 
     @property
     def wrist(self) -> Matrix:
@@ -45,8 +45,7 @@ class Belief:
     def with_target(self, target: Matrix) -> Belief:
         """The same with the target (3,) mm elsewhere."""
         x = self.x.copy()
-        start = self.problem.robot.n + 3 * int(self.problem.target_index[0])
-        x[start : start + 3] = target
+        x[self.problem.parameters.block("target", int(self.problem.target_index[0]))] = target
         return replace(self, x=x)
 
     def call(self, name: str, joints: Matrix, *inputs: Matrix) -> list[Matrix]:

@@ -41,15 +41,15 @@ def postures_of(aimed_plan: AimedPlan) -> Postures:
     problem, x, aimed = aimed_plan.problem, aimed_plan.x, aimed_plan.aimed
     joints = np.where(aimed.hit[:, None], aimed.problem.joints, problem.joints)
     with threadpool_limits(limits=1, user_api="blas"):
-        delta, targets, _ = problem.split(x)
-        (points,) = problem.functions.kernel("skeleton")(joints, delta)
+        parts = problem.split(x)
+        (points,) = problem.functions.kernel("skeleton")(joints, parts.arm)
         origin, direction = problem.moved(joints).beams(x)
-    between = targets[problem.target_index] - origin
+    between = parts.targets[problem.target_index] - origin
     along = (between * direction).sum(axis=1)
     reaches = aimed.hit & aimed.ahead
     length = np.where(reaches, along, np.linalg.norm(between, axis=1))
     end = origin + length[:, None] * direction
-    return Postures(joints, aimed.hit, points.transpose(0, 2, 1), origin, end, targets, along, reaches)
+    return Postures(joints, aimed.hit, points.transpose(0, 2, 1), origin, end, parts.targets, along, reaches)
 
 
 def plan_scene(plan: Plan, seen: Postures) -> Json:

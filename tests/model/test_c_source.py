@@ -175,7 +175,7 @@ def draws(functions, rng, *shape):
         rng.normal(size=(*shape, tool.miss_size)),
         rng.normal(scale=3, size=(*shape, robot.n)) / unit,
         rng.uniform(-1500, 1500, (*shape, 3)),
-        rng.normal(scale=0.05, size=(*shape, len(tool.parameter_names))),
+        rng.normal(scale=0.05, size=(*shape, len(tool.free_axes))),
     )
 
 

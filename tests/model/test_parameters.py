@@ -4,7 +4,7 @@ from plain_model import arm
 
 from zerobeam.model.files.header import Header
 from zerobeam.model.noise import Noise
-from zerobeam.model.parameters import Parameters
+from zerobeam.model.parameters import IN_RESIDUAL, ORDER, Parameters
 from zerobeam.model.tool import Tool
 
 LASER = {"kind": "laser", "point_mm": [0, 0, 65], "direction": [1, 0, 0]}
@@ -57,6 +57,67 @@ def test_targets_stand_in_the_order_of_the_shots(irb1600):
     parameters = build(irb1600, LASER, ("z", "a"), targets=stated)
     assert parameters.names[6:] == ("z.x", "z.y", "z.z", "a.x", "a.y", "a.z")
     np.testing.assert_array_equal(parameters.prior_mean[6:], [7, 8, 9, 1, 2, 3])
+
+
+# --- blocks -----------------------------------------------------------------------------------------
+
+SEPARATE = {"joint_deg": 0.01, "joint_mm": 0.01, "spot_mm": 0.05, "scale": "separate"}
+
+
+def test_blocks_cover_the_parameters_in_their_order(irb1600):
+    parameters = build(irb1600, {**LASER, "calibrated": False}, ("psd", "a.b"), noise=SEPARATE)
+    blocks = [parameters.block(group) for group in ORDER]
+    assert blocks == [slice(0, 6), slice(6, 12), slice(12, 16), slice(16, 18)]
+    for group, block in zip(ORDER, blocks, strict=True):
+        assert {item.group for item in parameters.items[block]} == {group}
+    assert parameters.arm == parameters.block("offset")
+    assert [parameters.block("target", k) for k in (0, 1)] == [slice(6, 9), slice(9, 12)]
+    assert parameters.names[parameters.block("target", 1)] == ("a.b.x", "a.b.y", "a.b.z")
+    assert [parameters.block("offset", k) for k in (0, 5)] == [slice(0, 1), slice(5, 6)]
+    assert parameters.names[parameters.block("noise")] == ("noise.joint", "noise.spot")
+
+
+def test_a_group_without_parameters_is_an_empty_block_at_its_place(irb1600):
+    parameters = build(irb1600, LASER)
+    assert parameters.block("tool") == parameters.block("noise") == slice(9, 9)
+    assert parameters.in_shot("tool") == slice(9, 9)
+
+
+def test_each_parameter_says_what_it_belongs_to(irb1600):
+    parameters = build(irb1600, {**LASER, "calibrated": False}, ("joint1", "a.x"), noise=SEPARATE)
+    owners = {item.name: (item.of, item.axis) for item in parameters.items}
+    assert owners["delta3"] == ("joint3", "offset")
+    assert owners["a.x.z"] == ("a.x", "z")
+    assert owners["tool.tilt2"] == ("tool", "tilt2")
+    assert owners["noise.spot"] == ("noise", "spot")
+    # A target may be called like a joint, or like a coordinate of another.
+    np.testing.assert_array_equal(np.flatnonzero(parameters.targets(["joint1"])), [6, 7, 8])
+    np.testing.assert_array_equal(np.flatnonzero(parameters.targets(["a.x", "a"])), [9, 10, 11])
+
+
+def test_a_shot_depends_on_its_own_target_alone(irb1600):
+    parameters = build(irb1600, {**LASER, "calibrated": False}, ("psd", "b"), noise=SEPARATE)
+    np.testing.assert_array_equal(parameters.of_shot(1), [*range(6), 9, 10, 11, *range(12, 18)])
+    np.testing.assert_array_equal(parameters.of_shot(0, noise=False), [*range(9), *range(12, 16)])
+    for group in IN_RESIDUAL:
+        own = parameters.of_shot(1, noise=False)[parameters.in_shot(group)]
+        assert {parameters.items[i].group for i in own} == {group}
+    with pytest.raises(ValueError, match="noise"):
+        parameters.in_shot("noise")
+
+
+def test_groups_in_another_order_are_refused(irb1600):
+    parameters = build(irb1600, LASER)
+    with pytest.raises(ValueError, match="order"):
+        Parameters(parameters.items[::-1])
+
+
+def test_values_of_some_go_into_the_vector_of_all(irb1600):
+    parameters = build(irb1600, {**LASER, "calibrated": False}, noise=SEPARATE)
+    known = parameters.without("noise")
+    assert known.names == parameters.names[:-2]
+    x = parameters.with_values(np.full(len(parameters), -1.0), known, np.arange(13.0))
+    np.testing.assert_array_equal(x, [*range(13), -1, -1])
 
 
 # --- units ------------------------------------------------------------------------------------------

@@ -35,19 +35,23 @@ def made(request, arms):
 
 def test_shapes_and_places(made):
     problem = made.problem
-    n, k, d = 6, len(problem.tool.parameter_names), problem.tool.miss_size
+    n, k, d = 6, len(problem.tool.free_axes), problem.tool.miss_size
     assert problem.shots == 8
     assert problem.data_size == 8 * d + 1
     assert problem.targets == ("a", "b")
     np.testing.assert_array_equal(problem.target_index, [0, 1, 0, 0, 1, 0, 1, 1])
     assert problem.distances == (Distance(1, 0, 60.0, 0.5),)
     assert problem.shot_numbers == tuple(range(8))
-    delta, targets, tool = problem.split(np.arange(12.0 + k))
-    np.testing.assert_array_equal(delta, np.arange(6))
-    np.testing.assert_array_equal(targets, [[6, 7, 8], [9, 10, 11]])
-    np.testing.assert_array_equal(tool, np.arange(12, 12 + k))
+    parts = problem.split(np.arange(12.0 + k))
+    np.testing.assert_array_equal(parts.arm, np.arange(6))
+    np.testing.assert_array_equal(parts.targets, [[6, 7, 8], [9, 10, 11]])
+    np.testing.assert_array_equal(parts.tool, np.arange(12, 12 + k))
     many = problem.split(np.zeros((5, 4, 12 + k)))
-    assert [part.shape for part in many] == [(5, 4, 6), (5, 4, 2, 3), (5, 4, k)]
+    assert [part.shape for part in (many.arm, many.targets, many.tool)] == [
+        (5, 4, 6),
+        (5, 4, 2, 3),
+        (5, 4, k),
+    ]
     assert problem.columns.shape == (8, n + 3 + k)
     np.testing.assert_array_equal(problem.columns[1], [*range(6), 9, 10, 11, *range(12, 12 + k)])
 
@@ -154,7 +158,7 @@ def test_whitened_misses_and_distances(made):
         expected = np.linalg.solve(np.linalg.cholesky(covariance), m)
         np.testing.assert_allclose(white.residual[d * i : d * i + d], expected, rtol=1e-8, atol=1e-8)
         np.testing.assert_allclose(white.miss[i], m, atol=1e-9)
-    a, b = problem.split(x)[1]
+    a, b = problem.split(x).targets
     assert white.residual[-1] == pytest.approx((np.linalg.norm(a - b) - 60) / 0.5, rel=1e-12)
 
 
@@ -194,7 +198,8 @@ def test_a_noise_that_leaves_a_direction_free_is_refused(arms, refused):
 def test_many_shots_are_compiled_and_the_numbers_stay(made, monkeypatch):
     functions = ShotFunctions(made.problem.robot, made.problem.tool)
     problem = replace(made.problem, functions=functions)
-    delta, _, tool = problem.split(made.walkers(3))
+    parts = problem.split(made.walkers(3))
+    delta, tool = parts.arm, parts.tool
     plain = [*problem.linearise(made.x), problem.nearest_targets(delta, tool)]
     assert set(functions._kernels) == {("linear", False), ("beam", False)}
     monkeypatch.setattr(problem_module, "_COMPILE_FROM", 4)  # of 8 shots, and 24 beams
@@ -212,7 +217,7 @@ def test_separate_noise_factors_are_in_the_weights_and_in_no_miss(arms):
     assert problem.parameters.names[-2:] == ("noise.joint", "noise.spot")
     np.testing.assert_allclose(problem.variances(walkers), [made.variances(x) for x in walkers], rtol=1e-12)
     np.testing.assert_allclose(problem.variances(made.x), made.variances(made.x), rtol=1e-12)
-    assert problem.split(made.x)[2].shape == (4,)  # the tool's, and not the noise's
+    assert problem.split(made.x).tool.shape == (4,)  # the tool's, and not the noise's
     miss, own = problem.linearise(made.x)
     for i, factor in enumerate(problem.factors(made.x, own)):
         np.testing.assert_allclose(factor @ factor.T, made.covariance(made.x, i).real, rtol=1e-9, atol=1e-12)
@@ -265,7 +270,7 @@ def test_each_shot_may_have_parameters_of_its_own(made):
 def test_a_distance_moves_both_its_targets(made):
     problem = made.problem
     row = problem.whiten(made.x).jacobian[-1] / problem.parameters.prior_std
-    a, b = problem.split(made.x)[1]
+    a, b = problem.split(made.x).targets
     along = (a - b) / np.linalg.norm(a - b) / 0.5
     expected = np.zeros(len(row))
     expected[6:9], expected[9:12] = along, -along
@@ -296,7 +301,7 @@ def test_distances_of_many_parameter_vectors(made):
 
 
 def test_beams_in_the_base_frame(made):
-    delta, _, unknowns = made.problem.split(made.x)
+    delta, unknowns = made.problem.split(made.x).arm, made.problem.split(made.x).tool
     origin, direction = made.problem.beams(made.x)
     for i, q in enumerate(made.problem.joints):
         flange = made.arm.pose(q + delta).real
@@ -363,7 +368,8 @@ def test_the_point_nearest_to_skew_beams(mast):
 def test_nearest_targets_of_many_offsets_tools_and_recordings(made):
     """Row by row what each gives alone, and for its own joints what a problem recorded there gives."""
     problem = made.problem
-    delta, _, tool = problem.split(made.walkers(3))
+    parts = problem.split(made.walkers(3))
+    delta, tool = parts.arm, parts.tool
     joints = problem.joints + np.random.default_rng(2).normal(scale=1e-3, size=(3, *problem.joints.shape))
     many, recorded = problem.nearest_targets(delta, tool), problem.nearest_targets(delta, tool, joints)
     assert many.shape == recorded.shape == (3, 2, 3)

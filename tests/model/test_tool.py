@@ -19,7 +19,7 @@ def laser(direction, *, calibrated=False, point=(0.0, 0.0, 65.0)):
 
 def at(tool, unknowns=()):
     """p (3,), u (3,), B (3, 2) of a laser."""
-    symbol = ca.SX.sym("tool", len(tool.parameter_names))
+    symbol = ca.SX.sym("tool", len(tool.free_axes))
     function = ca.Function("beam", [symbol], list(tool.beam(symbol)), ["tool"], ["p", "u", "B"])
     p, u, basis = function(np.array(unknowns, dtype=float))
     return np.array(p).ravel(), np.array(u).ravel(), np.array(basis)
@@ -39,13 +39,13 @@ def test_a_laser_from_a_header():
     np.testing.assert_array_equal(tool.direction, [0, 0, 1])  # of unit length
     assert tool.tilt_std == pytest.approx(2 * np.pi / 180)  # rad inside
     assert tool.shift_std == 10.0
-    assert tool.parameter_names == ("tool.tilt1", "tool.tilt2", "tool.shift1", "tool.shift2")
+    assert tool.free_axes == ("tilt1", "tilt2", "shift1", "shift2")
 
 
 def test_a_probe_from_a_header():
     tool = Tool.from_header(header(kind="probe", point_mm=[0, 0, 100], calibrated=False))
     assert (tool.direction, tool.miss_size, tool.shift_std) == (None, 3, 50.0)
-    assert tool.parameter_names == ("tool.x", "tool.y", "tool.z")
+    assert tool.free_axes == ("x", "y", "z")
     with pytest.raises(ValueError, match="no beam"):
         tool.beam(ca.SX.zeros(3))
 
@@ -54,7 +54,7 @@ def test_a_probe_from_a_header():
 def test_of_a_calibrated_tool_nothing_is_unknown(stated):
     tool = Tool.from_header(header(**stated, point_mm=[3, 0, 65]))
     assert tool.calibrated
-    assert tool.parameter_names == ()
+    assert tool.free_axes == ()
     if tool.kind == "laser":
         p, u, _ = at(tool)
         np.testing.assert_array_equal(p, [3, 0, 65])

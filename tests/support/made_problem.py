@@ -39,7 +39,7 @@ class Made:
         self.problem = Problem.build(stated, own.robot, joints, seen, spots)
         parameters = self.problem.parameters
         self.x = parameters.prior_mean + 0.3 * parameters.prior_std * rng.normal(size=len(parameters))
-        delta, _, unknowns = self.problem.split(self.x)
+        delta, unknowns = self.problem.split(self.x).arm, self.problem.split(self.x).tool
         first = [seen.index(name) for name in self.problem.targets]
         for k, i in enumerate(first):
             # The target is where the first of its shots has it.
@@ -48,7 +48,7 @@ class Made:
                 p, u = beam(self.problem.tool, unknowns)
                 y = p + 700 * u
             flange = own.pose(joints[i] + delta).real
-            self.x[n + 3 * k : n + 3 * k + 3] = flange[:3, 3] + flange[:3, :3] @ y
+            self.x[parameters.block("target", k)] = flange[:3, 3] + flange[:3, :3] @ y
         for i, k in enumerate(self.problem.target_index):
             if i not in first:
                 joints[i] = joints[first[k]] + rng.uniform(-30, 30, n) / own.robot.display
@@ -68,8 +68,8 @@ class Made:
 
     def free(self, x: np.ndarray, shot: int) -> np.ndarray:
         """delta, the shot's target, tool in one vector."""
-        delta, targets, unknowns = self.problem.split(x)
-        return np.concatenate([delta, targets[self.problem.target_index[shot]], unknowns])
+        parts = self.problem.split(x)
+        return np.concatenate([parts.arm, parts.targets[self.problem.target_index[shot]], parts.tool])
 
     def miss(self, x: np.ndarray, shot: int, q: np.ndarray | None = None) -> np.ndarray:
         problem = self.problem
@@ -98,7 +98,7 @@ class Made:
 
     def distances(self, x: np.ndarray) -> np.ndarray:
         """(D,) by how many of its stds each stated distance is missed, complex if x is."""
-        targets = self.problem.split(x)[1]
+        targets = self.problem.split(x).targets
         between = [targets[each.second] - targets[each.first] for each in self.problem.distances]
         lengths = [np.sqrt((v * v).sum()) for v in between]
         stated = self.problem.distances

@@ -200,7 +200,7 @@ def test_eq_12_is_one_point_for_all_shots() -> None:
     problem = Problem.from_plan(plan)
     x = problem.supposed()
     origin, direction = problem.beams(x)
-    _, targets, _ = problem.split(x)
+    targets = problem.split(x).targets
     along = ((targets[0] - origin) * direction).sum(axis=1)
     spots = origin + along[:, None] * direction
     np.testing.assert_allclose(spots, np.tile(targets[0], (len(spots), 1)), atol=1e-6)

@@ -59,10 +59,13 @@ def assemble(plan: Plan, cell: Cell, rng: np.random.Generator) -> Parts:
     problem = drawn.problem
     beam = replace(problem.tool, calibrated=False)
     centres = {name: _centre(plan, cell, problem, name, rng) for name in problem.targets}
-    offsets, _, tool = problem.split(drawn.x)
-    offsets = _offsets(cell, problem, offsets)
-    tool = _tool(cell, np.zeros(4) if problem.tool.calibrated else tool)
-    x = np.concatenate([offsets, *centres.values(), [] if problem.tool.calibrated else tool])
+    block, x = problem.parameters.block, drawn.x.copy()
+    x[block("offset")] = offsets = _offsets(cell, problem, drawn.x[block("offset")])
+    for k, name in enumerate(problem.targets):
+        x[block("target", k)] = centres[name]
+    tool = _tool(cell, np.zeros(4) if problem.tool.calibrated else drawn.x[block("tool")])
+    if not problem.tool.calibrated:
+        x[block("tool")] = tool
     aimed = aim(problem, problem.supposed(), servo_joints(problem)).problem
     _, directions = aimed.beams(problem.supposed())
     noise = Noise.from_header(plan.header, plan.robot)
@@ -211,7 +214,7 @@ def _centre(plan: Plan, cell: Cell, problem: Problem, name: str, rng: np.random.
     placed = cell.placed(name)
     if placed.centre_mm is not None:
         return np.array(placed.centre_mm)
-    _, targets, _ = problem.split(problem.supposed())
+    targets = problem.split(problem.supposed()).targets
     stated = plan.header.targets.get(name)
     spread = _PLACED_BY_HAND if stated is None else min(stated.sigma_mm, _PLACED_BY_HAND)
     return np.asarray(targets[problem.targets.index(name)] + spread * by_hand)
