@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import base64
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
+from ..style.blocks import Page
 from ..style.canvas import Picture, themed
 from .template import style, template
 
@@ -16,7 +17,7 @@ LARGEST_ATTACHMENT = 200_000
 
 
 def html(
-    page: dict[str, Any],
+    page: Page,
     pictures: dict[str, Picture],
     kind: PageKind,
     attached: str = "",

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import shutil
 import tempfile
 from pathlib import Path
 from typing import Any
 
+from ..style.blocks import Page
 from ..style.canvas import Picture
 from ..style.palette import PALETTE
 from ..style.typeface import FAMILY, FOLDER
@@ -17,7 +19,7 @@ from .template import TEMPLATES
 _DOCUMENT, _PARTS = "document.typ", "parts.typ"
 
 
-def pdf(page: dict[str, Any], pictures: dict[str, Picture]) -> bytes:
+def pdf(page: Page, pictures: dict[str, Picture]) -> bytes:
     """A page (`blocks.py`) as a tagged PDF/UA document; the same page gives the same bytes.
 
     Letters that the shipped typeface lacks are written as escapes, since a PDF cannot borrow them
@@ -56,6 +58,7 @@ def pdf(page: dict[str, Any], pictures: dict[str, Picture]) -> bytes:
 def _writable(value: Any) -> Any:
     if isinstance(value, str):
         return in_font(value)
-    if isinstance(value, dict):
-        return {key: _writable(item) for key, item in value.items()}
-    return [_writable(item) for item in value] if isinstance(value, list) else value
+    if dataclasses.is_dataclass(value):
+        kind = {"kind": value.kind} if hasattr(value, "kind") else {}
+        return kind | {own.name: _writable(getattr(value, own.name)) for own in dataclasses.fields(value)}
+    return [_writable(item) for item in value] if isinstance(value, list | tuple) else value

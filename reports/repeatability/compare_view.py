@@ -14,14 +14,17 @@ from ..studies.studies import Study
 from ..studies.study_page import write_files
 from ..studies.study_view import LONGEST_NAME, NOT_DETERMINED, NOT_GIVEN, spread, spread_range
 from ..style.blocks import (
-    cell_of,
-    facts_block,
-    figure_block,
+    Block,
+    Cell,
+    Facts,
+    FigureBlock,
+    Page,
+    Paragraph,
+    Table,
+    Verdict,
     row_of,
     section_of,
-    table_block,
     table_of,
-    text_block,
 )
 from ..style.canvas import Picture
 from ..words import numbers
@@ -55,29 +58,29 @@ class ComparePaths:
     figures: tuple[Path, ...]
 
 
-def compare_view(answer: Json) -> Json:
+def compare_view(answer: Json) -> Page:
     """The display strings of a comparison (see `blocks.py`)."""
     key, word = _VERDICT[answer["verdict"]]
     runs = counted(len(answer["runs"]), "run")
-    return {
-        "title": "Repeated runs, compared",
-        "subtitle": runs if answer["kind"] != "table" else f"{runs} of a table of published offsets",
-        "verdict": {"key": key, "word": word, "sentence": sentence(answer["headline"])},
-        "notes": [sentence(note) for note in answer["notes"]],
-        "sections": [
+    return Page(
+        "Repeated runs, compared",
+        runs if answer["kind"] != "table" else f"{runs} of a table of published offsets",
+        Verdict(key, word, sentence(answer["headline"])),
+        [sentence(note) for note in answer["notes"]],
+        [
             section_of(
                 "Mean and scatter of each offset",
-                table_block(_means(answer)),
+                _means(answer),
                 _prediction(answer),
-                text_block(_whole(answer)),
-                figure_block("runs"),
+                Paragraph(_whole(answer)),
+                FigureBlock("runs"),
             ),
             section_of("Drift", *_drift(answer)),
-            section_of("Each run", table_block(_against(answer)), text_block(_on_the_odd_one(answer))),
-            section_of("Offsets of each run", table_block(_runs(answer)), level=2),
-            section_of("How it was done", facts_block(_about(answer))),
+            section_of("Each run", _against(answer), Paragraph(_on_the_odd_one(answer))),
+            section_of("Offsets of each run", _runs(answer), level=2),
+            section_of("How it was done", Facts(_about(answer))),
         ],
-    }
+    )
 
 
 def compare_pictures(answer: Json) -> dict[str, Picture]:
@@ -133,7 +136,7 @@ def check_target(folder: Path) -> None:
 # ── sections ──────────────────────────────────────────────────────────────────────────────────
 
 
-def _means(answer: Json) -> Json:
+def _means(answer: Json) -> Table:
     columns = [
         ("offset", "left"),
         ("mean", "right"),
@@ -145,7 +148,7 @@ def _means(answer: Json) -> Json:
     for row in answer["offsets"]:
         name = label(row["name"])
         if row["mean"] is None:
-            rows.append(row_of(name, cell_of(_NOT_COMPARED, span=4), tone="unidentifiable"))
+            rows.append(row_of(name, Cell(_NOT_COMPARED, span=4), tone="unidentifiable"))
             continue
         told = _mean(row, answer["kind"] == "table")
         low, high = row["std_interval95"]
@@ -156,7 +159,7 @@ def _means(answer: Json) -> Json:
     return table_of(caption, columns, rows)
 
 
-def _prediction(answer: Json) -> Json | None:
+def _prediction(answer: Json) -> Table | None:
     """Observed against predicted scatter, where anything is predicted."""
     told = [row for row in answer["offsets"] if row["ratio"] is not None]
     if not told:
@@ -184,7 +187,7 @@ def _prediction(answer: Json) -> Json | None:
     caption = (
         "Standard deviation over the runs; p of one as large, corrected for the number of offsets (Holm)"
     )
-    return table_block(table_of(caption, columns, rows))
+    return table_of(caption, columns, rows)
 
 
 def _mean(row: Json, published: bool) -> list[str]:
@@ -219,13 +222,13 @@ def _whole(answer: Json) -> str:
     )
 
 
-def _drift(answer: Json) -> Iterator[Json]:
+def _drift(answer: Json) -> Iterator[Block]:
     rows = []
     at = "h" if answer["settings"]["at_unit"] == "h" else "run"
     for row in answer["offsets"]:
         drift = row["drift"]
         if drift is None:
-            rows.append(row_of(label(row["name"]), cell_of("cannot be told", span=3), tone="unidentifiable"))
+            rows.append(row_of(label(row["name"]), Cell("cannot be told", span=3), tone="unidentifiable"))
             continue
         low, high = drift["interval95"]
         own, unit = (high - low) / (2 * _NORMAL_95), "°" if row["unit"] == "deg" else f" {row['unit']}"
@@ -239,25 +242,25 @@ def _drift(answer: Json) -> Iterator[Json]:
             )
         )
     by = "when the runs were made" if at == "h" else "the order in which the runs were given"
-    yield text_block(
+    yield Paragraph(
         f"Slope of each offset over {by}, its interval from the scatter about the line (Student’s t): it"
         " holds whatever was predicted, and few runs tell little."
     )
     columns = [("offset", "left"), ("slope", "right"), ("95 % interval", "right"), ("p", "right")]
-    yield table_block(table_of("Drift; p corrected for the number of offsets (Holm)", columns, rows))
+    yield table_of("Drift; p corrected for the number of offsets (Holm)", columns, rows)
 
 
-def _against(answer: Json) -> Json:
+def _against(answer: Json) -> Table:
     hours = answer["settings"]["at_unit"] == "h"
     columns = [("run", "left"), ("at", "right"), ("shots", "right"), ("against the others", "left")]
     rows = []
     for number, run in enumerate(answer["runs"], start=1):
-        cell: str | Json = NOT_GIVEN if run["odd"] is None else f"p {numbers.p_value(run['odd']['p_holm'])}"
+        cell: str | Cell = NOT_GIVEN if run["odd"] is None else f"p {numbers.p_value(run['odd']['p_holm'])}"
         is_odd = run["name"] == answer["odd_run"]
         if is_odd:
-            cell = cell_of(f"the odd one, {cell}", mark="weak")
+            cell = Cell(f"the odd one, {cell}", mark="weak")
         if run["failure"] is not None:
-            cell = cell_of("no result", mark="weak")
+            cell = Cell("no result", mark="weak")
         at = numbers.significant(run["at"], 3, "h") if hours else str(number)
         shots = NOT_GIVEN if run["shots"] is None else str(run["shots"])
         name = clipped(run["name"], LONGEST_NAME)
@@ -266,7 +269,7 @@ def _against(answer: Json) -> Json:
     return table_of(caption, columns, rows)
 
 
-def _runs(answer: Json) -> Json:
+def _runs(answer: Json) -> Table:
     columns = [("run", "left")]
     columns += [(label(own["name"]), "right") for own in answer["runs"][0]["offsets"]]
     rows = [

@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.text import Text
 
 from ..studies.study_terminal import print_block as print_block
+from ..style.blocks import Table
 from .compare_view import compare_view
 
 Json = dict[str, Any]
@@ -19,12 +20,12 @@ _LONGEST_NAME = 26
 def print_comparison(out: Console, answer: Json) -> None:
     """Verdict and notes, the means and scatter, then drift and each run against the others."""
     told = compare_view(answer)
-    verdict = told["verdict"]
-    out.print(Text(f"{verdict['word']}. ", style=_STYLE[verdict["key"]]) + Text(verdict["sentence"]))
-    for note in told["notes"]:
+    verdict = told.verdict
+    out.print(Text(f"{verdict.word}. ", style=_STYLE[verdict.key]) + Text(verdict.sentence))
+    for note in told.notes:
         out.print(Text("! ", style="bold yellow") + Text(note))
-    for section in told["sections"][:3]:
-        for block in (*section["lead"], *section["blocks"]):
-            if block["kind"] == "table":
+    for section in told.sections[:3]:
+        for block in section.all:
+            if isinstance(block, Table):
                 out.print()
             print_block(out, block)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..scenes.run_scene import scene_section
-from ..style.blocks import directions_block, figure_block, legend_block, section_of, table_block, text_block
+from ..style.blocks import FigureBlock, Legend, Page, Paragraph, Section, section_of
 from .view import view
 from .view_accuracy import accuracy_section
 from .view_budget import budget_section
@@ -14,7 +14,7 @@ from .view_traceability import traceability_section
 Json = dict[str, Any]
 
 
-def report_page(result: Json) -> Json:
+def report_page(result: Json) -> Page:
     """All that a report shows, from the dict of a `result.json`."""
     told = view(result)
     sections = [
@@ -32,85 +32,77 @@ def report_page(result: Json) -> Json:
         *_inputs(told["inputs"]),
         traceability_section(result),
     ]
-    return {
-        "title": told["title"],
-        "subtitle": told["subtitle"],
-        "verdict": told["verdict"],
-        "notes": told["notes"],
-        "sections": [section for section in sections if section is not None],
-    }
+    return Page(
+        told["title"],
+        told["subtitle"],
+        told["verdict"],
+        told["notes"],
+        [section for section in sections if section is not None],
+    )
 
 
-def _offsets(told: Json) -> Json:
+def _offsets(told: Json) -> Section:
     return section_of(
         "Offsets",
-        table_block(told["offsets"]),
-        legend_block(told["legend"], told["reasons"]),
-        figure_block("offsets"),
+        told["offsets"],
+        Legend(told["legend"], told["reasons"]),
+        FigureBlock("offsets"),
     )
 
 
-def _unknown(part: Json) -> Json:
+def _unknown(part: Json) -> Section:
     return section_of(
         "What cannot be known",
-        text_block(part["sentence"]),
-        directions_block(part["items"]),
-        _facts(part["facts"]),
+        Paragraph(part["sentence"]),
+        part["directions"],
+        part["facts"],
     )
 
 
-def _fit(told: Json) -> Json:
+def _fit(told: Json) -> Section:
     part = told["fit"]
     tables = [part["table"], part["estimates"], told["distances"], *told["others"]]
-    return section_of(
-        "Fit quality", *map(text_block, part["sentences"]), *(table_block(table) for table in tables if table)
-    )
+    return section_of("Fit quality", *map(Paragraph, part["sentences"]), *tables)
 
 
-def _robust(part: Json | None) -> Json | None:
+def _robust(part: Json | None) -> Section | None:
     if part is None:
         return None
     return section_of(
         "Robust fit",
-        *map(text_block, part["sentences"]),
-        table_block(part["table"]) if part["table"] else None,
+        *map(Paragraph, part["sentences"]),
+        part["table"],
     )
 
 
-def _hold_out(part: Json | None) -> Json | None:
+def _hold_out(part: Json | None) -> Section | None:
     if part is None:
         return None
-    return section_of("Held-out targets", *map(text_block, part["sentences"]), _facts(part["facts"]))
+    return section_of("Held-out targets", *map(Paragraph, part["sentences"]), part["facts"])
 
 
-def _posterior(part: Json) -> Json:
+def _posterior(part: Json) -> Section:
     return section_of(
         "Posterior",
-        text_block(part["sentence"]),
-        figure_block("posterior"),
-        table_block(part["table"]) if part["table"] else None,
-        _facts(part["facts"]),
+        Paragraph(part["sentence"]),
+        FigureBlock("posterior"),
+        part["table"],
+        part["facts"],
     )
 
 
-def _intervals(part: Json | None) -> Json | None:
+def _intervals(part: Json | None) -> Section | None:
     if part is None:
         return None
-    return section_of("Intervals by three ways", text_block(part["sentence"]), table_block(part["table"]))
+    return section_of("Intervals by three ways", Paragraph(part["sentence"]), part["table"])
 
 
-def _shots(part: Json) -> Json:
-    return section_of(
-        "Misses", text_block(part["sentence"]), figure_block("misses"), table_block(part["table"])
-    )
+def _shots(part: Json) -> Section:
+    return section_of("Misses", Paragraph(part["sentence"]), FigureBlock("misses"), part["table"])
 
 
-def _inputs(part: Json) -> list[Json]:
-    sections = [section_of("Inputs", _facts(part["facts"]))]
-    if part["provenance"]:
-        sections.append(section_of("Provenance", _facts(part["provenance"]), level=2))
-    return [*sections, section_of("Settings of the run", _facts(part["header"]), level=2)]
-
-
-def _facts(rows: list[Json]) -> Json:
-    return {"kind": "facts", "it": rows}
+def _inputs(part: Json) -> list[Section]:
+    sections = [section_of("Inputs", part["facts"])]
+    if part["provenance"].rows:
+        sections.append(section_of("Provenance", part["provenance"], level=2))
+    return [*sections, section_of("Settings of the run", part["header"], level=2)]

@@ -10,6 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from ..style import blocks
 from ..words import numbers
 from ..words.wording import clipped, counted, label, listed, sentence, shown
 from .view import view
@@ -214,24 +215,24 @@ def print_verdict(console: Console, answer: Json) -> None:
     )
 
 
-def _print_table(console: Console, told: Json) -> None:
-    if len(told["rows"]) > _MOST_ROWS:
-        words = f"{told['caption']}: {len(told['rows'])}, see --json or the report"
+def _print_table(console: Console, told: blocks.Table) -> None:
+    if len(told.rows) > _MOST_ROWS:
+        words = f"{told.caption}: {len(told.rows)}, see --json or the report"
         console.print(Text(words, style="italic"))
         return
-    console.print(Text(told["caption"], style="italic"))
+    console.print(Text(told.caption, style="italic"))
     console.print(_table(told))
 
 
-def _table(told: Json) -> Table:
+def _table(told: blocks.Table) -> Table:
     table = Table(box=None, pad_edge=False)
-    for column in told["columns"]:
-        table.add_column(escape(column["text"]), justify=column["align"])
-    for row in told["rows"]:
+    for column in told.columns:
+        table.add_column(escape(column.text), justify="right" if column.align == "right" else "left")
+    for row in told.rows:
         cells: list[Text] = []
-        for cell in row["cells"]:
-            cells.append(_status(cell["mark"]) if cell["mark"] else Text(cell["text"]))
-            cells.extend(Text("") for _ in range(cell["span"] - 1))
+        for cell in row.cells:
+            cells.append(_status(cell.mark) if cell.mark else Text(cell.text))
+            cells.extend(Text("") for _ in range(cell.span - 1))
         table.add_row(*cells)
     return table
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..style.blocks import Verdict
 from ..words.wording import clipped, counted, sentence
 from .view_fit import distances_part, fit_part, not_converged
 from .view_inputs import inputs_part
@@ -29,11 +30,7 @@ def view(result: Json) -> Json:
     return {
         "title": f"Joint offsets of {clipped(inputs['robot'])}",
         "subtitle": f"from {counted(inputs['shots'], 'shot')} in {clipped(inputs['run'], 60)}",
-        "verdict": {
-            "key": result["verdict"],
-            "word": VERDICT_WORDS[result["verdict"]],
-            "sentence": sentence(result["headline"]),
-        },
+        "verdict": Verdict(result["verdict"], VERDICT_WORDS[result["verdict"]], sentence(result["headline"])),
         "notes": not_converged(result["fits"]["likelihood"]) + [sentence(note) for note in result["notes"]],
         "offsets": parameter_table("Joint offsets, to be added to the recorded joint positions", offsets),
         "legend": legend(parameters, inputs["header"]),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..style.blocks import figure_block, row_of, section_of, table_block, table_of, text_block
+from ..style.blocks import FigureBlock, Paragraph, Section, Table, row_of, section_of, table_of
 from ..words import numbers
 from ..words.wording import label, listed, sentence
 from .figure_tool_accuracy import NAME
@@ -16,7 +16,7 @@ TITLE = "Accuracy of the tool point"
 _HEAD = ("before_mm", "after95_mm")
 
 
-def accuracy_section(result: Json) -> Json | None:
+def accuracy_section(result: Json) -> Section | None:
     """None where the result has no such part; where no accuracy is claimed, the reason alone."""
     accuracy = result["accuracy"]
     if accuracy is None:
@@ -24,14 +24,14 @@ def accuracy_section(result: Json) -> Json | None:
     workspace, near = accuracy["workspace"], accuracy["near_shots"]
     if workspace is None or near is None:
         said = sentence(accuracy["reason"]).rstrip(".")
-        return section_of(TITLE, text_block(f"No accuracy is claimed: {said}. {_where(accuracy)}"))
+        return section_of(TITLE, Paragraph(f"No accuracy is claimed: {said}. {_where(accuracy)}"))
     return section_of(
         TITLE,
-        text_block(_summary(workspace)),
-        *map(text_block, _doubts(result)),
-        figure_block(NAME),
-        table_block(_table(workspace, near)),
-        text_block(f"{_where(accuracy)} {_postures(workspace, near)}"),
+        Paragraph(_summary(workspace)),
+        *map(Paragraph, _doubts(result)),
+        FigureBlock(NAME),
+        _table(workspace, near),
+        Paragraph(f"{_where(accuracy)} {_postures(workspace, near)}"),
     )
 
 
@@ -82,7 +82,7 @@ def _postures(workspace: Json, near: Json) -> str:
     )
 
 
-def _table(workspace: Json, near: Json) -> Json:
+def _table(workspace: Json, near: Json) -> Table:
     columns = [
         ("tool point", "left"),
         ("workspace, median", "right"),

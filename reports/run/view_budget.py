@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ..style.blocks import cell_of, legend_block, row_of, section_of, table_block, table_of, text_block
+from ..style.blocks import Block, Cell, Legend, Paragraph, Section, Table, row_of, section_of, table_of
 from ..words import numbers
 from ..words.wording import label, listed
 from .view_fit import times_the_noise
@@ -21,12 +21,12 @@ _NAME = 20
 _SAME = 1.02  # by less no two significant digits differ
 
 
-def budget_section(result: Json) -> Json | None:
+def budget_section(result: Json) -> Section | None:
     """None where the fit did not converge: there is no estimate whose uncertainty could be told."""
     if not result["fits"]["likelihood"]["converged"]:
         return None
     groups = {row["name"]: row["group"] for row in result["parameters"]}
-    blocks: list[Json | None] = [text_block(_lead(result))]
+    blocks: list[Block | None] = [Paragraph(_lead(result))]
     for what, group in (("offsets", "offset"), ("tool", "tool")):
         budgets = [budget for budget in result["budget"] if groups[budget["name"]] == group]
         for first in range(0, len(budgets), MOST_COLUMNS):
@@ -38,8 +38,8 @@ def budget_section(result: Json) -> Json | None:
     ]
     if untold:
         blocks += [
-            text_block("Without a budget, as these data do not determine them or they are held:"),
-            legend_block([], reasons(untold)),
+            Paragraph("Without a budget, as these data do not determine them or they are held:"),
+            Legend([], reasons(untold)),
         ]
     blocks += _check(result)
     return section_of("Uncertainty budget", *blocks)
@@ -99,7 +99,7 @@ def source_words(row: Json, tool: str) -> str:
             return "curvature of the posterior"
 
 
-def _tables(result: Json, what: str, budgets: list[Json]) -> list[Json | None]:
+def _tables(result: Json, what: str, budgets: list[Json]) -> list[Block | None]:
     """Contributions and results, then sensitivities; a source a row, a parameter a column."""
     rows = [budget["rows"] for budget in budgets]
     largest = [max(abs(own[i]["share"]) for own in rows) for i in range(len(rows[0]))]
@@ -125,7 +125,7 @@ def _tables(result: Json, what: str, budgets: list[Json]) -> list[Json | None]:
         name = f"{len(others)} others, each <{numbers.NO_BREAK}{below}{numbers.NO_BREAK}%"
         cells = [_together([own[i] for i in others], b) for own, b in zip(rows, budgets, strict=True)]
         shown.append(row_of(name, "", *cells))
-        said = text_block(f"The others: {listed([source_words(rows[0][i], tool) for i in others], 6)}.")
+        said = Paragraph(f"The others: {listed([source_words(rows[0][i], tool) for i in others], 6)}.")
     shown += [
         row_of("combined u", "", *(numbers.spread(b["std"]) for b in budgets)),
         row_of("ν effective", "", *(_dof(b["dof"]) for b in budgets)),
@@ -136,7 +136,7 @@ def _tables(result: Json, what: str, budgets: list[Json]) -> list[Json | None]:
     columns = [("source", "left"), ("its std, type", "right"), *heads]
     of = "the offsets" if what == "offsets" else "the tool"
     return [
-        table_block(table_of(f"Contributions to the uncertainty of {of}", columns, shown)),
+        table_of(f"Contributions to the uncertainty of {of}", columns, shown),
         said,
         _sensitivities(of, tool, rows, sorted(kept), heads),
     ]
@@ -144,7 +144,7 @@ def _tables(result: Json, what: str, budgets: list[Json]) -> list[Json | None]:
 
 def _sensitivities(
     of: str, tool: str, rows: list[list[Json]], kept: list[int], heads: list[tuple[str, str]]
-) -> Json | None:
+) -> Table | None:
     shown = [
         row_of(
             source_words(rows[0][i], tool),
@@ -156,7 +156,7 @@ def _sensitivities(
     ]
     columns = [("source", "left"), ("sensitivity", "left"), *heads]
     caption = f"Sensitivities of {of}: contribution per unit of the source’s std, all its readings together"
-    return table_block(table_of(caption, columns, shown)) if shown else None
+    return table_of(caption, columns, shown) if shown else None
 
 
 def _std(source: Json) -> str:
@@ -200,12 +200,12 @@ def _result(result: Json, budget: Json) -> str:
 # ── the linear intervals against the posterior ────────────────────────────────────────────────
 
 
-def _check(result: Json) -> list[Json | None]:
+def _check(result: Json) -> list[Block | None]:
     checked = [budget for budget in result["budget"] if budget["check"] is not None]
     if not result["budget"]:
         return []
     if not checked:
-        return [text_block("The intervals were not checked against the posterior: it has not converged.")]
+        return [Paragraph("The intervals were not checked against the posterior: it has not converged.")]
     rows = []
     for budget in checked:
         check, unit = budget["check"], budget["unit"]
@@ -221,7 +221,7 @@ def _check(result: Json) -> list[Json | None]:
                 label(budget["name"]),
                 *(numbers.significant(value, 2, unit) for value in told),
                 numbers.significant(2 * check["ends_std"], 2, unit),
-                cell_of(word, mark=mark),
+                Cell(word, mark=mark),
                 tone=mark,
             )
         )
@@ -242,4 +242,4 @@ def _check(result: Json) -> list[Json | None]:
         said += " Where the answer is no, use the posterior’s interval."
     if any(budget["check"]["validated"] is None for budget in checked):
         said += " Where the draws do not tell, more of them might (--ess 20000)."
-    return [text_block(said), table_block(table_of("Linear intervals against the posterior", columns, rows))]
+    return [Paragraph(said), table_of("Linear intervals against the posterior", columns, rows)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ..style.blocks import cell_of, row_of, table_of
+from ..style.blocks import Cell, Table, row_of, table_of
 from ..words import numbers
 from ..words.wording import clipped, label, sentence
 from .view_parameters import NOT_DETERMINED
@@ -56,7 +56,7 @@ def _fit_facts(fit: Json, separate: bool) -> dict[str, str]:
     }
 
 
-def _both_estimates(parameters: list[Json]) -> Json | None:
+def _both_estimates(parameters: list[Json]) -> Table | None:
     """The offsets by both costs, where both have an estimate."""
     both = [row for row in parameters if row["group"] == "offset" and row["midpoint"] is not None]
     if not both:
@@ -117,7 +117,7 @@ def not_converged(fit: Json) -> list[str]:
     ]
 
 
-def distances_part(rows: list[Json]) -> Json | None:
+def distances_part(rows: list[Json]) -> Table | None:
     if not rows:
         return None
     columns = [
@@ -132,7 +132,7 @@ def distances_part(rows: list[Json]) -> Json | None:
         names = f"{clipped(row['between'][0], 24)} and {clipped(row['between'][1], 24)}"
         stated = (numbers.exact(row["mm"], "mm"), numbers.exact(row["sigma_mm"], "mm"))
         if row["estimate"] is None or row["std"] is None:
-            shown_rows.append(row_of(names, *stated, cell_of(NOT_DETERMINED, span=2), tone="unidentifiable"))
+            shown_rows.append(row_of(names, *stated, Cell(NOT_DETERMINED, span=2), tone="unidentifiable"))
         else:
             found = numbers.estimate(row["estimate"], row["std"], "mm")
             shown_rows.append(row_of(names, *stated, found, numbers.spread(row["std"], "mm")))

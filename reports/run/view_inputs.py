@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from ..style.blocks import facts_of
+from ..style.blocks import Facts
 from ..words.wording import clipped, listed, shown
 
 Json = dict[str, Any]
@@ -25,9 +25,9 @@ def inputs_part(inputs: Json) -> Json:
         ("Versions", ", ".join(f"{shown(name)} {shown(at)}" for name, at in inputs["versions"].items())),
     ]
     return {
-        "facts": facts_of(facts),
-        "provenance": facts_of(_flat(provenance)),
-        "header": facts_of(_flat(header)),
+        "facts": Facts(facts),
+        "provenance": Facts(_flat(provenance)),
+        "header": Facts(_flat(header)),
     }
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..style.blocks import cell_of, facts_of, row_of, table_of
+from ..style.blocks import Cell, Facts, Table, row_of, table_of
 from ..words import numbers
 from ..words.wording import clipped, label, listed, sentence
 from .view_fit import times_the_noise
@@ -48,7 +48,7 @@ def _outliers(shots: list[Json], robust: Json) -> str:
     return f"Too far off for chance: {'shot' if len(named) == 1 else 'shots'} {listed(named)}."
 
 
-def _robust_table(parameters: list[Json], robust: Json) -> Json:
+def _robust_table(parameters: list[Json], robust: Json) -> Table:
     columns = [
         ("name", "left"),
         ("likelihood", "right"),
@@ -64,7 +64,7 @@ def _robust_table(parameters: list[Json], robust: Json) -> Json:
             continue
         name = label(row["name"])
         if known["std"] is None or row["estimate"] is None:
-            rows.append(row_of(name, cell_of(NOT_DETERMINED, span=4), tone="unidentifiable"))
+            rows.append(row_of(name, Cell(NOT_DETERMINED, span=4), tone="unidentifiable"))
             continue
         std = row["std"] or known["std"]
         rows.append(
@@ -115,7 +115,7 @@ def hold_out_part(held_out: Json | None) -> Json | None:
         ("Degrees of freedom", "not available" if dof is None else str(dof)),
         ("p-value", "not available" if p is None else numbers.p_value(p)),
     ]
-    return {"sentences": said, "facts": facts_of(rows)}
+    return {"sentences": said, "facts": Facts(rows)}
 
 
 def intervals_part(result: Json) -> Json | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..style.blocks import cell_of, row_of, table_of
+from ..style.blocks import Cell, LegendEntry, Reason, Row, Table, row_of, table_of
 from ..words import numbers
 from ..words.wording import label, listed, sentence
 
@@ -24,7 +24,7 @@ def unit_of(row: Json) -> str:
     return "times" if row["unit"] == "1" else str(row["unit"])
 
 
-def parameter_table(caption: str, rows: list[Json]) -> Json:
+def parameter_table(caption: str, rows: list[Json]) -> Table:
     columns = [
         ("name", "left"),
         ("estimate", "right"),
@@ -34,22 +34,22 @@ def parameter_table(caption: str, rows: list[Json]) -> Json:
     return table_of(caption, columns, [_parameter_row(row) for row in rows])
 
 
-def _parameter_row(row: Json) -> Json:
+def _parameter_row(row: Json) -> Row:
     """One parameter. Without an estimate there is no number in its row that could be taken for one."""
     status, unit = row["status"], unit_of(row)
-    name, word = label(row["name"]), cell_of(STATUS_WORDS[status], mark=status)
+    name, word = label(row["name"]), Cell(STATUS_WORDS[status], mark=status)
     if status == "unidentifiable":
-        return row_of(name, cell_of(NOT_DETERMINED, span=2), word, tone=status)
+        return row_of(name, Cell(NOT_DETERMINED, span=2), word, tone=status)
     if status == "held":
         return row_of(
-            name, cell_of(f"held at {numbers.exact(row['estimate'], unit)}", span=2), word, tone=status
+            name, Cell(f"held at {numbers.exact(row['estimate'], unit)}", span=2), word, tone=status
         )
     estimate = numbers.estimate(row["estimate"], row["std"], unit)
     interval = numbers.interval(tuple(row["interval95"]), row["std"], unit)
     return row_of(name, estimate, interval, word, tone=status)
 
 
-def legend(parameters: list[Json], header: Json) -> list[Json]:
+def legend(parameters: list[Json], header: Json) -> list[LegendEntry]:
     """What each status that occurs means, in words."""
     tolerance = header.get("tolerance")
     stated = []
@@ -65,14 +65,10 @@ def legend(parameters: list[Json], header: Json) -> list[Json]:
         "held": "not estimated; the reason is stated below",
     }
     present = {row["status"] for row in parameters}
-    return [
-        {"status": key, "word": STATUS_WORDS[key], "text": text}
-        for key, text in meaning.items()
-        if key in present
-    ]
+    return [LegendEntry(key, STATUS_WORDS[key], text) for key, text in meaning.items() if key in present]
 
 
-def reasons(parameters: list[Json]) -> list[Json]:
+def reasons(parameters: list[Json]) -> list[Reason]:
     """Why parameters are held, weak or without an answer, where the analysis says so; one reason once."""
     grouped: dict[tuple[str, str], list[str]] = {}
     for row in parameters:
@@ -84,5 +80,5 @@ def reasons(parameters: list[Json]) -> list[Json]:
         # Most reasons begin with the name that they are about; it is not said twice.
         repeated = text.startswith(f"{lead} ")
         text = text.removeprefix(f"{lead} ")
-        rows.append({"names": lead if repeated else f"{lead}:", "status": status, "text": text})
+        rows.append(Reason(lead if repeated else f"{lead}:", status, text))
     return rows

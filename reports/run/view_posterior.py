@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..style.blocks import cell_of, facts_of, row_of, table_of
+from ..style.blocks import Cell, Facts, Table, row_of, table_of
 from ..words import numbers
 from ..words.wording import counted, label, sentence
 from .view_parameters import unit_of
@@ -28,12 +28,12 @@ def posterior_part(result: Json) -> Json:
     return {
         "converged": posterior["converged"],
         "sentence": said,
-        "facts": facts_of(facts),
+        "facts": Facts(facts),
         "table": _posterior_table(result),
     }
 
 
-def _posterior_table(result: Json) -> Json | None:
+def _posterior_table(result: Json) -> Table | None:
     posterior = result["posterior"]
     if not posterior["converged"] or posterior["parameters"] is None:
         return None
@@ -54,7 +54,7 @@ def _posterior_table(result: Json) -> Json | None:
             continue
         if row["source"] == "prior" or row["name"] in untold:
             told = "drawn from the prior: the data have no say"
-            rows.append(row_of(label(row["name"]), cell_of(told, span=5), tone="unidentifiable"))
+            rows.append(row_of(label(row["name"]), Cell(told, span=5), tone="unidentifiable"))
             continue
         std, unit = row["std"], unit_of(row)
         rows.append(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ..style.blocks import cell_of, row_of, table_of
+from ..style.blocks import Cell, row_of, table_of
 from ..words import numbers
 from ..words.wording import clipped
 
@@ -51,7 +51,7 @@ def shots_part(result: Json) -> Json:
     rows = []
     for i in chosen:
         shot = shots[i]
-        cells: list[str | Json] = [
+        cells: list[str | Cell] = [
             str(shot["shot"]),
             clipped(shot["target"], 24),
             numbers.significant(math.hypot(*shot["miss_mm"]), unit="mm"),
@@ -62,6 +62,6 @@ def shots_part(result: Json) -> Json:
         if weights is not None:
             cells.append(numbers.fixed(weights[i], 2))
         if outliers:
-            cells.append(cell_of("yes", mark="weak") if shot["shot"] in outliers else "no")
+            cells.append(Cell("yes", mark="weak") if shot["shot"] in outliers else "no")
         rows.append(row_of(*cells))
     return {"sentence": said, "table": table_of(caption, columns, rows)}

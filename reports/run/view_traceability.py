@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from ..style.blocks import row_of, section_of, table_block, table_of, text_block
+from ..style.blocks import Paragraph, Section, row_of, section_of, table_of
 from ..words.wording import shown
 
 Json = dict[str, Any]
@@ -34,7 +34,7 @@ _INSTRUMENTS = {
 _SIGNED = ("Approved by", "Date of approval", "Signature")
 
 
-def traceability_section(result: Json) -> Json:
+def traceability_section(result: Json) -> Section:
     """A form with a field a row; what nobody has stated is left empty."""
     header = result["inputs"]["header"]
     provenance = {_plain(key): value for key, value in (header.get("provenance") or {}).items()}
@@ -46,7 +46,7 @@ def traceability_section(result: Json) -> Json:
     if provenance.get("origin") == "simulated":
         said += " These shots were simulated: no instrument took part, and nothing here is traceable."
     columns = [("field", "left"), ("entry", "left")]
-    return section_of("Traceability", text_block(said), table_block(table_of("For a person", columns, rows)))
+    return section_of("Traceability", Paragraph(said), table_of("For a person", columns, rows))
 
 
 def _stated(provenance: Json, keys: tuple[str, ...]) -> str:

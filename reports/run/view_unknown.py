@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..style.blocks import facts_of
+from ..style.blocks import Direction, Directions, Facts
 from ..words import numbers
 from ..words.wording import label, listed, sentence, shown
 from .view_parameters import NOT_DETERMINED
@@ -41,7 +41,7 @@ def unknown(result: Json) -> Json:
         told += f"{'; ' if told else ''}{listed(missing)} not defined: the matrix is singular"
     if told:
         rows.append(("Observability indices", told))
-    return {"sentence": said, "items": items, "facts": facts_of(rows)}
+    return {"sentence": said, "directions": Directions(items), "facts": Facts(rows)}
 
 
 def advice_words(advice: Json) -> str:
@@ -64,7 +64,7 @@ def over_target_words(over: Json) -> str:
     )
 
 
-def direction_words(direction: Json) -> Json:
+def direction_words(direction: Json) -> Direction:
     weights = sorted(direction["combination"].items(), key=lambda item: -abs(item[1]))
     terms = [
         ("" if i == 0 and weight > 0 else "+ " if weight > 0 else f"{numbers.MINUS} ")
@@ -73,12 +73,12 @@ def direction_words(direction: Json) -> Json:
         for i, (name, weight) in enumerate(weights[:MOST_TERMS])
     ]
     more = len(weights) - MOST_TERMS
-    return {
-        "kind": direction_kind(direction),
-        "combination": " ".join(terms) + (f" and {more} smaller" if more > 0 else ""),
-        "reason": sentence(direction["reason"]),
-        "remedy": sentence(direction["remedy"]),
-    }
+    return Direction(
+        combination=" ".join(terms) + (f" and {more} smaller" if more > 0 else ""),
+        kind=direction_kind(direction),
+        reason=sentence(direction["reason"]),
+        remedy=sentence(direction["remedy"]),
+    )
 
 
 def direction_kind(direction: Json) -> str:

@@ -18,7 +18,7 @@ from ..output.template import TEMPLATES, style, template
 from ..run.view import VERDICT_WORDS
 from ..run.view_parameters import STATUS_WORDS, legend, reasons, unit_of
 from ..run.view_unknown import advice_words, over_target_words, unknown
-from ..style.blocks import cell_of, facts_of, row_of, table_of
+from ..style.blocks import Cell, Facts, Legend, Row, Table, Verdict, row_of, table_of
 from ..words import numbers
 from ..words.wording import clipped, counted, label, listed, sentence, shown
 from .plan_scene import Postures, plan_scene, postures_of
@@ -110,19 +110,17 @@ def _told(plan: Plan, answer: Json, seen: Postures) -> Json:
         "title": f"Plan {clipped(inputs['plan'], 60)}",
         "subtitle": f"{counted(count, 'posture')} of {clipped(inputs['robot'])} at "
         f"{counted(len(targets), 'target')}: {listed(targets)}",
-        "verdict": {
-            "key": answer["verdict"],
-            "word": VERDICT_WORDS[answer["verdict"]],
-            "sentence": sentence(answer["headline"]),
-        },
+        "verdict": Verdict(answer["verdict"], VERDICT_WORDS[answer["verdict"]], sentence(answer["headline"])),
         "notes": [sentence(note) for note in answer["notes"]] + _outlook(answer),
         "predicted": _predicted(parameters),
-        "legend": legend(parameters, plan.header.model_dump(mode="json", include={"tolerance"})),
-        "reasons": reasons(parameters),
+        "legend": Legend(
+            legend(parameters, plan.header.model_dump(mode="json", include={"tolerance"})),
+            reasons(parameters),
+        ),
         "unknown": {**unknown(answer), "sentence": _unknown_sentence(answer)},
         "postures": _postures(plan, answer, seen),
         "joints": _joints_to_copy(plan, seen),
-        "inputs": facts_of(
+        "inputs": Facts(
             [
                 ("Plan", shown(inputs["plan"])),
                 ("SHA-256 of the plan", inputs["sha256"]),
@@ -167,7 +165,7 @@ def _scene_words(plan: Plan, seen: Postures, scene: Json) -> Json:
     }
 
 
-def _predicted(parameters: list[Json]) -> Json:
+def _predicted(parameters: list[Json]) -> Table:
     columns = [
         ("name", "left"),
         ("status", "left"),  # second, so that a phone shows it without scrolling
@@ -180,14 +178,14 @@ def _predicted(parameters: list[Json]) -> Json:
     )
 
 
-def _predicted_row(row: Json) -> Json:
+def _predicted_row(row: Json) -> Row:
     """One unknown. Where the shots cannot tell it, its row has no number that could be taken for one."""
     status, unit = row["status"], unit_of(row)
-    name, word = label(row["name"]), cell_of(STATUS_WORDS[status], mark=status)
+    name, word = label(row["name"]), Cell(STATUS_WORDS[status], mark=status)
     if status == "held" or row["held"]:
-        return row_of(name, word, cell_of("not estimated", span=3), tone=status)
+        return row_of(name, word, Cell("not estimated", span=3), tone=status)
     if status == "unidentifiable" or row["std"] is None:
-        return row_of(name, word, cell_of(NOT_TOLD, span=3), tone=status)
+        return row_of(name, word, Cell(NOT_TOLD, span=3), tone=status)
     alone = "infinite" if row["data_std"] is None else numbers.spread(row["data_std"], unit)
     before = numbers.spread(row["prior_std"], unit)
     return row_of(name, word, numbers.spread(row["std"], unit), alone, before, tone=status)

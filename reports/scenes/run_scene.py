@@ -11,14 +11,13 @@ import numpy as np
 
 from ...model.robot import Matrix
 from ..run.view_parameters import NOT_DETERMINED
-from ..style.blocks import section_of, text_block
+from ..style.blocks import Paragraph, SceneBlock, Section, section_of
 from ..words import numbers
 from ..words.wording import clipped, counted, label, listed
 from .scene import Placed, Posed, Turnable, exaggerated, scene_json, turnable
 
 Json = dict[str, Any]
 
-SCENE_BLOCK = {"kind": "scene", "it": ""}  # where in the page the picture stands
 _MOST_TOLD = 6  # targets in the words beside the picture: more are in the report's tables
 
 
@@ -72,11 +71,11 @@ def run_turnable(result: Json) -> Turnable | None:
     return None if scene is None else turnable(scene, _words(scene, _places(result), result))
 
 
-def scene_section(result: Json) -> Json | None:
+def scene_section(result: Json) -> Section | None:
     """The section of the report: a paragraph on the targets' places, which paper has too, and the picture."""
     if result["scene"] is None:
         return None
-    return section_of("Where the targets stand", text_block(_sentences(_places(result), result)), SCENE_BLOCK)
+    return section_of("Where the targets stand", Paragraph(_sentences(_places(result), result)), SceneBlock())
 
 
 def _places(result: Json) -> list[str]:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from ..style.blocks import Page
 from ..style.canvas import Picture
 from .study_cell import cell_view, parameter_rows, time_rows
 from .study_cell import plan_rows as cell_plan_rows
@@ -23,7 +24,7 @@ Json = dict[str, Any]
 class Study:
     """How an answer of one kind is shown; all of it follows from the answer alone."""
 
-    view: Callable[[Json], Json]
+    view: Callable[[Json], Page]
     pictures: Callable[[Json], dict[str, Picture]]
     tables: Mapping[str, Callable[[Json], Iterator[Json]]]  # rows by the name of the CSV file
     # Numbers in a parameter's row that are not the study's own, so that it may be one that no data set tells.
@@ -70,6 +71,6 @@ def study_of(answer: Json) -> Study:
     return study
 
 
-def study_view(answer: Json) -> Json:
+def study_view(answer: Json) -> Page:
     """The display strings of a study (see `study_view.py`)."""
     return study_of(answer).view(answer)

@@ -6,15 +6,16 @@ from collections.abc import Iterator
 from typing import Any
 
 from ..style.blocks import (
-    cell_of,
-    facts_block,
-    figure_block,
-    legend_block,
+    Cell,
+    Facts,
+    FigureBlock,
+    Legend,
+    Page,
+    Paragraph,
+    Table,
     row_of,
     section_of,
-    table_block,
     table_of,
-    text_block,
 )
 from ..words import numbers
 from ..words.wording import clipped, label, listed, sentence
@@ -51,28 +52,28 @@ _SHARE = ("held", "of", "share", "low", "high", "agrees")
 _ERRORS = ("bias", "bias_mcse", "rmse", "predicted_std")
 
 
-def cell_view(answer: Json) -> Json:
+def cell_view(answer: Json) -> Page:
     """The display strings of a study of the simulated cell."""
     settings, plans = answer["settings"], judged(answer)
     limit = numbers.exact(settings["limit_s"], "s")
     sections = [
         section_of(
             "All plans",
-            table_block(_overview(plans, settings)),
-            legend_block(meanings(plans), verdicts(plans)),
-            text_block(BY_CHANCE),
+            _overview(plans, settings),
+            Legend(meanings(plans), verdicts(plans)),
+            Paragraph(BY_CHANCE),
         ),
         section_of(
             f"Time against the limit of {limit}",
-            text_block("Simulated time of a run, by the cell’s own clock, with what was tried again in it."),
-            figure_block("time"),
-            table_block(_time(plans)),
+            Paragraph("Simulated time of a run, by the cell’s own clock, with what was tried again in it."),
+            FigureBlock("time"),
+            _time(plans),
         ),
-        section_of("Runs and shots", table_block(_runs(plans)), *map(_failures, plans)),
+        section_of("Runs and shots", _runs(plans), *map(_failures, plans)),
         section_of(
             f"How often the {percent(settings['level'])} intervals hold the truth",
-            figure_block("coverage"),
-            table_block(_parameters(plans, settings["level"])),
+            FigureBlock("coverage"),
+            _parameters(plans, settings["level"]),
         ),
         section_of(
             "How it was done",
@@ -91,7 +92,7 @@ def cell_view(answer: Json) -> Json:
                 "parameters.csv, time.csv and plans.csv hold the shares and errors, the times and the runs"
             ),
         ),
-        section_of("Plans", facts_block(_plans(plans)), level=2),
+        section_of("Plans", Facts(_plans(plans)), level=2),
     ]
     camera = "with" if settings["camera"] else "without"
     subtitle = f"{settings['runs']} simulated runs for each of {plans_counted(answer)}, {camera} camera"
@@ -117,7 +118,7 @@ def solved(plan: Json) -> int:
     return max(1, int(plan["runs"]) - int(plan["failed"]))
 
 
-def _overview(plans: list[Json], settings: Json) -> Json:
+def _overview(plans: list[Json], settings: Json) -> Table:
     # The standing second, so that a phone shows it without scrolling.
     columns = [
         ("plan", "left"),
@@ -134,7 +135,7 @@ def _overview(plans: list[Json], settings: Json) -> Json:
         rows.append(
             row_of(
                 clipped(plan["name"], LONGEST_NAME),
-                cell_of(words, mark=mark),
+                Cell(words, mark=mark),
                 worst_cell(plan, settings["level"]),
                 seconds(total["mean"]),
                 seconds(total["max"]),
@@ -149,29 +150,29 @@ def _overview(plans: list[Json], settings: Json) -> Json:
     return table_of(caption, columns, rows)
 
 
-def _within(plan: Json) -> Json:
+def _within(plan: Json) -> Cell:
     if plan["within_limit"] is None:
-        return cell_of(NOT_GIVEN)
-    return cell_of("kept" if plan["within_limit"] else "exceeded")
+        return Cell(NOT_GIVEN)
+    return Cell("kept" if plan["within_limit"] else "exceeded")
 
 
-def _parameters(plans: list[Json], level: float) -> Json:
+def _parameters(plans: list[Json], level: float) -> Table:
     columns = [("parameter", "left"), (f"within {percent(level)}", "right"), *ERROR_COLUMNS]
     rows = []
     for plan in plans:
         mark, words = standing(plan)
         about = f"{sentence(plan['words'])} ({words})"
         rows.append(
-            row_of(clipped(plan["name"], LONGEST_NAME), cell_of(about, span=len(columns) - 1), tone=mark)
+            row_of(clipped(plan["name"], LONGEST_NAME), Cell(about, span=len(columns) - 1), tone=mark)
         )
         for row in plan["parameters"]:
             name = label(row["name"])
             if not determined(row, plan["control"]):
-                untold = cell_of(NOT_DETERMINED, span=len(columns) - 1)
+                untold = Cell(NOT_DETERMINED, span=len(columns) - 1)
                 rows.append(row_of(name, untold, tone="unidentifiable"))
                 continue
             cell = share_cell(row["coverage"][0], plan["control"])
-            rows.append(row_of(name, cell, *error_cells(row, row["coverage"][0]["of"]), tone=cell["mark"]))
+            rows.append(row_of(name, cell, *error_cells(row, row["coverage"][0]["of"]), tone=cell.mark))
     caption = (
         "Share of intervals that hold the truth, in %, with its 95 % binomial interval; bias and root mean"
         " square error, next to what was predicted"
@@ -179,7 +180,7 @@ def _parameters(plans: list[Json], level: float) -> Json:
     return table_of(caption, columns, rows)
 
 
-def _time(plans: list[Json]) -> Json:
+def _time(plans: list[Json]) -> Table:
     columns = [("plan", "left"), *((name, "right") for name in (*PHASES, "total", "longest"))]
     rows = []
     for plan in plans:
@@ -189,7 +190,7 @@ def _time(plans: list[Json]) -> Json:
     return table_of("Mean time of a run by phase, and the longest run", columns, rows)
 
 
-def _runs(plans: list[Json]) -> Json:
+def _runs(plans: list[Json]) -> Table:
     columns = [
         ("plan", "left"),
         ("runs", "right"),
@@ -225,10 +226,10 @@ def _runs(plans: list[Json]) -> Json:
     return table_of(caption, columns, rows)
 
 
-def _failures(plan: Json) -> Json | None:
+def _failures(plan: Json) -> Paragraph | None:
     """Why runs of a plan have no result; None where all have one."""
     told = [sentence(failure) for failure in plan["failures"]]
-    return text_block(f"{plan_title(plan)}, runs without a result: {listed(told)}.") if told else None
+    return Paragraph(f"{plan_title(plan)}, runs without a result: {listed(told)}.") if told else None
 
 
 def _plans(plans: list[Json]) -> list[tuple[str, str]]:

@@ -7,15 +7,18 @@ from collections.abc import Iterator
 from typing import Any
 
 from ..style.blocks import (
-    cell_of,
-    facts_block,
-    figure_block,
-    legend_block,
+    Cell,
+    Facts,
+    FigureBlock,
+    Legend,
+    Page,
+    Paragraph,
+    Row,
+    Section,
+    Table,
     row_of,
     section_of,
-    table_block,
     table_of,
-    text_block,
 )
 from ..words import numbers
 from ..words.wording import clipped, label, listed, sentence
@@ -46,7 +49,7 @@ from .study_view import (
 Json = dict[str, Any]
 
 
-def coverage_view(answer: Json) -> Json:
+def coverage_view(answer: Json) -> Page:
     """The display strings of a coverage study."""
     settings, plans = answer["settings"], answer["plans"]
     parts = [part for plan in plans for part in (*plan["estimators"], *plan["sbc"])]
@@ -54,9 +57,9 @@ def coverage_view(answer: Json) -> Json:
     sections = [
         section_of(
             "All plans",
-            table_block(_overview(plans, settings["levels"])),
-            legend_block(meanings(parts), []),
-            text_block(BY_CHANCE),
+            _overview(plans, settings["levels"]),
+            Legend(meanings(parts), []),
+            Paragraph(BY_CHANCE),
         ),
         section_of(
             "How it was done",
@@ -67,7 +70,7 @@ def coverage_view(answer: Json) -> Json:
     ]
     if said:
         title = "The midpoint fit against the likelihood fit"
-        sections.append(section_of(title, text_block(said), figure_block("accuracy")))
+        sections.append(section_of(title, Paragraph(said), FigureBlock("accuracy")))
     subtitle = f"{settings['data_sets']} simulated data sets for each of {plans_counted(answer)}"
     return view_of(answer, f"{subtitle}, seed {settings['seed']}", sections)
 
@@ -79,21 +82,21 @@ def overview_caption() -> str:
     return "Share of intervals that hold the truth, in %: the parameter farthest from each level"
 
 
-def _overview(plans: list[Json], levels: list[float]) -> Json:
+def _overview(plans: list[Json], levels: list[float]) -> Table:
     # The standing second, so that a phone shows it without scrolling.
     columns = [("estimator", "left"), ("intervals", "left"), *((percent(level), "right") for level in levels)]
     rows = []
     for plan in plans:
-        rows.append(row_of(plan_title(plan), cell_of(sentence(plan["words"]), span=len(columns) - 1)))
+        rows.append(row_of(plan_title(plan), Cell(sentence(plan["words"]), span=len(columns) - 1)))
         for estimator in plan["estimators"]:
             mark, words = standing(estimator)
             cells = [worst_cell(estimator, level) for level in levels]
             name = clipped(estimator["name"], LONGEST_NAME)
-            rows.append(row_of(name, cell_of(words, mark=mark), *cells, tone=mark))
+            rows.append(row_of(name, Cell(words, mark=mark), *cells, tone=mark))
     return table_of(overview_caption(), columns, rows)
 
 
-def _settings(answer: Json) -> Json:
+def _settings(answer: Json) -> Facts:
     settings = answer["settings"]
     return about_study(
         answer,
@@ -111,7 +114,7 @@ def _settings(answer: Json) -> Json:
 # ── one plan ──────────────────────────────────────────────────────────────────────────────────
 
 
-def _plan(plan: Json, settings: Json, number: int) -> list[Json]:
+def _plan(plan: Json, settings: Json, number: int) -> list[Section]:
     facts = [
         ("Plan", sentence(plan["words"])),
         ("Robot", clipped(plan["robot"])),
@@ -123,21 +126,21 @@ def _plan(plan: Json, settings: Json, number: int) -> list[Json]:
     powers, uniformity = _powers(plan["sbc"]), _ranks_table(plan["sbc"], settings["bins"])
     # The facts, the sentences and the first figure of a plan fit one page.
     return [
-        section_of(plan_title(plan), facts_block(facts), new_page=True),
+        section_of(plan_title(plan), Facts(facts), new_page=True),
         section_of(
             "Coverage",
-            legend_block([], verdicts(plan["estimators"])),
-            figure_block(f"coverage_{number}"),
-            table_block(_coverage_table(plan, settings["levels"])),
-            table_block(_accuracy_table(plan)),
+            Legend([], verdicts(plan["estimators"])),
+            FigureBlock(f"coverage_{number}"),
+            _coverage_table(plan, settings["levels"]),
+            _accuracy_table(plan),
             level=2,
         ),
         section_of(
             "Ranks of the truth among the draws",
-            legend_block([], verdicts(plan["sbc"])),
-            text_block(powers) if powers else None,
-            figure_block(f"ranks_{number}"),
-            table_block(uniformity) if uniformity else None,
+            Legend([], verdicts(plan["sbc"])),
+            Paragraph(powers) if powers else None,
+            FigureBlock(f"ranks_{number}"),
+            uniformity,
             level=2,
         ),
     ]
@@ -156,34 +159,34 @@ def _powers(parts: list[Json]) -> str:
     return " ".join(f"Power of the test for {listed(names)}: {text}." for text, names in said.items())
 
 
-def _coverage_table(plan: Json, levels: list[float]) -> Json:
+def _coverage_table(plan: Json, levels: list[float]) -> Table:
     columns = [("parameter", "left"), *((percent(level), "right") for level in levels)]
     rows = []
     for estimator in plan["estimators"]:
         rows.append(_group(estimator, len(levels)))
         for row in estimator["parameters"]:
             if not determined(row, estimator["control"]):
-                words = cell_of(NOT_DETERMINED, span=len(levels))
+                words = Cell(NOT_DETERMINED, span=len(levels))
                 rows.append(row_of(label(row["name"]), words, tone="unidentifiable"))
                 continue
             entries = {entry["level"]: entry for entry in row["coverage"]}
             cells = [share_cell(entries.get(level), estimator["control"]) for level in levels]
-            tone = "weak" if any(cell["mark"] for cell in cells) else ""
+            tone = "weak" if any(cell.mark for cell in cells) else ""
             rows.append(row_of(label(row["name"]), *cells, tone=tone))
     return table_of(
         "Share of intervals that hold the truth, in %, with its 95 % binomial interval", columns, rows
     )
 
 
-def _group(part: Json, span: int) -> Json:
+def _group(part: Json, span: int) -> Row:
     """The row that heads an estimator's parameters."""
     mark, words = standing(part)
     # A name beside its own mark and words; what it does is said by the words of the estimator.
     about = f"{sentence(part['words'])} ({words})" if "words" in part else words
-    return row_of(clipped(part["name"], LONGEST_NAME), cell_of(about, span=span), tone=mark)
+    return row_of(clipped(part["name"], LONGEST_NAME), Cell(about, span=span), tone=mark)
 
 
-def _accuracy_table(plan: Json) -> Json:
+def _accuracy_table(plan: Json) -> Table:
     rows = []
     for estimator in plan["estimators"]:
         rows.append(_group(estimator, len(ERROR_COLUMNS)))
@@ -199,14 +202,14 @@ def solved(plan: Json) -> int:
     return max(1, int(plan["data_sets"]))
 
 
-def _ranks_table(parts: list[Json], bins: int) -> Json | None:
+def _ranks_table(parts: list[Json], bins: int) -> Table | None:
     rows = []
     for part in parts:
         rows.append(_group(part, 2))
         for row in part["parameters"]:
             chi2, p = row["chi2"], row["p_value"]
             if chi2 is None or p is None:
-                words = cell_of(NOT_DETERMINED, span=2)
+                words = Cell(NOT_DETERMINED, span=2)
                 rows.append(row_of(label(row["name"]), words, tone="unidentifiable"))
             else:
                 rows.append(row_of(label(row["name"]), numbers.significant(chi2), numbers.p_value(p)))

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
-from ..style.blocks import cell_of
+from ..style.blocks import Cell, LegendEntry, Reason
 from ..words import numbers
 from ..words.wording import clipped, label, sentence
 from .study_view import LONGEST_NAME, NOT_DETERMINED, NOT_GIVEN
@@ -42,14 +42,10 @@ def standing(part: Json) -> tuple[str, str]:
     return STANDING[part["control"], part["agrees"]]
 
 
-def meanings(parts: list[Json]) -> list[Json]:
+def meanings(parts: list[Json]) -> list[LegendEntry]:
     """Entries of a legend: what each mark that occurs means."""
     present = {(part["control"], part["agrees"]) for part in parts}
-    entries = [
-        {"status": STANDING[key][0], "word": STANDING[key][1], "text": text}
-        for key, text in _MEANING.items()
-        if key in present
-    ]
+    entries = [LegendEntry(*STANDING[key], text) for key, text in _MEANING.items() if key in present]
     if any(
         not determined(row, part["control"])
         for part in parts
@@ -57,17 +53,17 @@ def meanings(parts: list[Json]) -> list[Json]:
         if "coverage" in row
     ):
         text = "a data set of this plan cannot tell the parameter, so there is no interval to judge"
-        entries.append({"status": "unidentifiable", "word": NOT_DETERMINED, "text": text})
+        entries.append(LegendEntry("unidentifiable", NOT_DETERMINED, text))
     return entries
 
 
-def verdicts(parts: list[Json]) -> list[Json]:
+def verdicts(parts: list[Json]) -> list[Reason]:
     """Reasons of a legend: each part's name and standing, and what it says."""
     rows = []
     for part in parts:
         mark, words = standing(part)
         name = clipped(part["name"], LONGEST_NAME)
-        rows.append({"names": f"{name}: {words}.", "status": mark, "text": sentence(part["sentence"])})
+        rows.append(Reason(f"{name}: {words}.", mark, sentence(part["sentence"])))
     return rows
 
 
@@ -115,11 +111,11 @@ def _share_decimals(row: Json) -> int:
     return min(numbers.decimals(std), max(0, math.ceil(math.log10(row["of"])) - 2))
 
 
-def share_cell(entry: Json | None, control: bool) -> Json:
+def share_cell(entry: Json | None, control: bool) -> Cell:
     """A share with its interval, marked where it should agree and does not."""
     if entry is None:
-        return cell_of(NOT_GIVEN)
-    return cell_of(
+        return Cell(NOT_GIVEN)
+    return Cell(
         f"{share(entry)} ({share_interval(entry)})", mark="" if control or entry["agrees"] else "weak"
     )
 
@@ -166,10 +162,10 @@ def has_errors(row: Json) -> bool:
     )
 
 
-def error_cells(row: Json, data_sets: int) -> list[str | Json]:
+def error_cells(row: Json, data_sets: int) -> list[str | Cell]:
     """Cells under ERROR_COLUMNS; the rmse of n data sets has the relative error 1/√(2n)."""
     if not has_errors(row):
-        return [cell_of(NOT_DETERMINED, span=len(ERROR_COLUMNS))]
+        return [Cell(NOT_DETERMINED, span=len(ERROR_COLUMNS))]
     unit, mcse, rmse = row["unit"], row["bias_mcse"], row["rmse"]
     about = rmse / math.sqrt(2 * data_sets)
     predicted = row["predicted_std"]

@@ -8,18 +8,24 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 from ..style.blocks import (
-    cell_of,
-    facts_block,
-    figure_block,
-    legend_block,
+    Cell,
+    Facts,
+    FigureBlock,
+    Legend,
+    LegendEntry,
+    Page,
+    Paragraph,
+    Reason,
+    Row,
+    Section,
+    Table,
     row_of,
     section_of,
-    table_block,
     table_of,
-    text_block,
 )
 from ..words import numbers
 from ..words.wording import clipped, counted, label, listed, sentence, shown
@@ -55,18 +61,18 @@ _FITS = {
 }
 
 
-def sweep_view(answer: Json) -> Json:
+def sweep_view(answer: Json) -> Page:
     """The display strings of a sweep."""
     over = listed([clipped(axis["label"]) for axis in answer["axes"]]) if answer["axes"] else "nothing"
     settings = answer["settings"]
     sections = [
         section_of(
             f"Cases by {over}",
-            *map(figure_block, figure_names(answer)),
-            table_block(_summary(answer)),
-            legend_block(_meanings(answer), _without_plan(answer)),
+            *map(FigureBlock, figure_names(answer)),
+            _summary(answer),
+            Legend(_meanings(answer), _without_plan(answer)),
         ),
-        section_of("Each offset", text_block(_how_to_read(answer)), *_offsets(answer)),
+        section_of("Each offset", Paragraph(_how_to_read(answer)), *_offsets(answer)),
         section_of(
             "How it was done",
             about_study(
@@ -83,7 +89,7 @@ def sweep_view(answer: Json) -> Json:
 # ── tables ────────────────────────────────────────────────────────────────────────────────────
 
 
-def _summary(answer: Json) -> Json:
+def _summary(answer: Json) -> Table:
     axes = list(enumerate(answer["axes"]))
     simulated = has_observed(answer, "likelihood")
     failed = any(case["failed"] for case in answer["cases"])
@@ -103,7 +109,7 @@ def _summary(answer: Json) -> Json:
         rows.append(
             row_of(
                 *(value_text(axis, case["at"][i]) for i, axis in axes),
-                cell_of(words, mark=mark),
+                Cell(words, mark=mark),
                 *([str(case["shots"]) if case["shots"] is not None else ""] if counts else []),
                 _worst(case),
                 *([_agreement(case)] if simulated else []),
@@ -126,15 +132,15 @@ def _worst(case: Json) -> str:
     return f"{label(row['name'], 12)}: {_std(row)}" if row is not None else NOT_DETERMINED
 
 
-def _agreement(case: Json) -> Json:
+def _agreement(case: Json) -> Cell:
     """Whether the simulated runs agree with the prediction of every offset."""
     told = [entry["agrees"] for row in case["parameters"] if (entry := observed(row, "likelihood"))]
     if not told:
-        return cell_of("" if case["reason"] is not None else "none")
-    return cell_of("yes", mark="identified") if all(told) else cell_of("no", mark="weak")
+        return Cell("" if case["reason"] is not None else "none")
+    return Cell("yes", mark="identified") if all(told) else Cell("no", mark="weak")
 
 
-def _offsets(answer: Json) -> list[Json]:
+def _offsets(answer: Json) -> list[Table]:
     """The table of predicted and observed errors by case; empty where no case has a plan."""
     columns: list[tuple[str, str]] = [("offset", "left"), ("status", "left"), ("predicted std", "right")]
     likelihood, midpoint = (has_observed(answer, fit) for fit in _FITS)
@@ -143,7 +149,7 @@ def _offsets(answer: Json) -> list[Json]:
     if midpoint:
         columns.append(("midpoint rmse", "right"))
     cases = [(i, case) for i, case in enumerate(answer["cases"], start=1) if case["reason"] is None]
-    rows: list[Json] = []
+    rows: list[Row] = []
     count = 0
     for number, case in cases:
         told = [_group(answer, case, number, len(columns) - 1)]
@@ -155,24 +161,24 @@ def _offsets(answer: Json) -> list[Json]:
     caption = "Predicted std of each offset"
     caption += ", next to the errors of simulated runs" if likelihood else ""
     table = table_of(_cut(caption, count, len(cases), "offsets.csv"), columns, rows)
-    return [table_block(table)] if rows else []
+    return [table] if rows else []
 
 
-def _group(answer: Json, case: Json, number: int, span: int) -> Json:
+def _group(answer: Json, case: Json, number: int, span: int) -> Row:
     mark, words = standing(case)
     shots = f", {counted(case['shots'], 'shot')}" if case["shots"] is not None else ""
-    about = cell_of(f"{case_name(answer, case)}: {words}{shots}", span=span)
+    about = Cell(f"{case_name(answer, case)}: {words}{shots}", span=span)
     return row_of(f"case {number}", about, tone=mark)
 
 
-def _offset(row: Json, columns: list[tuple[str, str]]) -> Json:
+def _offset(row: Json, columns: list[tuple[str, str]]) -> Row:
     name = label(row["name"])
     if not is_told(row):
         words = NOT_DETERMINED if row["status"] == "unidentifiable" else "held"
-        return row_of(name, cell_of(words, span=len(columns) - 1), tone=row["status"])
+        return row_of(name, Cell(words, span=len(columns) - 1), tone=row["status"])
     heads = {text for text, _ in columns}
     unit, likelihood, midpoint = unit_of(row), observed(row, "likelihood"), observed(row, "midpoint")
-    cells: list[str | Json] = [cell_of(row["status"], mark=row["status"]), _std(row, likelihood)]
+    cells: list[str | Cell] = [Cell(row["status"], mark=row["status"]), _std(row, likelihood)]
     if "rmse" in heads:
         if likelihood is None:
             cells += [NOT_GIVEN] * 3
@@ -205,10 +211,10 @@ def _about(entry: Json) -> float:
     return float(entry["rmse"]) / math.sqrt(2 * entry["runs"])
 
 
-def _held(entry: Json) -> Json:
+def _held(entry: Json) -> Cell:
     told = {"share": entry["held"], "low": entry["held_low"], "high": entry["held_high"]}
     cell = share_cell(told | {"of": entry["runs"], "agrees": True}, control=False)
-    return {**cell, "mark": "identified" if entry["agrees"] else "weak"}
+    return replace(cell, mark="identified" if entry["agrees"] else "weak")
 
 
 def _level(answer: Json) -> float:
@@ -240,7 +246,7 @@ def _unmet(answer: Json) -> str:
     return f" {counted(count, 'more arm')} that cannot hit the target had been drawn." if count else ""
 
 
-def _meanings(answer: Json) -> list[Json]:
+def _meanings(answer: Json) -> list[LegendEntry]:
     told = {
         tolerance(answer, row) for case in answer["cases"] for row in case["parameters"] if in_degrees(row)
     }
@@ -253,30 +259,22 @@ def _meanings(answer: Json) -> list[Json]:
         None: "there is no such plan, for the reason below",
     }
     present = {standing(case) for case in answer["cases"]}
-    return [
-        {"status": STANDING[key][0], "word": STANDING[key][1], "text": text}
-        for key, text in texts.items()
-        if STANDING[key] in present
-    ]
+    return [LegendEntry(*STANDING[key], text) for key, text in texts.items() if STANDING[key] in present]
 
 
-def _without_plan(answer: Json) -> list[Json]:
+def _without_plan(answer: Json) -> list[Reason]:
     """Each reason why there is no plan, with the cases that it holds for."""
     by_reason: dict[str, list[str]] = {}
     for case in answer["cases"]:
         if case["reason"] is not None:
             by_reason.setdefault(sentence(case["reason"]).rstrip("."), []).append(case_name(answer, case))
     told = [
-        {
-            "names": f"No plan for {'; '.join(names[:4])}{_more(len(names) - 4)}:",
-            "status": "held",
-            "text": reason + ".",
-        }
+        Reason(f"No plan for {'; '.join(names[:4])}{_more(len(names) - 4)}:", "held", reason + ".")
         for reason, names in list(by_reason.items())[:_MOST_REASONS]
     ]
     if len(by_reason) > len(told):
         text = f"{len(told)} of {len(by_reason)} shown, all in cases.csv."
-        told.append({"names": "Reasons:", "status": "held", "text": text})
+        told.append(Reason("Reasons:", "held", text))
     return told
 
 
@@ -305,13 +303,13 @@ def _plain(value: object) -> str:
     return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
-def _words(answer: Json) -> list[Json]:
+def _words(answer: Json) -> list[Section]:
     """What each case is, in words, where they say more than the axes do: on no grid of numbers."""
     cases = answer["cases"]
     if len(cases) > MOST_ROWS or all(map(is_numeric, answer["axes"])):
         return []
     rows = [(case_name(answer, case), sentence(case["words"])) for case in cases]
-    return [section_of("Cases", facts_block(rows), level=2)]
+    return [section_of("Cases", Facts(rows), level=2)]
 
 
 # ── plain tables ──────────────────────────────────────────────────────────────────────────────

@@ -5,16 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from ..style.blocks import (
-    cell_of,
-    facts_block,
-    figure_block,
-    row_of,
-    section_of,
-    table_block,
-    table_of,
-    text_block,
-)
+from ..style.blocks import Cell, Facts, FigureBlock, Page, Paragraph, Table, row_of, section_of, table_of
 from ..words import numbers
 from ..words.wording import clipped, label, sentence
 from .study_shares import STANDING
@@ -39,29 +30,29 @@ _CLAIMED = ("predicted_std", "alone_deg", "simulated_std")
 _NORMAL_95 = 1.959964  # half width of a 95 % interval in standard deviations
 
 
-def table2_view(answer: Json) -> Json:
+def table2_view(answer: Json) -> Page:
     """The display strings of the study of the paper's Table 2."""
     settings, plans, paper = answer["settings"], answer["plans"], answer["paper"]
     triples = f"{settings['simulated']} simulated sets of {settings['runs']} runs"
     sections = [
         section_of(
             "The joint noise that would explain the scatter",
-            table_block(_overview(plans)),
-            *(text_block(_in_words(plan)) for plan in plans),
+            _overview(plans),
+            *(Paragraph(_in_words(plan)) for plan in plans),
         ),
         section_of(
             "Scatter of each offset",
-            text_block(
+            Paragraph(
                 f"A standard deviation of {settings['runs']} runs tells the true one to a wide interval only:"
                 " compare intervals, not dots. The prediction is for the joint noise above."
             ),
-            figure_block("scatter"),
-            *(table_block(_scatter(plan)) for plan in plans),
+            FigureBlock("scatter"),
+            *(_scatter(plan) for plan in plans),
         ),
         section_of(
             "What the paper prints",
-            table_block(_paper(paper)),
-            *(text_block(sentence(note)) for note in paper["notes"]),
+            _paper(paper),
+            *(Paragraph(sentence(note)) for note in paper["notes"]),
         ),
         section_of(
             "How it was done",
@@ -78,7 +69,7 @@ def table2_view(answer: Json) -> Json:
                 " paper’s table"
             ),
         ),
-        section_of("Plans", facts_block(_plans(plans)), level=2),
+        section_of("Plans", Facts(_plans(plans)), level=2),
     ]
     return view_of(answer, f"the paper’s Table 2 against {triples}, seed {settings['seed']}", sections)
 
@@ -98,7 +89,7 @@ def joint_noise(plan: Json) -> str:
     return numbers.estimate(at, (high - low) / (2 * _NORMAL_95), "deg")
 
 
-def _overview(plans: list[Json]) -> Json:
+def _overview(plans: list[Json]) -> Table:
     columns = [
         ("plan", "left"),
         ("joint noise", "right"),
@@ -113,7 +104,7 @@ def _overview(plans: list[Json]) -> Json:
             spread_range(plan["low"], plan["high"], "deg"),
             NOT_GIVEN if plan["p_value"] is None else numbers.p_value(plan["p_value"]),
             (fits := _as_predicted(plan)),
-            tone=fits["mark"],
+            tone=fits.mark,
         )
         for plan in plans
     ]
@@ -124,11 +115,11 @@ def _overview(plans: list[Json]) -> Json:
     return table_of(caption, columns, rows)
 
 
-def _as_predicted(plan: Json) -> Json:
+def _as_predicted(plan: Json) -> Cell:
     if plan["chi2"] is None:
-        return cell_of("no result", mark="weak")
+        return Cell("no result", mark="weak")
     mark, words = STANDING[False, plan["agrees"]]
-    return cell_of(words, mark=mark)
+    return Cell(words, mark=mark)
 
 
 def _in_words(plan: Json) -> str:
@@ -142,7 +133,7 @@ def _in_words(plan: Json) -> str:
     )
 
 
-def _scatter(plan: Json) -> Json:
+def _scatter(plan: Json) -> Table:
     columns = [
         ("offset", "left"),
         ("paper", "right"),
@@ -157,7 +148,7 @@ def _scatter(plan: Json) -> Json:
         name, unit = label(row["name"]), row["unit"]
         paper = [spread(row["paper_std"], unit), spread_range(row["low"], row["high"], unit)]
         if not told(row):
-            untold = cell_of(NOT_DETERMINED, span=len(columns) - 3)
+            untold = Cell(NOT_DETERMINED, span=len(columns) - 3)
             rows.append(row_of(name, *paper, untold, tone="unidentifiable"))
             continue
         simulated = row["simulated"]
@@ -174,7 +165,7 @@ def _scatter(plan: Json) -> Json:
     return table_of(f"{plan_title(plan)}: standard deviations over the runs of a set", columns, rows)
 
 
-def _paper(paper: Json) -> Json:
+def _paper(paper: Json) -> Table:
     """The paper's table as it was printed, and what follows from its runs to as many decimals."""
     columns = [("", "left"), *((label(name), "right") for name in paper["offsets"])]
     stated = [value for run in paper["experiments"] for value in run]

@@ -11,7 +11,16 @@ from rich.table import Table
 from rich.text import Text
 
 from ..run.terminal import MARK, STYLE
-from ..words.wording import clipped, counted, label, listed, sentence, shown
+from ..style import blocks
+from ..style.blocks import Block, Facts, Legend, Paragraph
+from ..words.wording import (
+    clipped,
+    counted,
+    label,
+    listed,
+    sentence,
+    shown,
+)
 from .studies import SWEEP, known_study, study_view
 from .study_coverage import comparison, overview_caption
 from .study_shares import BY_CHANCE, percent, share, share_interval, standing, undetermined, worst_at
@@ -25,48 +34,47 @@ _LONGEST_NAME = 26
 def print_study(out: Console, answer: Json) -> None:
     """Verdict and notes, then the first section of the study's page, or what it has of its own for this."""
     told = study_view(answer)
-    verdict = told["verdict"]
+    verdict = told.verdict
     style = "bold blue" if answer["agrees"] else "bold yellow"
-    out.print(Text(f"{verdict['word']}. ", style=style) + Text(verdict["sentence"]))
-    for note in told["notes"]:
+    out.print(Text(f"{verdict.word}. ", style=style) + Text(verdict.sentence))
+    for note in told.notes:
         out.print(Text("! ", style="bold yellow") + Text(note))
     own = _OWN.get(answer["study"]) if known_study(answer) is not SWEEP else None
     if own is not None:
         own(out, answer)
         return
-    first = told["sections"][0]
-    for block in (*first["lead"], *first["blocks"]):
+    for block in told.sections[0].all:
         print_block(out, block)
 
 
-def print_block(out: Console, block: Json) -> None:
-    kind, it = block["kind"], block["it"]
-    if kind == "text":
-        out.print(Text(it))
-    elif kind == "facts":
-        for fact in it:
-            out.print(Text(f"{fact['name']}: ", style="dim") + Text(fact["text"]))
-    elif kind == "legend":
-        # What the marks mean is said on the page.
-        for entry in it["reasons"]:
-            mark = Text(f"{MARK[entry['status']]} {entry['names']} ", style=STYLE[entry["status"]])
-            out.print(mark + Text(entry["text"]))
-    elif kind == "table":
-        out.print(Text(it["caption"], style="italic"))
-        out.print(_table(it))
+def print_block(out: Console, block: Block) -> None:
+    match block:
+        case Paragraph(text):
+            out.print(Text(text))
+        case Facts(rows):
+            for name, text in rows:
+                out.print(Text(f"{name}: ", style="dim") + Text(text))
+        case Legend(reasons=reasons):
+            # What the marks mean is said on the page.
+            for entry in reasons:
+                mark = Text(f"{MARK[entry.status]} {entry.names} ", style=STYLE[entry.status])
+                out.print(mark + Text(entry.text))
+        case blocks.Table():
+            out.print(Text(block.caption, style="italic"))
+            out.print(_table(block))
 
 
-def _table(it: Json) -> Table:
+def _table(told: blocks.Table) -> Table:
     table = Table(box=None, pad_edge=False)
-    for column in it["columns"]:
-        table.add_column(escape(column["text"]), justify=column["align"])
-    for row in it["rows"]:
+    for column in told.columns:
+        table.add_column(escape(column.text), justify="right" if column.align == "right" else "left")
+    for row in told.rows:
         cells: list[Text] = []
-        for cell in row["cells"]:
-            mark = cell["mark"]
-            text = f"{MARK[mark]} {cell['text']}" if mark else clipped(cell["text"], _LONGEST_NAME)
+        for cell in row.cells:
+            mark = cell.mark
+            text = f"{MARK[mark]} {cell.text}" if mark else clipped(cell.text, _LONGEST_NAME)
             cells.append(Text(text, style=STYLE[mark] if mark else ""))
-            cells.extend(Text("") for _ in range(cell["span"] - 1))
+            cells.extend(Text("") for _ in range(cell.span - 1))
         table.add_row(*cells)
     return table
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..style.blocks import facts_block, text_block
+from ..style.blocks import Facts, Page, Paragraph, Section, Verdict
 from ..words import numbers
 from ..words.wording import clipped, counted, sentence, shown
 
@@ -22,21 +22,15 @@ def verdict_word(answer: Json) -> str:
     return "Agrees" if answer["agrees"] else "Does not agree"
 
 
-def view_of(answer: Json, subtitle: str, sections: list[Json]) -> Json:
+def view_of(answer: Json, subtitle: str, sections: list[Section]) -> Page:
     """The whole view: verdict, notes and title are the answer's, the rest is told."""
-    agrees = answer["agrees"]
-    word = verdict_word(answer)
-    return {
-        "title": sentence(answer["title"]),
-        "subtitle": subtitle,
-        "verdict": {
-            "key": "pass" if agrees else "weak",
-            "word": word,
-            "sentence": sentence(answer["headline"]),
-        },
-        "notes": [sentence(note) for note in answer["notes"]],
-        "sections": sections,
-    }
+    return Page(
+        sentence(answer["title"]),
+        subtitle,
+        Verdict("pass" if answer["agrees"] else "weak", verdict_word(answer), sentence(answer["headline"])),
+        [sentence(note) for note in answer["notes"]],
+        sections,
+    )
 
 
 # ── what every study says in the same words ───────────────────────────────────────────────────
@@ -62,9 +56,9 @@ def _noise(key: str, value: float) -> str:
     return f"{shown(name)} {numbers.exact(value, unit)}"
 
 
-def about_study(answer: Json, settings: list[tuple[str, str]]) -> Json:
+def about_study(answer: Json, settings: list[tuple[str, str]]) -> Facts:
     """The facts of how a study was done: its name, its own settings, time and versions."""
-    return facts_block(
+    return Facts(
         [
             ("Study", shown(answer["study"])),
             *settings,
@@ -74,9 +68,9 @@ def about_study(answer: Json, settings: list[tuple[str, str]]) -> Json:
     )
 
 
-def files_block(tables: str) -> Json:
+def files_block(tables: str) -> Paragraph:
     """Where every number is; `tables` names the CSV files and what they hold."""
-    return text_block(f"study.json beside this page holds every number unrounded; {tables} as plain tables.")
+    return Paragraph(f"study.json beside this page holds every number unrounded; {tables} as plain tables.")
 
 
 def plans_counted(answer: Json) -> str:

@@ -1,83 +1,187 @@
-"""What all pages are made of: tables, facts, and sections of blocks, so that one template shows them all.
+"""What all pages are made of: sections of blocks, all display strings, so that one template shows them all.
 
-A table is {caption, columns [{text, align}], rows [{tone, cells [{text, span, mark}]}]}: `tone` is the status
-that colours a row, `mark` the status whose shape stands in a cell.
-
-A page is {title, subtitle, verdict {key, word, sentence}, notes [text], sections}, all display strings.
-A section is {title, level, new_page, lead, blocks}: level 1, or 2 below one of level 1; `lead` stays on
-one page with the heading, `blocks` follow it. A block is {kind, it}, and `it` by its kind:
-
-    text        a paragraph
-    facts       rows of a name and a text, as `facts_of` makes them
-    legend      {legend [{status, word, text}], reasons [{status, names, text}]}
-    table       as `table_of` makes them
-    figure      the name of a picture; nothing is shown where there is no such picture
-    scene       the turnable picture stands here (`run_scene.py`), if the page has one
-    directions  [{combination, kind, reason, remedy}] that the data do not tell
+HTML templates read the attributes; for typst `pdf` writes them as JSON, a block with its `kind`.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
 
 from ..words.numbers import NO_BREAK
 
-Json = dict[str, Any]
+
+@dataclass(frozen=True)
+class Cell:
+    """A cell of a table; `mark` is the status (a role of the palette) whose shape stands in it, or ""."""
+
+    text: str
+    span: int = 1
+    mark: str = ""
 
 
-def cell_of(text: str, span: int = 1, mark: str = "") -> Json:
-    return {"text": text, "span": span, "mark": mark}
+@dataclass(frozen=True)
+class Row:
+    """A row of a table; `tone` is the status that colours it, or ""."""
+
+    cells: Sequence[Cell]
+    tone: str = ""
 
 
-def table_of(caption: str, columns: list[tuple[str, str]], rows: list[Json]) -> Json:
-    heads = [{"text": text, "align": align} for text, align in columns]
-    return {"caption": caption, "columns": heads, "rows": rows}
+@dataclass(frozen=True)
+class Column:
+    """The head of a column; `align` is `left` or `right`."""
+
+    text: str
+    align: str
 
 
-def row_of(*cells: str | Json, tone: str = "") -> Json:
-    return {"tone": tone, "cells": [cell if isinstance(cell, dict) else cell_of(cell) for cell in cells]}
+@dataclass(frozen=True)
+class Table:
+    """A table with a caption and a head."""
+
+    caption: str
+    columns: Sequence[Column]
+    rows: Sequence[Row]
+    kind: ClassVar[str] = "table"
 
 
-def facts_of(rows: list[tuple[str, str]]) -> list[Json]:
-    return [{"name": name, "text": text} for name, text in rows]
+@dataclass(frozen=True)
+class Paragraph:
+    """Text, in which a percent sign does not part from its number."""
+
+    text: str
+    kind: ClassVar[str] = "text"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "text", self.text.replace(" %", f"{NO_BREAK}%"))
 
 
-def section_of(title: str, *blocks: Json | None, level: int = 1, new_page: bool = False) -> Json:
+@dataclass(frozen=True)
+class Facts:
+    """Rows of a name and a text."""
+
+    rows: Sequence[tuple[str, str]]
+    kind: ClassVar[str] = "facts"
+
+
+@dataclass(frozen=True)
+class LegendEntry:
+    """What the mark of a status means."""
+
+    status: str
+    word: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Reason:
+    """A sentence about the things of these names, headed by the mark of their status."""
+
+    names: str
+    status: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Legend:
+    """What the marks mean, then sentences that are headed by one."""
+
+    entries: Sequence[LegendEntry]
+    reasons: Sequence[Reason]
+    kind: ClassVar[str] = "legend"
+
+
+@dataclass(frozen=True)
+class FigureBlock:
+    """The picture of this name; nothing is shown where there is no such picture."""
+
+    name: str
+    kind: ClassVar[str] = "figure"
+
+
+@dataclass(frozen=True)
+class SceneBlock:
+    """Here stands the picture that can be turned (`run_scene.py`), if the page has one."""
+
+    kind: ClassVar[str] = "scene"
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A combination of parameters that the data do not determine, how badly, why, and what to do."""
+
+    combination: str
+    kind: str
+    reason: str
+    remedy: str
+
+
+@dataclass(frozen=True)
+class Directions:
+    """What the data do not determine, one combination after the other."""
+
+    items: Sequence[Direction]
+    kind: ClassVar[str] = "directions"
+
+
+Block = Table | Paragraph | Facts | Legend | FigureBlock | SceneBlock | Directions
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section of level 1, or of level 2 below one of level 1.
+
+    `lead` stays on one page with the heading, `blocks` follow it.
+    """
+
+    title: str
+    lead: Sequence[Block]
+    blocks: Sequence[Block]
+    level: int = 1
+    new_page: bool = False
+
+    @property
+    def all(self) -> tuple[Block, ...]:
+        """The blocks in their order."""
+        return (*self.lead, *self.blocks)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """`key` is `pass`, `weak` or `degenerate`."""
+
+    key: str
+    word: str
+    sentence: str
+
+
+@dataclass(frozen=True)
+class Page:
+    """A whole report or study."""
+
+    title: str
+    subtitle: str
+    verdict: Verdict
+    notes: Sequence[str]
+    sections: Sequence[Section]
+
+
+def table_of(caption: str, columns: Sequence[tuple[str, str]], rows: Sequence[Row]) -> Table:
+    """A table; each column is given by its head and `left` or `right`."""
+    return Table(caption, tuple(Column(*column) for column in columns), tuple(rows))
+
+
+def row_of(*cells: str | Cell, tone: str = "") -> Row:
+    return Row(tuple(cell if isinstance(cell, Cell) else Cell(cell) for cell in cells), tone)
+
+
+def section_of(title: str, *blocks: Block | None, level: int = 1, new_page: bool = False) -> Section:
     """A section; None is left out. What leads up to its first figure stays with it, unless a table does."""
-    found = [block for block in blocks if block is not None]
-    kinds = [block["kind"] for block in found]
+    found = tuple(block for block in blocks if block is not None)
+    kinds = [block.kind for block in found]
     end = kinds.index("figure") + 1 if "figure" in kinds else 0
     if "table" in kinds[:end]:
         end = 0
-    return {
-        "title": title,
-        "level": level,
-        "new_page": new_page,
-        "lead": found[:end],
-        "blocks": found[end:],
-    }
-
-
-def text_block(text: str) -> Json:
-    """A paragraph; a percent sign does not part from its number."""
-    return {"kind": "text", "it": text.replace(" %", f"{NO_BREAK}%")}
-
-
-def facts_block(rows: list[tuple[str, str]]) -> Json:
-    return {"kind": "facts", "it": facts_of(rows)}
-
-
-def legend_block(legend: list[Json], reasons: list[Json]) -> Json:
-    return {"kind": "legend", "it": {"legend": legend, "reasons": reasons}}
-
-
-def table_block(table: Json) -> Json:
-    return {"kind": "table", "it": table}
-
-
-def figure_block(name: str) -> Json:
-    return {"kind": "figure", "it": name}
-
-
-def directions_block(items: list[Json]) -> Json:
-    return {"kind": "directions", "it": items}
+    return Section(title, found[:end], found[end:], level, new_page)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import re
 import xml.etree.ElementTree as ElementTree
@@ -12,6 +13,7 @@ from command_line import WIDTH
 from rich.console import Console
 
 from zerobeam.reports.studies.study_terminal import print_study
+from zerobeam.reports.style.blocks import Page, Row, Table
 
 Json = dict[str, Any]
 
@@ -23,18 +25,24 @@ def text_of(reader: pypdf.PdfReader) -> str:
 
 def cells(value: Any) -> list[str]:
     """All texts of the tables in a view."""
+    if isinstance(value, Row):
+        return [cell.text for cell in value.cells]
+    if dataclasses.is_dataclass(value):
+        return cells(vars(value))
     if isinstance(value, dict):
-        if "cells" in value:
-            return [cell["text"] for cell in value["cells"]]
-        return [text for item in value.values() for text in cells(item)]
-    return [text for item in value for text in cells(item)] if isinstance(value, list) else []
+        return cells(list(value.values()))
+    return [text for item in value for text in cells(item)] if isinstance(value, list | tuple) else []
 
 
-def tables_of(view: Json, start: str) -> list[Json]:
+def texts_of(table: Table) -> list[list[str]]:
+    """The texts of a table's rows."""
+    return [[cell.text for cell in row.cells] for row in table.rows]
+
+
+def tables_of(view: Page, start: str) -> list[Table]:
     """Tables of a view whose caption begins so, in the page's order."""
-    blocks = [block for section in view["sections"] for block in (*section["lead"], *section["blocks"])]
-    tables = [block["it"] for block in blocks if block["kind"] == "table"]
-    return [table for table in tables if table["caption"].startswith(start)]
+    blocks = [block for section in view.sections for block in section.all]
+    return [block for block in blocks if isinstance(block, Table) and block.caption.startswith(start)]
 
 
 def words(svg: str) -> str:

@@ -60,12 +60,12 @@ def printed(told: Json) -> str:
 
 def table(view: Json, caption: str) -> list[list[str]]:
     (found,) = [
-        block["it"]
-        for section in view["sections"]
-        for block in (*section["lead"], *section["blocks"])
-        if block["kind"] == "table" and block["it"]["caption"].startswith(caption)
+        block
+        for section in view.sections
+        for block in section.all
+        if block.kind == "table" and block.caption.startswith(caption)
     ]
-    return [[cell["text"] for cell in row["cells"]] for row in found["rows"]]
+    return [[cell.text for cell in row.cells] for row in found.rows]
 
 
 def number(text: str) -> float:
@@ -89,15 +89,15 @@ def test_the_tables_say_what_the_answer_says() -> None:
         for text, key in zip(row[1:4], ("std", "predicted_std", "ratio"), strict=True):
             assert number(text) == pytest.approx(own[key], rel=0.06)
     assert [row[3] for row in table(view, "Each run against")][3] == "the odd one, p below 0.001"
-    assert view["verdict"]["word"] == "Does not agree"
-    assert compare_view(answer())["verdict"]["word"] == "Agrees"
+    assert view.verdict.word == "Does not agree"
+    assert compare_view(answer()).verdict.word == "Agrees"
     assert not any("odd" in row[3] for row in table(compare_view(answer()), "Each run against"))
 
 
 def test_what_no_run_tells_is_shown_without_a_number() -> None:
     told = lost()
     view = compare_view(told)
-    assert view["verdict"]["word"] == "Not tested"
+    assert view.verdict.word == "Not tested"
     assert table(view, "Mean over the runs")[1] == ["δ3", "not compared"]
     assert table(view, "Drift")[1] == ["δ3", "cannot be told"]
     assert {row[2] for row in table(view, "Offsets of each run")} == {"not determined"}

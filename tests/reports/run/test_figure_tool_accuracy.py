@@ -45,13 +45,13 @@ def words(svg: str) -> str:
 
 
 def texts(section: dict[str, Any]) -> str:
-    blocks = [*section["lead"], *section["blocks"]]
-    return " ".join(block["it"] for block in blocks if block["kind"] == "text")
+    blocks = section.all
+    return " ".join(block.text for block in blocks if block.kind == "text")
 
 
 def table(section: dict[str, Any]) -> list[list[str]]:
-    (found,) = (block["it"] for block in section["blocks"] if block["kind"] == "table")
-    return [[cell["text"] for cell in row["cells"]] for row in found["rows"]]
+    (found,) = (block for block in section.blocks if block.kind == "table")
+    return [[cell.text for cell in row.cells] for row in found.rows]
 
 
 def test_the_figure_has_both_planes_units_and_the_base(result: dict[str, Any]) -> None:
@@ -137,11 +137,11 @@ def test_without_a_claim_there_is_no_number_anywhere(withheld: dict[str, Any]) -
     assert tool_accuracy_picture(withheld) is None
     section = accuracy_section(withheld)
     assert section is not None
-    (block,) = [*section["lead"], *section["blocks"]]
-    assert block["it"].startswith(
+    (block,) = section.all
+    assert block.text.startswith(
         "No accuracy is claimed: the tool point depends on δ2, which is not determined: the noise hides it."
     )
-    before_place = block["it"].split("The tool point is")[0]
+    before_place = block.text.split("The tool point is")[0]
     assert not re.search(r"\d", before_place.replace("δ2", ""))
 
 
@@ -153,7 +153,7 @@ def test_nothing_at_all_where_the_result_has_no_such_part() -> None:
 def test_the_section_tells_the_numbers_of_the_result(result: dict[str, Any]) -> None:
     section = accuracy_section(result)
     assert section is not None
-    assert [block["kind"] for block in section["lead"]] == ["text", "figure"]
+    assert [block.kind for block in section.lead] == ["text", "figure"]
     rows = table(section)
     columns = [(region, level) for region in ("workspace", "near_shots") for level in ("median", "worst")]
     keys = ("before_mm", "before_std_mm", "after95_mm", "after_rms_mm")
@@ -180,7 +180,7 @@ def test_doubts_stand_before_the_maps(result: dict[str, Any]) -> None:
     weak = {**result["accuracy"], "weak": ["delta4", "delta5"]}
     section = accuracy_section({"accuracy": weak, "fits": MISFIT})
     assert section is not None
-    said = [block["it"] for block in section["lead"] if block["kind"] == "text"]
+    said = [block.text for block in section.lead if block.kind == "text"]
     assert said[1] == ("δ4 and δ5 are only weakly determined and enter with their large standard deviation.")
     assert "The model does not fit: the misses of the shots, 0.95\u00a0mm rms, are some 4.0 times" in said[2]
     assert "the error is larger than told here" in said[2]

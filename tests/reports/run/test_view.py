@@ -40,14 +40,16 @@ def texts(value: Any) -> Iterator[str]:
     elif isinstance(value, dict):
         for item in value.values():
             yield from texts(item)
-    elif isinstance(value, list):
+    elif isinstance(value, list | tuple):
         for item in value:
             yield from texts(item)
+    elif dataclasses.is_dataclass(value):
+        yield from texts(vars(value))
 
 
 def row_of(table: dict[str, Any], name: str) -> list[str]:
-    (row,) = [row for row in table["rows"] if row["cells"][0]["text"] == name]
-    return [cell["text"] for cell in row["cells"]]
+    (row,) = [row for row in table.rows if row.cells[0].text == name]
+    return [cell.text for cell in row.cells]
 
 
 def test_an_identified_offset_shows_estimate_interval_and_status() -> None:
@@ -62,7 +64,7 @@ def test_an_identified_offset_shows_estimate_interval_and_status() -> None:
 def test_a_held_offset_says_where_and_why() -> None:
     said = seen(good())
     assert row_of(said["offsets"], "δ1") == ["δ1", "held at 0°", "held"]
-    reasons = {entry["names"]: entry["text"] for entry in said["reasons"]}
+    reasons = {entry.names: entry.text for entry in said["reasons"]}
     assert reasons["δ1"] == "is the zero of the base frame itself (section 3.3)."
 
 
@@ -71,9 +73,9 @@ def test_no_number_stands_in_the_row_of_an_unidentifiable_parameter() -> None:
         answer, said = to_json(result), seen(result)
         count = 0
         for table in (said["offsets"], *said["others"]):
-            for row in table["rows"]:
-                if row["tone"] == "unidentifiable":
-                    words = [cell["text"] for cell in row["cells"][1:]]
+            for row in table.rows:
+                if row.tone == "unidentifiable":
+                    words = [cell.text for cell in row.cells[1:]]
                     assert words == [NOT_DETERMINED, "unidentifiable"]
                     count += 1
         assert count == sum(row["status"] == "unidentifiable" for row in answer["parameters"]) > 0
@@ -91,11 +93,11 @@ def test_the_posterior_table_has_no_number_for_what_comes_from_the_prior() -> No
 def test_the_unknown_names_combination_kind_reason_and_remedy() -> None:
     unknown = seen(x_pattern())["unknown"]
     assert unknown["sentence"].startswith("δ2, psd.x and psd.z are not determined by these data")
-    (item,) = unknown["items"]
-    assert item["combination"] == "δ2 \u2212 0.12\u00a0psd.z + 0.064\u00a0psd.x"
-    assert item["kind"].startswith("exact")
-    assert "theta1 is the same in all shots" in item["reason"]
-    assert item["remedy"].endswith("or hold δ2.")
+    (item,) = unknown["directions"].items
+    assert item.combination == "δ2 \u2212 0.12\u00a0psd.z + 0.064\u00a0psd.x"
+    assert item.kind.startswith("exact")
+    assert "theta1 is the same in all shots" in item.reason
+    assert item.remedy.endswith("or hold δ2.")
     assert "Nothing that was asked for" in seen(good())["unknown"]["sentence"]
     assert "weakly, beyond the tolerance: δ7" in seen(misfit())["unknown"]["sentence"]
 
@@ -126,7 +128,7 @@ def test_likelihood_and_midpoint_stand_side_by_side() -> None:
     alone = seen(misfit())["fit"]
     assert alone["estimates"] is None
     assert any("a probe has no beams" in sentence for sentence in alone["sentences"])
-    assert len(alone["table"]["columns"]) == 2
+    assert len(alone["table"].columns) == 2
 
 
 def test_an_unconverged_posterior_is_not_shown() -> None:
@@ -138,11 +140,11 @@ def test_an_unconverged_posterior_is_not_shown() -> None:
 def test_of_many_shots_the_worst_are_shown_and_the_reader_is_told() -> None:
     result = misfit()
     said = seen(result)["shots"]
-    assert len(said["table"]["rows"]) == 21  # and the most influential
+    assert len(said["table"].rows) == 21  # and the most influential
     worst = max(result.shots, key=lambda shot: shot.whitened)
-    assert said["table"]["rows"][0]["cells"][0]["text"] == str(worst.shot)
+    assert said["table"].rows[0].cells[0].text == str(worst.shot)
     assert "Of 559 shots the table shows the 20 worst" in said["sentence"]
-    assert len(seen(good())["shots"]["table"]["rows"]) == 7
+    assert len(seen(good())["shots"]["table"].rows) == 7
 
 
 def test_the_shot_that_the_answer_hangs_on_is_named_and_shown() -> None:
@@ -154,21 +156,21 @@ def test_the_shot_that_the_answer_hangs_on_is_named_and_shown() -> None:
     heavy = dataclasses.replace(many.shots[least], cooks=99.0)
     shots = (*many.shots[:least], heavy, *many.shots[least + 1 :])
     table = seen(dataclasses.replace(many, shots=shots))["shots"]["table"]
-    assert table["rows"][-1]["cells"][0]["text"] == str(heavy.shot)
-    assert len(table["rows"]) == 21
-    assert table["caption"].endswith("and the most influential")
+    assert table.rows[-1].cells[0].text == str(heavy.shot)
+    assert len(table.rows) == 21
+    assert table.caption.endswith("and the most influential")
 
 
 def test_distances_stand_next_to_what_was_stated() -> None:
-    cells = [cell["text"] for cell in seen(misfit())["distances"]["rows"][0]["cells"]]
+    cells = [cell.text for cell in seen(misfit())["distances"].rows[0].cells]
     assert cells == ["left_1a and left_1b", "50\u00a0mm", "0.1\u00a0mm", "49.800\u00a0mm", "0.041\u00a0mm"]
-    assert NOT_DETERMINED in [cell["text"] for cell in seen(hostile())["distances"]["rows"][0]["cells"]]
+    assert NOT_DETERMINED in [cell.text for cell in seen(hostile())["distances"].rows[0].cells]
     assert seen(good())["distances"] is None
 
 
 def test_noise_factors_have_a_table_of_their_own_and_are_so_many_times_the_stated() -> None:
     said = seen(separate())
-    (table,) = [table for table in said["others"] if table["caption"].startswith("Noise")]
+    (table,) = [table for table in said["others"] if table.caption.startswith("Noise")]
     assert row_of(table, "noise.joint") == [
         "noise.joint",
         "0.82\u00a0times",
@@ -177,8 +179,8 @@ def test_noise_factors_have_a_table_of_their_own_and_are_so_many_times_the_state
     ]
     assert row_of(table, "noise.spot") == ["noise.spot", NOT_DETERMINED, "unidentifiable"]
     assert row_of(said["fit"]["table"], "p-value")[1] == "not defined: the noise was estimated"
-    assert "noise" in said["posterior"]["table"]["caption"]
-    assert not [table for table in seen(good())["others"] if table["caption"].startswith("Noise")]
+    assert "noise" in said["posterior"]["table"].caption
+    assert not [table for table in seen(good())["others"] if table.caption.startswith("Noise")]
     assert row_of(seen(good())["fit"]["table"], "p-value")[1] == "0.44"
 
 
@@ -214,12 +216,12 @@ def test_a_robust_fit_names_its_outliers_and_weighs_every_shot() -> None:
     assert "Huber’s loss: a miss beyond 2.45 of its own σ" in words
     assert "Too far off for chance: shot 2 (weight 0.11)." in words
     assert row_of(said["robust"]["table"], "δ3") == ["δ3", "0.283°", "0.288°", "0.243 to 0.332°", "0.33"]
-    assert not any("psd" in row["cells"][0]["text"] for row in said["robust"]["table"]["rows"])
+    assert not any("psd" in row.cells[0].text for row in said["robust"]["table"].rows)
     table = said["shots"]["table"]
-    assert [column["text"] for column in table["columns"]][-2:] == ["weight", "outlier"]
-    ends = [[cell["text"] for cell in row["cells"][-2:]] for row in table["rows"]]
+    assert [column.text for column in table.columns][-2:] == ["weight", "outlier"]
+    ends = [[cell.text for cell in row.cells[-2:]] for row in table.rows]
     assert ends == [["0.11", "yes"] if i == 2 else ["1.00", "no"] for i in range(7)]
-    assert "weight" not in [column["text"] for column in seen(good())["shots"]["table"]["columns"]]
+    assert "weight" not in [column.text for column in seen(good())["shots"]["table"].columns]
     assert seen(good())["robust"] is None
 
 
@@ -228,7 +230,7 @@ def test_a_robust_fit_without_outliers_says_so() -> None:
     (words,) = said["robust"]["sentences"]
     assert "Student’s loss with 4 degrees of freedom" in words
     assert "No shot is too far off for chance." in words
-    assert [column["text"] for column in said["shots"]["table"]["columns"]][-1] == "weight"
+    assert [column.text for column in said["shots"]["table"].columns][-1] == "weight"
 
 
 def test_a_robust_fit_without_a_covariance_has_no_interval() -> None:
@@ -246,7 +248,7 @@ def test_an_unconverged_robust_fit_is_not_shown() -> None:
     assert said["robust"]["sentences"] == [
         "The robust fit did not converge (the weights did not settle) and is not shown."
     ]
-    assert "weight" not in [column["text"] for column in said["shots"]["table"]["columns"]]
+    assert "weight" not in [column.text for column in said["shots"]["table"].columns]
 
 
 def test_a_robust_fit_tells_nothing_that_the_data_do_not() -> None:
@@ -266,14 +268,14 @@ def test_an_outlier_of_the_robust_fit_is_among_the_worst_of_many_shots() -> None
     result = misfit()
     best = min(result.shots, key=lambda shot: shot.whitened).shot
     said = seen(dataclasses.replace(result, robust=robust(result, (best,))))["shots"]
-    assert said["table"]["rows"][0]["cells"][0]["text"] == str(best)
-    first = seen(result)["shots"]["table"]["rows"]
-    assert str(best) not in [row["cells"][0]["text"] for row in first]
+    assert said["table"].rows[0].cells[0].text == str(best)
+    first = seen(result)["shots"]["table"].rows
+    assert str(best) not in [row.cells[0].text for row in first]
 
 
 def test_held_out_targets_are_judged_in_plain_words() -> None:
     said = seen(held_out())["hold_out"]
-    facts = {row["name"]: row["text"] for row in said["facts"]}
+    facts = dict(said["facts"].rows)
     assert facts["Targets"] == "2: left and right"
     assert facts["Miss with them, rms"] == "0.142\u00a0mm"
     assert "the offsets hold there too" in said["sentences"][-1]
@@ -286,18 +288,18 @@ def test_held_out_targets_are_judged_in_plain_words() -> None:
     none = dataclasses.replace(hold_out, chi2=None, dof=0, p_value=None, message="they always hit")
     said = seen(dataclasses.replace(held_out(), hold_out=none))["hold_out"]
     assert said["sentences"][1:] == ["No judgement: they always hit."]
-    assert {row["name"]: row["text"] for row in said["facts"]}["p-value"] == "not available"
+    assert dict(said["facts"].rows)["p-value"] == "not available"
 
 
 def test_inputs_carry_hash_seed_versions_and_provenance() -> None:
     said = seen(good())["inputs"]
-    facts = {row["name"]: row["text"] for row in said["facts"]}
+    facts = dict(said["facts"].rows)
     assert facts["SHA-256 of the run"] == good().inputs.sha256
     assert facts["Seed"] == "20140803"
     assert "casadi 3.8.2" in facts["Versions"]
-    assert {"name": "serial number", "text": "1600-500123"} in said["provenance"]
-    assert {"name": "noise.joint_deg", "text": "0.01"} in said["header"]
-    assert not any("provenance" in row["name"] for row in said["header"])
+    assert ("serial number", "1600-500123") in said["provenance"].rows
+    assert ("noise.joint_deg", "0.01") in said["header"].rows
+    assert not any("provenance" in name for name, _ in said["header"].rows)
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

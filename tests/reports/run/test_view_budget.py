@@ -12,6 +12,7 @@ from zerobeam.reports.output.html import html
 from zerobeam.reports.output.pdf import pdf
 from zerobeam.reports.run.view_budget import MOST_COLUMNS, MOST_SOURCES, budget_section
 from zerobeam.reports.run.view_traceability import traceability_section
+from zerobeam.reports.style.blocks import Page, Verdict
 from zerobeam.reports.words.numbers import MINUS
 
 PLAIN = {("joint", "1"): 0.6, ("spot",): 0.3995, ("prior", "delta2"): 0.001, ("curvature",): -0.0005}
@@ -56,20 +57,20 @@ def result(example="good", budgets=None, **changes):
 
 
 def tables(section):
-    return [block["it"] for block in section["lead"] + section["blocks"] if block["kind"] == "table"]
+    return [block for block in section.all if block.kind == "table"]
 
 
 def texts(section):
-    return " ".join(block["it"] for block in section["blocks"] if block["kind"] == "text")
+    return " ".join(block.text for block in section.blocks if block.kind == "text")
 
 
 def cells(table):
-    return {row["cells"][0]["text"]: [cell["text"] for cell in row["cells"][1:]] for row in table["rows"]}
+    return {row.cells[0].text: [cell.text for cell in row.cells[1:]] for row in table.rows}
 
 
 def test_a_source_a_row_and_an_offset_a_column():
     contributions, sensitivities, check = tables(budget_section(result()))
-    heads = [column["text"] for column in contributions["columns"]]
+    heads = [column.text for column in contributions.columns]
     assert heads == ["source", "its std, type", "δ2 (°)", "δ3 (°)", "δ4 (°)", "δ5 (°)", "δ6 (°)"]
     told = cells(contributions)
     # The std of δ2 is 0.028: contributions with one digit more.
@@ -128,18 +129,18 @@ def test_a_single_minor_source_stands_by_itself():
 def test_wide_tables_are_split():
     names = [f"delta{i}" for i in range(2, 7)]
     budgets = [made(name, 0.02) for name in (*names, *names)]
-    widths = [len(table["columns"]) for table in tables(budget_section(result(budgets=budgets)))[:4:2]]
+    widths = [len(table.columns) for table in tables(budget_section(result(budgets=budgets)))[:4:2]]
     assert widths == [2 + MOST_COLUMNS, 2 + len(budgets) - MOST_COLUMNS]
 
 
 def test_what_is_not_determined_is_named_and_has_no_number():
     section = budget_section(result("x_pattern"))
-    assert "δ2 (°)" not in [column["text"] for table in tables(section) for column in table["columns"]]
-    (legend,) = (block["it"] for block in section["blocks"] if block["kind"] == "legend")
-    (row,) = (row for row in legend["reasons"] if row["status"] == "unidentifiable")
-    assert row["names"] == "δ2"
-    assert "combination that these data do not tell" in row["text"]
-    assert not any(character.isdigit() for character in row["text"].replace("δ2", ""))
+    assert "δ2 (°)" not in [column.text for table in tables(section) for column in table.columns]
+    (legend,) = (block for block in section.blocks if block.kind == "legend")
+    (row,) = (row for row in legend.reasons if row.status == "unidentifiable")
+    assert row.names == "δ2"
+    assert "combination that these data do not tell" in row.text
+    assert not any(character.isdigit() for character in row.text.replace("δ2", ""))
 
 
 def test_a_fit_that_did_not_converge_has_no_budget():
@@ -188,13 +189,8 @@ def test_it_can_be_set(example):
     answer["budget"] = json.loads(
         json.dumps([dataclasses.asdict(made(name, 0.01, shares)) for name in names])
     )
-    page = {
-        "title": "Budget",
-        "subtitle": "",
-        "verdict": {"key": "pass", "word": "Pass", "sentence": "."},
-        "notes": [],
-        "sections": [budget_section(answer), traceability_section(answer)],
-    }
+    sections = [budget_section(answer), traceability_section(answer)]
+    page = Page("Budget", "", Verdict("pass", "Pass", "."), [], sections)
     text = html(page, {}, "report")
     assert "<script>alert" not in text
     assert "&lt;script&gt;" in text

@@ -244,7 +244,7 @@ def test_an_undetermined_target_is_a_cross_with_words_and_no_number() -> None:
     assert "δ2 is not determined by these data" in shown.words["caption"]
     section = scene_section(answer)
     assert section is not None
-    assert section["blocks"][0]["it"] == "In the base frame (x, y, z): psd not determined by these data."
+    assert section.blocks[0].text == "In the base frame (x, y, z): psd not determined by these data."
     # Negative control: where it is determined there is an ellipsoid, a number, and no such word.
     good = run_turnable(good_answer())
     assert good is not None

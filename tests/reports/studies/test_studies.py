@@ -6,7 +6,6 @@ import csv
 import functools
 import io
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from command_line import WIDTH
 from example_studies import FORBIDDEN, cell_study, hostile_cell, hostile_table2, table2_study
 from golden_files import assert_golden
 from pages import Page, assert_fetches_nothing
-from study_text import cells, printed, tables_of, text_of, words
+from study_text import cells, printed, tables_of, text_of, texts_of, words
 
 from zerobeam.analysis.result_json import UnsoundResult
 from zerobeam.reports.output.html import html
@@ -24,7 +23,17 @@ from zerobeam.reports.output.pdf import pdf
 from zerobeam.reports.studies.studies import STUDIES, study_of, study_view
 from zerobeam.reports.studies.study_page import refuse_made_up, write_study
 from zerobeam.reports.studies.study_view import NOT_DETERMINED
-from zerobeam.reports.style.blocks import figure_block, section_of, table_block, text_block
+from zerobeam.reports.style.blocks import (
+    Block,
+    Facts,
+    FigureBlock,
+    Paragraph,
+    section_of,
+    table_of,
+)
+from zerobeam.reports.style.blocks import (
+    Page as View,
+)
 from zerobeam.reports.style.canvas import Picture
 
 Json = dict[str, Any]
@@ -52,9 +61,8 @@ def pdf_of(name: str) -> pypdf.PdfReader:
     return pypdf.PdfReader(io.BytesIO(pdf(study_view(ANSWERS[name]()), drawn)))
 
 
-def blocks(view: Json) -> Iterator[Json]:
-    for section in view["sections"]:
-        yield from (*section["lead"], *section["blocks"])
+def blocks(view: View) -> list[Block]:
+    return [block for section in view.sections for block in section.all]
 
 
 # ── the same numbers everywhere ───────────────────────────────────────────────────────────────
@@ -67,11 +75,10 @@ def is_rounded(text: str, value: float) -> bool:
     return abs(float(number) - value) <= 0.5000001 * place
 
 
-def untrue(rows: list[Json], wanted: list[list[float | None]]) -> list[str]:
-    """Cells of a table's rows that do not hold the numbers of the answer, `a (b to c)` being three."""
+def untrue(rows: list[list[str]], wanted: list[list[float | None]]) -> list[str]:
+    """Texts of a table's rows that do not hold the numbers of the answer, `a (b to c)` being three."""
     found = []
-    for row, values in zip(rows, wanted, strict=True):
-        name, *texts = (cell["text"] for cell in row["cells"])
+    for (name, *texts), values in zip(rows, wanted, strict=True):
         told = [part for text in texts for part in re.split(r" \(| to ", text.rstrip(")"))]
         if None in values:
             assert told[values.index(None) :] == [NOT_DETERMINED]
@@ -84,7 +91,7 @@ def untrue(rows: list[Json], wanted: list[list[float | None]]) -> list[str]:
     return found
 
 
-def cell_untruths(view: Json, answer: Json) -> list[str]:
+def cell_untruths(view: View, answer: Json) -> list[str]:
     parameters: list[list[float | None]] = []
     for plan in answer["plans"]:
         parameters.append([])
@@ -99,30 +106,30 @@ def cell_untruths(view: Json, answer: Json) -> list[str]:
                 else [None]
             )
     (table,) = tables_of(view, "Share of intervals that hold the truth, in %, with its")
-    for row in table["rows"]:
-        if row["cells"][0]["text"][0] != "δ":
-            del row["cells"][1:]  # the words of a plan
-    found = untrue(table["rows"], parameters)
+    # Of a row that heads a plan the name alone: the rest are its words.
+    rows = [row if row[0][0] == "δ" else row[:1] for row in texts_of(table)]
+    found = untrue(rows, parameters)
     phases = ("move", "search", "servo", "settle", "total")
     (table,) = tables_of(view, "Mean time")
     times = [plan["seconds"] for plan in answer["plans"]]
     found += untrue(
-        table["rows"], [[*(told[key]["mean"] for key in phases), told["total"]["max"]] for told in times]
+        texts_of(table), [[*(told[key]["mean"] for key in phases), told["total"]["max"]] for told in times]
     )
     (table,) = tables_of(view, "Runs, and")
-    for row in table["rows"]:
-        assert (row["cells"][7]["text"] == "not adaptive") == (row["cells"][0]["text"] != "adaptive")
-        if row["cells"][0]["text"] != "adaptive":
-            del row["cells"][7]
+    rows = texts_of(table)
+    for row in rows:
+        assert (row[7] == "not adaptive") == (row[0] != "adaptive")
+        if row[0] != "adaptive":
+            del row[7]
     runs = []
     for plan in answer["plans"]:
         used, saved = plan["shots_used"], [plan["saved"]] if plan["saved"] else []
         counts = [plan[key] for key in ("runs", "failed", "refused", "contradicted")]
         runs.append([*counts, used["mean"], used["min"], used["max"], *saved, plan["computing_s"]])
-    return found + untrue(table["rows"], runs)
+    return found + untrue(rows, runs)
 
 
-def table2_untruths(view: Json, answer: Json) -> list[str]:
+def table2_untruths(view: View, answer: Json) -> list[str]:
     found = []
     for table, plan in zip(tables_of(view, "Plan "), answer["plans"], strict=True):
         wanted: list[list[float | None]] = []
@@ -133,17 +140,18 @@ def table2_untruths(view: Json, answer: Json) -> list[str]:
                 continue
             ends = [row["simulated"][key] for key in ("q2_5", "q97_5")]
             wanted.append([*paper, row["predicted_std"], row["simulated_std"], *ends, row["alone_deg"]])
-        found += untrue(table["rows"], wanted)
+        found += untrue(texts_of(table), wanted)
     (table,) = tables_of(view, "Joint offsets of three runs")
     paper = answer["paper"]
     rows = [*paper["experiments"], paper["printed_mean"], paper["mean"], paper["printed_std"], paper["std"]]
-    found += untrue(table["rows"], rows)
+    found += untrue(texts_of(table), rows)
     (table,) = tables_of(view, "Standard deviation of one joint reading")
-    for row in table["rows"]:
-        assert row["cells"].pop()["text"] == "agrees"
-        row["cells"][3]["text"] = row["cells"][3]["text"].replace("below 0.001", "0.001")
+    told = texts_of(table)
+    for row in told:
+        assert row.pop() == "agrees"
+        row[3] = row[3].replace("below 0.001", "0.001")
     keys = ("joint_deg", "low", "high", "p_value")
-    return found + untrue(table["rows"], [[plan[key] for key in keys] for plan in answer["plans"]])
+    return found + untrue(told, [[plan[key] for key in keys] for plan in answer["plans"]])
 
 
 UNTRUTHS = {"cell": cell_untruths, "table2": table2_untruths}
@@ -175,13 +183,13 @@ def test_a_number_that_is_not_that_of_the_answer_is_caught(name: str, change: An
 def test_every_cell_and_sentence_of_the_page_is_in_the_pdf(name: str) -> None:
     view = study_view(CLEAN[name]())
     text = text_of(pdf_of(name)).replace(" ", "")
-    said = [*cells(view), view["verdict"]["sentence"], *view["notes"]]
-    said += [block["it"] for block in blocks(view) if block["kind"] == "text"]
-    said += [fact["text"] for block in blocks(view) if block["kind"] == "facts" for fact in block["it"]]
+    said = [*cells(view), view.verdict.sentence, *view.notes]
+    said += [block.text for block in blocks(view) if isinstance(block, Paragraph)]
+    said += [text for block in blocks(view) if isinstance(block, Facts) for _, text in block.rows]
     for words_of_it in said:
         assert re.sub(r"\s", "", words_of_it) in text, words_of_it
     titles = [entry["/Title"] for entry in pdf_of(name).outline if not isinstance(entry, list)]
-    assert titles == [section["title"] for section in view["sections"] if section["level"] == 1]
+    assert titles == [section.title for section in view.sections if section.level == 1]
 
 
 def tables_in(folder: Path) -> dict[str, list[dict[str, str]]]:
@@ -245,7 +253,7 @@ def test_a_study_in_the_terminal(name: str) -> None:
 
 def test_a_run_beyond_the_limit_and_a_plan_without_a_result_are_said() -> None:
     (table,) = tables_of(study_view(hostile_cell()), "Share of intervals that hold the truth, in %: ")
-    rows = [[cell["text"] for cell in row["cells"]] for row in table["rows"]]
+    rows = texts_of(table)
     assert rows[0][1:] == ["does not agree", NOT_DETERMINED, "not given", "not given", "not given"]
     assert rows[1][-2:] == ["402\u00a0s", "exceeded"]
     assert rows[2][-1] == "kept"
@@ -257,7 +265,7 @@ def test_a_run_beyond_the_limit_and_a_plan_without_a_result_are_said() -> None:
 
 def test_a_simulated_set_that_is_not_as_predicted_and_one_without_a_result_are_said() -> None:
     (table,) = tables_of(study_view(hostile_table2()), "Standard deviation of one joint reading")
-    rows = [[cell["text"] for cell in row["cells"]] for row in table["rows"]]
+    rows = texts_of(table)
     assert rows[0][1:] == [*["not given"] * 3, "no result"]
     assert rows[1][1:] == ["0.0214°", "0 to 0.037°", "0.002", "does not agree"]
     assert rows[2][-1] == "agrees"
@@ -386,9 +394,9 @@ def test_the_page_is_one_well_formed_file_that_fetches_nothing(name: str) -> Non
     page = Page(text)
     assert_fetches_nothing(page)
     levels = [int(tag[1]) for tag, _ in page.tags if re.fullmatch(r"h\d", tag)]
-    assert levels == [1, *(section["level"] + 1 for section in view["sections"])]
+    assert levels == [1, *(section.level + 1 for section in view.sections)]
     figures = [attributes for _, attributes in page.tags if attributes.get("role") == "img"]
-    shown = [block["it"] for block in blocks(view) if block["kind"] == "figure"]
+    shown = [block.name for block in blocks(view) if isinstance(block, FigureBlock)]
     assert sorted(shown) == sorted(drawn_of(name))
     assert len(figures) == len(shown)
     assert all(attributes["aria-label"] for attributes in figures)
@@ -421,10 +429,10 @@ def test_hostile_names_are_shown_as_they_are_and_do_nothing(name: str) -> None:
 
 
 def test_what_leads_up_to_the_first_figure_stays_with_the_heading_unless_it_is_a_table() -> None:
-    words_of_it, figure = text_block("so"), figure_block("a")
-    table = table_block({"caption": "", "columns": [], "rows": []})
-    kept = section_of("", words_of_it, None, figure, words_of_it, figure_block("b"))
-    assert kept["lead"] == [words_of_it, figure]
-    assert kept["blocks"] == [words_of_it, figure_block("b")]
-    assert section_of("", words_of_it, table, figure)["lead"] == []
-    assert section_of("", words_of_it)["blocks"] == [words_of_it]
+    words_of_it, figure = Paragraph("so"), FigureBlock("a")
+    table = table_of("", [], [])
+    kept = section_of("", words_of_it, None, figure, words_of_it, FigureBlock("b"))
+    assert kept.lead == (words_of_it, figure)
+    assert kept.blocks == (words_of_it, FigureBlock("b"))
+    assert section_of("", words_of_it, table, figure).lead == ()
+    assert section_of("", words_of_it).blocks == (words_of_it,)

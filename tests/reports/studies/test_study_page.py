@@ -17,7 +17,7 @@ import pytest
 from chromium import chromium
 from example_studies import FORBIDDEN, agreeing, cell_study, disagreeing, hostile
 from pages import Page, assert_fetches_nothing
-from study_text import cells, tables_of, text_of, words
+from study_text import cells, tables_of, text_of, texts_of, words
 
 from zerobeam.analysis.result_json import UnsoundResult
 from zerobeam.model.errors import BadInput
@@ -146,7 +146,7 @@ def test_every_cell_and_sentence_of_the_page_is_in_the_pdf(name: str) -> None:
     text = text_of(reader).replace(" ", "")
     compared = comparison(ANSWERS[name]()["plans"])
     assert "Above 1 the midpoint fit is the worse." in compared
-    for said in [*cells(view), view["verdict"]["sentence"], compared, *view["notes"]]:
+    for said in [*cells(view), view.verdict.sentence, compared, *view.notes]:
         assert re.sub(r"\s", "", said) in text, said
     titles = [entry["/Title"] for entry in reader.outline if not isinstance(entry, list)]
     assert titles[:3] == ["All plans", "How it was done", "Plan good"]
@@ -257,9 +257,9 @@ def test_an_undetermined_parameter_has_no_number_whatever_the_answer_holds() -> 
     for answer in (agreeing(), made_up()):
         answer["plans"] = answer["plans"][2:]
         view, drawn = study_view(answer), study_of(answer).pictures(answer)
-        tables = [table["rows"] for start in (SHARES, "Bias and root") for table in tables_of(view, start)]
+        tables = [table for start in (SHARES, "Bias and root") for table in tables_of(view, start)]
         assert len(tables) == 2
-        told = [[cell["text"] for cell in row["cells"]] for rows in tables for row in rows]
+        told = [row for table in tables for row in texts_of(table)]
         # In coverage all estimators but the pseudo-inverse, in accuracy every one.
         assert [row[1:] for row in told if row[0] == "δ2"].count([NOT_DETERMINED]) == 4 + 5
         printed = text_of(pypdf.PdfReader(io.BytesIO(pdf(view, drawn))))
@@ -273,9 +273,9 @@ def test_an_undetermined_parameter_has_no_number_whatever_the_answer_holds() -> 
 
 def test_a_control_may_show_that_its_claim_is_wrong() -> None:
     """The pseudo-inverse claims to know the offset that no data tell; its intervals never hold the truth."""
-    rows = tables_of(study_view(agreeing()), SHARES)[2]["rows"]
-    claimed = [row["cells"] for row in rows if row["cells"][0]["text"] == "δ2"][-1]
-    assert [float(cell["text"].split(" ")[0]) < 1 for cell in claimed[1:]] == [True] * 4
+    rows = tables_of(study_view(agreeing()), SHARES)[2].rows
+    claimed = [row.cells for row in rows if row.cells[0].text == "δ2"][-1]
+    assert [float(cell.text.split(" ")[0]) < 1 for cell in claimed[1:]] == [True] * 4
 
 
 def test_a_study_with_made_up_numbers_is_not_written(tmp_path: Path) -> None:

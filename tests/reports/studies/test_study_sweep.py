@@ -68,7 +68,7 @@ def drawn_of(name: str) -> dict[str, Picture]:
 
 
 def texts(row: Json) -> list[str]:
-    return [cell["text"] for cell in row["cells"]]
+    return [cell.text for cell in row.cells]
 
 
 def undetermined(answer: Json) -> Iterator[tuple[Json, Json]]:
@@ -96,7 +96,7 @@ def test_an_answer_with_axes_and_cases_is_a_sweep_whatever_its_name() -> None:
 def test_the_figures_follow_from_the_axes(name: str) -> None:
     assert list(drawn_of(name)) == FIGURES[name]
     view = study_view(CLEAN[name]())
-    shown = [b["it"] for s in view["sections"] for b in (*s["lead"], *s["blocks"]) if b["kind"] == "figure"]
+    shown = [b.name for s in view.sections for b in s.all if b.kind == "figure"]
     assert shown == FIGURES[name]
 
 
@@ -127,13 +127,13 @@ def untruths(view: Json, answer: Json) -> list[str]:
     """Cells of the tables that do not hold the numbers of the answer."""
     found = []
     (offsets,) = tables_of(view, OFFSETS)
-    rows = iter(offsets["rows"])
+    rows = iter(offsets.rows)
     for number, case in enumerate(answer["cases"], start=1):
         if case["reason"] is not None:
             continue
         head = next(rows, None)
         if head is None:
-            assert "cases shown, all in offsets.csv" in offsets["caption"]
+            assert "cases shown, all in offsets.csv" in offsets.caption
             break
         assert texts(head)[0] == f"case {number}"
         for parameter in case["parameters"]:
@@ -145,7 +145,7 @@ def untruths(view: Json, answer: Json) -> list[str]:
                 text for text, value in zip(numbers, values, strict=True) if not is_rounded(text, value)
             ]
     (summary,) = tables_of(view, SUMMARY)
-    for row, case in zip(summary["rows"], answer["cases"], strict=True):
+    for row, case in zip(summary.rows, answer["cases"], strict=True):
         told = " ".join(texts(row)[len(answer["axes"]) :])
         std = re.search(r": (\d+\.\d+)°", told)
         assert (std is None) == (case["worst_std"] is None)
@@ -220,7 +220,7 @@ def test_every_cell_and_sentence_is_in_the_pdf() -> None:
     view = study_view(patterns_sweep())
     read = pypdf.PdfReader(io.BytesIO(pdf(view, {})))
     text = re.sub(r"\s", "", text_of(read))
-    said = [*cells(view), view["verdict"]["sentence"], *view["notes"]]
+    said = [*cells(view), view.verdict.sentence, *view.notes]
     assert len(said) > 80
     for told in said:
         assert re.sub(r"\s", "", told) in text, told
@@ -270,17 +270,17 @@ def test_the_summary_has_verdict_and_reason_in_words() -> None:
     answer["cases"][1]["parameters"][1]["likelihood"]["agrees"] = False
     view = study_view(answer)
     (table,) = tables_of(view, SUMMARY)
-    assert [texts(row) for row in table["rows"]] == [
+    assert [texts(row) for row in table.rows] == [
         ["x-pattern", "degenerate", "δ2: not determined", "yes"],
         ["y-pattern", "pass", "δ6: 0.087°", "no"],
         ["optimal", "pass", "δ6: 0.043°", "yes"],
         ["ring", "no plan", "", ""],
     ]
-    assert table["caption"].startswith("Verdict of each plan of 7 shots, ")
+    assert table.caption.startswith("Verdict of each plan of 7 shots, ")
     (offsets,) = tables_of(view, OFFSETS)
-    marks = [row["cells"][-2]["mark"] for row in offsets["rows"] if texts(row)[0] == "δ3"]
+    marks = [row.cells[-2].mark for row in offsets.rows if texts(row)[0] == "δ3"]
     assert marks == ["identified", "weak", "identified"]
-    assert [row["cells"][1]["mark"] for row in table["rows"]] == [
+    assert [row.cells[1].mark for row in table.rows] == [
         "unidentifiable", "identified", "identified", "held"
     ]  # fmt: skip
     page = " ".join(" ".join(Page(html(view, {}, "study")).text).split())
@@ -289,7 +289,7 @@ def test_the_summary_has_verdict_and_reason_in_words() -> None:
 
 def test_without_simulated_runs_nothing_is_said_of_them() -> None:
     view = study_view(map_sweep())
-    heads = [column["text"] for table in tables_of(view, "") for column in table["columns"]]
+    heads = [column.text for table in tables_of(view, "") for column in table.columns]
     assert "predicted std" in heads
     assert not {"rmse", "runs agree", "midpoint rmse"} & set(heads)
     assert "No runs were simulated." in " ".join(Page(html(view, {}, "study")).text)
@@ -298,15 +298,15 @@ def test_without_simulated_runs_nothing_is_said_of_them() -> None:
 def test_long_grids_are_cut_and_say_so() -> None:
     view = study_view(long_sweep(200))
     (summary,), (offsets,) = tables_of(view, SUMMARY), tables_of(view, OFFSETS)
-    assert len(summary["rows"]) == 60
-    assert summary["caption"].endswith("(60 of 200 cases shown, all in cases.csv)")
-    shown = sum(texts(row)[0].startswith("case ") for row in offsets["rows"])
-    assert len(offsets["rows"]) <= 60
-    assert offsets["caption"].endswith(f"({shown} of 200 cases shown, all in offsets.csv)")
+    assert len(summary.rows) == 60
+    assert summary.caption.endswith("(60 of 200 cases shown, all in cases.csv)")
+    shown = sum(texts(row)[0].startswith("case ") for row in offsets.rows)
+    assert len(offsets.rows) <= 60
+    assert offsets.caption.endswith(f"({shown} of 200 cases shown, all in offsets.csv)")
     assert sum(1 for _ in SWEEP.tables["cases.csv"](long_sweep(200))) == 200
     (whole,) = tables_of(study_view(long_sweep(60)), SUMMARY)
-    assert len(whole["rows"]) == 60
-    assert "shown" not in whole["caption"]
+    assert len(whole.rows) == 60
+    assert "shown" not in whole.caption
 
 
 def test_cases_of_one_value_of_the_first_axis_stay_in_one_figure_of_dots() -> None:
