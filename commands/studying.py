@@ -73,20 +73,20 @@ def _built_in(name: str, asked: str) -> None:
     """Make a command of a study file that comes with the package."""
 
     def study(folder: StudyFolder, runs: Runs = None, seed: Seed = 0, as_json: Json = False) -> None:
-        from ..experiments.studies.sweep_file import built_in_study
+        from ..experiments.studies.sweeps.study_file import built_in_study
 
         _sweep(built_in_study(name), folder, runs, seed, as_json)
 
     studies.command(name, help=asked)(study)
 
 
-_built_in("patterns", "X-Pattern, Y-Pattern or the best of many postures, with the PSD over the cell?")
-_built_in("noise", "How well must joints and spot be read?")
-_built_in("shots", "How many shots are enough?")
+_built_in("patterns", "X-Pattern, Y-Pattern or optimal plan, with the PSD at many positions in the cell?")
+_built_in("noise", "How precise must joint and spot readings be?")
+_built_in("shots", "How many measurements are enough?")
 _built_in("cost", "The paper's midpoint cost, or the likelihood?")
-_built_in("tool", "Must the tool be calibrated beforehand?")
-_built_in("psd-position", "Where should the PSD stand?")
-_built_in("robots", "Does it work on other arms?")
+_built_in("tool", "Must the tool be calibrated first?")
+_built_in("psd-position", "Where to place the PSD?")
+_built_in("robots", "Does the method work on other arms?")
 
 
 @studies.command("file")
@@ -97,17 +97,18 @@ def study_file(
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """A study of your own: every setting, and what changes from case to case, from a file."""
+    """A study of your own, from a file: the settings, and what changes from case to case."""
     _sweep(file, folder, runs, seed, as_json)
 
 
 def _sweep(file: Path, folder: Path, runs: int | None, seed: int, as_json: bool) -> NoReturn:
-    from ..experiments.studies.sweep import sweep
-    from ..experiments.studies.sweep_file import read_study
+    from ..experiments.studies.sweeps.grid_answer import to_json
+    from ..experiments.studies.sweeps.study_file import read_study
+    from ..experiments.studies.sweeps.sweep import sweep
 
     study = read_study(file, runs)
     store = _store(folder)
-    _study(folder, as_json, lambda told: sweep(study, seed, told, store=store), store)
+    _study(folder, as_json, lambda told: to_json(sweep(study, seed, told, store=store)), store)
 
 
 def _store(folder: Path) -> Path:

@@ -16,7 +16,7 @@ from .plans.obstacles import Obstacles
 from .rigs.simulated.cell_file import Cell
 from .sensors.calibration import PsdCalibration
 from .sensors.sensors_file import SensorsFile
-from .studies.sweep_file import StudyFile
+from .studies.sweeps.study_file import StudyFile
 
 _MODELS: dict[str, type[BaseModel]] = {
     "run-header": Header,

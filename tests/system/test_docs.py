@@ -30,7 +30,7 @@ from zerobeam.cli import app
 from zerobeam.experiments.plans.plan_making import MadePlan
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
 from zerobeam.experiments.schema import SCHEMA_NAMES, json_schema
-from zerobeam.experiments.studies.sweep_file import StudyFile, built_in_studies
+from zerobeam.experiments.studies.sweeps.study_file import StudyFile, built_in_studies
 from zerobeam.model.files.header import Header
 
 FILES = "docs/files.md"

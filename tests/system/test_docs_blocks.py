@@ -24,7 +24,7 @@ from zerobeam.experiments.plans.obstacles import Obstacles
 from zerobeam.experiments.rigs.simulated.cell_file import read_cell
 from zerobeam.experiments.sensors.calibration import read_calibration
 from zerobeam.experiments.sensors.sensors_file import read_sensors_file
-from zerobeam.experiments.studies.sweep_file import read_study
+from zerobeam.experiments.studies.sweeps.study_file import read_study
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.header import check_header, read_header
 from zerobeam.model.files.plan import read_plan

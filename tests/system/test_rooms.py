@@ -27,7 +27,6 @@ TOO_LARGE = {
     "experiments/rigs/abb/abb_rig.py",
     "experiments/rigs/simulated/cell_file.py",
     "experiments/studies/coverage.py",
-    "experiments/studies/sweep_file.py",
     "reports/run",
     "reports/studies",
 }

@@ -8,70 +8,33 @@ from __future__ import annotations
 import copy
 import hashlib
 import json
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from ...analysis.design.exact_design import Criterion
-from ...model.errors import BadInput
-from ...model.files.header import (
-    Header,
-    Name,
-    Point,
-    Positive,
-    RobotRef,
-    StatedNoise,
-    StatedPrior,
-    StatedTarget,
-    StatedTolerance,
-    StatedTool,
-    check_header,
-)
-from ...model.files.reading import Document, Place, did_you_mean, read_yaml, shown
-from ...model.files.robot_file import load_robot
-from ...model.files.validation import FileModel, refusal, validate
-from ...model.noise import Noise
-from ...model.parameters import Parameters
-from ...model.robot import Robot
-from ...model.tool import Tool
-from .sweep_words import plain
+from ....model.errors import BadInput
+from ....model.files.header import Header, Name, Point, check_header
+from ....model.files.reading import Document, Place, did_you_mean, read_yaml, shown
+from ....model.files.robot_file import load_robot
+from ....model.files.validation import FileModel, refusal, validate
+from ....model.noise import Noise
+from ....model.parameters import Parameters
+from ....model.robot import Robot
+from ....model.tool import Tool
+from ....reports.words import numbers
+from .case_settings import TARGET, Settings, as_tuple, overlap, setting_names
 
 STUDY_FILE_SCHEMA: Literal["zerobeam/study-file/1"] = "zerobeam/study-file/1"
-TARGET = "psd"
 OTHER_STUDIES = ("coverage", "cell", "table2")  # their answers have another shape
-_FOLDER = Path(__file__).parent / "sweeps"
+_FOLDER = Path(__file__).parent
 _MOST_CASES = 10_000
-_MOST_RUNS = 100_000
 
-Cost = Literal["likelihood", "midpoint"]
-Count = Annotated[int, Field(ge=1)]
 Scalar = bool | int | float | str
-
-
-def _as_tuple(value: object) -> object:
-    return tuple(value) if isinstance(value, list) else value
-
-
-def _costs(value: object) -> object:
-    if isinstance(value, list | tuple) and "likelihood" not in value:
-        raise refusal(
-            "the likelihood fit is left out",
-            found=shown(list(value)),
-            allowed="[likelihood] or [likelihood, midpoint]",
-            remedy="add likelihood: what is predicted is its scatter",
-        )
-    return _as_tuple(value)
-
-
-def _pair(value: object) -> object:
-    if not isinstance(value, list | tuple) or len(value) != 2:
-        raise refusal("a list of 2 numbers is wanted", found=shown(value), allowed="[shortest, longest]")
-    return tuple(value)
 
 
 def _value(value: object) -> object:
@@ -85,113 +48,6 @@ def _value(value: object) -> object:
         found=shown(value),
         allowed="a number, a word, true or false, [x, y, z], or {name: …, set: {SETTING: value, …}}",
     )
-
-
-class PlacedTarget(FileModel):
-    """The one target of all shots."""
-
-    xyz_mm: Point = Field(description="where it is thought to stand, base frame, millimetres")
-    sigma_mm: Positive = Field(
-        default=30.0,
-        description="std of that in each direction, millimetres: how far the true one is drawn from it",
-    )
-
-
-class PlanMaking(FileModel):
-    """How the plan of a case is made."""
-
-    kind: Literal["x", "y", "optimal"] = Field(
-        default="optimal", description="the paper's X- or Y-Pattern, or the best of many candidates"
-    )
-    shots: Count = Field(default=7, description="how many shots")
-    span: Positive | None = Field(
-        default=None,
-        description="length of a pattern's line as a share of the arm's reach; default: the pattern's own",
-    )
-    candidates: Count = Field(default=1000, description="postures that an optimal plan is chosen from")
-    criterion: Criterion = Field(default="A", description="what an optimal plan minimises")
-    facing: Point | None = Field(
-        default=(0.0, 0.0, 1.0),
-        description="outward normal of the target's face, base frame, any length; null: any side",
-    )
-    acceptance_deg: Annotated[float, Field(gt=0, le=90)] = Field(
-        default=60.0, description="largest angle between beam and that normal, degrees"
-    )
-    beam_mm: Annotated[tuple[float, float], BeforeValidator(_pair)] = Field(
-        default=(200.0, 2000.0), description="shortest and longest beam, millimetres"
-    )
-    margin_deg: Annotated[float, Field(ge=0)] = Field(
-        default=5.0, description="kept to every joint limit, degrees"
-    )
-
-    @model_validator(mode="after")
-    def _agree(self) -> Self:
-        if not 0 <= self.beam_mm[0] < self.beam_mm[1]:
-            raise refusal(
-                "no beam is within the stated lengths",
-                key=("beam_mm",),
-                found=shown(list(self.beam_mm)),
-                allowed="a shortest beam of 0 or more and below the longest",
-            )
-        if self.facing is not None and not any(self.facing):
-            raise refusal(
-                "the target's face has no direction",
-                key=("facing",),
-                found=shown(list(self.facing)),
-                allowed="any vector but zero, or null",
-            )
-        return self
-
-
-class Settings(FileModel):
-    """All that a case depends on, besides the seed."""
-
-    robot: RobotRef = Field(
-        description="a built-in name, the path of a robot file (.yaml), or a chain of a URDF file"
-    )
-    tool: StatedTool = Field(description="what the flange carries, as in a header")
-    noise: StatedNoise = Field(description="standard deviations of the readings, as in a header")
-    prior: StatedPrior = Field(
-        default=StatedPrior(), description="of the offsets, as in a header: the true ones are drawn from it"
-    )
-    held: Annotated[tuple[Name, ...], BeforeValidator(_as_tuple)] | None = Field(
-        default=None, description="names of the parameters that are not estimated, as in a header"
-    )
-    tolerance: StatedTolerance = Field(
-        default=StatedTolerance(), description="what counts as identified, as in a header"
-    )
-    target: PlacedTarget = Field(description="where the target stands")
-    plan: PlanMaking = Field(default=PlanMaking(), description="how the plan is made")
-    runs: Annotated[int, Field(ge=0, le=_MOST_RUNS)] = Field(
-        default=200, description="simulated runs of each case; 0: prediction only"
-    )
-    costs: Annotated[tuple[Cost, ...], BeforeValidator(_costs)] = Field(
-        default=("likelihood",), description="fits of each run; midpoint is the paper's (eq. 8)"
-    )
-
-    @model_validator(mode="after")
-    def _agree(self) -> Self:
-        if self.noise.scale != "known":
-            raise refusal(
-                "the noise of a study is known: it is what the runs are simulated with",
-                key=("noise", "scale"),
-                found=f"scale: {self.noise.scale}",
-                remedy="remove scale",
-            )
-        return self
-
-    def header(self) -> Header:
-        """The header that a plan of these settings would have."""
-        target = StatedTarget(guess_mm=self.target.xyz_mm, sigma_mm=self.target.sigma_mm)
-        return Header(
-            robot=self.robot,
-            tool=self.tool,
-            noise=self.noise,
-            prior=self.prior,
-            held=self.held,
-            tolerance=self.tolerance,
-            targets={TARGET: target},
-        )
 
 
 class NamedChange(FileModel):
@@ -215,26 +71,42 @@ class Axis(FileModel):
     )
     label: Name | None = Field(default=None, description="what reports call it; default: the key")
     unit: str = Field(default="", description="unit of the values, for reports")
-    values: Annotated[tuple[AxisValue, ...], BeforeValidator(_as_tuple), Field(min_length=1)] = Field(
+    values: Annotated[tuple[AxisValue, ...], BeforeValidator(as_tuple), Field(min_length=1)] = Field(
         description="numbers, words, true or false, [x, y, z], or {name, set} to change several settings"
     )
 
     @model_validator(mode="after")
     def _agree(self) -> Self:
-        told = [told_value(value) for value in self.values]
-        for i, one in enumerate(told):
-            if one in told[:i]:
-                raise refusal("a value of an axis stands twice", key=("values", i), found=shown(one))
+        for i, one in enumerate(self.shown_values):
+            if one in self.shown_values[:i]:
+                raise refusal("duplicate value of an axis", key=("values", i), found=shown(one))
         return self
+
+    @property
+    def name(self) -> str:
+        """The label, or else the key."""
+        return self.label or self.key
+
+    @property
+    def shown_values(self) -> tuple[int | float | str, ...]:
+        """The values as numbers or words."""
+        return tuple(map(_shown_value, self.values))
 
     def changes(self, index: int) -> dict[str, Any]:
         """The settings that a value of the axis changes, by their dotted names."""
         value = self.values[index]
         return dict(value.set_) if isinstance(value, NamedChange) else {self.key: value}
 
+    def words(self, index: int) -> str:
+        """A value in words: `joint noise 0.01°`, or the name of a change."""
+        value = self.shown_values[index]
+        if isinstance(self.values[index], NamedChange):
+            return str(value)
+        text = f"{value} {self.unit}".rstrip() if isinstance(value, str) else numbers.exact(value, self.unit)
+        return f"{self.name} {text}"
 
-def told_value(value: Scalar | Point | NamedChange) -> int | float | str:
-    """A value of an axis as a number or a word."""
+
+def _shown_value(value: Scalar | Point | NamedChange) -> int | float | str:
     if isinstance(value, NamedChange):
         return value.name
     if isinstance(value, bool):
@@ -251,7 +123,7 @@ class StudyFile(FileModel):
     study: Name = Field(description="name of the study")
     title: Name = Field(description="what is asked")
     base: Settings = Field(description="the settings of all cases, where no axis changes them")
-    axes: Annotated[tuple[Axis, ...], BeforeValidator(_as_tuple), Field(min_length=1)] = Field(
+    axes: Annotated[tuple[Axis, ...], BeforeValidator(as_tuple), Field(min_length=1)] = Field(
         description="what changes; every combination of their values is a case"
     )
 
@@ -270,7 +142,7 @@ class StudyFile(FileModel):
             if axis.key in keys[:i]:
                 raise refusal("two axes have the same key", key=("axes", i), found=axis.key)
             for name in dict.fromkeys(_changed(axis)):
-                other = next((old for old in taken if _overlap(old, name)), None)
+                other = next((old for old in taken if overlap(old, name)), None)
                 if other is not None and taken[other] != i:
                     raise refusal(
                         "two axes change the same setting",
@@ -279,20 +151,12 @@ class StudyFile(FileModel):
                         remedy="change it along one of them",
                     )
                 taken[name] = i
-        count = self.count
+        count = math.prod(len(axis.values) for axis in self.axes)
         if count > _MOST_CASES:
             raise refusal(
                 "the study is too large", key=("axes",), found=f"{count} cases", allowed=_MOST_CASES
             )
         return self
-
-    @property
-    def count(self) -> int:
-        """Number of cases."""
-        result = 1
-        for axis in self.axes:
-            result *= len(axis.values)
-        return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -311,8 +175,8 @@ class Case:
         stated = json.dumps(self.settings.model_dump(mode="json", by_alias=True, exclude={"robot"}))
         parts = [self.robot.name, stated]
         for joint in self.robot.joints:
-            numbers = [*joint.fixed.ravel(), *joint.axis, joint.lower, joint.upper]
-            parts.append(f"{joint.name} {joint.kind} {joint.speed} {[float(v).hex() for v in numbers]}")
+            values = [*joint.fixed.ravel(), *joint.axis, joint.lower, joint.upper]
+            parts.append(f"{joint.name} {joint.kind} {joint.speed} {[float(v).hex() for v in values]}")
         parts.append(str([float(v).hex() for v in self.robot.flange.ravel()]))
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
@@ -359,9 +223,9 @@ def read_study(path: Path | str, runs: int | None = None) -> StatedStudy:
         )
     content = validate(StudyFile, document.data, file=document.file, line=document.line)
     if runs is not None:
-        if any(_overlap(key, "runs") for axis in content.axes for key in _changed(axis)):
+        if any(overlap(key, "runs") for axis in content.axes for key in _changed(axis)):
             raise BadInput(
-                "the runs are asked for by an axis of the study and by --runs",
+                "both an axis of the study and --runs set the number of runs",
                 found=f"--runs {runs}",
                 remedy="leave out --runs",
                 file=document.file,
@@ -370,36 +234,14 @@ def read_study(path: Path | str, runs: int | None = None) -> StatedStudy:
         base = Settings.model_validate({**_stated(content.base), "runs": runs})
         content = content.model_copy(update={"base": base})
     robots: dict[str, Robot] = {}
-    cases = tuple(_case(content, at, document, robots) for at in _grid(content.axes))
+    grid = product(*(range(len(axis.values)) for axis in content.axes))
+    cases = tuple(_case(content, at, document, robots) for at in grid)
     return StatedStudy(content, cases, document.file.name, document.sha256)
-
-
-@cache
-def setting_names() -> tuple[str, ...]:
-    """Dotted names of all settings."""
-    return tuple(_names(Settings, ""))
-
-
-def _names(model: type[FileModel], prefix: str) -> Iterator[str]:
-    for name, field in model.model_fields.items():
-        yield f"{prefix}{name}"
-        inner = field.annotation
-        if isinstance(inner, type) and issubclass(inner, FileModel):
-            yield from _names(inner, f"{prefix}{name}.")
-
-
-def _grid(axes: Sequence[Axis]) -> Iterator[tuple[int, ...]]:
-    return product(*(range(len(axis.values)) for axis in axes))
 
 
 def _changed(axis: Axis) -> Iterator[str]:
     for j in range(len(axis.values)):
         yield from axis.changes(j)
-
-
-def _overlap(one: str, other: str) -> bool:
-    """Whether two dotted names are the same setting, or one is a part of the other."""
-    return one == other or one.startswith(f"{other}.") or other.startswith(f"{one}.")
 
 
 def _stated(settings: Settings) -> dict[str, Any]:
@@ -419,7 +261,7 @@ def _case(content: StudyFile, at: tuple[int, ...], document: Document, robots: d
 
     def line(place: Place) -> int | None:
         dotted = ".".join(str(part) for part in place)
-        axis_place = next((own for key, own in where.items() if _overlap(key, dotted)), None)
+        axis_place = next((own for key, own in where.items() if overlap(key, dotted)), None)
         return document.line(("base", *place) if axis_place is None else axis_place)
 
     settings = validate(Settings, data, file=document.file, line=line)
@@ -434,7 +276,8 @@ def _case(content: StudyFile, at: tuple[int, ...], document: Document, robots: d
         Parameters.build(robot, Tool.from_header(header), Noise.from_header(header, robot), header, [TARGET])
     except BadInput as error:
         raise error.at(document.file, line(("held",))) from None
-    return Case(at, _words(content.axes, at), settings, header, robot)
+    words = ", ".join(axis.words(j) for axis, j in zip(content.axes, at, strict=True))
+    return Case(at, words, settings, header, robot)
 
 
 def _put(
@@ -443,7 +286,7 @@ def _put(
     """Set a dotted name; its last part may be the x, y or z of a triple."""
     *path, last = key.split(".")
     names = setting_names()
-    triple = last in "xyz" and ".".join(path) in names
+    triple = last in ("x", "y", "z") and ".".join(path) in names
     if not (key in names or triple):
         raise BadInput(
             "there is no setting of this name",
@@ -465,25 +308,9 @@ def _put(
     point = data.get(name, defaults.get(name))
     if not isinstance(point, list | tuple) or len(point) != 3:
         raise BadInput(
-            f"{'.'.join((*path, name))} has no {last}: it is no point or direction",
+            f"{'.'.join((*path, name))} has no {last}: it is not a point or direction",
             found=shown(point),
             file=document.file,
             line=document.line(place),
         )
     data[name] = [value if axis == last else own for axis, own in zip("xyz", point, strict=True)]
-
-
-def _words(axes: Sequence[Axis], at: Sequence[int]) -> str:
-    """A case in words: 'joint noise 0.01 deg, Y-Pattern'."""
-    parts = []
-    for axis, j in zip(axes, at, strict=True):
-        value = axis.values[j]
-        told = told_value(value)
-        if isinstance(value, NamedChange):
-            parts.append(value.name)
-        else:
-            shown_value = (
-                plain(told) if isinstance(told, int | float) and not isinstance(told, bool) else str(told)
-            )
-            parts.append(" ".join(part for part in (axis.label or axis.key, shown_value, axis.unit) if part))
-    return ", ".join(parts)

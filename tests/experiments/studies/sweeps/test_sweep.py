@@ -14,14 +14,26 @@ from cells import plan_of
 from scipy import stats
 
 from zerobeam.analysis.observability.check import check
+from zerobeam.analysis.result import Verdict
+from zerobeam.analysis.result_json import UnsoundResult
 from zerobeam.experiments.plans.candidates import View, candidates
 from zerobeam.experiments.plans.patterns import pattern
 from zerobeam.experiments.plans.planning import Planner
-from zerobeam.experiments.studies import sweep as module
 from zerobeam.experiments.studies.coverage import DataSets, drawn, fitted
-from zerobeam.experiments.studies.sweep import CHANCE, refitted, studied_case, sweep
-from zerobeam.experiments.studies.sweep_file import StatedStudy, read_study
-from zerobeam.experiments.studies.sweep_words import findings, headline, two_digits
+from zerobeam.experiments.studies.sweeps import sweep as module
+from zerobeam.experiments.studies.sweeps.findings import findings, headline
+from zerobeam.experiments.studies.sweeps.grid_answer import (
+    CaseParameter,
+    GridAxis,
+    GridCase,
+    LikelihoodErrors,
+    RunErrors,
+    case_from_json,
+    case_to_json,
+    to_json,
+)
+from zerobeam.experiments.studies.sweeps.study_file import StatedStudy, read_study
+from zerobeam.experiments.studies.sweeps.sweep import CHANCE, judged, refitted, studied_case, sweep
 from zerobeam.model.errors import BadInput
 from zerobeam.model.problem import Problem
 
@@ -58,7 +70,7 @@ def stated(folder: Path, text: str = STUDY, runs: int | None = RUNS) -> StatedSt
 
 
 def swept(study: StatedStudy, store: Path | None = None, seed: int = 3) -> Json:
-    return sweep(study, seed, silent, store=store, processes=1)
+    return to_json(sweep(study, seed, silent, store=store, processes=1))
 
 
 def timeless(answer: Json) -> str:
@@ -165,7 +177,7 @@ def test_the_cost_of_the_paper_stands_beside_the_likelihood(tmp_path: Path) -> N
         assert other["rmse"] > 0.9 * one["rmse"]
     worst = told["cases"][0]["parameters"][0]
     assert worst["midpoint"]["rmse"] > 1.2 * worst["likelihood"]["rmse"]  # it has no noise model
-    assert any(note.startswith("The midpoint fit has") for note in told["notes"])
+    assert any(note.startswith("The RMSE of the midpoint fit is") for note in told["notes"])
 
 
 def test_without_runs_there_is_prediction_alone(tmp_path: Path) -> None:
@@ -190,7 +202,7 @@ def test_a_case_that_has_no_plan_says_why(tmp_path: Path) -> None:
             None,
             [],
         )
-    assert told["headline"] == "No case tells all its offsets. 4 of 4 cases are without a plan."
+    assert told["headline"] == ("In no case are all offsets identifiable. 4 of 4 cases are without a plan.")
     assert told["agrees"] is True
 
 
@@ -198,7 +210,7 @@ def test_a_case_is_the_same_in_whatever_study_it_stands(tmp_path: Path, answer: 
     text = STUDY.replace("[0.002, 0.01]", "[0.05, 0.002]").replace(
         "      - {name: X-Pattern, set: {plan.kind: x}}\n", ""
     )
-    other = studied_case(stated(tmp_path, text).cases[1], 3)
+    other = case_to_json(studied_case(stated(tmp_path, text).cases[1], 3))
     same = answer["cases"][2]
     assert other["words"] == same["words"]
     bare = [
@@ -212,7 +224,7 @@ def test_a_case_is_the_same_in_whatever_study_it_stands(tmp_path: Path, answer: 
         if row["std"]
     ]
     # Another seed is another set of arms.
-    assert studied_case(stated(tmp_path, text).cases[1], 4)["parameters"] != other["parameters"]
+    assert case_to_json(studied_case(stated(tmp_path, text).cases[1], 4))["parameters"] != other["parameters"]
 
 
 def test_a_stopped_study_is_gone_on_with_to_the_same_answer(
@@ -232,7 +244,7 @@ def test_a_stopped_study_is_gone_on_with_to_the_same_answer(
     assert len(store.read_text(encoding="utf-8").splitlines()) == 3  # the heading and two cases, all whole
     computed, real = [], module.studied_case
 
-    def counted(case: Any, seed: int) -> Json:
+    def counted(case: Any, seed: int) -> GridCase:
         computed.append(case.at)
         return real(case, seed)
 
@@ -251,7 +263,7 @@ def test_a_stopped_study_is_gone_on_with_to_the_same_answer(
 
 @pytest.mark.long
 def test_the_number_of_processes_makes_no_difference(study: StatedStudy, answer: Json) -> None:
-    assert timeless(sweep(study, 3, silent, processes=2)) == timeless(answer)
+    assert timeless(to_json(sweep(study, 3, silent, processes=2))) == timeless(answer)
 
 
 def test_runs_of_more_noise_than_stated_are_seen_to_contradict(
@@ -266,14 +278,20 @@ def test_runs_of_more_noise_than_stated_are_seen_to_contradict(
     monkeypatch.setattr(module, "drawn", louder)
     told = swept(replace(study, cases=study.cases[-1:]))
     assert told["agrees"] is False
-    assert "contradict what is predicted in 1 of 1 cases: Y-Pattern, joint noise 0.01 deg" in told["headline"]
+    assert "contradict the prediction in 1 of 1 cases: Y-Pattern, joint noise 0.01°" in told["headline"]
 
 
-def made(off: float, held: float, verdict: str = "pass", runs: int = 400) -> Json:
+def made(
+    off: float, held: float, verdict: Verdict = "pass", runs: int = 400, rmse: float | None = None
+) -> GridCase:
     """A case of one parameter whose runs scatter `off` times as predicted."""
-    likelihood = {"runs": runs, "rmse": 0.02 * off, "held": held, "rms_in_stds": off}
-    row = {"std": 0.02, "likelihood": likelihood, "midpoint": None}
-    return {"parameters": [row], "words": "it", "failed": 0, "verdict": verdict}
+    likelihood = LikelihoodErrors(runs, rmse or 0.02 * off, 0.0, 0.001, held, held, held, off)
+    row = CaseParameter("delta2", "offset", "deg", "identified", 0.02, likelihood)
+    return GridCase((0,), "it", shots=7, verdict=verdict, parameters=(row,))
+
+
+def agreeing(*cases: GridCase) -> bool:
+    return all(case.agrees for case in judged(cases))
 
 
 @pytest.mark.parametrize(
@@ -288,26 +306,29 @@ def made(off: float, held: float, verdict: str = "pass", runs: int = 400) -> Jso
     ],
 )
 def test_what_agrees(off: float, held: float, verdict: str, agrees: bool) -> None:
-    assert module._judged([made(off, held, verdict)]) is agrees
-    # No promise where an offset cannot be told, but the row says what it is.
-    degenerate = made(off, held, "degenerate")
-    assert module._judged([degenerate]) is True
-    assert degenerate["parameters"][0]["likelihood"]["agrees"] is agrees
+    assert agreeing(made(off, held, verdict)) is agrees
+    # The study agrees without it where an offset is unidentifiable, but the row says what it is.
+    assert agreeing(made(off, held, "degenerate")) is agrees
+
+
+def test_a_degenerate_case_is_no_promise(study: StatedStudy, monkeypatch: pytest.MonkeyPatch) -> None:
+    for verdict, agrees in (("pass", False), ("weak", False), ("degenerate", True)):
+        case = replace(made(1.3, 0.94), verdict=verdict, at=study.cases[0].at)
+        monkeypatch.setattr(module, "studied_case", lambda *_, case=case: case)
+        told = sweep(replace(study, cases=study.cases[:1]), 3, silent, processes=1)
+        assert (told.agrees, told.cases[0].agrees) == (agrees, False)
 
 
 def test_a_weak_plan_is_judged_by_what_its_own_fits_say() -> None:
-    one = made(1.0, 0.95, "weak")
-    one["parameters"][0]["likelihood"]["rmse"] = 0.04
-    assert module._judged([one]) is True
-    one["verdict"] = "pass"
-    assert module._judged([one]) is False
+    assert agreeing(made(1.0, 0.95, "weak", rmse=0.04)) is True
+    assert agreeing(made(1.0, 0.95, "pass", rmse=0.04)) is False
 
 
 def test_the_alarm_is_for_the_whole_study() -> None:
     # As far off as one study in a thousand: seen alone, and not where there are five hundred such rows.
     off = float(np.sqrt(stats.chi2.isf(CHANCE / 20, 400) / 400))
-    assert module._judged([made(off, 0.95)]) is False
-    assert module._judged([made(off, 0.95)] + [made(1.0, 0.95) for _ in range(499)]) is True
+    assert agreeing(made(off, 0.95)) is False
+    assert agreeing(made(off, 0.95), *(made(1.0, 0.95) for _ in range(499))) is True
 
 
 def test_a_fit_in_the_wrong_basin_is_found_and_fitted_anew(study: StatedStudy) -> None:
@@ -328,50 +349,84 @@ def test_a_fit_in_the_wrong_basin_is_found_and_fitted_anew(study: StatedStudy) -
 
 def test_the_headline_follows_from_the_numbers() -> None:
     axes = [
-        {"key": "plan", "label": "plan", "unit": "", "values": ["X", "Y"]},
-        {"key": "s", "label": "shots", "unit": "", "values": [3, 30]},
-        {"key": "n", "label": "noise", "unit": "mm", "values": [0.1, 0.2]},
+        GridAxis("plan", "plan", "", ("X", "Y"), ({}, {})),
+        GridAxis("s", "measurements", "", (3, 30), ({}, {})),
+        GridAxis("n", "noise", "mm", (0.1, 0.2), ({}, {})),
     ]
 
-    def case(at: list[int], worst: float | None, words: str) -> Json:
-        verdict = "degenerate" if worst is None else "pass"
-        row = {"likelihood": {"rmse": 0.1, "agrees": worst != 0.15}, "midpoint": {"rmse": 0.16}}
-        told = {"at": at, "worst_std": worst, "words": words, "verdict": verdict, "reason": None, "failed": 0}
-        return {**told, "parameters": [row]}
+    def case(at: tuple[int, ...], worst: float | None, words: str, agrees: bool, failed: int) -> GridCase:
+        likelihood = LikelihoodErrors(9, 0.1, 0.0, 0.03, 0.9, 0.8, 1.0, 1.0, agrees)
+        row = CaseParameter(
+            "delta2", "offset", "deg", "identified", 0.1, likelihood, RunErrors(9, 0.16, 0.0, 0.05)
+        )
+        verdict: Verdict = "degenerate" if worst is None else "pass"
+        return GridCase(
+            at, words, shots=7, verdict=verdict, worst_std=worst, failed=failed, parameters=(row,)
+        )
 
-    stds = [None, None, None, None, 0.4, 0.8, 0.1, 0.15]
-    cases = [
-        case([i, j, k], std, f"case {i}{j}{k}")
-        for (i, j, k), std in zip(np.ndindex(2, 2, 2), stds, strict=True)
-    ]
-    cases[0]["failed"] = 2
-    assert headline(axes, cases) == (
-        "The worst offset is told best with case 110: to 0.1°; poorest, of those that tell all, with case"
-        " 101: to 0.8°. 4 of 8 cases are degenerate and without a number, among them all with X. The"
-        " simulated runs contradict what is predicted in 1 of 4 cases: case 111. Fits that failed: 2."
+    def cases(contradicting: str) -> list[GridCase]:
+        stds = [None, None, None, None, 0.4, 0.8, 0.1, 0.15]
+        return [
+            case(
+                (i, j, k),
+                std,
+                f"case {i}{j}{k}",
+                contradicting != f"{i}{j}{k}",
+                2 if std is None and not k + j + i else 0,
+            )
+            for (i, j, k), std in zip(np.ndindex(2, 2, 2), stds, strict=True)
+        ]
+
+    assert headline(axes, cases("111")) == (
+        "The standard uncertainty of the least certain offset is smallest at 0.10° (case 110) and largest"
+        " at 0.80° (case 101). 4 of 8 cases (including all with X) are degenerate: not all offsets are"
+        " identifiable. The simulated runs contradict the prediction in 1 of 4 cases: case 111. Failed"
+        " fits: 2."
     )
-    assert findings(axes, cases) == [
-        "By plan: X never tells them all; Y 0.1 to 0.8°",
-        "With shots from 3 to 30 the worst std changes by a factor of 0.22 (median; 0.19 to 0.25 over the"
-        " other settings)",
-        "With noise from 0.1 to 0.2 mm the worst std changes by a factor of 1.8 (median; 1.5 to 2 over the"
-        " other settings)",
-        "The midpoint fit has 1.6 times the error of the likelihood (median; 1.6 to 1.6 over cases and"
-        " parameters)",
+    least_certain = "the standard uncertainty of the least certain offset"
+    assert findings(axes, cases("111")) == [
+        "Standard uncertainty of the least certain offset by plan: X never all offsets identifiable; Y 0.10"
+        " to 0.80°",
+        f"With measurements from 3 to 30 {least_certain} changes by a factor of 0.22 (median; 0.19 to 0.25"
+        " over the other settings)",
+        f"With noise from 0.1 to 0.2\u00a0mm {least_certain} changes by a factor of 1.8 (median; 1.5 to 2.0"
+        " over the other settings)",
+        "The RMSE of the midpoint fit is that of the likelihood fit times 1.6",
     ]
-    cases[-1]["parameters"][0]["likelihood"]["agrees"] = True
-    cases[1]["parameters"][0]["likelihood"]["agrees"] = False
-    assert headline(axes, cases).endswith(
-        "agree with what is predicted in all 4 cases that are not degenerate. The simulated runs"
-        " contradict what is predicted in 1 of 4 degenerate cases: case 001. Fits that failed: 2."
+    assert headline(axes, cases("001")).endswith(
+        "agree with the prediction in all 4 cases that are not degenerate. The simulated runs contradict the"
+        " prediction in 1 of 4 degenerate cases: case 001. Failed fits: 2."
     )
 
 
-def test_two_digits() -> None:
-    assert [two_digits(v) for v in (0.00001234, 0.12, 1, 9.96, 123.4)] == [
-        "0.000012",
-        "0.12",
-        "1",
-        "10",
-        "120",
-    ]
+# ── what is not identified has no number ──────────────────────────────────────────────────────
+
+FORBIDDEN = 1.23456789
+ERRORS = RunErrors(9, FORBIDDEN, FORBIDDEN, FORBIDDEN)
+NUMBERS: dict[str, Any] = {
+    "std": FORBIDDEN,
+    "likelihood": LikelihoodErrors(9, *[FORBIDDEN] * 7),
+    "midpoint": ERRORS,
+}
+
+
+@pytest.mark.parametrize("status", ["unidentifiable", "held"])
+@pytest.mark.parametrize("key", NUMBERS)
+def test_a_parameter_that_is_not_identified_cannot_have_a_number(status: Any, key: str) -> None:
+    row = CaseParameter("delta2", "offset", "deg", status)
+    with pytest.raises(UnsoundResult, match=f"'delta2' is {status}"):
+        replace(row, **{key: NUMBERS[key]})
+    # Nor can one come from a file of finished cases.
+    stored = case_to_json(GridCase((0,), "it", shots=7, verdict="degenerate", parameters=(row,)))
+    assert case_from_json(stored).parameters == (row,)
+    (bad,) = case_to_json(made(1.0, 0.95))["parameters"]
+    number = {"std": FORBIDDEN, "likelihood": bad["likelihood"], "midpoint": bad["likelihood"]}[key]
+    stored["parameters"][0][key] = number
+    with pytest.raises(UnsoundResult, match=f"'delta2' is {status}"):
+        case_from_json(stored)
+
+
+def test_a_case_that_does_not_identify_all_offsets_has_no_worst_one() -> None:
+    for case in (GridCase((0,), "it", reason="far"), GridCase((0,), "it", shots=7, verdict="degenerate")):
+        with pytest.raises(UnsoundResult, match="does not identify all offsets"):
+            replace(case, worst_std=FORBIDDEN)

@@ -8,15 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from zerobeam.experiments.studies.sweep_file import (
+from zerobeam.experiments.studies.sweeps.case_settings import Settings, setting_names
+from zerobeam.experiments.studies.sweeps.study_file import (
     OTHER_STUDIES,
     Case,
-    Settings,
     StatedStudy,
     built_in_studies,
     built_in_study,
     read_study,
-    setting_names,
 )
 from zerobeam.model.errors import BadInput
 
@@ -61,7 +60,7 @@ def test_every_combination_is_a_case_and_the_last_axis_changes_fastest(tmp_path:
         tmp_path, SHOTS + "  - {key: noise.joint_deg, label: noise, unit: deg, values: [0.1, 0.2]}\n"
     )
     assert [case.at for case in study.cases] == [(0, 0), (0, 1), (1, 0), (1, 1)]
-    assert study.cases[1].words == "shots 5, noise 0.2 deg"
+    assert study.cases[1].words == "shots 5, noise 0.2°"
     told = [(case.settings.plan.shots, case.settings.noise.joint_deg) for case in study.cases]
     assert told == [(5, 0.1), (5, 0.2), (7, 0.1), (7, 0.2)]
     # What no axis changes is the base's, in what it states and in what it leaves open.
@@ -105,7 +104,7 @@ def test_runs_asked_for_take_the_place_of_the_files(tmp_path: Path) -> None:
 
 
 def test_a_robot_file_is_found_beside_the_study(tmp_path: Path) -> None:
-    built_in = Path(__file__).parents[3] / "model" / "robots" / "irb1600.yaml"
+    built_in = Path(__file__).parents[4] / "model" / "robots" / "irb1600.yaml"
     (tmp_path / "mine.yaml").write_text(built_in.read_text(encoding="utf-8"), encoding="utf-8")
     own = read(tmp_path, SHOTS, BASE.replace("irb1600", "mine.yaml"))
     assert own.cases[0].robot.name == "irb1600"
@@ -135,9 +134,9 @@ def test_the_fingerprint_is_of_every_setting(tmp_path: Path) -> None:
     ("axes", "what", "line"),
     [
         ("  - {key: plan.shot, values: [5]}\n", "no setting of this name", 12),
-        ("  - {key: plan.shots.x, values: [5]}\n", "is no point", 12),
+        ("  - {key: plan.shots.x, values: [5]}\n", "is not a point", 12),
         ("  - {key: plan.shots, values: [5, 0]}\n", "plan.shots is out of range", 12),
-        ("  - {key: plan.shots, values: [5, 5]}\n", "stands twice", 12),
+        ("  - {key: plan.shots, values: [5, 5]}\n", "duplicate value", 12),
         ("  - {key: plan.shots, values: []}\n", "axes[1].values is empty", 12),
         ("  - {key: plan.shots, values: [[1, 2]]}\n", "cannot be a value", 12),
         ("  - {key: noise.scale, values: [estimated]}\n", "the noise of a study is known", 12),

@@ -1,0 +1,198 @@
+"""The answer of a study over a grid of settings: axes, cases and, of each case, its parameters.
+
+Units are those that people read (deg, mm). What a case does not identify has no number: the dataclasses
+refuse to be made otherwise. `to_json` and `case_from_json` are the file's edge (docs/files.md,
+`zerobeam/study/1`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, TypeAdapter
+
+from ....analysis.result import Status, Verdict
+from ....analysis.result_json import UnsoundResult
+from ....model.parameters import Group
+from .case_settings import Settings
+
+SCHEMA = "zerobeam/study/1"
+
+Fit = Literal["likelihood", "midpoint"]
+
+
+@dataclass(frozen=True)
+class RunErrors:
+    """Errors (estimate minus truth) of one parameter in fits to simulated runs; `bias_std` is the Monte Carlo
+    standard error of the bias."""
+
+    runs: int
+    rmse: float
+    bias: float
+    bias_std: float
+
+
+@dataclass(frozen=True)
+class LikelihoodErrors(RunErrors):
+    """The same for the likelihood fit, with the share of its intervals that hold the truth and the 95 %
+    binomial interval of that share; `rms_in_stds` is the rms of error over stated standard uncertainty.
+
+    `agrees` says whether share and scatter agree with the prediction; None until the study is judged.
+    """
+
+    held: float
+    held_low: float
+    held_high: float
+    rms_in_stds: float
+    agrees: bool | None = None
+
+
+@dataclass(frozen=True)
+class CaseParameter:
+    """An offset or a tool parameter of a case: its status, predicted standard uncertainty and errors.
+
+    Raises UnsoundResult where one that is unidentifiable or held has a number.
+    """
+
+    name: str
+    group: Group
+    unit: str
+    status: Status
+    std: float | None = None
+    likelihood: LikelihoodErrors | None = None
+    midpoint: RunErrors | None = None
+
+    def __post_init__(self) -> None:
+        numbers = (self.std, self.likelihood, self.midpoint)
+        if not self.is_known and any(number is not None for number in numbers):
+            raise UnsoundResult(f"the study is unsound: {self.name!r} is {self.status}, but has numbers")
+
+    @property
+    def is_known(self) -> bool:
+        return self.status in ("identified", "weak")
+
+    @property
+    def is_angular_offset(self) -> bool:
+        """Whether it is one of those that a case's `worst_std` is of."""
+        return self.group == "offset" and self.unit == "deg"
+
+    def errors(self, fit: Fit) -> RunErrors | None:
+        return self.likelihood if fit == "likelihood" else self.midpoint
+
+
+@dataclass(frozen=True)
+class GridCase:
+    """One point of the grid: `at` is the index of its value on each axis.
+
+    `reason` says why there is no plan, else None. `worst_std` (deg) is the largest predicted standard
+    uncertainty of an offset; None where an offset is not identified. `failed` counts fits, `unmet` true arms
+    drawn again because they cannot hit the target. Raises UnsoundResult where a case without a plan, or a
+    degenerate one, has a `worst_std`.
+    """
+
+    at: tuple[int, ...]
+    words: str
+    reason: str | None = None
+    shots: int | None = None
+    verdict: Verdict | None = None
+    worst_std: float | None = None
+    failed: int = 0
+    unmet: int = 0
+    parameters: tuple[CaseParameter, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.worst_std is not None and self.verdict in (None, "degenerate"):
+            raise UnsoundResult(
+                f"the study is unsound: {self.words!r} does not identify all offsets, but has a worst one"
+            )
+
+    @cached_property
+    def worst(self) -> CaseParameter | None:
+        """The offset that `worst_std` is of."""
+        if self.worst_std is None:
+            return None
+        known = [(one.std, one) for one in self.parameters if one.is_angular_offset and one.std is not None]
+        return max(known, key=lambda pair: pair[0])[1] if known else None
+
+    @property
+    def unidentifiable(self) -> tuple[str, ...]:
+        """Names of the parameters that the plan cannot identify."""
+        return tuple(one.name for one in self.parameters if one.status == "unidentifiable")
+
+    @property
+    def agrees(self) -> bool | None:
+        """Whether the runs agree with the prediction of every parameter; None without runs."""
+        verdicts = [one.likelihood.agrees for one in self.parameters if one.likelihood is not None]
+        return all(verdicts) if verdicts else None
+
+
+@dataclass(frozen=True)
+class GridAxis:
+    """What changes from case to case; `changes` are the settings, by their dotted names, of each value."""
+
+    key: str
+    label: str
+    unit: str
+    values: tuple[int | float | str, ...]
+    changes: Annotated[tuple[dict[str, Any], ...], Field(serialization_alias="set")]
+
+    @property
+    def numeric(self) -> tuple[float, ...] | None:
+        """The values if all are numbers, else None."""
+        numbers = tuple(value for value in self.values if not isinstance(value, str))
+        return numbers if len(numbers) == len(self.values) else None
+
+
+class GridSettings(Settings):
+    """The base of all cases, and how the study was carried out and judged."""
+
+    seed: int
+    level: float  # of the intervals
+    chance: float  # of a false alarm over the whole study
+    file: str
+    sha256: str
+
+
+@dataclass(frozen=True)
+class GridStudy:
+    """The whole answer; it agrees if no case that is not degenerate contradicts its prediction."""
+
+    study: str
+    title: str
+    headline: str
+    agrees: bool
+    settings: GridSettings
+    seconds: float
+    versions: dict[str, str]
+    notes: tuple[str, ...]
+    axes: tuple[GridAxis, ...]
+    cases: tuple[GridCase, ...]
+
+    @property
+    def parameters(self) -> tuple[CaseParameter, ...]:
+        """Those of all cases, in order."""
+        return tuple(one for case in self.cases for one in case.parameters)
+
+    def has(self, fit: Fit) -> bool:
+        """Whether there are errors of this fit."""
+        return any(one.errors(fit) is not None for one in self.parameters)
+
+
+_STUDY, _CASE = TypeAdapter(GridStudy), TypeAdapter(GridCase)
+
+
+def to_json(study: GridStudy) -> dict[str, Any]:
+    """The content of `study.json`."""
+    return {"schema": SCHEMA, **_STUDY.dump_python(study, mode="json", by_alias=True)}
+
+
+def case_to_json(case: GridCase) -> dict[str, Any]:
+    """A finished case, as it is kept on the disk."""
+    return dict(_CASE.dump_python(case, mode="json"))
+
+
+def case_from_json(stored: object) -> GridCase:
+    """A case that was kept. Raises ValueError (pydantic's) where it is none, UnsoundResult as GridCase."""
+    return _CASE.validate_python(stored)

@@ -1,0 +1,327 @@
+"""Studies over a grid of settings: each case makes a plan, predicts its uncertainties and simulates runs.
+
+The prediction is that of `zerobeam check`. Every run has an arm of its own, a random draw from the priors,
+and is fitted by the likelihood and, if asked for, by the paper's midpoint cost; the errors are compared with
+the prediction.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from ....analysis.estimation.fit import CONTRADICTED, MANY_STARTS, Fits, chance, fit_likelihood
+from ....analysis.observability.aim import aim, servo_joints
+from ....analysis.observability.identifiability import identify
+from ....analysis.observability.outlook import predicted_std
+from ....analysis.observability.verdict import verdict
+from ....analysis.versions import versions
+from ....model.errors import BadInput
+from ....model.kernel import Index
+from ....model.problem import Problem
+from ....model.robot import Matrix
+from ...plans.candidates import View, candidates
+from ...plans.patterns import pattern
+from ...plans.planning import Planner
+from ...processes import side_by_side
+from ..binomial import held_share
+from ..case_store import CaseStore
+from ..coverage import DataSets, Estimates, drawn, fitted, likelihood, midpoint
+from .case_settings import TARGET
+from .findings import findings, headline, notes
+from .grid_answer import (
+    CaseParameter,
+    GridAxis,
+    GridCase,
+    GridSettings,
+    GridStudy,
+    LikelihoodErrors,
+    RunErrors,
+    case_from_json,
+    case_to_json,
+)
+from .study_file import Case, StatedStudy
+
+LEVEL = 0.95
+CHANCE = 0.01  # of a false alarm over the whole study
+_LEAST_RUNS = 2  # that have a scatter
+
+Progress = Callable[[str, float], None]  # the stage, and the share of the whole that is done
+
+
+def sweep(
+    study: StatedStudy,
+    seed: int,
+    told: Progress,
+    *,
+    store: Path | None = None,
+    processes: int | None = None,
+) -> GridStudy:
+    """Carry out the whole study.
+
+    With a `store` each finished case is kept in that file at once, and cases that it has are not computed
+    again: the answer is the same. The study agrees if no case's simulated runs contradict the prediction.
+    """
+    began = time.perf_counter()
+    if store is None:
+        answers = _answered(study, seed, told, None, processes)
+    else:
+        with CaseStore(store, heading(study, seed)) as kept:
+            answers = _answered(study, seed, told, kept, processes)
+    content, cases = study.content, judged(answers)
+    axes = tuple(
+        GridAxis(
+            axis.key,
+            axis.name,
+            axis.unit,
+            axis.shown_values,
+            tuple(axis.changes(j) for j in range(len(axis.values))),
+        )
+        for axis in content.axes
+    )
+    settings = GridSettings(
+        **dict(content.base), seed=seed, level=LEVEL, chance=CHANCE, file=study.file, sha256=study.sha256
+    )
+    return GridStudy(
+        study=content.study,
+        title=content.title,
+        headline=headline(axes, cases),
+        agrees=all(case.agrees is not False for case in cases if case.verdict != "degenerate"),
+        settings=settings,
+        seconds=time.perf_counter() - began,
+        versions=versions(),
+        notes=(*findings(axes, cases), *notes(settings, cases)),
+        axes=axes,
+        cases=cases,
+    )
+
+
+def heading(study: StatedStudy, seed: int) -> dict[str, Any]:
+    """What finished cases must have in common to belong together."""
+    prints = "\n".join(case.fingerprint for case in study.cases)
+    return {
+        "study": study.content.study,
+        "seed": seed,
+        "settings": hashlib.sha256(prints.encode()).hexdigest(),
+        "versions": versions(),
+    }
+
+
+def _answered(
+    study: StatedStudy, seed: int, told: Progress, kept: CaseStore | None, processes: int | None
+) -> list[GridCase]:
+    """The answers of all cases in their order, not yet judged."""
+    total = len(study.cases)
+    found = {} if kept is None else {number: _of_store(stored) for number, stored in kept.done.items()}
+    left = [number for number in range(total) if number not in found]
+    told("cases", len(found) / total)
+    for job, answer in side_by_side(_case_of, [(study.cases[number], seed) for number in left], processes):
+        found[left[job]] = answer
+        if kept is not None:
+            kept.add(left[job], case_to_json(answer))
+        told("cases", len(found) / total)
+    return [found[number] for number in range(total)]
+
+
+def _of_store(stored: object) -> GridCase:
+    try:
+        return case_from_json(stored)
+    except ValueError as error:
+        raise BadInput(
+            "a finished case that was kept cannot be read",
+            found=str(error),
+            remedy="remove the file of finished cases to begin anew",
+        ) from None
+
+
+def _case_of(job: tuple[Case, int]) -> GridCase:
+    return studied_case(*job)
+
+
+def studied_case(case: Case, seed: int) -> GridCase:
+    """One case: its plan, the prediction, and the errors of the runs.
+
+    It depends on the case's own settings and the seed alone, not on the other cases.
+    """
+    try:
+        problem = _planned(case, seed)
+    except BadInput as error:
+        return GridCase(case.at, case.words, reason=_reason(error))
+    x = problem.supposed()
+    identified = identify(problem, x)
+    parameters = problem.parameters
+    std = parameters.unscaled(predicted_std(problem, x))
+    which = np.flatnonzero(parameters.free & (parameters.group("offset") | parameters.group("tool")))
+    known = np.array([i for i in which if identified.status[i] in ("identified", "weak")], dtype=np.intp)
+    runs = _simulated(case, seed, problem, known)
+    rows = []
+    for i in which:
+        item = parameters.items[i]
+        row = CaseParameter(item.name, item.group, item.unit, identified.status[i])
+        if i in known:
+            row = replace(row, std=float(std[i]) * item.display)
+        if i in known and runs is not None:
+            j = int(np.searchsorted(known, i))
+            row = replace(
+                row,
+                likelihood=_likelihood_errors(
+                    runs.likelihood[:, j] * item.display, runs.std[:, j] * item.display
+                ),
+                midpoint=None if runs.midpoint is None else _run_errors(runs.midpoint[:, j] * item.display),
+            )
+        rows.append(row)
+    offsets = [row for row in rows if row.group == "offset"]
+    degrees = [row.std for row in offsets if row.unit == "deg" and row.std is not None]
+    return GridCase(
+        case.at,
+        case.words,
+        shots=problem.shots,
+        verdict=verdict(problem, identified),
+        worst_std=max(degrees) if degrees and all(row.is_known for row in offsets) else None,
+        failed=0 if runs is None else runs.failed,
+        unmet=0 if runs is None else runs.unmet,
+        parameters=tuple(rows),
+    )
+
+
+def _planned(case: Case, seed: int) -> Problem:
+    """The postures of the case's plan, aimed at the target; BadInput says why there is no plan."""
+    settings, header, robot = case.settings, case.header, case.robot
+    target, made = np.array(settings.target.xyz_mm), case.settings.plan
+    if made.kind == "optimal":
+        view = View(
+            facing=made.facing,
+            acceptance=float(np.radians(made.acceptance_deg)),
+            beam=made.beam_mm,
+            margin=float(np.radians(made.margin_deg)),
+        )
+        found = candidates(header, robot, target, made.candidates, view=view, seed=seed, name=TARGET)
+        planner = Planner(header, robot, target, found, name=TARGET)
+        postures = planner.optimal(made.shots, made.criterion, seed=seed).postures
+    else:
+        postures = pattern(header, robot, target, made.kind, made.shots, name=TARGET, span=made.span)
+    problem = Problem.build(header, robot, postures, [TARGET] * len(postures))
+    return aim(problem, problem.supposed(), servo_joints(problem)).problem
+
+
+def _reason(error: BadInput) -> str:
+    return error.what if error.found is None else f"{error.what}: {error.found}"
+
+
+@dataclass(frozen=True, eq=False)
+class _Simulated:
+    """Errors (estimate minus truth) of fits to simulated runs (R, m) and the standard uncertainties (R, m)
+    that the likelihood states, internal units; runs without a fit are left out."""
+
+    likelihood: Matrix
+    std: Matrix
+    midpoint: Matrix | None
+    failed: int
+    unmet: int
+
+
+def _simulated(case: Case, seed: int, problem: Problem, known: Index) -> _Simulated | None:
+    """The case's runs, for the parameters `known` (m,); None where there are no runs."""
+    settings = case.settings
+    if settings.runs < _LEAST_RUNS or not len(known):
+        return None
+    # Of its own settings, so that a case is the same in every study.
+    rng = np.random.default_rng([seed, int(case.fingerprint[:32], 16)])
+    data = drawn(problem, settings.runs, rng)
+    if not len(data.truths):
+        return None
+
+    def error(of: Estimates) -> Matrix:
+        return np.asarray((of.value - data.truths[:, known])[of.kept])
+
+    fit = likelihood(data, refitted(data, fitted(data)), known)
+    # The midpoints of two beams have no cost, whatever the offsets.
+    other = midpoint(data, known) if "midpoint" in settings.costs and problem.shots > 2 else None
+    return _Simulated(
+        likelihood=error(fit),
+        std=fit.std[fit.kept],
+        midpoint=None if other is None else error(other),
+        failed=int((~fit.kept).sum()),
+        unmet=data.failed,
+    )
+
+
+def refitted(data: DataSets, fits: Fits) -> Fits:
+    """Fits that contradict noise and priors repeated from many starts; one that does so even then has failed.
+
+    The few starts of many fits side by side can all converge to a local optimum that is not the best. At the
+    mode the squares of the normalised residuals and of the scaled parameters sum to chi-squared with as many
+    degrees of freedom as there are data: the test needs no truth.
+    """
+    x, z, covariance = fits.x.copy(), fits.z.copy(), fits.covariance.copy()
+    converged = fits.converged.copy()
+    for row, (joints, spots) in enumerate(zip(data.joints, data.spots, strict=True)):
+        problem = data.problem.moved(joints, spots)
+        if chance(problem.whiten(x[row]).residual, z[row]) < CONTRADICTED:
+            fit = fit_likelihood(problem, starts=MANY_STARTS)
+            x[row], z[row], covariance[row] = fit.x, fit.z, fit.covariance
+            converged[row] = fit.converged and chance(fit.whitened.residual, fit.z) >= CONTRADICTED
+    return replace(fits, x=x, z=z, covariance=covariance, converged=converged)
+
+
+def _run_errors(error: Matrix) -> RunErrors | None:
+    """Of errors (R,): estimate minus truth."""
+    return RunErrors(*_scatter(error)) if len(error) >= _LEAST_RUNS else None
+
+
+def _likelihood_errors(error: Matrix, std: Matrix) -> LikelihoodErrors | None:
+    """Of errors (R,) and the standard uncertainties (R,) that the fits state."""
+    if len(error) < _LEAST_RUNS:
+        return None
+    held = int((np.abs(error) <= stats.norm.ppf((1 + LEVEL) / 2) * std).sum())
+    share = held_share(held, len(error), LEVEL, CHANCE)
+    in_stds = float(np.sqrt(((error / std) ** 2).mean()))
+    return LikelihoodErrors(*_scatter(error), share["share"], share["low"], share["high"], in_stds)
+
+
+def _scatter(error: Matrix) -> tuple[int, float, float, float]:
+    rmse, bias_std = np.sqrt((error**2).mean()), error.std(ddof=1) / np.sqrt(len(error))
+    return len(error), float(rmse), float(error.mean()), float(bias_std)
+
+
+def judged(cases: Sequence[GridCase]) -> tuple[GridCase, ...]:
+    """The same cases, `agrees` entered for every parameter that has runs.
+
+    A parameter agrees if its share of intervals that hold the truth and its scatter are consistent with the
+    prediction (exact binomial test; two-sided chi-squared; Bonferroni over the study). Where all offsets are
+    identified a parameter must scatter as predicted before the measurements. Elsewhere the model is not
+    linear over the weakly observable directions, and it must scatter as each fit states of itself.
+    """
+    tests = {
+        (k, i): _p_values(case, one.std, one.likelihood)
+        for k, case in enumerate(cases)
+        for i, one in enumerate(case.parameters)
+        if one.likelihood is not None and one.std is not None
+    }
+    alarm = CHANCE / max(sum(map(len, tests.values())), 1)
+
+    def with_judgement(k: int, i: int, one: CaseParameter) -> CaseParameter:
+        if (k, i) not in tests or one.likelihood is None:
+            return one
+        return replace(one, likelihood=replace(one.likelihood, agrees=min(tests[k, i]) >= alarm))
+
+    return tuple(
+        replace(case, parameters=tuple(with_judgement(k, i, one) for i, one in enumerate(case.parameters)))
+        for k, case in enumerate(cases)
+    )
+
+
+def _p_values(case: GridCase, std: float, of: LikelihoodErrors) -> tuple[float, float]:
+    """Of the share of intervals and of the scatter, if the prediction holds."""
+    squares = of.runs * (of.rmse / std if case.verdict == "pass" else of.rms_in_stds) ** 2
+    return (
+        float(stats.binomtest(round(of.held * of.runs), of.runs, LEVEL).pvalue),
+        2 * float(min(stats.chi2.cdf(squares, of.runs), stats.chi2.sf(squares, of.runs))),
+    )
