@@ -40,8 +40,8 @@ from .result import (
     RobustParameter,
     ShotResult,
     Status,
+    versions,
 )
-from .versions import versions
 
 Progress = Callable[[str, float], None]
 

@@ -6,7 +6,9 @@ answer is None, and every None has one stated meaning.
 
 from __future__ import annotations
 
+import platform
 from dataclasses import dataclass
+from importlib.metadata import version
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -21,6 +23,12 @@ if TYPE_CHECKING:
 Status = Literal["identified", "weak", "unidentifiable", "held"]
 Verdict = Literal["pass", "weak", "degenerate"]
 Group = Literal["offset", "target", "tool", "noise"]
+
+
+def versions() -> dict[str, str]:
+    """Versions of what a result was computed with, by the library's name."""
+    names = ("zerobeam", "numpy", "scipy", "casadi", "emcee", "arviz-stats")
+    return {"python": platform.python_version(), **{name: version(name) for name in names}}
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from threadpoolctl import threadpool_limits
 from zerobeam.analysis.design.exact_design import Candidates, Index, design, offset_covariance, variance
 from zerobeam.experiments.plans.candidates import CandidatePostures, candidates
 from zerobeam.experiments.plans.obstacles import Obstacles
-from zerobeam.experiments.plans.planning import Planner
+from zerobeam.experiments.plans.optimal import Planner
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.robot_file import load_robot
 

@@ -17,8 +17,8 @@ from .options import Camera, Json, NewRunFile, PlanFile, Seed
 
 if TYPE_CHECKING:
     from ..experiments.recording import Controller
-    from ..experiments.rigs.abb.abb_rig import Caution
     from ..experiments.rigs.abb.access import Access
+    from ..experiments.rigs.abb.caution import Caution
     from ..model.files.plan import Plan
 
 
@@ -89,7 +89,7 @@ def run(
     ] = False,
 ) -> None:
     """Carry a plan out: bring the beam to the target from each posture, record, identify."""
-    from ..experiments.recording import Request, record
+    from ..experiments.recording import RunRequest, record
     from ..model.files.plan import read_plan
     from ..reports.run.live import live_view
     from ..reports.run.terminal import print_carried
@@ -106,7 +106,7 @@ def run(
             # Access, then caution, then sensors: what is stated wrongly is said before a port is opened.
             access, caution = _access(host, port, user, password), _caution(speed, egm_port, laser, yes)
             reached = _controller(opened, planned, access, sensors, sensor_port, caution)
-        request = Request(
+        request = RunRequest(
             rig=rig.value,
             seed=seed,
             cell=cell,
@@ -177,16 +177,15 @@ def controller(
     """A simulated ABB IRC5 to learn and to test with: Robot Web Services and EGM. Ctrl-C ends it."""
     import threading
 
-    from ..experiments.controller.own_plan import own_plan
-    from ..experiments.controller.packet_line import PacketFaults
+    from ..experiments.controller.egm_server import PacketFaults
     from ..experiments.controller.sensor_server import CellSensors
-    from ..experiments.controller.simulated_controller import SimulatedController
+    from ..experiments.controller.service import SimulatedController, own_plan
     from ..experiments.rigs.simulated.cell_file import Cell, read_cell
     from ..experiments.sensors.stand_in import stand_ins
     from ..model.files.plan import read_plan
 
     planned = own_plan() if plan is None else read_plan(plan)
-    stands = Cell() if cell is None else read_cell(cell)[0]
+    stands = Cell() if cell is None else read_cell(cell)
     faults = PacketFaults(lost=lost, late=late, duplicated=duplicated, reordered=reordered)
     with stoppable(), ExitStack() as opened:
         try:
@@ -220,7 +219,7 @@ def _access(host: str | None, port: int, user: str | None, password: str | None)
     import os
 
     from ..experiments.rigs.abb.access import find_access
-    from ..experiments.rigs.abb.web_services import require_extra
+    from ..experiments.rigs.abb.rws_client import require_extra
 
     require_extra()  # before anything is asked of the network
     return find_access(os.environ, host=host, port=port, user=user, password=password)
@@ -228,7 +227,7 @@ def _access(host: str | None, port: int, user: str | None, password: str | None)
 
 def _caution(speed: float, egm_port: int, laser: str, yes: bool) -> Caution:
     """A person is asked before the first motion."""
-    from ..experiments.rigs.abb.abb_rig import Caution, Signal
+    from ..experiments.rigs.abb.caution import Caution, Signal
 
     def confirm(text: str) -> bool:
         return yes or typer.confirm(text, err=True)
@@ -242,7 +241,7 @@ def _controller(
     """How the controller is reached, and what senses beside it: closed with `opened`."""
     from ..experiments.controller.sensor_server import RemoteSensors
     from ..experiments.recording import Controller
-    from ..experiments.sensors.real_sensors import read_sensors
+    from ..experiments.sensors.attached import read_sensors
 
     if sensors is None:
         remote = RemoteSensors(access.address, sensor_port)

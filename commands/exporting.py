@@ -1,4 +1,4 @@
-"""`zerobeam export`: the offsets of a run as people apply them."""
+"""`zerobeam export`: the offsets of a run in the form in which they are applied."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ if TYPE_CHECKING:
     from ..model.files.run import Run
 
 exports = typer.Typer(
-    help="Write the offsets of a run as people apply them: only what its shots tell.", no_args_is_help=True
+    help="Write the offsets of a run in the form in which they are applied: only identifiable ones.",
+    no_args_is_help=True,
 )
 
 ExportFile = Annotated[Path, typer.Option("-o", "--out", help="File to write.", show_default=False)]
 AllowWeak = Annotated[
-    bool, typer.Option("--allow-weak", help="Export weak offsets too; the file marks them.")
+    bool, typer.Option("--allow-weak", help="Export weakly observable offsets too; the file marks them.")
 ]
 AllowDisplaced = Annotated[
     bool,
@@ -118,7 +119,7 @@ def export_rapid(_: Run, calibration: Calibration) -> str:
 @_format("json")
 def export_json(_: Run, calibration: Calibration) -> str:
     """The offsets with their uncertainty as JSON, for programs."""
-    from ..experiments.exporters.offsets_json import json_text
+    from ..experiments.exporters.offsets_data import json_text
 
     return json_text(calibration)
 
@@ -126,7 +127,7 @@ def export_json(_: Run, calibration: Calibration) -> str:
 @_format("csv")
 def export_csv(_: Run, calibration: Calibration) -> str:
     """The offsets with their uncertainty as a table, for spreadsheets."""
-    from ..experiments.exporters.offsets_csv import csv_text
+    from ..experiments.exporters.offsets_data import csv_text
 
     return csv_text(calibration)
 
@@ -142,7 +143,7 @@ def _export(
 ) -> None:
     """Judge a run, write what may be applied, say what was written."""
     from ..experiments.exporters.calibration import calibration
-    from ..experiments.exporters.offsets_json import document
+    from ..experiments.exporters.offsets_data import document
     from ..model.files.run import read_run
     from ..model.files.whole_file import refuse_existing, write_whole
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -18,65 +17,35 @@ if TYPE_CHECKING:
 imports = typer.Typer(help="Make a run from recorded files that people have.", no_args_is_help=True)
 
 
-class AngleUnit(StrEnum):
-    """Units that angles come in."""
-
-    DEG = "deg"
-    RAD = "rad"
-
-
-class LengthUnit(StrEnum):
-    """Units that lengths come in."""
-
-    MM = "mm"
-    M = "m"
-
-
-class ClockUnit(StrEnum):
-    """Units that recorded times come in."""
-
-    S = "s"
-    MS = "ms"
-    US = "us"
-    NS = "ns"
-
-
-class J3Origin(StrEnum):
-    """What the third joint's angle is counted from."""
-
-    GROUND = "ground"
-    LINK = "link"
-
-
-class KnownLog(StrEnum):
-    """Logs over time whose layout is known."""
-
-    UR = "ur"
-    EGM = "egm"
-    ROBODK = "robodk"
-
+AngleUnit = Literal["deg", "rad"]
+LengthUnit = Literal["mm", "m"]
+ClockUnit = Literal["s", "ms", "us", "ns"]
+J3Origin = Literal["ground", "link"]
+KnownLog = Literal["ur", "egm", "robodk"]
 
 _TargetEach = Annotated[
     list[str],
-    typer.Option(help="Target of a file's shots: once for each file, in their order.", show_default=False),
+    typer.Option(help="Target of a file: once for each file, in their order.", show_default=False),
 ]
 _Targets = Annotated[
     list[str] | None,
     typer.Option(
-        help="Target of a file's shots: once for each file, in their order, unless the files name them.",
+        help="Target of a file: once for each file, in their order, unless the files name them.",
         show_default=False,
     ),
 ]
 _StillDeg = Annotated[
-    float, typer.Option(help="At rest: each joint within so many degrees.", show_default=False)
+    float, typer.Option(help="Dwell: each joint within so many degrees.", show_default=False)
 ]
-_StillSeconds = Annotated[float, typer.Option(help="At rest: for at least so long.", show_default=False)]
+_StillSeconds = Annotated[
+    float, typer.Option(help="Dwell: for at least so many seconds.", show_default=False)
+]
 _StillMm = Annotated[
-    float | None, typer.Option(help="At rest: each prismatic joint within so many mm.", show_default=False)
+    float | None, typer.Option(help="Dwell: each prismatic joint within so many mm.", show_default=False)
 ]
 _MarkerColumn = Annotated[
     str | None,
-    typer.Option(help="Only stands in which this column becomes other than 0.", show_default=False),
+    typer.Option(help="Only dwells in which this column becomes other than 0.", show_default=False),
 ]
 _PointNames = Annotated[
     str | None,
@@ -107,14 +76,14 @@ def import_csv(
             show_default=False,
         ),
     ] = None,
-    delimiter: Annotated[str, typer.Option(help="What stands between two numbers.")] = ",",
+    delimiter: Annotated[str, typer.Option(help="Delimiter between two values.")] = ",",
     decimal: Annotated[str, typer.Option(help="Decimal sign: . or ,")] = ".",
-    j3: Annotated[J3Origin, typer.Option(help="Joint 3 is counted from; FANUC: ground.")] = J3Origin.LINK,
+    j3: Annotated[J3Origin, typer.Option(help="Joint 3 is counted from; FANUC: ground.")] = "link",
     spot_columns: Annotated[
         str | None, typer.Option(help="Columns of spot_mm: dx,dy in mm.", show_default=False)
     ] = None,
     shot_column: Annotated[
-        str | None, typer.Option(help="Column of the shots' numbers.", show_default=False)
+        str | None, typer.Option(help="Column of the measurement numbers.", show_default=False)
     ] = None,
     time_column: Annotated[str | None, typer.Option(help="Column of times.", show_default=False)] = None,
     time_units: Annotated[
@@ -123,7 +92,7 @@ def import_csv(
     still_deg: Annotated[
         float | None,
         typer.Option(
-            help="A shot is where the arm is at rest: each joint within so many degrees, …",
+            help="A measurement is where the arm dwells: each joint within so many degrees, …",
             show_default=False,
         ),
     ] = None,
@@ -138,32 +107,27 @@ def import_csv(
 
     if (still_deg is None) != (still_s is None) or (still_mm is not None and still_deg is None):
         raise BadInput(
-            "standing still is half stated", remedy="state both --still-deg and --still-s, or none"
+            "a dwell needs a tolerance and a time", remedy="state both --still-deg and --still-s, or neither"
         )
     still = None
     if still_deg is not None and still_s is not None:
         still = importers.Stillness(still_deg, still_s, still_mm)
-    imported = importers.import_csv(
-        files,
-        target or [],
-        units.value,
-        header,
-        file,
-        header_row=header_row,
-        columns=_named(columns),
-        delimiter=delimiter,
-        lengths=None if lengths is None else lengths.value,
-        decimal=decimal,
-        target_column=target_column,
-        shot_column=shot_column,
-        spot_columns=_named(spot_columns),
-        time_column=time_column,
-        time_units=None if time_units is None else time_units.value,
-        marker_column=marker_column,
-        j3=j3.value,
-        still=still,
+    layout = importers.CsvLayout(
+        units,
+        header_row,
+        _named(columns),
+        delimiter,
+        lengths,
+        decimal,
+        target_column,
+        shot_column,
+        _named(spot_columns),
+        time_column,
+        time_units,
+        marker_column,
+        j3,
     )
-    _write_imported(imported, file)
+    _write_imported(importers.import_csv(files, target or [], layout, header, file, still=still), file)
 
 
 @imports.command("ros")
@@ -190,12 +154,12 @@ def import_ros(
     marker_topic: Annotated[
         str | None,
         typer.Option(
-            help="Only stands at a message on this topic; a std_msgs/String names the target.",
+            help="Only dwells at a message on this topic; a std_msgs/String names the target.",
             show_default=False,
         ),
     ] = None,
 ) -> None:
-    """Joint states in ROS bags: a shot is where the arm is at rest (and a marker says so)."""
+    """Joint states in ROS bags: a measurement is where the arm dwells (at a marker, if stated)."""
     from ..experiments import importers
 
     imported = importers.import_ros(
@@ -228,15 +192,16 @@ def import_log(
     still_s: _StillSeconds,
     still_mm: _StillMm = None,
     delimiter: Annotated[
-        str | None, typer.Option(help="What stands between two values, if not as usual.", show_default=False)
+        str | None,
+        typer.Option(help="Delimiter between two values, if not the usual one.", show_default=False),
     ] = None,
     marker_column: _MarkerColumn = None,
 ) -> None:
-    """Logs over time of a known layout: a shot is where the arm is at rest. Other logs: import csv."""
+    """Logs over time of a known layout: a measurement is where the arm dwells. Other logs: import csv."""
     from ..experiments import importers
 
     imported = importers.import_log(
-        kind.value,
+        kind,
         files,
         target,
         header,
@@ -263,9 +228,7 @@ def import_fanuc(
     """Positions of TP programs that were taught with the beam on the target, in joint representation."""
     from ..experiments import importers
 
-    _write_imported(
-        importers.import_fanuc(files, target, header, file, j3=j3.value, points=_named(points)), file
-    )
+    _write_imported(importers.import_fanuc(files, target, header, file, j3=j3, points=_named(points)), file)
 
 
 @imports.command("kuka")
@@ -292,4 +255,4 @@ def _write_imported(imported: Imported, file: Path) -> None:
     for line in imported.understood:
         out.print(line, markup=False)
     write_run(file, imported.header, imported.shots)
-    out.print(f"{len(imported.shots)} shots written to {file}", soft_wrap=True, markup=False)
+    out.print(f"{len(imported.shots)} measurements written to {file}", soft_wrap=True, markup=False)

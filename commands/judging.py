@@ -92,7 +92,7 @@ def demo(
 
 def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> None:
     """Will this plan work? The verdict before any shot."""
-    from ..analysis.observability.aimed_plan import aim_plan
+    from ..analysis.observability.aim import aim_plan
     from ..analysis.observability.check import check as judge
     from ..analysis.observability.check import check_json
     from ..model.files.plan import read_plan
@@ -203,13 +203,13 @@ def plan(
     picture: Picture = None,
 ) -> None:
     """Make a plan: the paper's X- or Y-Pattern, or the best of many candidate postures."""
+    from ..experiments.plans.make import PlanRequest, make_plan
     from ..experiments.plans.obstacles import Obstacles, read_obstacles
-    from ..experiments.plans.plan_making import Request, make_plan
     from ..model.files.header import read_header
     from ..model.files.plan import read_plan
     from ..reports.run.terminal import print_proposal
 
-    request = Request(
+    request = PlanRequest(
         kind=kind.value,
         header=read_header(header),
         header_folder=header.parent,
@@ -230,7 +230,7 @@ def plan(
         made = make_plan(request, file, told)
     answer = made.as_json()
     if picture is not None and made.file is not None:
-        from ..analysis.observability.aimed_plan import aim_plan
+        from ..analysis.observability.aim import aim_plan
         from ..analysis.observability.check import check as judge
         from ..analysis.observability.check import check_json
         from ..reports.scenes.plan_page import write_plan_page

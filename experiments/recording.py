@@ -15,14 +15,15 @@ from ..model.files.journal import RunJournal
 from ..model.files.plan import Plan
 from ..model.files.robot_file import rebased
 from ..model.files.run import Shot, read_run
-from .procedure.adaptive import Adaptive
-from .procedure.order import Closing, InTurn, Order
-from .procedure.procedure import Carried, Procedure, Told, recorded_event, told_by
-from .rigs.abb.abb_rig import AbbRig, Caution, Sensors
+from .procedure.order import Adaptive, Closing, InTurn, Order
+from .procedure.session import Carried, Procedure, Told, recorded_event, told_by
 from .rigs.abb.access import Access
+from .rigs.abb.caution import Caution
+from .rigs.abb.driver import AbbRig
 from .rigs.replay import ReplayRig
 from .rigs.simulated.cell_file import Cell, read_cell
-from .rigs.simulated.simulated_rig import SimulatedRig
+from .rigs.simulated.simulator import SimulatedRig
+from .sensors.interface import Sensors
 from .simulate import Truth, simulated_shots
 
 RigName = Literal["simulated", "replay", "abb"]
@@ -39,7 +40,7 @@ class Controller:
 
 
 @dataclass(frozen=True)
-class Request:
+class RunRequest:
     """How a plan is to be carried out. `tolerance` (deg; mm) asks for an adaptive run, `closing` for closing
     shots; `cell` and `camera` are of the simulated rig, `recording` of the replay, `controller` of ABB's."""
 
@@ -54,7 +55,7 @@ class Request:
     controller: Controller | None = None
 
 
-def record(plan: Plan, file: Path, request: Request, told: Told) -> dict[str, Any]:
+def record(plan: Plan, file: Path, request: RunRequest, told: Told) -> dict[str, Any]:
     """Carry the plan out into the run file `file`; the answer is the last event (docs/files.md).
 
     Raises BadInput before anything moves, RigFault where the rig stops: the shots so far are in the file.
@@ -77,7 +78,7 @@ def record(plan: Plan, file: Path, request: Request, told: Told) -> dict[str, An
     return answer
 
 
-def _by_hand(plan: Plan, file: Path, request: Request, told: Told) -> dict[str, Any]:
+def _by_hand(plan: Plan, file: Path, request: RunRequest, told: Told) -> dict[str, Any]:
     """A probe is led into its socket by hand: no servo, no sensors; only the simulated rig can do that."""
     _refuse(
         {"--cell": request.cell, "--recorded": request.recording, "--adaptive": request.tolerance},
@@ -113,7 +114,7 @@ def _by_hand(plan: Plan, file: Path, request: Request, told: Told) -> dict[str, 
 
 
 def _rig(
-    plan: Plan, request: Request
+    plan: Plan, request: RunRequest
 ) -> tuple[SimulatedRig | ReplayRig | AbbRig, dict[str, str | int | float]]:
     """The rig, and what the run's provenance says of its making."""
     about: dict[str, str | int | float] = {"plan sha256": plan.sha256}
@@ -134,7 +135,8 @@ def _rig(
         raise BadInput("--recorded is for a replay", remedy="leave it out, or state --rig replay")
     cell = Cell()
     if request.cell is not None:
-        cell, about["cell sha256"] = read_cell(request.cell)
+        cell = read_cell(request.cell)
+        about["cell sha256"] = str(cell.sha256)
     if not request.camera:
         cell, about["camera"] = cell.model_copy(update={"camera": None}), False
     try:
@@ -156,11 +158,11 @@ def _header(plan: Plan, file: Path, about: dict[str, str | int | float]) -> Head
     return plan.header.model_copy(update={"provenance": {**plan.header.provenance, **about}, "robot": robot})
 
 
-def _journal(file: Path, header: Header, request: Request) -> RunJournal:
+def _journal(file: Path, header: Header, request: RunRequest) -> RunJournal:
     return RunJournal.resumed(file, header) if request.resume else RunJournal(file, header)
 
 
-def _begin(plan: Plan, journal: RunJournal, request: Request) -> dict[str, Any]:
+def _begin(plan: Plan, journal: RunJournal, request: RunRequest) -> dict[str, Any]:
     return {
         "event": "begin",
         "rig": request.rig,

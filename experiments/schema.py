@@ -14,7 +14,7 @@ from ..model.files.robot_file import RobotFile
 from ..model.files.run import Shot
 from .plans.obstacles import Obstacles
 from .rigs.simulated.cell_file import Cell
-from .sensors.calibration import PsdCalibration
+from .sensors.counts import PsdCalibration
 from .sensors.sensors_file import SensorsFile
 from .studies.sweeps.study_file import StudyFile
 

@@ -59,6 +59,14 @@ class BadInput(ZerobeamError):
         return "\n".join(parts)
 
 
+def missing_extra(what: str, extra: str, *, needed: str | None = None) -> BadInput:
+    """The error that `what` needs zerobeam's optional `extra`; `needed` calls it by another name."""
+    return BadInput(
+        f"{what} needs {needed or f'the extra `{extra}`'}, which is not installed",
+        remedy=f'pip install "zerobeam[{extra}]"',
+    )
+
+
 class FitFailed(ZerobeamError):
     """The estimation could not be carried out; nothing that it left behind may be read as a result."""
 

@@ -170,6 +170,18 @@ class Robot:
         return ca.sparsify(rotation @ self.flange[:3, :3]), translation, origins, axes
 
 
+def same_arm(one: Robot, other: Robot) -> bool:
+    """Whether two robots have the same joints in the same places, whatever their names and limits."""
+    return (
+        one.n == other.n
+        and all(
+            a.kind == b.kind and np.allclose(a.fixed, b.fixed) and np.allclose(a.axis, b.axis)
+            for a, b in zip(one.joints, other.joints, strict=True)
+        )
+        and np.allclose(one.flange, other.flange)
+    )
+
+
 def axis_rotation(axis: Matrix, cosine: ca.SX, sine: ca.SX) -> ca.SX:
     """Rotation (3, 3) about the unit `axis` (3,) by an angle given by its cosine and sine (Rodrigues)."""
     cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])

@@ -11,7 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
+from ...model.files.plan import Plan
 from ...model.problem import Problem
 from ...model.robot import Matrix
 
@@ -32,6 +34,28 @@ class Aimed:
     off_mm: Matrix
     hit: NDArray[np.bool_]
     ahead: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class AimedPlan:
+    """A plan with its postures as the servo will leave them.
+
+    `problem` has the postures as planned, `x` (p,) the values before any measurement: offsets 0, targets at
+    their stated positions; `aimed` has the postures turned onto the targets there.
+    """
+
+    plan: Plan
+    problem: Problem
+    x: Matrix
+    aimed: Aimed
+
+
+def aim_plan(plan: Plan) -> AimedPlan:
+    """Turn every posture of a plan onto its target; BadInput where the plan makes no problem."""
+    with threadpool_limits(limits=1, user_api="blas"):
+        problem = Problem.from_plan(plan)
+        x = problem.supposed()
+        return AimedPlan(plan, problem, x, aim(problem, x, servo_joints(problem)))
 
 
 def servo_joints(problem: Problem) -> Matrix:

@@ -12,10 +12,8 @@ from ...model.errors import BadInput
 from ...model.files.plan import Plan
 from ...model.problem import Problem
 from ...model.robot import Matrix
-from ..result import Group, Identifiability, Status, Verdict
-from ..versions import versions
-from .aim import Aimed
-from .aimed_plan import AimedPlan, aim_plan
+from ..result import Group, Identifiability, Status, Verdict, versions
+from .aim import Aimed, AimedPlan, aim_plan
 from .identifiability import identify
 from .outlook import Advice, CurvePoint, OverTarget, advice, curve, over_target, predicted_std
 from .verdict import listed, reason_for, verdict, verdict_sentence

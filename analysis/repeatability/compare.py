@@ -10,7 +10,7 @@ import numpy as np
 
 from ...model.robot import Matrix
 from ..observability.verdict import listed
-from ..versions import versions
+from ..result import versions
 from .consistency import LEVEL, Sample, against_others, consistency, holm, mean_of, of_a_std, one_offset
 from .repeats import Kind, Progress, Repeat, read_repeats, times
 

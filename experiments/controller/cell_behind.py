@@ -10,7 +10,7 @@ from ...model.errors import BadInput
 from ...model.files.plan import Plan
 from ...model.robot import Matrix
 from ..rigs.simulated.cell_file import Cell
-from ..rigs.simulated.simulated_rig import SimulatedRig
+from ..rigs.simulated.simulator import SimulatedRig
 
 _AXES = 6
 

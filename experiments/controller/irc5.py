@@ -11,9 +11,17 @@ import numpy as np
 from ...model.robot import Matrix
 from .cell_behind import CellBehind
 from .drive import Drive
-from .egm import Egm
+from .egm_server import Egm
 from .rapid_data import RapidData
-from .return_code import EXECUTION_STATE, HELD, INVALID_ARGUMENT, MODE_REJECT, NOT_HELD, REJECTED, Refused
+from .return_code import (
+    EXECUTION_STATE,
+    HELD,
+    INVALID_ARGUMENT,
+    MODE_REJECT,
+    NOT_HELD,
+    REJECTED,
+    RequestRefused,
+)
 
 CYCLE = 0.004  # s
 PATIENCE = 1.0  # s without a word of the client: the timer of command 1, CommTimeout of EGMSetupUC
@@ -123,10 +131,10 @@ class Irc5:
     def set_state(self, wanted: str) -> None:
         """Motors on or off."""
         if wanted not in ("motoron", "motoroff"):
-            raise Refused(INVALID_ARGUMENT, f"ctrl-state={wanted}")
+            raise RequestRefused(INVALID_ARGUMENT, f"ctrl-state={wanted}")
         self._require_automatic()
         if self.state == "emergencystop":
-            raise Refused(REJECTED, "emergency stop")
+            raise RequestRefused(REJECTED, "emergency stop")
         if wanted == "motoroff":
             self.running = False
         self.state = "motoron" if wanted == "motoron" else "motoroff"
@@ -138,18 +146,18 @@ class Irc5:
         except ValueError:
             ratio = -1.0
         if not (0 <= ratio <= 100 and ratio == int(ratio)):
-            raise Refused(INVALID_ARGUMENT, f"speed-ratio={text[:80]}")
+            raise RequestRefused(INVALID_ARGUMENT, f"speed-ratio={text[:80]}")
         self.speed_ratio = int(ratio)
 
     def start(self, cycle_mode: str, session: str) -> None:
         self._require_automatic()
         self._require_not_held("motion", session)
         if self.state != "motoron" or self.running:
-            raise Refused(EXECUTION_STATE, f"{self.state}, {self.execution}")
+            raise RequestRefused(EXECUTION_STATE, f"{self.state}, {self.execution}")
         if cycle_mode in ("once", "forever"):
             self.cycle_mode = cycle_mode
         elif cycle_mode != "asis":
-            raise Refused(INVALID_ARGUMENT, f"cycle={cycle_mode[:80]}")
+            raise RequestRefused(INVALID_ARGUMENT, f"cycle={cycle_mode[:80]}")
         self.running, self.reason = True, ""
 
     def stop(self) -> None:
@@ -160,7 +168,7 @@ class Irc5:
         self._require_automatic()
         self._require_not_held("rapid", session)
         if self.running:
-            raise Refused(EXECUTION_STATE, self.execution)
+            raise RequestRefused(EXECUTION_STATE, self.execution)
         self.egm.end()
         self._drive.rest()
         self._main = self._program()
@@ -178,7 +186,7 @@ class Irc5:
     def set_signal(self, name: str, value: str, session: str) -> None:
         self._require_privilege(session)
         if value not in ("0", "1"):
-            raise Refused(INVALID_ARGUMENT, f"lvalue={value[:80]}")
+            raise RequestRefused(INVALID_ARGUMENT, f"lvalue={value[:80]}")
         self.signals[name] = int(value)
         self.cell.switch(self.signals[LASER] == 1)
 
@@ -191,7 +199,7 @@ class Irc5:
 
     def release(self, domains: tuple[str, ...], session: str) -> None:
         if any(self.masters.get(domain) != session for domain in domains):
-            raise Refused(NOT_HELD)
+            raise RequestRefused(NOT_HELD)
         for domain in domains:
             del self.masters[domain]
 
@@ -202,15 +210,15 @@ class Irc5:
 
     def _require_automatic(self) -> None:
         if self.mode != "AUTO":
-            raise Refused(MODE_REJECT, self.mode)
+            raise RequestRefused(MODE_REJECT, self.mode)
 
     def _require_privilege(self, session: str) -> None:
         if self.mode != "AUTO" and not self.remote.get(session, False):
-            raise Refused(REJECTED, f"{self.mode} without remote manual mode privilege")
+            raise RequestRefused(REJECTED, f"{self.mode} without remote manual mode privilege")
 
     def _require_not_held(self, domain: str, session: str) -> None:
         if self.masters.get(domain, session) != session:
-            raise Refused(HELD, domain)
+            raise RequestRefused(HELD, domain)
 
     # The program, a step of which is 4 ms: what is said of it in the package's docstring
 

@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 
-from .return_code import INVALID_ARGUMENT, Refused
+from .return_code import INVALID_ARGUMENT, RequestRefused
 
 MODULE = "zerobeam_egm"
 _NO_AXIS = 9e9  # what RAPID writes for an external axis that there is not
@@ -73,7 +73,7 @@ class RapidData:
         return "[" + ",".join(f"[{','.join(map(number_text, part))}]" for part in value) + "]"
 
     def written(self, name: str, text: str) -> None:
-        """Take a value as RAPID writes it; Refused where it is none of the type."""
+        """Take a value as RAPID writes it; RequestRefused where it is none of the type."""
         value: Value | None
         if isinstance(self._values[name], bool):
             value = {"TRUE": True, "FALSE": False}.get(text.strip().upper())
@@ -87,7 +87,7 @@ class RapidData:
             whole = [tuple(v for v in part if v is not None) for part in lists]
             value = (whole[0], whole[1]) if [len(part) for part in whole] == [6, 6] else None
         if value is None:
-            raise Refused(INVALID_ARGUMENT, f"{text[:80]} is no {self.type_of(name)}")
+            raise RequestRefused(INVALID_ARGUMENT, f"{text[:80]} is no {self.type_of(name)}")
         self._values[name] = value
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from .irc5 import DOMAINS, Irc5
 from .rapid_data import MODULE, number_text
-from .return_code import INVALID_ARGUMENT, NO_SUCH_RESOURCE, NO_SUCH_SIGNAL, NO_SUCH_SYMBOL, Refused
+from .return_code import INVALID_ARGUMENT, NO_SUCH_RESOURCE, NO_SUCH_SIGNAL, NO_SUCH_SYMBOL, RequestRefused
 
 TASK, UNIT = "T_ROB1", "ROB_1"
 _SYMBOL = "rw/rapid/symbol/data/RAPID/"
@@ -36,7 +36,7 @@ class State:
 
 
 def answer(controller: Irc5, asked: Asked) -> tuple[State, ...] | None:
-    """The items of the answer, None where there is nothing to say (204). Raises Refused."""
+    """The items of the answer, None where there is nothing to say (204). Raises RequestRefused."""
     if asked.method == "GET":
         return _told(controller, asked)
     _do(controller, asked)
@@ -122,21 +122,21 @@ def _do(controller: Irc5, asked: Asked) -> None:
 
 def _require(fine: bool, found: str) -> None:
     if not fine:
-        raise Refused(INVALID_ARGUMENT, found[:80])
+        raise RequestRefused(INVALID_ARGUMENT, found[:80])
 
 
 def _symbol(controller: Irc5, path: str) -> str:
     """RAPID does not tell capitals from small letters."""
     parts = path.removeprefix(_SYMBOL).lower().split("/")
     if parts[:-1] != [TASK.lower(), MODULE] or parts[-1] not in controller.data:
-        raise Refused(NO_SUCH_SYMBOL)
+        raise RequestRefused(NO_SUCH_SYMBOL)
     return parts[-1]
 
 
 def _signal(controller: Irc5, path: str) -> str:
     name = path.removeprefix(_SIGNAL).removeprefix(_DEVICE)
     if name not in controller.signals:
-        raise Refused(NO_SUCH_SIGNAL)
+        raise RequestRefused(NO_SUCH_SIGNAL)
     return name
 
 
@@ -152,7 +152,7 @@ def _domains(path: str) -> tuple[str, ...]:
     """The domains of mastership that a path names: one, or all."""
     found = re.fullmatch(r"rw/mastership(?:/(\w+))?", path)
     if found is None or (found[1] is not None and found[1] not in DOMAINS):
-        raise Refused(NO_SUCH_RESOURCE)
+        raise RequestRefused(NO_SUCH_RESOURCE)
     return DOMAINS if found[1] is None else (found[1],)
 
 

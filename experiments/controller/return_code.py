@@ -36,7 +36,7 @@ HELD = Code(403, -1073445862, "Requested resource is held by someone else")
 NOT_HELD = Code(403, -1073445880, "Resource is not held")  # SYS_CTRL_E_RESOURCE_NOT_HELD
 
 
-class Refused(Exception):
+class RequestRefused(Exception):
     """A request that the controller does not carry out."""
 
     def __init__(self, code: Code, why: str = "") -> None:

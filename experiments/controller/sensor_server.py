@@ -27,7 +27,7 @@ import numpy as np
 
 from ...model.errors import RigFault, ZerobeamError
 from ...model.robot import Matrix
-from ..rigs.simulated.simulated_rig import SimulatedRig
+from ..rigs.simulated.simulator import SimulatedRig
 from ..sensors.camera import Camera, Image
 from ..sensors.psd import Psd
 from .irc5 import Irc5

@@ -17,8 +17,7 @@ from ...analysis.diagnostics.notes import LACK_OF_FIT
 from ...analysis.estimation.fit import AgainstNoise, LikelihoodFit, fit_likelihood
 from ...analysis.observability.identifiability import Identified, identify_at
 from ...analysis.observability.verdict import listed, reason_for
-from ...analysis.result import Status
-from ...analysis.versions import versions
+from ...analysis.result import Status, versions
 from ...model.errors import BadInput, FitFailed
 from ...model.files.reading import did_you_mean
 from ...model.files.run import Run

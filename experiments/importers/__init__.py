@@ -1,13 +1,10 @@
 """Runs from recordings that people have: units, order and targets are stated or in the file."""
 
-from .csv_file import CsvLayout, TimeUnit, import_csv
+from .csv_file import CsvLayout, LogKind, TimeUnit, import_csv, import_log
 from .dwells import Stillness
-from .fanuc import import_fanuc
-from .imported import Imported
-from .joint3 import J3
-from .known_logs import LogKind, import_log
-from .kuka import import_kuka
+from .imported import J3, Imported
 from .ros import import_ros
+from .taught import import_fanuc, import_kuka
 
 __all__ = [
     "J3",

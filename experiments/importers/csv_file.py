@@ -1,10 +1,10 @@
-"""Runs from plain CSV files: units, targets and columns are stated, never guessed."""
+"""Runs from CSV files and logs: units, targets and columns are stated or known, never guessed."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -13,10 +13,8 @@ import numpy as np
 from ...model.errors import BadInput
 from ...model.files.reading import shown
 from ...model.robot import Matrix, Robot
-from .dwells import Stillness, held
-from .imported import Found, Imported, Job, one_target_each
-from .joint3 import J3, J3_TOLD, from_ground
-from .log import Log, Mark
+from .dwells import Log, Mark, Stillness, held
+from .imported import J3, J3_TOLD, Found, Imported, Job, from_ground, one_target_each
 from .table import Table, check_signs, read_table
 
 PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
@@ -27,21 +25,21 @@ TimeUnit = Literal["s", "ms", "us", "ns"]
 class CsvLayout:
     """How the CSV files are laid out. Columns are stated by name (with a `header_row`) or number, from 1.
 
-    `columns` are those of joint 1, 2, … in this order, others are left out; without it the files hold the
-    joints alone, joint 1 first. `lengths` is the unit of prismatic joints, to be stated if there are any.
+    `columns` are those of joint 1, 2, … in this order, others are ignored; without it the files hold only
+    joints, joint 1 first. `lengths` is the unit of prismatic joints, required if there are any.
     `spot_columns` are dx and dy in mm, as `spot_mm` of a run. `marker_column` is neither empty nor 0 where a
-    shot begins. `changes_only`: a row is written only where the joints changed, and holds until the next.
+    measurement begins. `changes_only`: rows only where the joints changed, each valid until the next.
     """
 
     units: Literal["deg", "rad"]
     header_row: bool = False
-    columns: tuple[str, ...] | None = None
+    columns: Sequence[str] | None = None
     delimiter: str = ","
     lengths: Literal["mm", "m"] | None = None
     decimal: str = "."
     target_column: str | None = None
     shot_column: str | None = None
-    spot_columns: tuple[str, ...] | None = None
+    spot_columns: Sequence[str] | None = None
     time_column: str | None = None
     time_units: TimeUnit | None = None
     marker_column: str | None = None
@@ -49,21 +47,21 @@ class CsvLayout:
     changes_only: bool = False
 
     def check(self, robot: Robot) -> None:
-        """BadInput for what no file could satisfy."""
+        """BadInput for a layout that no file can have."""
         if self.units not in ("deg", "rad"):
             raise BadInput(
-                "the unit of the angles must be stated", found=shown(self.units), allowed="deg, rad"
+                "the unit of the angles is not stated", found=shown(self.units), allowed="deg, rad"
             )
         slides = any(joint.kind == "prismatic" for joint in robot.joints)
         if slides and self.lengths not in ("mm", "m"):
             raise BadInput(
-                "the unit of the prismatic joints must be stated",
+                "the unit of the prismatic joints is not stated",
                 found=f"{robot.name} has prismatic joints",
                 allowed="mm, m",
             )
         check_signs(self.delimiter, self.decimal)
         if self.time_column is not None and self.time_units is None:
-            raise BadInput("the unit of the times must be stated", allowed=", ".join(PER_SECOND))
+            raise BadInput("the unit of the times is not stated", allowed=", ".join(PER_SECOND))
         if self.spot_columns is not None and len(self.spot_columns) != 2:
             raise BadInput(
                 "a spot has two columns", found=", ".join(self.spot_columns), allowed="dx,dy in mm"
@@ -72,19 +70,19 @@ class CsvLayout:
             return
         if not self.header_row and not all(name.isdecimal() for name in self.columns):
             raise BadInput(
-                "columns are named, but no header row is stated",
-                remedy="say that the files have a header row, if they have one, or state numbers from 1",
+                "columns are given by name, but no header row is stated",
+                remedy="state the header row, if the files have one, or give numbers from 1",
             )
         if len(self.columns) != robot.n or len(set(self.columns)) != robot.n:
             raise BadInput(
-                "one column is wanted for each joint",
+                "one column is required for each joint",
                 found=", ".join(self.columns),
                 allowed=f"{robot.n} different ones ({robot.name} has {robot.n} joints)",
             )
 
     @property
     def joints_alone(self) -> bool:
-        """Whether the files hold nothing but joints, in their order."""
+        """Whether the files hold only joints, in their order."""
         others = (
             self.target_column,
             self.shot_column,
@@ -98,59 +96,18 @@ class CsvLayout:
 def import_csv(
     files: Sequence[Path | str],
     target_names: Sequence[str],
-    units: Literal["deg", "rad"],
-    header_path: Path | str,
-    out: Path | str,
-    *,
-    header_row: bool = False,
-    columns: Sequence[str] | None = None,
-    delimiter: str = ",",
-    lengths: Literal["mm", "m"] | None = None,
-    decimal: str = ".",
-    target_column: str | None = None,
-    shot_column: str | None = None,
-    spot_columns: Sequence[str] | None = None,
-    time_column: str | None = None,
-    time_units: TimeUnit | None = None,
-    marker_column: str | None = None,
-    j3: J3 = "link",
-    still: Stillness | None = None,
-) -> Imported:
-    """Shots from CSV files: one a row, or with `still` one for each stand of the arm.
-
-    All shots of a file are at the one target stated for it, or at that in `target_column`. `header_path` is a
-    header YAML file; `out` is the run file that is going to be written, so that the robot's path in the
-    header can be made relative to it. Nothing is written. BadInput, with file and line, for whatever is not
-    as stated. The layout is that of `CsvLayout`.
-    """
-    layout = CsvLayout(
-        units,
-        header_row,
-        None if columns is None else tuple(columns),
-        delimiter,
-        lengths,
-        decimal,
-        target_column,
-        shot_column,
-        None if spot_columns is None else tuple(spot_columns),
-        time_column,
-        time_units,
-        marker_column,
-        j3,
-    )
-    return import_layout(files, target_names, layout, header_path, out, still=still)
-
-
-def import_layout(
-    files: Sequence[Path | str],
-    target_names: Sequence[str],
     layout: CsvLayout,
     header_path: Path | str,
     out: Path | str,
     *,
-    still: Stillness | None,
+    still: Stillness | None = None,
 ) -> Imported:
-    """Shots from files of a layout; the rest is as in `import_csv`."""
+    """Measurements from CSV files of one layout: one a row, or with `still` one for each dwell of the arm.
+
+    All measurements of a file are at the target stated for it, or at that in `target_column`. `header_path`
+    is a header YAML file; `out` is the run file that will be written, so that the robot's path in the header
+    can be made relative to it. Nothing is written. BadInput, with file and line, for what does not fit.
+    """
     job = Job.begin(files, header_path)
     layout.check(job.robot)
     if layout.target_column is None:
@@ -165,24 +122,26 @@ def import_layout(
         _found(path, target, job.robot, layout, still)
         for path, target in zip(job.paths, targets, strict=True)
     ]
-    return job.finish(found, out, [*_units_told(layout, job.robot), *_columns_told(layout)])
+    return job.finish(found, out, [*_units_used(layout, job.robot), *_columns_used(layout)])
 
 
 def _check_shots(layout: CsvLayout, still: Stillness | None) -> None:
     if still is None and layout.marker_column is not None:
         raise BadInput(
-            "a column of markers is stated, but not what counts as standing still",
-            remedy="state the tolerance and the least time (--still-deg, --still-s)",
+            "a column of markers is stated, but not what counts as a dwell",
+            remedy="state the tolerance and the shortest time (--still-deg, --still-s)",
         )
     if still is None:
         return
     if layout.time_column is None:
-        raise BadInput("stands can only be found with a column of times", remedy="state it and its unit")
+        raise BadInput("dwells can be found only with a column of times", remedy="state it and its unit")
     if layout.shot_column is not None:
-        raise BadInput("a stand has many rows, and no number of its own", remedy="leave the shot column out")
+        raise BadInput(
+            "a dwell has many rows, and no number of its own", remedy="leave out the column of numbers"
+        )
     if layout.target_column is not None and layout.marker_column is None:
         raise BadInput(
-            "the target of a stand cannot be read from a column without markers",
+            "the target of a dwell cannot be read from a column without markers",
             remedy="state a marker column, or one target for each file",
         )
 
@@ -233,7 +192,7 @@ def _joint_columns(table: Table, robot: Robot, layout: CsvLayout) -> list[int]:
         table.names is not None and (len(names) != robot.n or (set(names) == set(own) and list(names) != own))
     ):
         raise BadInput(
-            "the columns are not simply the joints in their order",
+            "the columns are not just the joints in their order",
             found=", ".join(names) or f"{table.width} columns",
             allowed=f"{robot.n} columns, joint 1 first ({', '.join(own)})",
             remedy="name the columns of joint 1, 2, … in this order",
@@ -244,7 +203,7 @@ def _joint_columns(table: Table, robot: Robot, layout: CsvLayout) -> list[int]:
 
 
 def _marks(table: Table, stated: str, times: Matrix, names: list[str] | None) -> list[Mark]:
-    """A mark at each row where the column becomes something, or something else."""
+    """A marker at each row where the column takes a new value other than empty or 0."""
     texts = table.texts(table.column(stated))
     values = [text if text.lower() not in ("", "0", "0.0", "false", "nan") else None for text in texts]
     return [
@@ -259,7 +218,7 @@ def _shot_numbers(table: Table, stated: str) -> list[int]:
     for line, text in zip(table.lines, table.texts(column), strict=True):
         if not text.isdecimal():
             raise BadInput(
-                f"column {column + 1} is not the number of a shot",
+                f"column {column + 1} is not a measurement number",
                 found=shown(text),
                 allowed="whole numbers from 0",
                 file=table.path,
@@ -275,25 +234,75 @@ def _to_display(layout: CsvLayout, robot: Robot) -> Matrix:
     return np.array([angle if joint.kind == "revolute" else length for joint in robot.joints])
 
 
-def _units_told(layout: CsvLayout, robot: Robot) -> list[str]:
-    angles = "angles in radians, turned into degrees" if layout.units == "rad" else "angles in degrees"
+def _units_used(layout: CsvLayout, robot: Robot) -> list[str]:
+    angles = "angles in radians, converted to degrees" if layout.units == "rad" else "angles in degrees"
     if not all(joint.kind == "revolute" for joint in robot.joints):
         angles += f"; prismatic joints in {layout.lengths}"
     return [angles, *([J3_TOLD] if layout.j3 == "ground" else [])]
 
 
-def _columns_told(layout: CsvLayout) -> list[str]:
+def _columns_used(layout: CsvLayout) -> list[str]:
     if layout.columns is not None:
         told = [f"columns by name, joint 1 first: {', '.join(layout.columns)}"]
     else:
         row = "below a header row" if layout.header_row else "no header row"
-        told = [f"columns as they stand, joint 1 first; {row}"]
+        told = [f"columns in file order, joint 1 first; {row}"]
     others = {
         "target": layout.target_column,
-        "number of the shot": layout.shot_column,
+        "measurement number": layout.shot_column,
         "spot in mm (dx, dy)": None if layout.spot_columns is None else ", ".join(layout.spot_columns),
         f"time in {layout.time_units}": layout.time_column,
         "marker": layout.marker_column,
     }
     told += [f"{what}: column {name}" for what, name in others.items() if name is not None]
     return told
+
+
+# Logs whose layout is known: who writes them, their columns and units
+
+LogKind = Literal["ur", "egm", "robodk"]
+
+
+def _ur(joints: int) -> CsvLayout:
+    """Universal Robots, `record.py` of the RTDE client: blanks between values, q in rad, time in s."""
+    columns = tuple(f"actual_q_{i}" for i in range(joints))
+    return CsvLayout(
+        "rad", header_row=True, columns=columns, delimiter=" ", time_column="timestamp", time_units="s"
+    )
+
+
+def _egm(joints: int) -> CsvLayout:
+    """ABB EGM as logged by abb_libegm (EGMLogger): degrees, the controller's time in ms (egm.proto: tm).
+
+    Six significant digits: angles beyond 100 degrees are cut to 0.001.
+    """
+    columns = tuple(f"R_FB_POS_RJ{i + 1}" for i in range(joints))
+    return CsvLayout("deg", header_row=True, columns=columns, time_column="TIMESTAMP", time_units="ms")
+
+
+def _robodk(joints: int) -> CsvLayout:
+    """RoboDK's macro MonitorJoints: joints in degrees, then seconds, no header, a row where they changed."""
+    columns = tuple(str(i + 1) for i in range(joints))
+    return CsvLayout("deg", columns=columns, time_column=str(joints + 1), time_units="s", changes_only=True)
+
+
+_LAYOUTS: Mapping[str, Callable[[int], CsvLayout]] = {"ur": _ur, "egm": _egm, "robodk": _robodk}
+
+
+def import_log(
+    kind: LogKind,
+    files: Sequence[Path | str],
+    target_names: Sequence[str],
+    header_path: Path | str,
+    out: Path | str,
+    *,
+    still: Stillness,
+    delimiter: str | None = None,
+    marker_column: str | None = None,
+) -> Imported:
+    """Measurements from logs of a known kind: at each dwell, or at those that `marker_column` marks."""
+    if kind not in _LAYOUTS:
+        raise BadInput("unknown kind of log", found=kind, allowed=", ".join(_LAYOUTS))
+    layout = _LAYOUTS[kind](Job.begin(files, header_path).robot.n)
+    layout = replace(layout, marker_column=marker_column, delimiter=delimiter or layout.delimiter)
+    return import_csv(files, target_names, layout, header_path, out, still=still)

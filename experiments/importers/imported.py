@@ -1,4 +1,4 @@
-"""What all importers share: header, robot, shots within limits, and sentences on what was understood."""
+"""What all importers share: header, robot, measurements within limits, and how the files were understood."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from ...model.files.robot_file import load_robot, rebased
 from ...model.files.run import Shot, check_distances, check_shot, unknown_targets
 from ...model.files.validation import validate
 from ...model.robot import Matrix, Robot
+
+J3 = Literal["ground", "link"]
+J3_TOLD = "joint 3 is counted from the ground (FANUC): joint 2 is added to it"
 
 
 class Imported(NamedTuple):
@@ -29,10 +32,10 @@ class Imported(NamedTuple):
 
 @dataclass(frozen=True)
 class Found:
-    """The K shots of one file. `noun` is what they were in it ('row', 'stand', 'point'); `told` is on them.
+    """The K measurements of one file: `noun` is their name in it ('row', 'dwell', 'point'), `told` sentences.
 
-    `joints` (K, n) are degrees or mm; `lines` (K,) where they stand, if the file is text; `numbers` (K,) are
-    the shots' own; `spots` (K, 2) mm; `times` (K,) s since the start of the recording.
+    `joints` (K, n) are degrees or mm; `lines` (K,) of the file, if it is text; `numbers` (K,) of the
+    measurements; `spots` (K, 2) mm; `times` (K,) s since the start of the recording.
     """
 
     path: Path
@@ -57,21 +60,21 @@ class Job:
 
     @classmethod
     def begin(cls, files: Sequence[Path | str], header_path: Path | str) -> Job:
-        """Read the header; BadInput for it, for no files or for one that is given twice."""
+        """Read the header; BadInput for it, without files, or for a duplicate file."""
         paths = tuple(Path(file) for file in files)
         header_path = Path(header_path)
         if not paths:
-            raise BadInput("there is no file to import")
+            raise BadInput("no file to import is given")
         for i, path in enumerate(paths):
             if path.resolve() in [other.resolve() for other in paths[:i]]:
-                raise BadInput("the file is given twice", file=path, remedy="give each file once")
+                raise BadInput("the file is a duplicate", file=path, remedy="give each file once")
         header = read_header(header_path)
         robot = load_robot(header.robot, header_path.parent, file=header_path)
         check_header(header, robot, file=header_path, line=lambda _: None)
         return cls(paths, header_path, header, robot)
 
     def finish(self, found: Sequence[Found], out: Path | str, told: Sequence[str]) -> Imported:
-        """The shots of all files, numbered on, within limits; `told` says how the files were read."""
+        """The measurements of all files, numbered through; `told` says how the files were read."""
         robot = self.robot
         names = tuple(dict.fromkeys(target for part in found for target in part.targets))
         check_distances(self.header, names, file=self.header_path, line=None)
@@ -89,7 +92,8 @@ class Job:
         limits = check_limits(robot, joints, "shot", numbers, numbers, limits="warn", file=None)
         plural = "s" if len(self.paths) > 1 else ""
         understood = [
-            f"{len(self.paths)} file{plural}, {len(shots)} shots, robot {robot.name} ({robot.n} joints)",
+            f"{len(self.paths)} file{plural}, {len(shots)} measurements, robot {robot.name}"
+            f" ({robot.n} joints)",
             *sentences,
             *told,
             *_ranges_told(robot, joints),
@@ -99,7 +103,7 @@ class Job:
         return Imported(self.header.model_copy(update={"robot": moved}), shots, understood)
 
     def _shots(self, part: Found, first: int) -> list[Shot]:
-        """A clock is that of one file: the times of several have no common start, and are left out."""
+        """Times of several files have no common start: only those of a single file are kept."""
         times = part.times if len(self.paths) == 1 else None
         shots = []
         for i, (row, target) in enumerate(zip(part.joints.tolist(), part.targets, strict=True)):
@@ -134,29 +138,29 @@ def one_target_each(paths: Sequence[Path], targets: Sequence[str]) -> None:
     """BadInput unless there are as many names as files."""
     if len(targets) != len(paths):
         raise BadInput(
-            "one target name is wanted for each file",
+            "one target name is required for each file",
             found=f"{len(targets)} names, {len(paths)} files",
-            remedy="state the target of each file, in the order of the files; a name may come more than once",
+            remedy="state the target of each file, in the order of the files; names may repeat",
         )
 
 
 def _counted(shots: Sequence[Shot], part: Found) -> str:
-    """'3 shots of target 'a', numbered 0 to 2'."""
+    """'3 measurements of target 'a', numbered 0 to 2'."""
     names = list(dict.fromkeys(part.targets))
     plural = "s" if len(names) > 1 else ""
     which = ", ".join(repr(name) for name in names)
     numbers = [shot.shot for shot in shots]
-    return f"{len(shots)} shots of target{plural} {which}, numbered {min(numbers)} to {max(numbers)}"
+    return f"{len(shots)} measurements of target{plural} {which}, numbered {min(numbers)} to {max(numbers)}"
 
 
 def _numbered_once(shots: Sequence[Shot]) -> None:
     twice = [number for number, times in Counter(shot.shot for shot in shots).items() if times > 1]
     if twice:
         raise BadInput(
-            "a shot number stands twice",
+            "duplicate measurement number",
             found=", ".join(map(str, twice[:10])),
             allowed="each number once, over all files",
-            remedy="import without the column of numbers: then the shots are numbered from 0",
+            remedy="import without the column of numbers: measurements are then numbered from 0",
         )
 
 
@@ -166,3 +170,21 @@ def _ranges_told(robot: Robot, joints: Matrix) -> list[str]:
         f"limits {joint.lower * joint.display:.2f} to {joint.upper * joint.display:.2f}"
         for i, joint in enumerate(robot.joints)
     ]
+
+
+def from_ground(joints: Matrix, robot: Robot) -> Matrix:
+    """(N, n) degrees with J3 + J2 in place of J3: FANUC's joint 3 is the angle of link 3 to the horizontal.
+
+    A robot file or URDF wants the angle between the links. The ROS-Industrial FANUC driver adds J2 to J3 for
+    arms that are coupled so (J23_factor = 1; fanuc_driver, fanuc_utils.h; issue 17 of fanuc_experimental).
+    The signs of J2 and J3 are FANUC's in both.
+    """
+    if robot.n < 3 or any(joint.kind != "revolute" for joint in robot.joints[1:3]):
+        raise BadInput(
+            "joint 3 of this robot is not counted from the ground",
+            found=f"{robot.name}, whose joints 2 and 3 are not both revolute",
+            remedy="state that joint 3 is counted from link 2",
+        )
+    turned = joints.copy()
+    turned[:, 2] += joints[:, 1]
+    return turned

@@ -12,13 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...model.errors import BadInput
+from ...model.errors import BadInput, missing_extra
 from ...model.files.reading import did_you_mean
 from ...model.robot import Robot
-from ..extras import missing_extra
-from .dwells import Stillness
+from .dwells import Log, Mark, Stillness
 from .imported import Imported, Job, one_target_each
-from .log import Log, Mark
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
@@ -38,10 +36,10 @@ def import_ros(
     topic: str | None = None,
     marker_topic: str | None = None,
 ) -> Imported:
-    """Shots from bags: where the arm stood still, or of these where a message on `marker_topic` says so.
+    """Measurements from bags: at each dwell, or at those that a message on `marker_topic` marks.
 
-    `columns` are the names of joint 1, 2, … in the messages, by default the robot's own. `topic` must be
-    stated where there are several of joint states. A marker of text (std_msgs/String) names the target,
+    `columns` are the names of joint 1, 2, … in the messages, by default the robot's own. `topic` is
+    required if several have joint states. A marker of text (std_msgs/String) names the target,
     unless `target_names`, one for each file, do. Times are those at which the messages were recorded.
     """
     job = Job.begin(files, header_path)
@@ -49,7 +47,7 @@ def import_ros(
     names = [joint.name for joint in robot.joints] if columns is None else list(columns)
     if len(names) != robot.n or len(set(names)) != robot.n:
         raise BadInput(
-            "one name is wanted for each joint",
+            "one name is required for each joint",
             found=", ".join(names),
             allowed=f"{robot.n} different names ({robot.name} has {robot.n} joints)",
         )
@@ -65,7 +63,9 @@ def import_ros(
         f"joint states on {', '.join(dict.fromkeys(topics))}, in radians by definition of JointState"
         + ("" if all(joint.kind == "revolute" for joint in robot.joints) else "; prismatic joints in metres"),
         f"joints by name, joint 1 first: {', '.join(names)}",
-        "every stand is a shot" if marker_topic is None else f"shots by markers on {marker_topic}",
+        "every dwell is a measurement"
+        if marker_topic is None
+        else f"measurements at markers on {marker_topic}",
     ]
     return job.finish(found, out, told)
 
@@ -118,7 +118,7 @@ def _opened(path: Path) -> Iterator[AnyReader]:
         raise
     except Exception as error:  # noqa: BLE001 - the library lets through what its parsers meet in a torn file
         raise BadInput(
-            "the bag cannot be read: it is torn, corrupted or not a bag",
+            "the bag cannot be read: it is incomplete, corrupted or not a bag",
             found=" ".join(str(error).split()) or type(error).__name__,
             allowed="a ROS 1 .bag, a ROS 2 bag folder, .mcap or .db3",
             remedy="repair it with the tools of ROS (rosbag reindex, ros2 bag reindex, mcap recover)",
@@ -135,7 +135,7 @@ def _messages(reader: AnyReader, connections: list[Connection], path: Path) -> I
     promised = sum(connection.msgcount for connection in connections)
     if count != promised:
         raise BadInput(
-            "the bag is not whole",
+            "the bag is incomplete",
             found=f"{count} messages on {connections[0].topic}",
             allowed=f"{promised}, as the bag itself says",
             remedy="repair it with the tools of ROS, or record anew",
@@ -215,6 +215,6 @@ def _no_joints(names: Sequence[str], there: Sequence[str], topic: str, path: Pat
 
 
 def _target(message: Any) -> str | None:
-    """The text of a std_msgs/String; other markers say when, not where."""
+    """The text of a std_msgs/String; other markers have a time but no target."""
     text = getattr(message, "data", None)
     return text if isinstance(text, str) else None

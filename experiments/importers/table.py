@@ -1,4 +1,4 @@
-"""Text files of rows and columns: numbers with their line, columns by name or number, nothing guessed."""
+"""Text files of rows and columns: numbers with their line, columns by name or number."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Table:
                 "there is no column of this number",
                 found=stated,
                 allowed=f"1 to {self.width}",
-                remedy="names can be used where the files have a header row, if that is said",
+                remedy="column names need a header row: state it if the files have one",
                 file=self.path,
                 line=self.lines[0],
             )
@@ -70,7 +70,7 @@ class Table:
                 f"column {column + 1} is not a {'finite ' if value is not None else ''}number",
                 found=shown(text),
                 allowed=f"finite numbers with a decimal {'point' if self.decimal == '.' else 'comma'}",
-                remedy="take out a row that was not fully recorded",
+                remedy="remove a row that was not fully recorded",
                 file=self.path,
                 line=self.lines[row],
             )
@@ -90,10 +90,10 @@ def number(text: str, decimal: str = ".") -> float | None:
 def check_signs(delimiter: str, decimal: str) -> None:
     """BadInput for a delimiter or a decimal sign that cannot be one."""
     if decimal not in (".", ","):
-        raise BadInput("this cannot be a decimal sign", found=shown(decimal), allowed=". or ,")
+        raise BadInput("not a decimal sign", found=shown(decimal), allowed=". or ,")
     if len(delimiter) != 1 or delimiter in '."\r\n+-' or delimiter.isalnum():
         raise BadInput(
-            "this cannot stand between values",
+            "not a delimiter",
             found=shown(delimiter),
             allowed="one character: , ; or tab",
         )
@@ -101,7 +101,7 @@ def check_signs(delimiter: str, decimal: str) -> None:
         raise BadInput(
             "the decimal comma and the delimiter are the same",
             found=shown(delimiter),
-            remedy="state what stands between two numbers, such as ;",
+            remedy="state the delimiter, such as ;",
         )
 
 
@@ -135,7 +135,7 @@ def read_table(
                 "the first row holds no numbers",
                 found=shown(delimiter.join(rows[0])),
                 allowed="numbers" if joints_of is None else f"{joints_of.n} numbers",
-                remedy="if it is a header row, say that there is one",
+                remedy="if it is a header row, state it (--header-row)",
                 file=path,
                 line=lines[0],
             )
@@ -167,7 +167,7 @@ def _wrong_count(cells: list[str], width: int, whose: str, first: bool, path: Pa
     # The first row decides whether the file is of another robot; a later one is broken in itself.
     remedy = _other_delimiter(cells)
     if remedy is None and first:
-        remedy = "take out the columns that are no joints, or name the columns"
+        remedy = "remove the columns that are not joints, or name the columns"
     return BadInput(
         "the row has the wrong number of values",
         found=f"{len(cells)} values",
@@ -180,4 +180,4 @@ def _wrong_count(cells: list[str], width: int, whose: str, first: bool, path: Pa
 
 def _other_delimiter(cells: Sequence[str]) -> str | None:
     other = next((sign for sign in ";\t, " if len(cells) == 1 and sign in cells[0]), None)
-    return None if other is None else f"the values seem to be parted by {shown(other)}: state the delimiter"
+    return None if other is None else f"the delimiter seems to be {shown(other)}: state it"

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from ...model.files.header import Name, Point, Positive
-from ...model.files.reading import read_yaml
-from ...model.files.validation import FileModel, refusal, validate
+from ...model.files.validation import FileModel, read_model, refusal
 from ...model.problem import Problem
 from ...model.robot import Matrix
 
@@ -54,8 +53,7 @@ class Obstacles(FileModel):
 
 def read_obstacles(path: Path) -> Obstacles:
     """An obstacles file (YAML)."""
-    document = read_yaml(path)
-    return validate(Obstacles, document.data, file=document.file, line=document.line)
+    return read_model(Obstacles, path)
 
 
 class Clearance:

@@ -1,1 +1,1 @@
-"""How a run is carried out: search, servo, recording, and which posture is next."""
+"""How a run is carried out on any rig: search, servo, recording, and which posture is next."""

@@ -13,18 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...model.robot import Matrix
-from ..rigs.rig import Rig
-from ..sensors.psd import Psd
+from ..sensors.psd import BRIGHTEST, LIT, Psd
 from .readings import Spot, read_spot
-from .refused import Reason, Refused
-from .search import LIT
+from .refusal import MeasurementRefused, Reason
+from .rig import Rig
 from .steering import Belief, come_to, step
 
 ENOUGH_MM = 0.005  # far below what the joints' own noise makes of the beam
 ACCEPTED_MM = 0.05  # where the arm allows no better
-# Shares of the laser's light that a beam on the centre may have. A second light of a tenth of it, 10 mm off,
-# draws the reading by 1 mm; what is weaker is left to the statistics.
-WEAKEST, BRIGHTEST = 0.5, 1.1
 _SAMPLES = 20
 _STEPS = 30
 _PATIENCE = 4  # steps without getting nearer
@@ -53,7 +49,7 @@ def centre(
     frame: Matrix,
     told: Callable[[float], None] = lambda off: None,
 ) -> Centred:
-    """Lead the spot to the centre from wherever it is on the face; Refused with the reason if it cannot be.
+    """Move the spot to the centre from anywhere on the face; MeasurementRefused if that fails.
 
     The laser is on; `dark` (4,) are the currents without it, `frame` (3, 3) the PSD's axes in the base
     frame as believed. `told` hears how far off the spot is.
@@ -80,7 +76,7 @@ def centre(
             else:
                 asked, seen, idle = 0.0, 0.0, 0
         if idle == _STRIKES:
-            raise Refused(
+            raise MeasurementRefused(
                 Reason.NOT_FOLLOWING,
                 f"sent by {asked:.1f} mm, the light on the PSD moved by {seen:.1f} mm: a reflection, or"
                 " another light",
@@ -92,7 +88,7 @@ def centre(
         nearest = min(nearest, off[-1])
     # Nearer than the joints' noise alone makes it, the spot is as good as centred: its place is recorded.
     if off[-1] > max(ACCEPTED_MM, scatter):
-        raise Refused(Reason.NOT_CONVERGING, f"the spot stays {off[-1]:.2f} mm off the centre")
+        raise MeasurementRefused(Reason.NOT_CONVERGING, f"the spot stays {off[-1]:.2f} mm off the centre")
     return Centred(joints, tuple(off))
 
 
@@ -103,9 +99,9 @@ def _length(vector: Matrix) -> float:
 def _on_face(rig: Rig, psd: Psd, dark: Matrix) -> Spot:
     spot = read_spot(rig, psd, dark, _SAMPLES)
     if spot.light < LIT:
-        raise Refused(Reason.OFF_FACE, "the beam has left the PSD's face")
+        raise MeasurementRefused(Reason.OFF_FACE, "the beam has left the PSD's face")
     if spot.light > BRIGHTEST:
-        raise Refused(
+        raise MeasurementRefused(
             Reason.TOO_BRIGHT, f"{spot.light:.1f} times the laser's light: there is a second light on the PSD"
         )
     return spot

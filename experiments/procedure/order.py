@@ -1,12 +1,24 @@
-"""Which posture comes next: in the plan's order, and closing shots; `adaptive` has what saves shots."""
+"""Which posture comes next: in the plan's order, the most informative one, closing measurements."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
 from typing import Protocol
 
+import numpy as np
+from scipy.special import ndtri, stdtrit
+
+from ...analysis.design.exact_design import Candidates, design
+from ...analysis.observability.aim import aim, servo_joints
 from ...analysis.so_far import SoFar
-from ...model.files.run import Shot
+from ...model.errors import BadInput
+from ...model.files.plan import Plan
+from ...model.files.run import ENOUGH_CALIBRATED, ENOUGH_UNCALIBRATED, Shot
+from ...model.problem import Problem
+from ...model.robot import Matrix
+
+_STARTS = 8
 
 
 class Order(Protocol):
@@ -53,3 +65,82 @@ class Closing:
         for shot in recorded:
             first.setdefault(shot.target, shot.shot + self._count)
         return next((closing for closing in first.values() if closing not in done), None)
+
+
+@dataclass(eq=False)
+class Adaptive:
+    """The plan's postures are the candidates, each shot once at the most.
+
+    As many as the method needs at least come first, chosen together (A-optimal); then always the one that
+    lowers the largest predicted std of the offsets most, until that is within `tolerance` (deg; mm). Where
+    the shots contradict the model (lack of fit, a target that has moved) no std can be relied on: then
+    nothing is saved and all postures are shot; `reason` says why it ended.
+    """
+
+    plan: Plan
+    tolerance: float
+    reason: str | None = field(default=None, init=False)
+
+    def __post_init__(self) -> None:
+        if not self.tolerance > 0:
+            raise BadInput("the tolerance is not above 0", found=self.tolerance)
+        self._problem = Problem.from_plan(self.plan)
+        parameters = self._problem.parameters
+        self._offsets = parameters.group("offset")[parameters.free]
+        if not self._offsets.any():
+            raise BadInput("there is nothing to adapt to: every offset is held", remedy="free some in `held`")
+        enough = ENOUGH_CALIBRATED if self._problem.tool.calibrated else ENOUGH_UNCALIBRATED
+        self._first = self._chosen_together(min(enough, self._problem.shots))
+
+    def following(
+        self, recorded: Sequence[Shot], refused: Collection[int], state: SoFar | None
+    ) -> int | None:
+        """The next posture; None where the tolerance is reached or no posture is left."""
+        made = [shot.shot for shot in recorded if shot.shot < self._problem.shots]
+        done = {*made, *refused}
+        left = [number for number in range(self._problem.shots) if number not in done]
+        if not left:
+            self.reason = self.reason or "all postures of the plan are shot"
+            return None
+        first = [number for number in self._first if number in left]
+        if first:
+            return first[0]
+        if state is None:
+            return left[0]
+        if not state.consistent:
+            self.reason = "the shots contradict the model: none is saved"
+            return left[0]
+        # Without a number to spare nothing could contradict it.
+        if state.worst is not None and state.dof > 0 and self._wide(state) <= self.tolerance:
+            self.reason = f"the worst std is {state.worst:.3g}, within {self.tolerance:g}"
+            return None
+        return self._best(left, made, state.x)
+
+    def _wide(self, state: SoFar) -> float:
+        """The largest std; where the noise is estimated from few numbers, by chance too small, widened as
+        Student's t widens an interval."""
+        assert state.worst is not None
+        if self._problem.noise.known:
+            return state.worst
+        return state.worst * float(stdtrit(state.dof, 0.975) / ndtri(0.975))
+
+    def _chosen_together(self, count: int) -> list[int]:
+        roots = self._roots(self._problem.supposed())
+        chosen = design(Candidates(roots, self._offsets), count, "A", seed=0, starts=_STARTS)
+        return [int(row) for row in chosen.rows]
+
+    def _best(self, left: list[int], made: list[int], x: Matrix) -> int:
+        """Of the postures `left` the one after which the largest std is the smallest."""
+        roots = self._roots(x)
+        candidates = Candidates(roots, self._offsets)
+        so_far = candidates.information(np.array(made, dtype=np.int64))
+        after = so_far + roots[left].transpose(0, 2, 1) @ roots[left]
+        variances = np.diagonal(np.linalg.inv(after), axis1=1, axis2=2)[:, self._offsets]
+        parameters = self._problem.parameters
+        unit = (parameters.prior_std * parameters.display)[parameters.free][self._offsets]
+        return left[int(np.argmin((variances * unit**2).max(axis=1)))]
+
+    def _roots(self, x: Matrix) -> Matrix:
+        """(N, d, f) whitened Jacobians of all postures, turned onto their targets at x (p,)."""
+        aimed = aim(self._problem, x, servo_joints(self._problem)).problem
+        return aimed.roots(aimed.whiten(x))

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...model.robot import Matrix
-from ..rigs.rig import Rig
 from ..sensors.psd import Psd
-from .refused import Reason, Refused
+from .refusal import MeasurementRefused, Reason
+from .rig import Rig
 
 _PATIENCE = 8  # readings of which most is lost before the link counts as down
 _BETWEEN = 0.25  # s, while waiting for it
@@ -28,8 +28,10 @@ class Spot:
 
 
 def arrived(rig: Rig, psd: Psd, samples: int) -> Matrix:
-    """(m, 4) those of `samples` currents that arrive, more than half; Refused where the link stays down, or
-    where they are saturated."""
+    """(m, 4) those of `samples` currents that arrive, more than half.
+
+    MeasurementRefused where the link stays down, or where they are saturated.
+    """
     for _ in range(_PATIENCE):
         currents = rig.currents(samples)
         sound = currents[np.isfinite(currents).all(axis=1)]
@@ -37,9 +39,9 @@ def arrived(rig: Rig, psd: Psd, samples: int) -> Matrix:
             break
         rig.wait(_BETWEEN)
     else:
-        raise Refused(Reason.NO_SIGNAL, "most samples of the PSD do not arrive")
+        raise MeasurementRefused(Reason.NO_SIGNAL, "most samples of the PSD do not arrive")
     if psd.saturated(sound).any():
-        raise Refused(Reason.SATURATED, "the PSD has more light than it can tell: shade it, or dim the laser")
+        raise MeasurementRefused(Reason.SATURATED, "the PSD is saturated: shade it, or dim the laser")
     return np.asarray(sound)
 
 
@@ -66,7 +68,7 @@ def read_spot(rig: Rig, psd: Psd, dark: Matrix, samples: int) -> Spot:
 
 
 def read_joints(rig: Rig, sent: Matrix, tolerance: Matrix) -> Matrix:
-    """(n,) the joints as read several times, alike, and where the arm was sent to; else Refused.
+    """(n,) the joints as read several times, alike, and where the arm was sent to; else MeasurementRefused.
 
     `tolerance` (n,) rad or mm is how far readings may be from each other and from `sent`.
     """
@@ -75,9 +77,11 @@ def read_joints(rig: Rig, sent: Matrix, tolerance: Matrix) -> Matrix:
     apart = np.abs(readings - middle).max(axis=0)
     if (apart > tolerance).any():
         joint = int(np.argmax(apart / tolerance))
-        raise Refused(Reason.READING, f"joint {joint + 1} was read differently while the arm stood still")
+        raise MeasurementRefused(
+            Reason.READING, f"joint {joint + 1} was read differently while the arm stood still"
+        )
     off = np.abs(middle - sent)
     if (off > tolerance).any():
         joint = int(np.argmax(off / tolerance))
-        raise Refused(Reason.READING, f"joint {joint + 1} is not read where it was sent to")
+        raise MeasurementRefused(Reason.READING, f"joint {joint + 1} is not read where it was sent to")
     return np.asarray(middle)

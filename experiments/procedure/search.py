@@ -13,15 +13,14 @@ from dataclasses import replace
 import numpy as np
 
 from ...model.robot import Matrix
-from ..rigs.rig import Rig
 from ..sensors.camera import Camera, Image
 from ..sensors.markers import NoPair, Pair, blobs, is_black, marker_pair, spot_between
-from ..sensors.psd import Psd
+from ..sensors.psd import LIT, Psd
 from .readings import read_spot
-from .refused import Reason, Refused
+from .refusal import MeasurementRefused, Reason
+from .rig import Rig
 from .steering import Belief, step
 
-LIT = 0.02  # share of the laser's light by which the PSD knows that the beam is on it
 _SAMPLES = 8
 _LOOKS = 40
 _DARK_IMAGES = 3
@@ -41,15 +40,15 @@ class Search:
     def __init__(self, rig: Rig, belief: Belief, psd: Psd, joints: Matrix, dark: Matrix) -> None:
         self._rig, self._psd, self._dark = rig, psd, dark
         self.belief, self.joints = belief, joints
-        self.left: Refused | None = None
+        self.left: MeasurementRefused | None = None
 
     def run(self) -> None:
-        """Bring the beam onto the face; Refused with the reason if it cannot be."""
+        """Bring the beam onto the face; MeasurementRefused with the reason if it cannot be."""
         camera = self._rig.camera
         if camera is not None:
             try:
                 self._by_markers(camera)
-            except Refused as refused:
+            except MeasurementRefused as refused:
                 self.left = refused
         self._rig.laser(True)
         if self._lit():
@@ -58,10 +57,10 @@ class Search:
             try:
                 if self._by_spot(camera):
                     return
-            except Refused as refused:
+            except MeasurementRefused as refused:
                 self.left = refused
         if not self._by_spiral():
-            raise self.left or Refused(Reason.OFF_FACE, "the beam did not find the PSD's face")
+            raise self.left or MeasurementRefused(Reason.OFF_FACE, "the beam did not find the PSD's face")
 
     def frame(self) -> Matrix:
         """(3, 3) the PSD's axes in the base frame under the beam, turned about its normal as it was seen."""
@@ -77,7 +76,7 @@ class Search:
             if isinstance(found, NoPair):
                 following = next(around, None)
                 if following is None:
-                    raise Refused(Reason.OUT_OF_VIEW, found.reason)
+                    raise MeasurementRefused(Reason.OUT_OF_VIEW, found.reason)
                 self._go(following)
                 continue
             self._place(camera, found.pixels)
@@ -85,7 +84,7 @@ class Search:
             if np.linalg.norm(centre - beam) <= _ON_CENTRE:
                 return
             self._go(self._image_step(camera, centre - beam))
-        raise Refused(Reason.NOT_CONVERGING, f"the markers were not centred in {_LOOKS} pictures")
+        raise MeasurementRefused(Reason.NOT_CONVERGING, f"the markers were not centred in {_LOOKS} pictures")
 
     def _by_spot(self, camera: Camera) -> bool:
         """Lead the spot onto the middle of the LEDs, in pictures with and without the laser; True if lit.
@@ -116,7 +115,7 @@ class Search:
             image = self._rig.image()
             if not is_black(image):
                 return image
-        raise Refused(Reason.CAMERA, "its pictures are black")
+        raise MeasurementRefused(Reason.CAMERA, "its pictures are black")
 
     def _markers(self, camera: Camera, picture: Image) -> Pair | NoPair:
         """The two LEDs. Where they are the only lights, they need not be as the PSD is thought to stand."""
@@ -205,7 +204,7 @@ class Search:
                 spot, by_joints = belief.spot(self.joints, frame)
                 try:
                     joints = step(belief, self.joints, by_joints, spot - place, _LARGEST)
-                except Refused:  # this side is beyond a joint's limit, the others need not be
+                except MeasurementRefused:  # this side is beyond a joint's limit, the others need not be
                     continue
                 self._go(joints)
                 if self._lit():

@@ -9,8 +9,8 @@ import numpy as np
 from ...analysis.observability.aim import aim, servo_joints
 from ...model.problem import Problem
 from ...model.robot import Matrix
-from ..rigs.rig import Rig
-from .refused import Reason, Refused
+from .refusal import MeasurementRefused, Reason
+from .rig import Rig
 
 FROM_BELOW = 0.05  # deg (mm): more than the play of a sound gear
 _DAMPING = 1e-6  # of the largest eigenvalue: keeps a step across a singular direction short
@@ -97,7 +97,7 @@ def step(belief: Belief, joints: Matrix, jacobian: Matrix, error: Matrix, larges
 
     `jacobian` (2, n) is that of the error by the joints; no joint turns by more than `largest` (rad; of a
     prismatic one as a share of a metre). A joint at its limit is left there and the others do its part;
-    Refused where they cannot.
+    MeasurementRefused where they cannot.
     """
     robot, weights = belief.problem.robot, belief.wrist.copy()
     scale = np.where(robot.display > 1, 1.0, 1000.0)
@@ -112,4 +112,4 @@ def step(belief: Belief, joints: Matrix, jacobian: Matrix, error: Matrix, larges
         if not outside.any():
             return np.asarray(after)
         weights[outside] = 0.0
-    raise Refused(Reason.LIMIT, "the wrist would have to go beyond a joint's limit")
+    raise MeasurementRefused(Reason.LIMIT, "the wrist would have to go beyond a joint's limit")

@@ -1,1 +1,1 @@
-"""What carries a plan out: the interface of a rig, the simulated cell, a recorded run."""
+"""Rigs that carry a plan out: a simulated cell, a recorded run, an ABB controller."""

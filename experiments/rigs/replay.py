@@ -12,11 +12,10 @@ from ...model.errors import BadInput, RigFault
 from ...model.files.plan import Plan
 from ...model.files.run import Run, Shot
 from ...model.problem import Problem
-from ...model.robot import Matrix
+from ...model.robot import Matrix, same_arm
 from ..procedure.steering import Belief
 from ..sensors.camera import Camera, Image
 from ..sensors.psd import Psd
-from .simulated.assembly import same_arm
 
 _SIZE = 200.0  # mm: a spot that was recorded is on it
 _NOISE = 1e-6  # mm: a recorded spot is a mean already

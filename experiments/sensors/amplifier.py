@@ -9,9 +9,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from ...model.errors import RigFault
+from ...model.errors import RigFault, missing_extra
 from ...model.robot import Matrix
-from ..extras import missing_extra
 from .line import IDENTITY, LONGEST, REQUESTS, asking, heard, sample_of
 
 T = TypeVar("T")

@@ -9,8 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ...model.errors import BadInput, RigFault
-from ..extras import missing_extra
+from ...model.errors import BadInput, RigFault, missing_extra
 from .camera import Camera, Image
 from .sensors_file import CameraBeside
 

@@ -13,12 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ellipk
 
+from ...model.files.reading import shown
+from ...model.files.validation import refusal
 from ...model.robot import Matrix
 
 PsdKind = Literal["duo-lateral", "tetra-lateral"]
 
 # Share of the light on the face that the two currents of one axis have between them, at the centre.
 PAIR_LIGHT: dict[PsdKind, float] = {"duo-lateral": 1.0, "tetra-lateral": 0.5}
+
+# Shares of the laser's light that a beam on the centre may have. A second light of a tenth of it, 10 mm off,
+# moves the reading by 1 mm; what is weaker is left to the statistics.
+WEAKEST, BRIGHTEST = 0.5, 1.1
+LIT = 0.02  # share of the laser's light from which on the PSD has the beam on it
 
 # What (I1 - I2) / (I1 + I2) is multiplied by, in half sizes. Tetra-lateral: the current to an edge is the
 # harmonic measure of that edge, and near the centre of a square of half size 1 that of x = 1 less that of
@@ -31,6 +38,18 @@ GAIN: dict[PsdKind, float] = {
 
 # A beam this close to the base's x axis leaves too little of that axis across it.
 _ALONG_X = np.cos(np.radians(20.0))
+
+
+def face_normal(value: object) -> object:
+    if value is None or value == "beam":
+        return value
+    if not isinstance(value, list | tuple) or len(value) != 3 or not any(value):
+        raise refusal(
+            "this is no normal of a PSD's face",
+            found=shown(value),
+            allowed="[x, y, z] of any length but zero, or beam",
+        )
+    return tuple(value)
 
 
 @dataclass(frozen=True, eq=False)

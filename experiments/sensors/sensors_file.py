@@ -8,13 +8,20 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
-from ...model.errors import BadInput
 from ...model.files.header import Name, Point, Positive, TargetName
-from ...model.files.reading import Document, Place, read_yaml
-from ...model.files.validation import FileModel, refusal, require_schema, validate
-from ..rigs.simulated.cell_file import Count, Pair, as_tuple, face_normal, numbers
+from ...model.files.validation import (
+    Count,
+    FileModel,
+    Pair,
+    SourcedModel,
+    as_tuple,
+    read_model,
+    refusal,
+    tuple_of,
+)
+from .psd import face_normal
 
 SENSORS_SCHEMA: Literal["zerobeam/sensors/1"] = "zerobeam/sensors/1"
 
@@ -83,7 +90,7 @@ class CameraBeside(FileModel):
     height_px: Count = Field(description="rows")
     focal_px: Pair = Field(description="focal lengths along x and y, pixels")
     centre_px: Pair = Field(description="the optical axis in the picture, the first pixel's centre (0, 0)")
-    distortion: Annotated[tuple[float, float, float, float, float], numbers(5)] = Field(
+    distortion: Annotated[tuple[float, float, float, float, float], tuple_of(5)] = Field(
         description="k1, k2, p1, p2, k3 (Brown-Conrady, in OpenCV's order)"
     )
     mount: Mount = Field(description="its pose on the flange")
@@ -105,10 +112,8 @@ class CameraBeside(FileModel):
         return self
 
 
-class SensorsFile(FileModel):
+class SensorsFile(SourcedModel):
     """The content of a sensors file."""
-
-    _document: Document | None = PrivateAttr(default=None)
 
     schema_: Literal["zerobeam/sensors/1"] = Field(alias="schema", description="kind and version of the file")
     psds: dict[TargetName, PsdBeside] = Field(description="by target; a plan may use some of them only")
@@ -134,41 +139,7 @@ class SensorsFile(FileModel):
                 )
         return self
 
-    @property
-    def folder(self) -> Path:
-        """What paths in it are relative to."""
-        return Path() if self._document is None else self._document.file.parent
-
-    @property
-    def sha256(self) -> str | None:
-        """Of the file's bytes."""
-        return None if self._document is None else self._document.sha256
-
-    def refuse(
-        self,
-        place: Place,
-        what: str,
-        *,
-        found: object = None,
-        allowed: object = None,
-        remedy: str | None = None,
-    ) -> BadInput:
-        """An error about what stands at `place`, with file and line if it was read from a file."""
-        document = self._document
-        return BadInput(
-            what,
-            found=found,
-            allowed=allowed,
-            remedy=remedy,
-            file=None if document is None else document.file,
-            line=None if document is None else document.line(place),
-        )
-
 
 def read_sensors_file(path: Path) -> SensorsFile:
     """A sensors file, every key of it checked; nothing is opened."""
-    document = read_yaml(path)
-    require_schema(document.data, SENSORS_SCHEMA, file=path, line=document.line(("schema",)))
-    stated = validate(SensorsFile, document.data, file=path, line=document.line)
-    stated._document = document
-    return stated
+    return read_model(SensorsFile, path, SENSORS_SCHEMA)

@@ -18,8 +18,8 @@ from typing import Self
 import numpy as np
 
 from ...model.robot import Matrix
-from ..rigs.abb.abb_rig import Sensors
-from .calibration import read_calibration
+from .counts import read_calibration
+from .interface import Sensors
 from .line import IDENTITY, LONGEST, MOST_SAMPLES, Sample, asked, read_sample, told
 
 _POLL_S = 0.02
@@ -131,7 +131,7 @@ class AmplifierStandIn:
 
 def stand_ins(opened: ExitStack, sensors: Sensors, calibration: Path) -> dict[str, str]:
     """By target: the serial port at which an amplifier of this calibration tells what its PSD reads."""
-    own, _ = read_calibration(calibration)
+    own = read_calibration(calibration)
 
     def counts(target: str) -> Callable[[int], Matrix]:
         kind = sensors.psds[target].kind

@@ -17,12 +17,12 @@ from ...analysis.so_far import SoFar
 from ...model.errors import ZerobeamError
 from ...model.files.plan import Plan
 from ...model.files.run import Shot
-from ..procedure.adaptive import Adaptive
-from ..procedure.order import InTurn, Order
-from ..procedure.procedure import Procedure, RefusedShot
+from ..procedure.order import Adaptive, InTurn, Order
+from ..procedure.refusal import RefusedPosture
+from ..procedure.session import Procedure
 from ..processes import side_by_side
 from ..rigs.simulated.cell_file import Cell
-from ..rigs.simulated.simulated_rig import SimulatedRig
+from ..rigs.simulated.simulator import SimulatedRig
 
 Progress = Callable[[float], None]  # the share of all runs that is done
 
@@ -48,7 +48,7 @@ class CellRun:
     seed: int
     truth: dict[str, float]
     shots: tuple[Shot, ...]
-    refused: tuple[RefusedShot, ...]
+    refused: tuple[RefusedPosture, ...]
     state: SoFar | None
     seconds: dict[str, float]
     failure: str | None
@@ -82,7 +82,7 @@ def carried(repeated: Repeated, seed: int) -> CellRun:
     journal = MemoryJournal()
     truth: dict[str, float] = {}
     seconds: dict[str, float] = {}
-    refused: tuple[RefusedShot, ...] = ()
+    refused: tuple[RefusedPosture, ...] = ()
     state: SoFar | None = None
     failure: str | None = None
     try:

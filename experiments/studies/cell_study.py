@@ -19,17 +19,17 @@ from scipy import stats
 
 from ...analysis.observability.identifiability import identify
 from ...analysis.observability.verdict import listed
+from ...analysis.result import versions
 from ...analysis.so_far import SoFar
-from ...analysis.versions import versions
 from ...model.files.header import Header
 from ...model.files.plan import Plan
 from ...model.files.robot_file import load_robot
 from ...model.problem import Problem
 from ...model.robot import Matrix
 from ..plans.candidates import candidates
+from ..plans.optimal import Planner
 from ..plans.patterns import pattern
-from ..plans.planning import Planner
-from ..procedure.procedure import PHASES, told_by
+from ..procedure.session import PHASES, told_by
 from ..rigs.simulated.cell_file import ArmInCell, CameraInCell, Cell
 from .binomial import accuracy, held_share, nothing_known
 from .campaign import CellRun, Repeated, campaign, seeds

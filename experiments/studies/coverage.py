@@ -33,7 +33,7 @@ from ...analysis.posterior.moves import (
     IndependenceProposal,
     degrees_of_freedom,
 )
-from ...analysis.versions import versions
+from ...analysis.result import versions
 from ...model.density import Density
 from ...model.files.header import Header
 from ...model.files.robot_file import load_robot
@@ -42,8 +42,8 @@ from ...model.parameters import Parameters
 from ...model.problem import Problem
 from ...model.robot import Matrix
 from ..plans.candidates import candidates
+from ..plans.optimal import Planner
 from ..plans.patterns import pattern
-from ..plans.planning import Planner
 from ..simulate import simulated_readings
 from .binomial import accuracy, held_share, nothing_known
 from .case_store import each_case

@@ -16,24 +16,10 @@ from ..errors import BadInput
 from ..noise import Noise
 from ..robot import Robot
 from .reading import Place, read_yaml, shown
-from .validation import FileModel, refusal, validate
+from .validation import FileModel, as_tuple, refusal, tuple_of, validate
 
 RUN_SCHEMA: Literal["zerobeam/run/1"] = "zerobeam/run/1"
 PLAN_SCHEMA: Literal["zerobeam/plan/1"] = "zerobeam/plan/1"
-
-
-def _tuple_of(size: int, meaning: str) -> BeforeValidator:
-    def check(value: object) -> object:
-        if not isinstance(value, list | tuple) or len(value) != size:
-            found = f"{len(value)} values" if isinstance(value, list | tuple) else shown(value)
-            raise refusal(f"a list of {size} values is wanted", found=found, allowed=meaning)
-        return tuple(value)
-
-    return BeforeValidator(check)
-
-
-def _as_tuple(value: object) -> object:
-    return tuple(value) if isinstance(value, list) else value
 
 
 def _name(value: object) -> object:
@@ -65,7 +51,7 @@ def _scalar_or_list(value: object) -> object:
                 found=shown(item),
                 allowed="one number above 0, or a list of them, one for each joint",
             )
-    return _as_tuple(value)
+    return as_tuple(value)
 
 
 def _free_text(value: object) -> object:
@@ -87,10 +73,10 @@ def _unique(value: object) -> object:
         for i, item in enumerate(value):
             if item in value[:i]:
                 raise refusal("a name stands twice", key=(i,), found=shown(item), allowed="each name once")
-    return _as_tuple(value)
+    return as_tuple(value)
 
 
-Point = Annotated[tuple[float, float, float], _tuple_of(3, "[x, y, z]")]
+Point = Annotated[tuple[float, float, float], tuple_of(3, "[x, y, z]")]
 Positive = Annotated[float, Field(gt=0)]
 Name = Annotated[str, BeforeValidator(_name)]
 TargetName = Annotated[str, BeforeValidator(_target_name)]
@@ -252,7 +238,7 @@ class StatedTarget(FileModel):
 class StatedDistance(FileModel):
     """A measured distance between two targets."""
 
-    between: Annotated[tuple[TargetName, TargetName], _tuple_of(2, "[one target, another target]")] = Field(
+    between: Annotated[tuple[TargetName, TargetName], tuple_of(2, "[one target, another target]")] = Field(
         description="names of the two targets"
     )
     mm: Positive = Field(description="the distance, millimetres")
@@ -295,7 +281,7 @@ class Header(FileModel):
     targets: dict[TargetName, StatedTarget] = Field(
         default={}, description="what is known of the targets, by name"
     )
-    distances: Annotated[tuple[StatedDistance, ...], BeforeValidator(_as_tuple)] = Field(
+    distances: Annotated[tuple[StatedDistance, ...], BeforeValidator(as_tuple)] = Field(
         default=(), description="measured distances between targets"
     )
     held: Annotated[tuple[Name, ...], BeforeValidator(_unique)] | None = Field(

@@ -22,7 +22,7 @@ from .limits import check_limits
 from .reading import read_yaml
 from .robot_file import load_robot
 from .run import JointValues, check_distances, unknown_targets
-from .validation import FileModel, require_schema, validate
+from .validation import FileModel, as_tuple, require_schema, validate
 from .whole_file import refuse_existing, write_whole
 
 DEFAULT_TARGET = "psd"
@@ -41,10 +41,6 @@ def _posture_tag(value: object) -> str:
     return "<row>" if isinstance(value, dict | StatedPosture) else "<list>"
 
 
-def _as_tuple(value: object) -> object:
-    return tuple(value) if isinstance(value, list) else value
-
-
 Posture = Annotated[
     Annotated[JointValues, Tag("<list>")] | Annotated[StatedPosture, Tag("<row>")],
     Discriminator(_posture_tag),
@@ -55,7 +51,7 @@ class PlanFile(Header):
     """The content of a plan file: the header's keys and the postures."""
 
     schema_: Literal["zerobeam/plan/1"] = Field(alias="schema", description="kind and version of the file")
-    postures_deg: Annotated[tuple[Posture, ...], BeforeValidator(_as_tuple), Field(min_length=1)] = Field(
+    postures_deg: Annotated[tuple[Posture, ...], BeforeValidator(as_tuple), Field(min_length=1)] = Field(
         description="one row a shot: its joints, degrees (millimetres for a prismatic joint), "
         "or {joints_deg, target}"
     )

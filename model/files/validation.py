@@ -7,13 +7,21 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PrivateAttr, ValidationError
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from ..errors import BadInput
-from .reading import Place, did_you_mean, shown
+from .reading import Document, Place, did_you_mean, read_yaml, shown
 
 Model = TypeVar("Model", bound=BaseModel)
+Schema = Literal[
+    "zerobeam/run/1",
+    "zerobeam/plan/1",
+    "zerobeam/robot/1",
+    "zerobeam/cell/1",
+    "zerobeam/sensors/1",
+    "zerobeam/psd-calibration/1",
+]
 
 
 class FileModel(BaseModel):
@@ -33,6 +41,79 @@ def refusal(
     """An error for a model's own validator to raise; `key` leads from the validated value to the culprit."""
     facts = {"what": what, "key": key, "found": found, "allowed": allowed, "remedy": remedy}
     return PydanticCustomError("refused", "{what}", facts)
+
+
+def as_tuple(value: object) -> object:
+    """A list of a file as the tuple that a frozen model keeps; anything else as it is."""
+    return tuple(value) if isinstance(value, list) else value
+
+
+def tuple_of(size: int, meaning: str | None = None) -> BeforeValidator:
+    """Refuse what is not a list of `size` values; `meaning` says in the message what they are."""
+
+    def check(value: object) -> object:
+        if not isinstance(value, list | tuple) or len(value) != size:
+            found = f"{len(value)} values" if isinstance(value, list | tuple) else shown(value)
+            raise refusal(f"a list of {size} values is required", found=found, allowed=meaning)
+        return tuple(value)
+
+    return BeforeValidator(check)
+
+
+NotNegative = Annotated[float, Field(ge=0)]
+Share = Annotated[float, Field(gt=0, le=1)]
+Count = Annotated[int, Field(ge=1)]
+Pair = Annotated[tuple[float, float], tuple_of(2)]
+
+
+class SourcedModel(FileModel):
+    """Base of a file's content that is checked again later, against a plan: it knows where its keys are."""
+
+    _document: Document | None = PrivateAttr(default=None)
+
+    @property
+    def file(self) -> Path | None:
+        """The file that this was read from, if any."""
+        return None if self._document is None else self._document.file
+
+    @property
+    def folder(self) -> Path:
+        """The folder that paths in the file are relative to."""
+        return Path() if self._document is None else self._document.file.parent
+
+    @property
+    def sha256(self) -> str | None:
+        """SHA-256 of the file's bytes; None for what was not read from a file."""
+        return None if self._document is None else self._document.sha256
+
+    def line(self, place: Place) -> int | None:
+        """The line of a key, None for what was not read from a file."""
+        return None if self._document is None else self._document.line(place)
+
+    def refuse(
+        self,
+        place: Place,
+        what: str,
+        *,
+        found: object = None,
+        allowed: object = None,
+        remedy: str | None = None,
+    ) -> BadInput:
+        """An error about the key at `place`, with file and line if this was read from a file."""
+        return BadInput(
+            what, found=found, allowed=allowed, remedy=remedy, file=self.file, line=self.line(place)
+        )
+
+
+def read_model(model: type[Model], path: Path | str, schema: Schema | None = None) -> Model:
+    """A YAML file as the model; BadInput, with file and line, for another `schema` or an invalid content."""
+    document = read_yaml(Path(path))
+    if schema is not None:
+        require_schema(document.data, schema, file=document.file, line=document.line(("schema",)))
+    content = validate(model, document.data, file=document.file, line=document.line)
+    if isinstance(content, SourcedModel):
+        content._document = document
+    return content
 
 
 def validate(
@@ -199,14 +280,7 @@ def _models_in(annotation: Any) -> list[type[BaseModel]]:
 
 def require_schema(
     data: object,
-    schema: Literal[
-        "zerobeam/run/1",
-        "zerobeam/plan/1",
-        "zerobeam/robot/1",
-        "zerobeam/cell/1",
-        "zerobeam/sensors/1",
-        "zerobeam/psd-calibration/1",
-    ],
+    schema: Schema,
     *,
     file: Path,
     line: int | None,

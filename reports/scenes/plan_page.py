@@ -10,7 +10,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from ...analysis.observability.aimed_plan import AimedPlan
+from ...analysis.observability.aim import AimedPlan
 from ...model.errors import BadInput
 from ...model.files.plan import Plan
 from ...model.files.whole_file import sync_folder, write_whole

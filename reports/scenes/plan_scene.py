@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from ...analysis.observability.aimed_plan import AimedPlan
+from ...analysis.observability.aim import AimedPlan
 from ...model.files.plan import Plan
 from ...model.robot import Matrix
 from .scene import Placed, Posed, scene_json

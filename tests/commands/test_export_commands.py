@@ -13,8 +13,7 @@ from export_runs import TRUTH, saved, urdf_run
 
 from zerobeam.experiments.exporters.calibration import Calibration, calibration
 from zerobeam.experiments.exporters.moc_offsets import Gears, moc_text
-from zerobeam.experiments.exporters.offsets_csv import csv_text
-from zerobeam.experiments.exporters.offsets_json import document, json_text
+from zerobeam.experiments.exporters.offsets_data import csv_text, document, json_text
 from zerobeam.experiments.exporters.rapid_module import rapid_text
 from zerobeam.experiments.exporters.urdf_origins import urdf_text
 from zerobeam.model.files.run import Run

@@ -17,7 +17,7 @@ def asked(tmp_path):
 def written(told, tmp_path):
     """(N, 6) degrees of the run, after a look at what was printed."""
     assert (told.status, told.err) == (0, "")
-    assert told.out.endswith(f"4 shots written to {tmp_path / 'run.jsonl'}\n")
+    assert told.out.endswith(f"4 measurements written to {tmp_path / 'run.jsonl'}\n")
     assert "limits -180.00 to 180.00" in told.out
     return np.degrees(read_run(tmp_path / "run.jsonl").joints)
 
@@ -45,7 +45,7 @@ def test_log(tmp_path, asked):
     still = ["--still-deg", "0.02", "--still-s", "0.5"]
     told = zerobeam("import", "log", "ur", tmp_path / "a.csv", "--target", "a", *still, *asked)
     np.testing.assert_allclose(written(told, tmp_path), POSTURES, atol=1e-9)
-    assert "stand 4: " in told.out
+    assert "dwell 4: " in told.out
 
 
 def test_csv_of_a_log(tmp_path, asked):
@@ -54,7 +54,7 @@ def test_csv_of_a_log(tmp_path, asked):
     layout = ["--units", "rad", "--header-row", "--delimiter", " ", "--columns", columns]
     clock = ["--time-column", "timestamp", "--time-units", "s", "--target", "a"]
     command = ["import", "csv", tmp_path / "a.csv", *layout, *clock, *asked]
-    assert "half stated" in zerobeam(*command, "--still-deg", "0.02").refused()
+    assert "a tolerance and a time" in zerobeam(*command, "--still-deg", "0.02").refused()
     told = zerobeam(*command, "--still-deg", "0.02", "--still-s", "0.5")
     np.testing.assert_allclose(written(told, tmp_path), POSTURES, atol=1e-9)
 

@@ -17,12 +17,12 @@ import pytest
 from cells import PROBE, good_plan
 from command_line import plan_file
 
-from zerobeam.experiments.recording import Request, record
+from zerobeam.experiments.recording import RunRequest, record
 from zerobeam.model.errors import BadInput, RigFault
 from zerobeam.model.files.plan import Plan, read_plan
 from zerobeam.model.files.run import read_run
 
-QUICK = Request("simulated", seed=4, camera=False)
+QUICK = RunRequest("simulated", seed=4, camera=False)
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGKILL and no fork")
 
@@ -31,11 +31,11 @@ NURSERY = """
 import os, random, signal, sys, time
 from dataclasses import replace
 from pathlib import Path
-from zerobeam.experiments.recording import Request, record
+from zerobeam.experiments.recording import RunRequest, record
 from zerobeam.model.files.plan import read_plan
 
 plan, folder, kills = read_plan(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3])
-request = Request("simulated", seed=4, camera=False)
+request = RunRequest("simulated", seed=4, camera=False)
 silent = lambda event: None
 record(plan, folder / "warm.jsonl", request, silent)  # kernels are made
 began = time.monotonic()
@@ -136,33 +136,33 @@ def test_a_request_to_end_stops_the_motion_and_says_how_to_go_on(tmp_path: Path,
         assert events[-1] == {"event": "stopped", "why": "interrupted"}
     made = len(read_run(file).shots)
     assert 2 <= made < 7
-    record(plan, file, Request("simulated", seed=4, resume=True), silent)
-    record(plan, tmp_path / "unbroken.jsonl", Request("simulated", seed=4), silent)
+    record(plan, file, RunRequest("simulated", seed=4, resume=True), silent)
+    record(plan, tmp_path / "unbroken.jsonl", RunRequest("simulated", seed=4), silent)
     assert file.read_bytes() == (tmp_path / "unbroken.jsonl").read_bytes()
 
 
 def test_a_run_with_pictures_is_resumed_to_the_same_bytes(tmp_path: Path, plan: Plan) -> None:
-    request = Request("simulated", seed=2)
+    request = RunRequest("simulated", seed=2)
     record(plan, tmp_path / "unbroken.jsonl", request, silent)
     whole = (tmp_path / "unbroken.jsonl").read_bytes()
     rows = whole.splitlines(keepends=True)
     for kept in (1, 3, 6, 8):
         file = tmp_path / f"{kept}.jsonl"
         file.write_bytes(b"".join(rows[:kept]) + (rows[kept][:50] if kept < len(rows) else b""))
-        answer = record(plan, file, Request("simulated", seed=2, resume=True), silent)
+        answer = record(plan, file, RunRequest("simulated", seed=2, resume=True), silent)
         assert file.read_bytes() == whole
         assert any("torn" in note for note in answer["notes"]) == (kept < len(rows))
 
 
 def test_an_adaptive_run_is_resumed_to_the_same_bytes(tmp_path: Path, plan: Plan) -> None:
-    request = Request("simulated", seed=2, camera=False, tolerance=0.03)
+    request = RunRequest("simulated", seed=2, camera=False, tolerance=0.03)
     answer = record(plan, tmp_path / "unbroken.jsonl", request, silent)
     whole = (tmp_path / "unbroken.jsonl").read_bytes()
     rows = whole.splitlines(keepends=True)
     for kept in range(1, len(rows)):
         file = tmp_path / f"{kept}.jsonl"
         file.write_bytes(b"".join(rows[:kept]))
-        again = Request("simulated", seed=2, camera=False, tolerance=0.03, resume=True)
+        again = RunRequest("simulated", seed=2, camera=False, tolerance=0.03, resume=True)
         assert record(plan, file, again, silent)["parameters"] == answer["parameters"]
         assert file.read_bytes() == whole
 
@@ -194,7 +194,7 @@ def test_the_answer_is_that_of_the_shots_and_names_no_offset_that_they_cannot_te
 def test_the_provenance_says_what_it_was_made_of(tmp_path: Path, plan: Plan) -> None:
     cell = tmp_path / "cell.yaml"
     cell.write_text("schema: zerobeam/cell/1\ncamera: null\narm: {offsets_deg: {delta3: 0.5}}\n")
-    record(plan, tmp_path / "run.jsonl", Request("simulated", seed=9, cell=cell), silent)
+    record(plan, tmp_path / "run.jsonl", RunRequest("simulated", seed=9, cell=cell), silent)
     provenance = read_run(tmp_path / "run.jsonl").header.provenance
     assert provenance["origin"] == "simulated"
     assert provenance["seed"] == 9
@@ -217,7 +217,7 @@ def test_another_plan_seed_or_cell_cannot_go_on_with_a_run(tmp_path: Path, plan:
         (plan, {"cell": cell}),
         (plan, {"camera": True}),
     ):
-        request = Request(**{**vars(QUICK), "resume": True, **changed})
+        request = RunRequest(**{**vars(QUICK), "resume": True, **changed})
         with pytest.raises(BadInput, match="begun with another header"):
             record(plan_given, file, request, silent)
     assert file.read_bytes() == before
@@ -232,17 +232,17 @@ def test_a_file_that_exists_is_refused_before_anything_moves(tmp_path: Path, pla
     assert "--resume" in str(refused.value)
     assert (file.read_text(), events) == ("mine", [])
     with pytest.raises(BadInput, match="no recording to go on with"):
-        record(plan, tmp_path / "none.jsonl", Request("simulated", resume=True), silent)
+        record(plan, tmp_path / "none.jsonl", RunRequest("simulated", resume=True), silent)
 
 
 def test_a_stop_of_the_robot_ends_the_run_and_it_can_be_gone_on_with(tmp_path: Path, plan: Plan) -> None:
     cell = tmp_path / "cell.yaml"
     cell.write_text("schema: zerobeam/cell/1\ncamera: null\nfaults: [{kind: robot-stop, shot: 3}]\n")
-    request = Request("simulated", seed=4, cell=cell)
+    request = RunRequest("simulated", seed=4, cell=cell)
     with pytest.raises(RigFault, match="stopped by itself"):
         record(plan, tmp_path / "run.jsonl", request, silent)
     assert [shot.shot for shot in read_run(tmp_path / "run.jsonl").shots] == [0, 1, 2]
-    answer = record(plan, tmp_path / "run.jsonl", Request("simulated", 4, cell, resume=True), silent)
+    answer = record(plan, tmp_path / "run.jsonl", RunRequest("simulated", 4, cell, resume=True), silent)
     assert answer["shots"] == list(range(7))
 
 
@@ -252,21 +252,21 @@ def test_a_probe_is_led_by_hand(tmp_path: Path) -> None:
     assert answer["shots"] == list(range(6))
     rows = (tmp_path / "run.jsonl").read_bytes().splitlines(keepends=True)
     (tmp_path / "part.jsonl").write_bytes(b"".join(rows[:4]))
-    record(plan, tmp_path / "part.jsonl", Request("simulated", 4, camera=False, resume=True), silent)
+    record(plan, tmp_path / "part.jsonl", RunRequest("simulated", 4, camera=False, resume=True), silent)
     assert (tmp_path / "part.jsonl").read_bytes() == b"".join(rows)
     with pytest.raises(BadInput, match="--adaptive is for a laser"):
-        record(plan, tmp_path / "other.jsonl", Request("simulated", tolerance=0.1), silent)
+        record(plan, tmp_path / "other.jsonl", RunRequest("simulated", tolerance=0.1), silent)
 
 
 def test_a_recorded_run_is_replayed_to_the_same_answer(tmp_path: Path, plan: Plan) -> None:
     told = record(plan, tmp_path / "run.jsonl", QUICK, silent)
-    replay = Request("replay", recording=tmp_path / "run.jsonl")
+    replay = RunRequest("replay", recording=tmp_path / "run.jsonl")
     answer = record(plan, tmp_path / "again.jsonl", replay, silent)
     for row, other in zip(answer["parameters"], told["parameters"], strict=True):
         if row["estimate"] is not None:
             np.testing.assert_allclose(row["estimate"], other["estimate"], rtol=0, atol=1e-4)
     with pytest.raises(BadInput, match="needs a recording"):
-        record(plan, tmp_path / "x.jsonl", Request("replay"), silent)
+        record(plan, tmp_path / "x.jsonl", RunRequest("replay"), silent)
 
 
 def test_a_simulated_run_takes_its_time_on_its_own_clock(tmp_path: Path, plan: Plan) -> None:
@@ -284,7 +284,7 @@ def test_a_closing_shot_repeats_the_first_posture_and_is_replayed(tmp_path: Path
     run = read_run(tmp_path / "run.jsonl")
     # The same posture but for the wrist, which is turned onto the target by what is known by then.
     np.testing.assert_allclose(run.joints[7, :3], run.joints[0, :3], rtol=0, atol=np.radians(1e-3))
-    replayed = Request("replay", recording=tmp_path / "run.jsonl", closing=True)
+    replayed = RunRequest("replay", recording=tmp_path / "run.jsonl", closing=True)
     assert record(plan, tmp_path / "again.jsonl", replayed, silent)["shots"] == answer["shots"]
     rows = (tmp_path / "run.jsonl").read_bytes().splitlines(keepends=True)
     (tmp_path / "part.jsonl").write_bytes(b"".join(rows[:-1]))

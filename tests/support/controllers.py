@@ -12,10 +12,10 @@ import pytest
 from cells import good_plan
 
 from zerobeam.experiments.controller import irc5
-from zerobeam.experiments.controller.simulated_controller import SimulatedController
-from zerobeam.experiments.procedure import procedure
-from zerobeam.experiments.rigs.abb import guidance as abb_egm
-from zerobeam.experiments.rigs.abb import web_services as abb_rws
+from zerobeam.experiments.controller.service import SimulatedController
+from zerobeam.experiments.procedure import session
+from zerobeam.experiments.rigs.abb import egm_client as abb_egm
+from zerobeam.experiments.rigs.abb import rws_client as abb_rws
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.robot import Matrix
@@ -53,7 +53,7 @@ def quick(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(abb_rws, "_SPACING_S", 0.0)
     patch.setattr(abb_egm, "_ACCELERATION", 500.0)
     patch.setattr(abb_egm, "_STILL_S", 0.03)
-    patch.setattr(procedure, "_SETTLE_S", 0.0)
+    patch.setattr(session, "_SETTLE_S", 0.0)
 
 
 class Watched:

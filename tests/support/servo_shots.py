@@ -14,7 +14,7 @@ from zerobeam.experiments.procedure.readings import read_dark
 from zerobeam.experiments.procedure.search import Search
 from zerobeam.experiments.procedure.steering import Belief, come_to
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
-from zerobeam.experiments.rigs.simulated.simulated_rig import SimulatedRig
+from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.experiments.sensors.psd import Psd
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.problem import Problem

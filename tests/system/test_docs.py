@@ -27,7 +27,7 @@ from zerobeam.analysis.diagnostics.accuracy import Accuracy
 from zerobeam.analysis.observability.check import Check
 from zerobeam.analysis.result import Result
 from zerobeam.cli import app
-from zerobeam.experiments.plans.plan_making import MadePlan
+from zerobeam.experiments.plans.make import MadePlan
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
 from zerobeam.experiments.schema import SCHEMA_NAMES, json_schema
 from zerobeam.experiments.studies.sweeps.study_file import StudyFile, built_in_studies

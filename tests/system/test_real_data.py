@@ -80,7 +80,7 @@ def dinova_1(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Ana
 
 def test_the_import_of_panda_2_tells_what_it_took(panda_2: Analysed) -> None:
     assert "18 files, 559 shots" in panda_2.import_told.out
-    assert "angles in radians, turned into degrees" in panda_2.import_told.out
+    assert "angles in radians, converted to degrees" in panda_2.import_told.out
     assert panda_2.import_told.out.endswith(f"559 shots written to {panda_2.run}\n")
     run = read_run(panda_2.run)
     assert (len(run.shots), len(run.target_names), len(run.header.distances)) == (559, 18, 9)

@@ -20,8 +20,9 @@ from ....model.tool import Tool
 from ...sensors.camera import Camera
 from ...sensors.psd import Psd
 from ...simulate import Truth
-from .cell_file import CameraInCell, Cell, EachJoint, EncoderGlitch, PlacedPsd
-from .simulated_arm import SimulatedArm, geometry_errors
+from .arm import SimulatedArm, geometry_errors
+from .cell_file import CameraInCell, Cell, EachJoint, PlacedPsd
+from .faults import EncoderGlitch
 
 _PLACED_BY_HAND = 20.0  # mm, std of a PSD about the plan's guess
 _FACED_WITHIN = np.cos(np.radians(70.0))  # a face of its own is chosen only if all beams come from this side

@@ -7,36 +7,30 @@ the procedure knows of it what a person would: data sheets, and about which way 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal, Self, get_args
+from typing import Annotated, Literal, Self
 
-from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
-from ....model.errors import BadInput
 from ....model.files.header import Name, Point, Positive, RobotRef, TargetName
-from ....model.files.reading import Document, Place, did_you_mean, read_yaml, shown
+from ....model.files.reading import shown
 from ....model.files.robot_file import load_robot
-from ....model.files.validation import FileModel, refusal, require_schema, validate
+from ....model.files.validation import (
+    Count,
+    FileModel,
+    NotNegative,
+    Pair,
+    Share,
+    SourcedModel,
+    as_tuple,
+    read_model,
+    refusal,
+    tuple_of,
+)
 from ....model.robot import Robot
+from ...sensors.psd import face_normal
+from .faults import Fault
 
 CELL_SCHEMA: Literal["zerobeam/cell/1"] = "zerobeam/cell/1"
-
-NotNegative = Annotated[float, Field(ge=0)]
-Share = Annotated[float, Field(gt=0, le=1)]
-Count = Annotated[int, Field(ge=1)]
-
-
-def as_tuple(value: object) -> object:
-    return tuple(value) if isinstance(value, list) else value
-
-
-def numbers(size: int) -> BeforeValidator:
-    def check(value: object) -> object:
-        if not isinstance(value, list | tuple) or len(value) != size:
-            found = f"{len(value)} values" if isinstance(value, list | tuple) else shown(value)
-            raise refusal(f"a list of {size} numbers is wanted", found=found)
-        return tuple(value)
-
-    return BeforeValidator(check)
 
 
 def _each_joint(value: object) -> object:
@@ -52,19 +46,6 @@ def _each_joint(value: object) -> object:
     return as_tuple(value)
 
 
-def face_normal(value: object) -> object:
-    if value is None or value == "beam":
-        return value
-    if not isinstance(value, list | tuple) or len(value) != 3 or not any(value):
-        raise refusal(
-            "this is no normal of a PSD's face",
-            found=shown(value),
-            allowed="[x, y, z] of any length but zero, or beam",
-        )
-    return tuple(value)
-
-
-Pair = Annotated[tuple[float, float], numbers(2)]
 # One number for every joint, or a list with one each: degrees, and millimetres for a prismatic joint.
 EachJoint = Annotated[NotNegative | tuple[NotNegative, ...], BeforeValidator(_each_joint)]
 
@@ -185,7 +166,7 @@ class CameraInCell(FileModel):
     width_px: Count = Field(default=640, description="columns")
     height_px: Count = Field(default=480, description="rows")
     focal_px: Positive = Field(default=700.0, description="focal length, pixels")
-    distortion: Annotated[tuple[float, float, float, float, float], numbers(5)] = Field(
+    distortion: Annotated[tuple[float, float, float, float, float], tuple_of(5)] = Field(
         default=(-0.2, 0.05, 0.0005, -0.0005, 0.0), description="k1, k2, p1, p2, k3 (Brown-Conrady)"
     )
     beside_mm: Pair = Field(
@@ -204,118 +185,8 @@ class CameraInCell(FileModel):
     image_s: NotNegative = Field(default=0.2, description="time that an image takes, seconds")
 
 
-class _AtShot(FileModel):
-    """What happens on purpose, and in which shot."""
-
-    shot: int = Field(ge=0, description="number of the shot")
-
-
-class _ForCalls(_AtShot):
-    lasts: Count | None = Field(
-        default=None,
-        description="for how many readings or images from the shot's first on; default: the whole shot, "
-        "every attempt at it",
-    )
-
-
-class PsdDropout(_ForCalls):
-    """The wireless link is down."""
-
-    kind: Literal["psd-dropout"] = Field(description="no sample of the PSD arrives")
-
-
-class CameraBlack(_ForCalls):
-    """The camera gives black images."""
-
-    kind: Literal["camera-black"] = Field(description="images are black")
-
-
-class LedOccluded(_ForCalls):
-    """One LED is hidden."""
-
-    kind: Literal["led-occluded"] = Field(description="a LED cannot be seen")
-    led: Literal[1, 2] = Field(default=1, description="which")
-
-
-class Reflection(_ForCalls):
-    """A reflection of the beam that looks like the spot."""
-
-    kind: Literal["reflection"] = Field(
-        description="the beam, reflected, lights the PSD where it does not point, and shows in the images"
-    )
-    at_mm: Pair = Field(default=(4.0, -3.0), description="where on the face, millimetres")
-    light: NotNegative = Field(default=0.8, description="its light, share of the laser's")
-
-
-class EncoderGlitch(_ForCalls):
-    """A joint is read wrong."""
-
-    kind: Literal["encoder-glitch"] = Field(description="a joint reading is off")
-    joint: Count = Field(description="which, from 1")
-    deg: float = Field(description="by how much, degrees (mm)")
-
-
-class RobotStop(_AtShot):
-    """The robot stops by itself."""
-
-    kind: Literal["robot-stop"] = Field(description="the controller stops the arm on its way")
-
-
-class PsdBump(_AtShot):
-    """Someone bumps the PSDs before this shot: in it, and in all of higher numbers, they stand elsewhere."""
-
-    kind: Literal["psd-bump"] = Field(description="the PSDs are moved between two shots")
-    shift_mm: Point = Field(description="by how much, base frame, millimetres")
-
-
-class ProcessKilled(_AtShot):
-    """The program is killed (SIGKILL)."""
-
-    kind: Literal["process-killed"] = Field(description="the program is killed")
-    call: Count = Field(description="at which use of the rig since the shot began")
-
-
-AnyFault = (
-    PsdDropout | CameraBlack | LedOccluded | Reflection | EncoderGlitch | RobotStop | PsdBump | ProcessKilled
-)
-_FAULTS: dict[str, type[FileModel]] = {
-    get_args(fault.model_fields["kind"].annotation)[0]: fault for fault in get_args(AnyFault)
-}
-FAULT_KINDS = tuple(_FAULTS)
-
-
-def _of_a_kind(value: object) -> object:
-    """Say which kinds there are, and which keys this one has: the others' keys are no help."""
-    if not isinstance(value, dict):
-        return value
-    kind = value.get("kind")
-    if kind not in FAULT_KINDS:
-        raise refusal(
-            "there is no fault of this kind",
-            key=("kind",),
-            found=shown(kind),
-            allowed=", ".join(FAULT_KINDS),
-            remedy=did_you_mean(str(kind), FAULT_KINDS),
-        )
-    for key in value:
-        if key not in (own := _FAULTS[kind].model_fields):
-            raise refusal(
-                f"unknown key {key!r} of a {kind}",
-                key=(key,),
-                found=f"{key}: {shown(value[key])}",
-                allowed=", ".join(own),
-                remedy=did_you_mean(key, own) or "remove it",
-            )
-    return value
-
-
-Fault = Annotated[AnyFault, Field(discriminator="kind"), BeforeValidator(_of_a_kind)]
-
-
-class Cell(FileModel):
+class Cell(SourcedModel):
     """The content of a cell file; one that was read from a file knows where its keys stand there."""
-
-    _document: Document | None = PrivateAttr(default=None)
 
     schema_: Literal["zerobeam/cell/1"] = Field(
         default=CELL_SCHEMA, alias="schema", description="kind and version of the file"
@@ -353,37 +224,9 @@ class Cell(FileModel):
         """The robot that the file names, a path taken relative to the file."""
         if self.robot is None:
             return None
-        file = None if self._document is None else self._document.file
-        folder = Path() if file is None else file.parent
-        return load_robot(self.robot, folder, file=file, line=self._line(("robot",)))
-
-    def refuse(
-        self,
-        place: Place,
-        what: str,
-        *,
-        found: object = None,
-        allowed: object = None,
-        remedy: str | None = None,
-    ) -> BadInput:
-        """An error about what stands at `place`, with file and line if it was read from a file."""
-        return BadInput(
-            what,
-            found=found,
-            allowed=allowed,
-            remedy=remedy,
-            file=None if self._document is None else self._document.file,
-            line=self._line(place),
-        )
-
-    def _line(self, place: Place) -> int | None:
-        return None if self._document is None else self._document.line(place)
+        return load_robot(self.robot, self.folder, file=self.file, line=self.line(("robot",)))
 
 
-def read_cell(path: Path | str) -> tuple[Cell, str]:
-    """A cell file, every key of it checked, and its sha256."""
-    document = read_yaml(Path(path))
-    require_schema(document.data, CELL_SCHEMA, file=document.file, line=document.line(("schema",)))
-    cell = validate(Cell, document.data, file=document.file, line=document.line)
-    cell._document = document
-    return cell, document.sha256
+def read_cell(path: Path | str) -> Cell:
+    """A cell file, every key of it checked."""
+    return read_model(Cell, path, CELL_SCHEMA)

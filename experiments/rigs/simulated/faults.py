@@ -6,12 +6,123 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
-from typing import TypeVar
+from typing import Annotated, Literal, TypeVar, get_args
 
 import numpy as np
+from pydantic import BeforeValidator, Field
 
+from ....model.files.header import Point
+from ....model.files.reading import did_you_mean, shown
+from ....model.files.validation import Count, FileModel, NotNegative, Pair, refusal
 from ....model.robot import Matrix
-from .cell_file import AnyFault, ProcessKilled, PsdBump, RobotStop
+
+
+class _AtShot(FileModel):
+    """What happens on purpose, and in which shot."""
+
+    shot: int = Field(ge=0, description="number of the shot")
+
+
+class _ForCalls(_AtShot):
+    lasts: Count | None = Field(
+        default=None,
+        description="for how many readings or images from the shot's first on; default: the whole shot, "
+        "every attempt at it",
+    )
+
+
+class PsdDropout(_ForCalls):
+    """The wireless link is down."""
+
+    kind: Literal["psd-dropout"] = Field(description="no sample of the PSD arrives")
+
+
+class CameraBlack(_ForCalls):
+    """The camera gives black images."""
+
+    kind: Literal["camera-black"] = Field(description="images are black")
+
+
+class LedOccluded(_ForCalls):
+    """One LED is hidden."""
+
+    kind: Literal["led-occluded"] = Field(description="a LED cannot be seen")
+    led: Literal[1, 2] = Field(default=1, description="which")
+
+
+class Reflection(_ForCalls):
+    """A reflection of the beam that looks like the spot."""
+
+    kind: Literal["reflection"] = Field(
+        description="the beam, reflected, lights the PSD where it does not point, and shows in the images"
+    )
+    at_mm: Pair = Field(default=(4.0, -3.0), description="where on the face, millimetres")
+    light: NotNegative = Field(default=0.8, description="its light, share of the laser's")
+
+
+class EncoderGlitch(_ForCalls):
+    """A joint is read wrong."""
+
+    kind: Literal["encoder-glitch"] = Field(description="a joint reading is off")
+    joint: Count = Field(description="which, from 1")
+    deg: float = Field(description="by how much, degrees (mm)")
+
+
+class RobotStop(_AtShot):
+    """The robot stops by itself."""
+
+    kind: Literal["robot-stop"] = Field(description="the controller stops the arm on its way")
+
+
+class PsdBump(_AtShot):
+    """Someone bumps the PSDs before this shot: in it, and in all of higher numbers, they stand elsewhere."""
+
+    kind: Literal["psd-bump"] = Field(description="the PSDs are moved between two shots")
+    shift_mm: Point = Field(description="by how much, base frame, millimetres")
+
+
+class ProcessKilled(_AtShot):
+    """The program is killed (SIGKILL)."""
+
+    kind: Literal["process-killed"] = Field(description="the program is killed")
+    call: Count = Field(description="at which use of the rig since the shot began")
+
+
+AnyFault = (
+    PsdDropout | CameraBlack | LedOccluded | Reflection | EncoderGlitch | RobotStop | PsdBump | ProcessKilled
+)
+_FAULTS: dict[str, type[FileModel]] = {
+    get_args(fault.model_fields["kind"].annotation)[0]: fault for fault in get_args(AnyFault)
+}
+FAULT_KINDS = tuple(_FAULTS)
+
+
+def _of_a_kind(value: object) -> object:
+    """Say which kinds there are, and which keys this one has: the others' keys are no help."""
+    if not isinstance(value, dict):
+        return value
+    kind = value.get("kind")
+    if kind not in FAULT_KINDS:
+        raise refusal(
+            "there is no fault of this kind",
+            key=("kind",),
+            found=shown(kind),
+            allowed=", ".join(FAULT_KINDS),
+            remedy=did_you_mean(str(kind), FAULT_KINDS),
+        )
+    for key in value:
+        if key not in (own := _FAULTS[kind].model_fields):
+            raise refusal(
+                f"unknown key {key!r} of a {kind}",
+                key=(key,),
+                found=f"{key}: {shown(value[key])}",
+                allowed=", ".join(own),
+                remedy=did_you_mean(key, own) or "remove it",
+            )
+    return value
+
+
+Fault = Annotated[AnyFault, Field(discriminator="kind"), BeforeValidator(_of_a_kind)]
 
 Kind = TypeVar("Kind", bound=AnyFault)
 

@@ -22,14 +22,14 @@ from ....analysis.observability.aim import aim, servo_joints
 from ....analysis.observability.identifiability import identify
 from ....analysis.observability.outlook import predicted_std
 from ....analysis.observability.verdict import verdict
-from ....analysis.versions import versions
+from ....analysis.result import versions
 from ....model.errors import BadInput
 from ....model.kernel import Index
 from ....model.problem import Problem
 from ....model.robot import Matrix
 from ...plans.candidates import View, candidates
+from ...plans.optimal import Planner
 from ...plans.patterns import pattern
-from ...plans.planning import Planner
 from ...processes import side_by_side
 from ..binomial import held_share
 from ..case_store import CaseStore

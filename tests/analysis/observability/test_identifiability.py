@@ -25,7 +25,7 @@ from zerobeam.analysis.observability.check import check
 from zerobeam.analysis.observability.identifiability import identify, observability
 from zerobeam.analysis.observability.verdict import reason_for, verdict
 from zerobeam.experiments.plans.candidates import candidates
-from zerobeam.experiments.plans.planning import Planner
+from zerobeam.experiments.plans.optimal import Planner
 from zerobeam.model.files.urdf import read_urdf
 from zerobeam.model.problem import Problem
 from zerobeam.model.robot import rotation_about

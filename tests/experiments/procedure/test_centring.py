@@ -12,7 +12,7 @@ from scipy import stats
 from servo_shots import Start, plan, start
 
 from zerobeam.experiments.procedure import centring
-from zerobeam.experiments.procedure.refused import Reason, Refused
+from zerobeam.experiments.procedure.refusal import MeasurementRefused, Reason
 from zerobeam.experiments.procedure.steering import FROM_BELOW, Belief
 from zerobeam.model.robot import Matrix
 
@@ -20,7 +20,7 @@ FAINT = {"noise_mm": 1e-7, "resolution_mm": 1e-7, "nonlinearity": 0.0}
 
 
 def reason(shot: Start, frame: Matrix | None = None) -> Reason:
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(MeasurementRefused) as refused:
         shot.centred(frame)
     return refused.value.reason
 
@@ -113,7 +113,7 @@ def _until_refused(shot: Start) -> list[float]:
     off: list[float] = []
     shot.rig.laser(True)
     frame = shot.psd.frame(shot.belief.beam(shot.joints)[1])
-    with suppress(Refused):
+    with suppress(MeasurementRefused):
         centring.centre(shot.rig, shot.belief, shot.psd, shot.joints, shot.dark, frame, off.append)
     return off
 
@@ -225,7 +225,7 @@ def test_a_spot_that_cannot_be_centred_is_a_reason() -> None:
 def _end(shot: Start) -> Reason | None:
     try:
         shot.centred()
-    except Refused as refused:
+    except MeasurementRefused as refused:
         return refused.reason
     return None
 

@@ -10,8 +10,8 @@ import pytest
 from scipy import stats
 
 from zerobeam.experiments.procedure.readings import read_dark, read_joints, read_spot
-from zerobeam.experiments.procedure.refused import Reason, Refused
-from zerobeam.experiments.rigs.simulated.simulated_psd import SimulatedPsd
+from zerobeam.experiments.procedure.refusal import MeasurementRefused, Reason
+from zerobeam.experiments.rigs.simulated.photocurrents import SimulatedPsd
 from zerobeam.experiments.sensors.psd import Psd
 
 PSD = Psd(20.0, "duo-lateral", 200.0, 0.01, 2.0, np.zeros((2, 3)), None, 0.0)
@@ -117,7 +117,7 @@ def test_a_link_that_comes_back_is_waited_for() -> None:
 def test_a_link_that_stays_down_is_a_reason(share: float) -> None:
     rig = ScriptedRig()
     rig.lost = lambda samples: np.arange(samples) < share * samples
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(MeasurementRefused) as refused:
         spot_of(rig)
     assert refused.value.reason == Reason.NO_SIGNAL
     assert rig.waited == pytest.approx(2.0)
@@ -127,7 +127,7 @@ def test_too_much_light_is_a_reason() -> None:
     """All of the light of a spot at the edge goes into one electrode, and that of the surroundings."""
     edge = (9.0, 0.0)
     assert spot_of(ScriptedRig(edge, 1.8)).light == pytest.approx(1.8, abs=0.01)
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(MeasurementRefused) as refused:
         spot_of(ScriptedRig(edge, 2.0))
     assert refused.value.reason == Reason.SATURATED
 
@@ -146,7 +146,7 @@ def test_one_reading_that_is_off_is_a_reason(reading: int) -> None:
     rig: Any = ScriptedRig()
     rig.read = [np.zeros(2) for _ in range(3)]
     rig.read[reading][1] = 0.003
-    with pytest.raises(Refused, match="joint 2") as refused:
+    with pytest.raises(MeasurementRefused, match="joint 2") as refused:
         read_joints(rig, np.zeros(2), TOLERANCE)
     assert refused.value.reason == Reason.READING
 
@@ -154,6 +154,6 @@ def test_one_reading_that_is_off_is_a_reason(reading: int) -> None:
 def test_all_readings_off_alike_are_a_reason() -> None:
     rig: Any = ScriptedRig()
     rig.read = [np.array([0.0, 0.003])] * 3
-    with pytest.raises(Refused, match="joint 2 is not read where it was sent") as refused:
+    with pytest.raises(MeasurementRefused, match="joint 2 is not read where it was sent") as refused:
         read_joints(rig, np.zeros(2), TOLERANCE)
     assert refused.value.reason == Reason.READING

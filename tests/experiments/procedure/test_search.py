@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from servo_shots import Start, start
 
-from zerobeam.experiments.procedure.refused import Reason, Refused
+from zerobeam.experiments.procedure.refusal import MeasurementRefused, Reason
 from zerobeam.experiments.procedure.search import Search
 from zerobeam.experiments.sensors.markers import blobs
 
@@ -133,7 +133,7 @@ def test_markers_out_of_view_are_looked_for_around() -> None:
 
 def test_markers_that_are_nowhere_are_a_reason() -> None:
     shot = start(20.0, 3, psd={"placed": {"misturned_deg": [180.0, 0.0, 0.0]}})  # its back is turned
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(MeasurementRefused) as refused:
         shot.search().run()
     assert refused.value.reason == Reason.OUT_OF_VIEW
 
@@ -157,7 +157,7 @@ def test_a_hand_eye_error_is_made_good_by_the_spot(monkeypatch: pytest.MonkeyPat
     without = start(30.0, 1, slant_deg=0, camera={"misturned_deg": [0.0, 1.2, 0.0]})
     monkeypatch.setattr(Search, "_by_spot", lambda *_: False)
     monkeypatch.setattr(Search, "_by_spiral", lambda *_: False)
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(MeasurementRefused) as refused:
         without.search().run()
     assert refused.value.reason == Reason.OFF_FACE
 
@@ -215,6 +215,6 @@ def test_the_spiral_has_no_hole_on_a_face_at_a_slant() -> None:
 
 def test_a_psd_that_is_too_far_off_is_not_found_by_the_beam() -> None:
     shot = start(220.0, 1, camera=None)
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(MeasurementRefused) as refused:
         shot.search().run()
     assert refused.value.reason == Reason.OFF_FACE

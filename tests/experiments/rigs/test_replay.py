@@ -11,11 +11,11 @@ import pytest
 from cells import AXIS_LASER, OPEN_LASER, PROBE, good_plan, header, plan_of, run_of, simulated
 
 from zerobeam.experiments.procedure.order import InTurn
-from zerobeam.experiments.procedure.procedure import Procedure
+from zerobeam.experiments.procedure.rig import Rig
+from zerobeam.experiments.procedure.session import Procedure
 from zerobeam.experiments.rigs.replay import ReplayRig
-from zerobeam.experiments.rigs.rig import Rig
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
-from zerobeam.experiments.rigs.simulated.simulated_rig import SimulatedRig
+from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.model.errors import BadInput, RigFault
 from zerobeam.model.files.journal import RunJournal
 from zerobeam.model.files.plan import Plan

@@ -27,7 +27,7 @@ from example_results import HOSTILE_NAMES
 from pages import DATA, Page, assert_fetches_nothing
 from ruamel.yaml import YAML
 
-from zerobeam.analysis.observability.aimed_plan import AimedPlan, aim_plan
+from zerobeam.analysis.observability.aim import AimedPlan, aim_plan
 from zerobeam.analysis.observability.check import check, check_json
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan

@@ -21,13 +21,14 @@ import pytest
 from cells import good_plan
 from controllers import UNLIMITED, Watched, quick, unhurried
 
-from zerobeam.experiments.controller.packet_line import PacketFaults
+from zerobeam.experiments.controller.egm_server import PacketFaults
 from zerobeam.experiments.controller.sensor_server import CellSensors
-from zerobeam.experiments.controller.simulated_controller import SimulatedController
-from zerobeam.experiments.recording import Controller, Request, record
-from zerobeam.experiments.rigs.abb import web_services as abb_rws
-from zerobeam.experiments.rigs.abb.abb_rig import AbbRig, Caution
+from zerobeam.experiments.controller.service import SimulatedController
+from zerobeam.experiments.recording import Controller, RunRequest, record
+from zerobeam.experiments.rigs.abb import rws_client as abb_rws
 from zerobeam.experiments.rigs.abb.access import PASSWORD, find_access
+from zerobeam.experiments.rigs.abb.caution import Caution
+from zerobeam.experiments.rigs.abb.driver import AbbRig
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
 from zerobeam.model.errors import RigFault
 from zerobeam.model.files.plan import Plan
@@ -96,7 +97,7 @@ class Session:
         access = find_access({PASSWORD: password}, host="127.0.0.1", port=controller.port)
         caution = Caution(lambda text: True, share=1.0, egm_port=controller.egm_port)
         reached = Controller(access, CellSensors(controller.irc5), caution)
-        request = Request("abb", resume=self.file.exists(), controller=reached)
+        request = RunRequest("abb", resume=self.file.exists(), controller=reached)
         try:
             record(self.plan, self.file, request, self.told)
         except RigFault as fault:

@@ -11,11 +11,12 @@ import pytest
 from cells import OPEN_LASER, PROBE, good_plan, header, irb1600, plan_of
 
 from zerobeam.analysis.observability.aim import aim, servo_joints
-from zerobeam.experiments.rigs.simulated.assembly import Parts, assemble, same_arm
+from zerobeam.experiments.rigs.simulated.assembly import Parts, assemble
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.problem import Problem
+from zerobeam.model.robot import same_arm
 
 
 def parts(plan: Plan, seed: int = 0, **content: Any) -> Parts:

@@ -19,17 +19,17 @@ from cells import good_plan, plan_of
 from command_line import plan_file
 
 from zerobeam.experiments.procedure.order import InTurn
-from zerobeam.experiments.procedure.procedure import Carried, Procedure
-from zerobeam.experiments.rigs.simulated.cell_file import (
+from zerobeam.experiments.procedure.session import Carried, Procedure
+from zerobeam.experiments.rigs.simulated.cell_file import Cell
+from zerobeam.experiments.rigs.simulated.faults import (
     FAULT_KINDS,
-    Cell,
     EncoderGlitch,
+    Faults,
     ProcessKilled,
     PsdDropout,
     RobotStop,
 )
-from zerobeam.experiments.rigs.simulated.faults import Faults
-from zerobeam.experiments.rigs.simulated.simulated_rig import SimulatedRig
+from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.model.errors import RigFault
 from zerobeam.model.files.journal import RunJournal
 from zerobeam.model.files.plan import Plan
@@ -158,13 +158,13 @@ def session(plan: Plan, cell: Cell, file: Path, *, resumed: bool = False) -> Ses
 KILLED = """
 import sys
 from zerobeam.experiments.procedure.order import InTurn
-from zerobeam.experiments.procedure.procedure import Procedure
+from zerobeam.experiments.procedure.session import Procedure
 from zerobeam.experiments.rigs.simulated.cell_file import read_cell
-from zerobeam.experiments.rigs.simulated.simulated_rig import SimulatedRig
+from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.model.files.journal import RunJournal
 from zerobeam.model.files.plan import read_plan
 
-plan, (cell, _), seed = read_plan(sys.argv[1]), read_cell(sys.argv[2]), int(sys.argv[4])
+plan, cell, seed = read_plan(sys.argv[1]), read_cell(sys.argv[2]), int(sys.argv[4])
 with RunJournal(sys.argv[3], plan.header) as journal:
     rig = SimulatedRig(plan, cell, seed)
     Procedure(plan, rig, journal, InTurn(len(plan.postures)), lambda event: None).carry_out()

@@ -17,8 +17,8 @@ from zerobeam.analysis.observability.check import check
 from zerobeam.analysis.result import Verdict
 from zerobeam.analysis.result_json import UnsoundResult
 from zerobeam.experiments.plans.candidates import View, candidates
+from zerobeam.experiments.plans.optimal import Planner
 from zerobeam.experiments.plans.patterns import pattern
-from zerobeam.experiments.plans.planning import Planner
 from zerobeam.experiments.studies.coverage import DataSets, drawn, fitted
 from zerobeam.experiments.studies.sweeps import sweep as module
 from zerobeam.experiments.studies.sweeps.findings import findings, headline

@@ -1,0 +1,78 @@
+"""The offsets as data: JSON (`zerobeam/offsets/1`) for programs, CSV for spreadsheets."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from dataclasses import asdict
+from typing import Any
+
+from .calibration import MEANING, SEED, Calibration, Offset, one_line
+
+SCHEMA = "zerobeam/offsets/1"
+
+
+def csv_text(calibration: Calibration) -> str:
+    """One row a joint, every row with its provenance. A field is empty where the data cannot determine it."""
+    file = io.StringIO()
+    rows = [_row(offset, calibration) for offset in calibration.offsets]
+    table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+    table.writeheader()
+    table.writerows(rows)
+    return file.getvalue()
+
+
+def _row(offset: Offset, calibration: Calibration) -> dict[str, object]:
+    low, high = offset.interval95 or (None, None)
+    return {
+        "offset": offset.name,
+        "joint": _text(offset.joint),
+        "kind": offset.kind,
+        "unit": offset.unit,
+        "status": offset.status,
+        "exported": "yes" if offset.exported else "no",
+        "applied": offset.applied,
+        "estimate": offset.estimate,
+        "std": offset.std,
+        "low95": low,
+        "high95": high,
+        "reason": _text(offset.reason or ""),
+        "run": _text(calibration.run),
+        "run_sha256": calibration.sha256,
+        "robot": _text(calibration.robot),
+        "zerobeam": calibration.versions["zerobeam"],
+        "notes": _text("; ".join(calibration.warnings)),
+    }
+
+
+def _text(name: str) -> str:
+    """A name on one line; a leading apostrophe keeps a spreadsheet from taking it for a formula."""
+    name = one_line(name)
+    return f"'{name}" if name.startswith(("=", "+", "-", "@")) else name
+
+
+def document(calibration: Calibration) -> dict[str, Any]:
+    """The offsets as plain values. What the data cannot determine is null; `applied` is to be added."""
+    return {
+        "schema": SCHEMA,
+        "meaning": MEANING,
+        "offsets": [
+            {**asdict(offset), "exported": offset.exported, "applied": offset.applied}
+            for offset in calibration.offsets
+        ],
+        "notes": list(calibration.warnings),
+        "inputs": {
+            "run": calibration.run,
+            "sha256": calibration.sha256,
+            "robot": calibration.robot,
+            "shots": calibration.shots,
+            "seed": SEED,
+            "versions": calibration.versions,
+        },
+    }
+
+
+def json_text(calibration: Calibration) -> str:
+    """Text of the JSON file: ASCII, so that a name cannot break it."""
+    return json.dumps(document(calibration), indent=1, allow_nan=False) + "\n"

@@ -1,0 +1,171 @@
+"""`zerobeam plan`: from a header and a target to a checked plan file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from ...analysis.design.exact_design import Criterion
+from ...analysis.observability.check import check, check_json
+from ...model.errors import BadInput
+from ...model.files.header import Header, StatedTarget
+from ...model.files.plan import read_plan, write_plan
+from ...model.files.robot_file import load_robot, rebased
+from ...model.files.whole_file import refuse_existing
+from ...model.robot import Robot
+from .candidates import View, candidates
+from .obstacles import Obstacles
+from .optimal import Fewest, Planner, Proposal
+from .patterns import pattern
+
+Progress = Callable[[str, float], None]
+
+TARGET = "psd"
+_DECIMALS = 6  # of degrees and millimetres in the file: finer than any controller moves
+
+
+@dataclass(frozen=True)
+class PlanRequest:
+    """What is asked of a plan: degrees and millimetres, as people state them."""
+
+    kind: Literal["x", "y", "optimal"]
+    header: Header
+    header_folder: Path
+    target: tuple[float, ...]
+    shots: int
+    candidates: int
+    criterion: Criterion
+    tolerance: float | None
+    max_shots: int
+    facing: tuple[float, ...] | None
+    acceptance_deg: float
+    beam_mm: tuple[float, ...]
+    margin_deg: float
+    obstacles: Obstacles
+    seed: int
+
+
+@dataclass(frozen=True, eq=False)
+class MadePlan:
+    """A plan and the verdict of `check` on it; `proposal` is None for a pattern.
+
+    `file` and `checked` are None where no number of shots reaches the tolerance: nothing was written.
+    """
+
+    kind: Literal["x", "y", "optimal"]
+    file: Path | None
+    checked: dict[str, Any] | None
+    proposal: Proposal | None
+    fewest: Fewest | None
+    removed: str | None
+
+    def as_json(self) -> dict[str, Any]:
+        """`zerobeam/proposal/1`: plain JSON types; null where a pattern has no such figure."""
+        made, fewest = self.proposal, self.fewest
+        rows = [] if self.checked is None else self.checked["parameters"]
+        return {
+            "schema": "zerobeam/proposal/1",
+            "kind": self.kind,
+            "plan": None if self.file is None else self.file.name,
+            "verdict": None if self.checked is None else self.checked["verdict"],
+            "shots": None if self.checked is None else len(self.checked["postures"]),
+            "predicted_std": {row["name"]: row["std"] for row in rows if row["group"] == "offset"},
+            "units": {row["name"]: row["unit"] for row in rows if row["group"] == "offset"},
+            "criterion": None if made is None else made.criterion,
+            "value": None if made is None else made.value,
+            "bound": None if made is None else made.bound,
+            "efficiency": None if made is None else made.efficiency,
+            "support": None if made is None else made.support,
+            "travel_s": None if made is None else made.travel_s,
+            "candidates": None if made is None else made.candidates,
+            "removed": self.removed,
+            "tolerance": None if fewest is None else fewest.tolerance,
+            "max_shots": None if fewest is None else fewest.most,
+            "curve": [] if fewest is None else [{"shots": k, "worst_std": std} for k, std in fewest.curve],
+            "limit": None if fewest is None else fewest.limit,
+            "check": self.checked,
+        }
+
+
+def make_plan(request: PlanRequest, file: Path, told: Progress) -> MadePlan:
+    """Make the plan, write it to a new file and check it. BadInput says which constraint is in the way."""
+    refuse_existing(file)
+    robot = load_robot(request.header.robot, request.header_folder)
+    header = _with_target(request, robot, file)
+    target = np.array(request.target)
+    proposal, fewest, removed = None, None, None
+    if request.kind == "optimal":
+        found = candidates(
+            header,
+            robot,
+            target,
+            request.candidates,
+            view=_view(request),
+            obstacles=request.obstacles,
+            seed=request.seed,
+            name=TARGET,
+            progress=lambda share: told("candidates", share),
+        )
+        removed = found.told()
+        wanted = request.shots if request.tolerance is None else 2
+        if len(found.postures) < wanted:
+            raise BadInput(
+                f"there are too few postures to choose {wanted} shots from",
+                found=removed,
+                remedy="loosen what removes most of them, or put the target elsewhere",
+            )
+        told("choice", 0.0)
+        planner = Planner(header, robot, target, found, name=TARGET)
+        if request.tolerance is None:
+            proposal = planner.optimal(request.shots, request.criterion, seed=request.seed)
+        else:
+            most = min(request.max_shots, len(found.postures))
+            fewest = planner.fewest(request.tolerance, most, request.criterion, seed=request.seed)
+            proposal = fewest.proposal
+        if proposal is None:
+            return MadePlan(request.kind, None, None, None, fewest, removed)
+        postures = proposal.postures
+    else:
+        postures = pattern(header, robot, target, request.kind, request.shots, name=TARGET)
+    write_plan(file, header, np.round(postures * robot.display, _DECIMALS), [TARGET] * len(postures))
+    told("check", 0.0)
+    checked = check_json(check(read_plan(file)))
+    return MadePlan(request.kind, file, checked, proposal, fewest, removed)
+
+
+def _with_target(request: PlanRequest, robot: Robot, file: Path) -> Header:
+    """The header with the target's guess, its robot named as seen from the plan's folder."""
+    stated = dict(request.header.targets)
+    if stated and set(stated) != {TARGET}:
+        raise BadInput(
+            "the header states other targets than the plan is made for",
+            found=", ".join(stated),
+            allowed=f"none, or {TARGET}",
+            remedy="remove `targets` from the header; --target says where the target stands",
+        )
+    guess = {"guess_mm": tuple(request.target)}
+    stated[TARGET] = stated[TARGET].model_copy(update=guess) if stated else StatedTarget(**guess)  # type: ignore[arg-type]
+    robot_ref = rebased(request.header.robot, request.header_folder, file.parent)
+    return request.header.model_copy(update={"targets": stated, "robot": robot_ref})
+
+
+def _view(request: PlanRequest) -> View:
+    if request.facing is not None and not any(request.facing):
+        raise BadInput("--facing has no length", found="0,0,0", allowed="any direction, or `any`")
+    if not 0 < request.acceptance_deg <= 90:
+        raise BadInput(
+            "--acceptance is out of range", found=request.acceptance_deg, allowed="above 0, up to 90"
+        )
+    if not 0 <= request.beam_mm[0] < request.beam_mm[1]:
+        raise BadInput("--beam is out of order", found=request.beam_mm, allowed="0 <= MIN < MAX")
+    return View(
+        facing=None if request.facing is None else (request.facing[0], request.facing[1], request.facing[2]),
+        acceptance=math.radians(request.acceptance_deg),
+        beam=(request.beam_mm[0], request.beam_mm[1]),
+        margin=math.radians(request.margin_deg),
+    )

@@ -1,0 +1,274 @@
+"""The procedure of Fig. 5 of the paper: from each initial posture bring the beam to the target and record.
+
+It knows a rig by its interface alone, and nothing of a run but what the journal has on the disk: each shot is
+there before the arm moves on, and a run that is resumed goes on as if it had never been stopped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any, Protocol
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from ...analysis.estimation.fit import fit_likelihood
+from ...analysis.so_far import SoFar, so_far
+from ...model.errors import RigFault
+from ...model.files.plan import Plan
+from ...model.files.run import Shot
+from ...model.parameters import Parameters
+from ...model.problem import Problem
+from ...model.robot import Matrix
+from ..sensors.psd import WEAKEST
+from .centring import centre
+from .order import Order
+from .readings import Spot, read_dark, read_joints, read_spot
+from .refusal import MeasurementRefused, Reason, RefusedPosture
+from .rig import Rig
+from .search import Search
+from .steering import Belief, come_to
+
+PHASES = ("move", "search", "servo", "settle")
+ATTEMPTS = 3
+_SETTLE_S = 0.5
+_SAMPLES = 100
+_DRIFTS = 6.0  # stds by which the spot may move while it is averaged, and so many mm more
+_DRIFTS_MM = 0.02
+_NEAR = {"mm": 100.0, "deg": np.radians(1.5)}  # std of what is supposed, for aiming
+_READ_ALIKE = 6.0  # stds of a joint reading
+
+Told = Callable[[dict[str, Any]], None]
+
+
+class Journal(Protocol):
+    """Where shots are kept: `RunJournal`, on the disk, or a list of simulated ones."""
+
+    @property
+    def shots(self) -> tuple[Shot, ...]:
+        """All that are kept, in their order."""
+        ...
+
+    def append(self, shot: Shot) -> None:
+        """Keep one; it is safe when this returns."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Carried:
+    """What a plan came to. `state` is None where nothing was recorded; `seconds` of this session by phase."""
+
+    shots: tuple[Shot, ...]
+    refused: tuple[RefusedPosture, ...]
+    state: SoFar | None
+    seconds: dict[str, float]
+
+
+@dataclass(eq=False)
+class Procedure:
+    """One session of a run: `told` hears what happens, as events (docs/files.md)."""
+
+    plan: Plan
+    rig: Rig
+    journal: Journal
+    order: Order
+    told: Told
+    seconds: dict[str, float] = field(default_factory=lambda: dict.fromkeys(PHASES, 0.0))
+
+    def __post_init__(self) -> None:
+        self._problem = Problem.from_plan(self.plan)
+        self._supposed = self._problem.supposed()
+        self._near = _near_supposed(self._problem, self._supposed)
+        self._refused: dict[int, RefusedPosture] = {}
+
+    def carry_out(self) -> Carried:
+        """Make the shots that are not in the journal yet. The rig is stopped however this ends."""
+        try:
+            with threadpool_limits(limits=1, user_api="blas"):
+                return self._carry_out()
+        except (RigFault, KeyboardInterrupt) as stopped:
+            self.told({"event": "stopped", "why": str(stopped) or "interrupted"})
+            raise
+        finally:
+            self.rig.stop()
+
+    def _carry_out(self) -> Carried:
+        state = self.state()
+        while (number := self._following(state)) is not None:
+            began = sum(self.seconds.values())
+            shot = self._attempts(number)
+            if shot is None:
+                continue
+            self.journal.append(shot)
+            state = self.state()
+            assert state is not None
+            seconds = round(sum(self.seconds.values()) - began, 3)
+            self.told({**recorded_event(shot, len(self.journal.shots), state), "seconds": seconds})
+        return Carried(self.journal.shots, tuple(self._refused.values()), state, self.seconds)
+
+    def state(self) -> SoFar | None:
+        """What the journal's shots tell; None while there are none."""
+        return told_by(self._problem, self.journal.shots)
+
+    def _following(self, state: SoFar | None) -> int | None:
+        return self.order.following(self.journal.shots, self._refused, state)
+
+    def _attempts(self, number: int) -> Shot | None:
+        """The shot of a posture, or None where every attempt was refused."""
+        belief = self._belief(number)
+        last = self.journal.shots[-1] if self.journal.shots else None
+        self.rig.begin(number, self.plan.targets[self._posture(number)], last)
+        for attempt in range(1, ATTEMPTS + 1):
+            self.told({"event": "shot", "shot": number, "attempt": attempt, "time_s": self._now()})
+            try:
+                return self._shoot(number, belief)
+            except MeasurementRefused as refused:
+                why = {"shot": number, "reason": refused.reason.value, "found": refused.found}
+                if attempt < ATTEMPTS:
+                    self.told({"event": "retry", "attempt": attempt, **why})
+                else:
+                    self._refused[number] = RefusedPosture(number, refused.reason, refused.found)
+                    self.told({"event": "refused", **why})
+        return None
+
+    def _belief(self, number: int) -> Belief:
+        """Offsets and places by the shots so far; what they say nothing about as supposed."""
+        return Belief(self._problem.select(np.array([self._posture(number)])), self._believed())
+
+    def _believed(self) -> Matrix:
+        """(p,) where shots are aimed: the mode of the shots so far, by `_near_supposed`."""
+        x, shots = self._supposed.copy(), self.journal.shots
+        # A replay is read as it was recorded: in the axes of what was supposed then, as it does itself.
+        if not shots or not self.rig.steerable:
+            return x
+        found = fit_likelihood(with_shots(self._near, shots), starts=0).x
+        parameters = self._problem.parameters
+        x = parameters.with_values(x, self._near.parameters, found)
+        seen = {shot.target for shot in shots}
+        told = [item.group != "target" or item.of in seen for item in parameters.items]
+        return np.where(told, x, self._supposed)
+
+    def _posture(self, number: int) -> int:
+        """The posture of a shot; a closing shot repeats one."""
+        return number % len(self.plan.postures)
+
+    def _shoot(self, number: int, belief: Belief) -> Shot:
+        rig, target = self.rig, self.plan.targets[self._posture(number)]
+        psd, posture = rig.psds[target], self.plan.postures[self._posture(number)]
+        with self._phase("move"):
+            rig.laser(False)
+            joints = belief.onto_target(posture) if rig.steerable else None
+            joints = posture if joints is None else joints
+            come_to(rig, belief, joints)
+        with self._phase("search"):
+            dark = read_dark(rig, psd, _SAMPLES)
+            if rig.steerable:
+                search = Search(rig, belief, psd, joints, dark)
+                search.run()
+                belief, joints, frame = search.belief, search.joints, search.frame()
+            else:
+                rig.laser(True)
+                joints = rig.joints()
+                frame = psd.frame(belief.beam(joints)[1])
+        if rig.steerable:
+            with self._phase("servo"):
+                tell = partial(self._tell_off, number)
+                joints = centre(rig, belief, psd, joints, dark, frame, tell).joints
+        with self._phase("settle"):
+            rig.wait(_SETTLE_S)
+            tolerance = _READ_ALIKE * belief.problem.noise.joint
+            before = read_joints(rig, joints, tolerance)
+            spot = self._steady(read_spot(rig, psd, dark, _SAMPLES))
+            read = np.median([before, read_joints(rig, joints, tolerance)], axis=0)
+        robot = self._problem.robot
+        outside = (read < robot.lower) | (read > robot.upper)
+        if self.plan.header.limits == "error" and outside.any():
+            joint = int(np.flatnonzero(outside)[0])
+            raise MeasurementRefused(Reason.LIMIT, f"joint {joint + 1} is read beyond its limit")
+        # The beam's place is known in the PSD's axes; a run wants the target's place across the beam.
+        _, _, across = belief.problem.tool.nominal_beam()
+        off = -(belief.turned(joints, frame[:, :2] @ spot.position) @ across)
+        return Shot(
+            shot=number,
+            target=target,
+            joints_deg=tuple(round(float(v), 9) for v in read * robot.display),
+            spot_mm=(round(float(off[0]), 6), round(float(off[1]), 6)),
+            time_s=self._now(),
+        )
+
+    def _steady(self, spot: Spot) -> Spot:
+        if spot.light < WEAKEST:
+            raise MeasurementRefused(
+                Reason.TOO_WEAK,
+                f"{spot.light:.0%} of the laser's light arrives; at least {WEAKEST:.0%} are wanted",
+            )
+        if (np.abs(spot.drift) > _DRIFTS * 2 * spot.std + _DRIFTS_MM).any():
+            raise MeasurementRefused(
+                Reason.UNSTEADY, f"the spot moved by {np.abs(spot.drift).max():.3f} mm while it was averaged"
+            )
+        return spot
+
+    def _now(self) -> float:
+        return round(self.rig.now(), 6)
+
+    def _tell_off(self, number: int, off: float) -> None:
+        self.told({"event": "spot", "shot": number, "off_mm": round(off, 4), "time_s": self._now()})
+
+    @contextmanager
+    def _phase(self, name: str) -> Iterator[None]:
+        began = self.rig.now()
+        self.told({"event": "phase", "phase": name, "time_s": self._now()})
+        try:
+            yield
+        finally:
+            self.seconds[name] += self.rig.now() - began
+
+
+def _near_supposed(problem: Problem, x: Matrix) -> Problem:
+    """The problem for aiming: the noise as stated, offsets and targets near what is supposed, x (p,).
+
+    Few shots can be explained by targets far away or by offsets of many degrees, as wide priors allow; the
+    next shots would then be aimed far aside.
+    """
+    items = tuple(
+        replace(item, prior_mean=float(mean), prior_std=min(item.prior_std, _NEAR[item.unit]))
+        if item.group in ("target", "offset") and not item.held
+        else item
+        for item, mean in zip(problem.parameters.items, x, strict=True)
+    )
+    return replace(problem, parameters=Parameters(items)).with_noise_of(x)[0]
+
+
+def recorded_event(shot: Shot, recorded: int, state: SoFar) -> dict[str, Any]:
+    """The event of a shot that is on the disk, with what is known after it."""
+    return {
+        "event": "recorded",
+        "shot": shot.shot,
+        "target": shot.target,
+        "spot_mm": None if shot.spot_mm is None else list(shot.spot_mm),
+        "time_s": shot.time_s,
+        "recorded": recorded,
+        "std": state.std,
+        "worst_std": state.worst,
+        "p_value": state.p_value,
+        "consistent": state.consistent,
+    }
+
+
+def told_by(problem: Problem, shots: Sequence[Shot]) -> SoFar | None:
+    """What shots tell of the unknowns of a plan's problem; None without any."""
+    return so_far(with_shots(problem, shots)) if shots else None
+
+
+def with_shots(problem: Problem, shots: Sequence[Shot]) -> Problem:
+    """The unknowns of a plan's problem, with these shots in place of its postures."""
+    return replace(
+        problem,
+        joints=np.array([shot.joints_deg for shot in shots]) / problem.robot.display,
+        spots=np.array([shot.spot_mm or np.zeros(problem.tool.miss_size) for shot in shots]),
+        target_index=np.array([problem.targets.index(shot.target) for shot in shots], dtype=np.int64),
+        shot_numbers=tuple(shot.shot for shot in shots),
+    )

@@ -1,0 +1,152 @@
+"""The sensors that a sensors file names, opened: what the ABB rig asks for currents and pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+
+from ...model.errors import RigFault
+from ...model.files.plan import Plan
+from ...model.files.reading import did_you_mean
+from ...model.files.urdf import roll_pitch_yaw
+from ...model.robot import Matrix, shift
+from .amplifier import Amplifier
+from .camera import Camera, Image
+from .counts import PsdCalibration, read_calibration
+from .line import MOST_SAMPLES, REQUESTS, Sample, read_sample, told
+from .pictures import open_camera
+from .psd import BRIGHTEST, PAIR_LIGHT, Psd
+from .sensors_file import CameraBeside, PsdBeside, SensorsFile, read_sensors_file
+
+_BITS_A_BYTE = 10  # 8N1
+
+
+class RealSensors:
+    """PSDs by target and the camera, all there and answering; `close` gives their ports back."""
+
+    def __init__(self, stated: SensorsFile, targets: Sequence[str]) -> None:
+        self._stated = stated
+        folder = stated.folder
+        self._calibrations = {name: _calibration(stated, name) for name in targets}
+        self.psds: Mapping[str, Psd] = {
+            name: _sheet(stated.psds[name], calibration) for name, calibration in self._calibrations.items()
+        }
+        self.camera = None if stated.camera is None else _camera(stated.camera)
+        self._amplifiers: dict[str, Amplifier] = {}
+        with ExitStack() as opened:
+            for name in targets:
+                port = stated.psds[name].serial
+                amplifier = Amplifier(port.device, port.baud, f"the PSD amplifier of {name}")
+                opened.callback(amplifier.close)
+                self._require_own(name, amplifier.name)
+                self._amplifiers[name] = amplifier
+            self._pictures = None
+            if stated.camera is not None and self.camera is not None:
+                self._pictures = open_camera(stated.camera, self.camera, folder)
+                opened.callback(self._pictures.close)
+            self._opened = opened.pop_all()
+
+    def provenance(self) -> dict[str, str]:
+        """For the run's header: the SHA-256 of each file that the readings depend on."""
+        files = {f"calibration of {name} sha256": each.sha256 for name, each in self._calibrations.items()}
+        files["sensors sha256"] = self._stated.sha256
+        return {name: sha256 for name, sha256 in files.items() if sha256 is not None}
+
+    def currents(self, target: str, samples: int) -> Matrix:
+        """(samples, 4) of that target's PSD; a sample that did not arrive, or is cut off, is a row of NaN."""
+        calibration, psd = self._calibrations[target], self.psds[target]
+        counts = self._amplifiers[target].counts(samples, psd.rate)
+        counts[(counts <= calibration.lowest_counts).any(axis=1)] = np.nan
+        return calibration.currents(counts, psd.kind)
+
+    def image(self, target: str) -> Image:
+        """(height, width) grey values, begun after the asking, with that target's PSD in view or not."""
+        if self._pictures is None:
+            raise RigFault(f"there is no camera to look at {target}")
+        return self._pictures.picture()
+
+    def close(self) -> None:
+        self._opened.close()
+
+    def _require_own(self, target: str, name: str) -> None:
+        own = self._calibrations[target].amplifier
+        if name != own:
+            raise self._stated.refuse(
+                ("psds", target, "calibration"),
+                f"the calibration of {target} is of another amplifier",
+                found=f"the amplifier calls itself {name}",
+                allowed=f"{own}, as the calibration file says",
+                remedy="name the calibration of this amplifier, or the port of that one",
+            )
+
+
+def read_sensors(path: Path, plan: Plan) -> RealSensors:
+    """The sensors of a file that the plan's targets need, opened; BadInput where a target has no PSD."""
+    stated = read_sensors_file(path)
+    absent = [target for target in plan.target_names if target not in stated.psds]
+    if absent:
+        raise stated.refuse(
+            ("psds",),
+            "a target of the plan has no PSD",
+            found=", ".join(absent),
+            allowed=", ".join(stated.psds) or "none is stated",
+            remedy=did_you_mean(absent[0], stated.psds) or "state its PSD",
+        )
+    return RealSensors(stated, plan.target_names)
+
+
+def _calibration(stated: SensorsFile, target: str) -> PsdCalibration:
+    """The calibration of a target's amplifier; BadInput where it allows no reading."""
+    psd = stated.psds[target]
+    calibration = read_calibration(stated.folder / psd.calibration)
+    # At the centre each electrode has a quarter of what all four have.
+    wanted = BRIGHTEST * PAIR_LIGHT[psd.kind] / 2
+    if calibration.saturation(psd.kind) <= wanted:
+        raise stated.refuse(
+            ("psds", target, "calibration"),
+            f"the laser's full light saturates the amplifier of {target}",
+            found=f"an electrode tells {calibration.saturation(psd.kind):.2f} of it at most",
+            allowed=f"above {wanted:.2f}",
+            remedy="dim the laser or lower the gain and calibrate again, or correct the calibration",
+        )
+    counts = [*calibration.saturation_counts, calibration.lowest_counts]
+    widest = max(counts, key=lambda count: len(str(count)))
+    line = len(told(read_sample(Sample(REQUESTS - 1, MOST_SAMPLES - 1, (widest,) * 4))))
+    if line * _BITS_A_BYTE * psd.rate_hz > psd.serial.baud:
+        raise stated.refuse(
+            ("psds", target, "serial", "baud"),
+            f"the line is too slow for the samples of {target}",
+            found=f"{psd.serial.baud} baud",
+            allowed=f"{line * _BITS_A_BYTE * psd.rate_hz:.0f} or more for {psd.rate_hz:g} samples a second",
+            remedy="set both ends to a higher rate, or take fewer samples a second",
+        )
+    return calibration
+
+
+def _sheet(stated: PsdBeside, calibration: PsdCalibration) -> Psd:
+    normal = None if stated.normal == "beam" else np.array(stated.normal, dtype=float)
+    markers = np.full((2, 3), np.nan) if stated.markers_mm is None else np.array(stated.markers_mm)
+    return Psd(
+        size=stated.size_mm,
+        kind=stated.kind,
+        rate=stated.rate_hz,
+        noise=stated.noise_mm,
+        saturation=calibration.saturation(stated.kind),
+        markers=markers,
+        normal=None if normal is None else normal / np.linalg.norm(normal),
+        turn=float(np.radians(stated.turn_deg)),
+    )
+
+
+def _camera(stated: CameraBeside) -> Camera:
+    return Camera(
+        width=stated.width_px,
+        height=stated.height_px,
+        focal=stated.focal_px,
+        centre=stated.centre_px,
+        distortion=stated.distortion,
+        mount=shift(*stated.mount.xyz_mm) @ roll_pitch_yaw(*np.radians(stated.mount.rpy_deg)),
+    )

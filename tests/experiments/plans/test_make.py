@@ -1,0 +1,205 @@
+"""`zerobeam plan` from a header to a checked file: what it writes, and what it refuses and why."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cells import LASER, header
+
+from zerobeam.analysis.observability.check import check
+from zerobeam.experiments.plans.make import MadePlan, PlanRequest, make_plan
+from zerobeam.experiments.plans.obstacles import Obstacles
+from zerobeam.model.errors import BadInput
+from zerobeam.model.files.plan import read_plan
+
+OFFSETS = [f"delta{i}" for i in range(2, 7)]
+PLANAR_ROBOT = """\
+schema: zerobeam/robot/1
+name: gantry arm
+convention: standard
+joints:
+  - {kind: prismatic, a_mm: 0, alpha_deg: -90, d_mm: 300, theta_deg: 0, lower_mm: -300, upper_mm: 300}
+  - {a_mm: 150, alpha_deg: -90, d_mm: 400, theta_deg: 0, lower_deg: -170, upper_deg: 170}
+  - {a_mm: 500, alpha_deg: 0, d_mm: 0, theta_deg: -90, lower_deg: -90, upper_deg: 120}
+  - {a_mm: 0, alpha_deg: 90, d_mm: 0, theta_deg: 180, lower_deg: -200, upper_deg: 65}
+  - {a_mm: 0, alpha_deg: -90, d_mm: 400, theta_deg: 0, lower_deg: -180, upper_deg: 180}
+  - {a_mm: 0, alpha_deg: 90, d_mm: 0, theta_deg: 0, lower_deg: -115, upper_deg: 115}
+  - {a_mm: 0, alpha_deg: 0, d_mm: 0, theta_deg: 0, lower_deg: -300, upper_deg: 300}
+"""
+
+
+def request(**changes: Any) -> PlanRequest:
+    stated: dict[str, Any] = {
+        "kind": "optimal",
+        "header": header(LASER, target=None),
+        "header_folder": Path("."),
+        "target": (900.0, 0.0, 0.0),
+        "shots": 7,
+        "candidates": 300,
+        "criterion": "A",
+        "tolerance": None,
+        "max_shots": 12,
+        "facing": (0.0, 0.0, 1.0),
+        "acceptance_deg": 60.0,
+        "beam_mm": (200.0, 2000.0),
+        "margin_deg": 5.0,
+        "obstacles": Obstacles(),
+        "seed": 0,
+    }
+    return PlanRequest(**{**stated, **changes})
+
+
+def made(file: Path, **changes: Any) -> MadePlan:
+    return make_plan(request(**changes), file, lambda stage, share: None)
+
+
+@pytest.mark.parametrize("kind", ["x", "y", "optimal"])
+def test_a_plan_is_written_that_check_reads(kind: str, tmp_path: Path) -> None:
+    file = tmp_path / "plan.yaml"
+    answer = made(file, kind=kind).as_json()
+    json.dumps(answer, allow_nan=False)
+    plan = read_plan(file)
+    again = check(plan)
+    assert plan.postures.shape == (7, 6)
+    assert answer["plan"] == "plan.yaml"
+    assert answer["verdict"] == again.verdict == {"x": "degenerate", "y": "weak", "optimal": "pass"}[kind]
+    stds = {row.name: row.std for row in again.parameters if row.name in OFFSETS}
+    assert {name: answer["predicted_std"][name] for name in OFFSETS} == stds
+    assert max(posture.off_mm for posture in again.postures) < 1e-3
+    assert (stds["delta2"] is None) == (kind == "x")
+    if kind == "optimal":
+        assert 0.5 < answer["efficiency"] <= 1
+        assert answer["candidates"] == 300
+        assert answer["travel_s"] > 0
+        assert re.match(r"300 of \d+ postures are left; ", answer["removed"])
+    else:
+        assert answer["efficiency"] is None
+        assert answer["removed"] is None
+
+
+def test_what_was_proposed_is_what_check_says(tmp_path: Path) -> None:
+    """The choice's own std, before rounding and checking."""
+    plan = made(tmp_path / "plan.yaml")
+    assert plan.proposal is not None
+    told = plan.as_json()["predicted_std"]
+    for name in OFFSETS:
+        assert plan.proposal.std[name] == pytest.approx(told[name], rel=1e-4)
+
+
+def test_no_file_is_written_over(tmp_path: Path) -> None:
+    file = tmp_path / "plan.yaml"
+    file.write_text("mine")
+    with pytest.raises(BadInput, match="exists"):
+        made(file)
+    assert file.read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"target": (5000.0, 0.0, 0.0)}, r"found:.*\d+ "),
+        ({"margin_deg": 200.0}, "margin"),
+        ({"acceptance_deg": 0.0}, "--acceptance is out of range"),
+        ({"beam_mm": (500.0, 400.0)}, "--beam is out of order"),
+        ({"facing": (0.0, 0.0, 0.0)}, "--facing has no length"),
+        ({"shots": 20, "candidates": 10}, r"too few postures to choose 20 shots from"),
+        ({"kind": "x", "target": (5000.0, 0.0, 0.0)}, "X-Pattern cannot be made"),
+    ],
+)
+def test_what_cannot_be_is_refused_and_nothing_written(
+    changes: dict[str, Any], expected: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "plan.yaml"
+    with pytest.raises(BadInput, match=expected):
+        made(file, **changes)
+    assert not file.exists()
+
+
+def test_out_of_reach_says_which_constraint_removed_how_many(tmp_path: Path) -> None:
+    with pytest.raises(BadInput) as caught:
+        made(tmp_path / "plan.yaml", target=(5000.0, 0.0, 0.0))
+    found = re.search(r"(\d+) of (\d+) postures are left; (.*)", str(caught.value))
+    assert found is not None
+    left, drawn = int(found.group(1)), int(found.group(2))
+    assert left == 0
+    removed = [int(n) for n in re.findall(r"(?:^|, )(\d+) ", found.group(3))]
+    assert sum(removed) == drawn
+    assert removed
+
+
+def test_the_fewest_shots(tmp_path: Path) -> None:
+    enough = made(tmp_path / "enough.yaml", shots=6).as_json()["predicted_std"]
+    tolerance = 1.001 * max(enough[name] for name in OFFSETS)
+    plan = made(tmp_path / "plan.yaml", tolerance=tolerance, max_shots=20, shots=99)
+    answer = plan.as_json()
+    assert answer["limit"] is None
+    assert answer["shots"] == answer["curve"][-1]["shots"]
+    assert max(answer["predicted_std"][name] for name in OFFSETS) <= tolerance * (1 + 1e-4)
+    # One fewer is not enough, in its own telling and when asked for.
+    assert answer["curve"][-2]["worst_std"] > tolerance
+    fewer = made(tmp_path / "fewer.yaml", shots=answer["shots"] - 1).as_json()
+    assert max(fewer["predicted_std"][name] for name in OFFSETS) > tolerance
+
+
+def test_a_tolerance_that_no_number_reaches(tmp_path: Path) -> None:
+    file = tmp_path / "plan.yaml"
+    answer = made(file, tolerance=0.001, max_shots=6).as_json()
+    assert not file.exists()
+    assert [answer[key] for key in ("plan", "verdict", "shots", "check")] == [None] * 4
+    assert answer["predicted_std"] == {}
+    assert "noise" in answer["limit"]
+    assert re.search(r"some \d+ would be needed", answer["limit"])
+    assert [point["shots"] for point in answer["curve"]][-1] == 6
+
+
+def test_a_gauge_is_the_limit(tmp_path: Path) -> None:
+    """With delta1 freed no number of shots will do."""
+    own = header(LASER, target=None, held=[])
+    answer = made(tmp_path / "plan.yaml", header=own, tolerance=0.02, max_shots=6).as_json()
+    assert "delta1" in answer["limit"]
+    assert "next to nothing" in answer["limit"]
+
+
+def test_a_header_with_another_target_is_refused(tmp_path: Path) -> None:
+    own = header(LASER, target=None, targets={"ball": {"guess_mm": [1, 2, 3]}})
+    with pytest.raises(BadInput, match="states other targets"):
+        made(tmp_path / "plan.yaml", header=own)
+    # Its own target may be there: what is known of it stays, the place is that of --target.
+    own = header(LASER, target=None, targets={"psd": {"guess_mm": [1, 2, 3], "sigma_mm": 50}})
+    made(tmp_path / "plan.yaml", header=own)
+    stated = read_plan(tmp_path / "plan.yaml").header.targets["psd"]
+    assert stated.guess_mm == (900.0, 0.0, 0.0)
+    assert stated.sigma_mm == 50
+
+
+def test_another_robot_and_its_path_as_seen_from_the_plan(tmp_path: Path) -> None:
+    """Seven joints, the first prismatic; the robot file stands beside the header, the plan elsewhere."""
+    (tmp_path / "cell").mkdir()
+    (tmp_path / "plans").mkdir()
+    (tmp_path / "cell" / "arm.yaml").write_text(PLANAR_ROBOT)
+    own = header(LASER, target=None, noise={"joint_mm": 0.02}).model_copy(update={"robot": "arm.yaml"})
+    file = tmp_path / "plans" / "plan.yaml"
+    answer = made(
+        file, header=own, header_folder=tmp_path / "cell", target=(500.0, 300.0, 0.0), shots=8,
+        facing=None, obstacles=Obstacles(floor_mm=None),
+    ).as_json()  # fmt: skip
+    plan = read_plan(file)
+    assert plan.robot.name == "gantry arm"
+    assert plan.header.robot == "../cell/arm.yaml"
+    assert plan.postures.shape == (8, 7)
+    assert np.ptp(plan.postures[:, 0]) > 1.0
+    assert answer["units"]["delta2"] == "deg"
+    assert answer["travel_s"] is None
+
+
+def test_the_same_seed_gives_the_same_file(tmp_path: Path) -> None:
+    files = [tmp_path / f"{i}.yaml" for i in range(3)]
+    for file, seed in zip(files, (4, 4, 5), strict=True):
+        made(file, seed=seed)
+    assert files[0].read_bytes() == files[1].read_bytes()
+    assert files[0].read_bytes() != files[2].read_bytes()

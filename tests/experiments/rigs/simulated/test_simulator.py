@@ -1,0 +1,391 @@
+"""The simulated rig: the same seed the same shots, sensors that see what is there, and a clock."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from cells import good_plan, plan_of
+from scipy import stats
+
+from zerobeam.experiments.procedure.steering import Belief
+from zerobeam.experiments.rigs.simulated.cell_file import Cell
+from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
+from zerobeam.model.errors import BadInput, RigFault
+from zerobeam.model.files.plan import Plan
+from zerobeam.model.files.run import Shot
+from zerobeam.model.noise import Noise
+from zerobeam.model.robot import Matrix
+
+# Nothing is wrong with it, and its face is turned towards each beam: it reads across the beam.
+EXACT_PSD = {"noise_mm": 1e-9, "resolution_mm": 1e-9, "nonlinearity": 0, "ambient": 0, "lost": 0}
+FACING = {"normal": "beam", "misturned_deg": [0, 0, 0], "centre_mm": [900, 0, 0]}
+
+
+@cache
+def plan() -> Plan:
+    return good_plan(4)
+
+
+def exact(
+    *,
+    arm: dict[str, Any] | None = None,
+    laser: dict[str, Any] | None = None,
+    psd: dict[str, Any] | None = None,
+    placed: dict[str, Any] | None = None,
+    faults: list[dict[str, Any]] | None = None,
+    camera: dict[str, Any] | None = None,
+    seed: int = 0,
+    of: Plan | None = None,
+) -> SimulatedRig:
+    content = {
+        "arm": {"offsets_deg": {"delta2": 1.0}, "repeatability_deg": 0, "resolution_deg": 0, **(arm or {})},
+        "laser": {"wander_mm": 0, **(laser or {})},
+        "psd": {**EXACT_PSD, "placed": {"psd": {**FACING, **(placed or {})}}, **(psd or {})},
+        "camera": camera,
+        "faults": faults or [],
+    }
+    return SimulatedRig(of or plan(), Cell.model_validate(content), seed)
+
+
+def on_target(rig: SimulatedRig, shot: int = 0, off: Matrix | None = None) -> Matrix:
+    """(n,) joints with which a beam as the truth has it hits its PSD's centre, or (3,) mm beside it."""
+    truth = rig._parts.truth
+    belief = Belief(truth.problem.select(np.array([shot])), truth.x)
+    joints = belief.with_target(belief.target + (np.zeros(3) if off is None else off)).onto_target(
+        plan().postures[shot]
+    )
+    assert joints is not None
+    return joints
+
+
+def spot(rig: SimulatedRig, shot: int = 0, joints: Matrix | None = None) -> tuple[Matrix, float]:
+    """(2,) mm what the PSD reads in a shot, and its light."""
+    rig.begin(shot, "psd", None)
+    rig.move(on_target(rig, shot) if joints is None else joints)
+    rig.laser(True)
+    currents = rig.currents(1)[0]
+    psd = rig.psds["psd"]
+    return psd.position(currents), float(psd.light(currents))
+
+
+def recorded(shot: int, seconds: float = 100.0) -> Shot:
+    degrees = tuple(float(v) for v in np.degrees(plan().postures[shot]))
+    return Shot(shot=shot, target="psd", joints_deg=degrees, time_s=seconds)
+
+
+def told(rig: SimulatedRig, shot: int, last: Shot | None) -> bytes:
+    """All that a rig tells in a shot."""
+    rig.begin(shot, "psd", last)
+    rig.move(plan().postures[shot])
+    rig.laser(True)
+    values = [rig.now(), rig.joints(), rig.currents(30), rig.image(), rig.now()]
+    return b"".join(np.asarray(value).tobytes() for value in values)
+
+
+def test_what_follows_a_begin_depends_on_seed_shot_and_last_shot_alone() -> None:
+    fresh, used = SimulatedRig(plan(), Cell(), 4), SimulatedRig(plan(), Cell(), 4)
+    for shot in (0, 3, 0):
+        told(used, shot, None)
+    assert told(used, 1, recorded(0)) == told(fresh, 1, recorded(0))
+    again = told(fresh, 1, recorded(0))
+    assert again == told(fresh, 1, recorded(0))
+    assert again != told(fresh, 1, recorded(2))
+    assert again != told(fresh, 1, recorded(0, 200.0))
+    assert again != told(fresh, 2, recorded(0))
+    assert again != told(SimulatedRig(plan(), Cell(), 5), 1, recorded(0))
+
+
+def test_a_resumed_rig_is_the_same_cell() -> None:
+    whole, resumed = SimulatedRig(plan(), Cell(), 4), SimulatedRig(plan(), Cell(), 4, resumed=True)
+    assert told(resumed, 1, recorded(0)) == told(whole, 1, recorded(0))
+    assert resumed.provenance() == whole.provenance()
+    assert whole.provenance()["origin"] == "simulated"
+    assert whole.provenance()["seed"] == 4
+
+
+def test_a_beam_that_the_truth_puts_on_the_centre_is_read_there() -> None:
+    position, light = spot(exact())
+    assert np.abs(position).max() < 1e-5
+    assert light == pytest.approx(1.0, abs=1e-9)
+    # The control: without the offset that is stated in the cell it would be beside it by centimetres.
+    plain = on_target(exact(arm={"offsets_deg": {}}))
+    assert spot(exact(psd={"size_mm": 100}), joints=plain)[1] == pytest.approx(1.0)
+    assert np.linalg.norm(spot(exact(psd={"size_mm": 100}), joints=plain)[0]) > 5.0
+
+
+def test_a_shifted_beam_is_read_as_shifted() -> None:
+    position, _ = spot(exact(laser={"shift_mm": [3.0, -4.0]}))
+    assert np.linalg.norm(position) == pytest.approx(5.0, abs=1e-5)
+
+
+def test_a_tilted_beam_is_read_by_its_angle() -> None:
+    """tan of the tilt times the way from the tool's point to the PSD."""
+    rig = exact()
+    position, _ = spot(exact(laser={"tilt_deg": [0.1, 0]}))
+    origin, _ = Belief(rig._parts.truth.problem.select(np.array([0])), rig._parts.truth.x).beam(
+        on_target(rig)
+    )
+    way = float(np.linalg.norm(origin - [900, 0, 0]))
+    assert np.linalg.norm(position) == pytest.approx(np.tan(np.radians(0.1)) * way, rel=1e-5)
+
+
+def test_a_drifting_beam_moves_with_the_clock() -> None:
+    rig = exact(laser={"drift_deg_min": [0.01, 0]})
+    spot(rig)
+    still = exact()
+    spot(still)
+    moved = []
+    for _ in range(2):
+        moved.append(rig.psds["psd"].position(rig.currents(1)[0]))
+        rig.wait(60.0 - 1 / 200)  # a sample takes 5 ms
+    way = np.linalg.norm(moved[1] - moved[0])
+    tilted = np.linalg.norm(spot(exact(laser={"tilt_deg": [0.01, 0]}))[0])
+    assert way == pytest.approx(tilted, rel=1e-4)
+    standing = still.currents(1)
+    still.wait(60.0)
+    np.testing.assert_allclose(still.currents(1), standing, atol=1e-8)
+
+
+def test_the_beam_wanders_from_shot_to_shot_by_the_plans_spot_noise() -> None:
+    """300 shots: the squares across the beam are chi-squared, of the plan's noise or of what is stated."""
+    for stated, std in ((None, 0.05), (0.2, 0.2)):
+        rig = exact(laser={"wander_mm": stated})
+        joints = on_target(rig)
+        spots = np.array([spot(rig, shot, joints)[0] for shot in range(300)])
+        low, high = stats.chi2.ppf([0.0005, 0.9995], spots.size)
+        assert low < (spots**2).sum() / std**2 < high
+        assert np.abs(spots.mean(axis=0)).max() < 4 * std / np.sqrt(300)
+        assert abs(np.corrcoef(spots.T)[0, 1]) < 4 / np.sqrt(300)
+
+
+def test_within_a_shot_the_beam_does_not_wander() -> None:
+    rig = exact(laser={"wander_mm": 0.2})
+    first, _ = spot(rig)
+    np.testing.assert_allclose(rig.psds["psd"].position(rig.currents(1)[0]), first, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("stated", "deg"), [(None, 0.01), (0.03, 0.03), ([0.01, 0.02, 0.03, 0.04, 0.05, 0.06], None)]
+)
+def test_the_joints_stand_off_by_the_plans_noise_or_by_what_is_stated(stated: Any, deg: float | None) -> None:
+    """300 shots: each joint's errors are chi-squared with 300 degrees of freedom."""
+    rig = exact(arm={"repeatability_deg": stated})
+    std = np.radians(stated if deg is None else deg) * np.ones(6)
+    if stated is None:
+        np.testing.assert_array_equal(std, Noise.from_header(plan().header, plan().robot).joint)
+    errors = []
+    for shot in range(300):
+        rig.begin(shot, "psd", None)
+        errors.append(rig._arm.link() - rig.joints() - rig._parts.arm.offsets)
+    low, high = stats.chi2.ppf([0.0001, 0.9999], 300)
+    squares = (np.array(errors) ** 2).sum(axis=0) / std**2
+    assert ((low < squares) & (squares < high)).all()
+
+
+def test_a_link_that_is_not_as_drawn_moves_the_beam() -> None:
+    """The whole arm 3 mm higher: the spot moves by what of that is across the beam."""
+    rig, higher = exact(), exact(arm={"geometry": [{"joint": 1, "xyz_mm": [0, 0, 3.0]}]})
+    joints = on_target(rig)
+    _, direction = Belief(rig._parts.truth.problem.select(np.array([0])), rig._parts.truth.x).beam(joints)
+    across = np.linalg.norm(np.cross([0, 0, 3.0], direction))
+    assert across > 0.5
+    assert np.linalg.norm(spot(higher, joints=joints)[0]) == pytest.approx(across, abs=1e-4)
+
+
+# Where the PSD stands
+
+
+def test_a_face_is_turned_towards_each_beam_or_stands() -> None:
+    turned, fixed = exact(), exact(placed={"normal": [0, 0, 1]})
+    normals = {"turned": [], "fixed": []}
+    for name, rig in (("turned", turned), ("fixed", fixed)):
+        for shot in range(3):
+            joints = on_target(rig, shot)
+            spot(rig, shot, joints)
+            truth = rig._parts.truth
+            _, direction = Belief(truth.problem.select(np.array([shot])), truth.x).beam(joints)
+            normals[name].append((rig._face[:, 2], direction))
+    for normal, direction in normals["turned"]:
+        np.testing.assert_allclose(normal, -direction, atol=1e-6)
+    for normal, direction in normals["fixed"]:
+        np.testing.assert_allclose(normal, [0, 0, 1], atol=1e-12)
+        assert np.linalg.norm(normal + direction) > 0.01
+    assert len({tuple(normal.round(3)) for normal, _ in normals["turned"]}) == 3
+
+
+def test_a_face_does_not_turn_while_the_laser_is_on() -> None:
+    rig = exact()
+    spot(rig)
+    before = rig._face.copy()
+    rig.move(on_target(rig, off=np.array([0, 5.0, 0])))
+    np.testing.assert_array_equal(rig._face, before)
+
+
+def test_a_psd_that_is_truly_turned_away_gets_no_light_and_shows_no_marker() -> None:
+    """The beam meets its back, and so does the camera; a face that is turned to them is lit, and seen."""
+    quiet = {"noise_grey": 0, "ambient_grey": 0}
+    for turn, seen in ((0, True), (180, False)):
+        rig = exact(placed={"misturned_deg": [turn, 0, 0]}, camera=quiet)
+        _, light = spot(rig)
+        assert light == pytest.approx(1.0 if seen else 0.0, abs=1e-9)
+        assert bool(rig.image().any()) == seen
+
+
+def test_the_beam_beside_the_face_gives_no_light() -> None:
+    rig = exact()
+    off = on_target(rig, off=np.array([0, 40.0, 0]))
+    assert spot(rig, joints=off)[1] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_psd_out_of_view_of_every_posture_is_refused_before_anything_moves(
+    refused: Callable[..., BadInput],
+) -> None:
+    behind = refused(exact, placed={"centre_mm": [-900, 0, 3000]})
+    assert "deg aside of the beams" in str(behind)
+    away = refused(exact, placed={"normal": [0, 0, -1]})
+    assert "turned away from all beams" in str(away)
+
+
+def test_a_psd_in_view_of_four_postures_will_do() -> None:
+    """The fewest that the method can tell anything from; the others are refused when they come."""
+    away = plan().postures[0].copy()
+    away[5] -= np.copysign(np.pi, away[5])  # the beam comes out of the flange's other side
+    there = plan().postures[1]
+    exact(of=plan_of(plan().header, np.array([away, there, there, there, there])))
+    with pytest.raises(BadInput, match="out of view in 2 of the plan's 5 postures"):
+        exact(of=plan_of(plan().header, np.array([away, there, away, there, there])))
+
+
+def test_each_target_has_its_own_psd() -> None:
+    places = {"left": [900.0, 150.0, 0.0], "right": [900.0, -150.0, 0.0]}
+    own = plan().header.model_copy(update={"targets": {}})
+    two = plan_of(own, np.tile(plan().postures[:1], (2, 1)), ["left", "right"])
+    placed = {name: {**FACING, "centre_mm": place} for name, place in places.items()}
+    rig = exact(of=two, psd={"placed": placed})
+    truth = rig._parts.truth
+    assert set(rig.psds) == set(places)
+    for shot, name in enumerate(places):
+        joints = Belief(truth.problem.select(np.array([shot])), truth.x).onto_target(two.postures[shot])
+        assert joints is not None
+        light = {}
+        for target in places:
+            rig.begin(shot, target, None)
+            rig.move(joints)
+            rig.laser(True)
+            light[target] = rig.psds[target].light(rig.currents(1)[0])
+        assert light == {other: pytest.approx(float(other == name), abs=1e-6) for other in places}
+
+
+# Motion and time
+
+
+def test_a_move_beyond_a_limit_is_refused_and_the_arm_stays() -> None:
+    rig = exact()
+    rig.begin(0, "psd", None)
+    before, time = rig.joints(), rig.now()
+    beyond = plan().postures[0].copy()
+    beyond[4] = plan().robot.upper[4] + 0.01
+    with pytest.raises(RigFault, match="joint 5 would leave its limits"):
+        rig.move(beyond)
+    np.testing.assert_array_equal(rig.joints(), before)
+    assert rig.now() == time
+
+
+def test_every_use_takes_its_time() -> None:
+    rig = exact(arm={"latency_s": 0.3, "speed": 0.5}, psd={"rate_hz": 50}, camera={"image_s": 0.7})
+    rig.begin(0, "psd", recorded(1, 12.0))
+
+    def took(use: Callable[[], object]) -> float:
+        before = rig.now()
+        use()
+        return rig.now() - before
+
+    assert rig.now() == 12.0
+    # From where the last shot was recorded: a way of 1 rad of joint 1, at half its 150 deg/s, by 300 deg/s^2.
+    way = plan().postures[1] + np.array([np.copysign(1.0, -plan().postures[1][0]), 0, 0, 0, 0, 0])
+    top = np.radians(75.0)
+    assert took(lambda: rig.move(way)) == pytest.approx(0.3 + 1 / top + top / np.radians(300.0))
+    assert took(lambda: rig.currents(25)) == pytest.approx(0.5)
+    assert took(rig.image) == pytest.approx(0.7)
+    assert took(lambda: rig.wait(2.5)) == pytest.approx(2.5)
+    assert took(rig.joints) == 0.0
+    assert 0 < took(lambda: rig.laser(True)) < 1
+
+
+def test_a_cell_without_a_camera_has_no_picture() -> None:
+    rig = exact()
+    assert rig.camera is None
+    with pytest.raises(RigFault, match="no camera"):
+        rig.image()
+
+
+def test_stopping_puts_the_laser_out() -> None:
+    rig = exact()
+    assert spot(rig)[1] == pytest.approx(1.0)
+    rig.stop()
+    rig.stop()
+    assert rig.psds["psd"].light(rig.currents(1)[0]) == pytest.approx(0.0, abs=1e-9)
+
+
+# Faults
+
+
+def test_a_bumped_psd_stands_elsewhere_from_its_shot_on() -> None:
+    rig = exact(faults=[{"kind": "psd-bump", "shot": 2, "shift_mm": [0, 3.0, 0]}])
+    for shot in range(4):
+        truth = rig._parts.truth
+        joints = on_target(rig, shot)
+        _, direction = Belief(truth.problem.select(np.array([shot])), truth.x).beam(joints)
+        across = np.linalg.norm(np.cross([0, 3.0, 0], direction)) if shot >= 2 else 0.0
+        assert np.linalg.norm(spot(rig, shot, joints)[0]) == pytest.approx(across, abs=1e-5)
+
+
+def test_a_reflection_adds_its_light_where_the_beam_does_not_point() -> None:
+    stated = {"kind": "reflection", "shot": 0, "at_mm": [4.0, -3.0], "light": 0.8}
+    rig = exact(faults=[stated])
+    position, light = spot(rig)
+    assert light == pytest.approx(1.8)
+    np.testing.assert_allclose(position, np.array([4.0, -3.0]) * 0.8 / 1.8, atol=1e-4)
+    # Beside the face the beam gives none of its own, wherever it is: by its light this is a weak beam.
+    for aside in (20.0, 40.0):
+        position, light = spot(rig, joints=on_target(rig, off=np.array([0, aside, 0])))
+        assert light == pytest.approx(0.8)
+        np.testing.assert_allclose(position, [4.0, -3.0], atol=1e-4)
+    # It is a reflection of the laser: without it there is none.
+    rig.laser(False)
+    assert rig.psds["psd"].light(rig.currents(1)[0]) == pytest.approx(0.0, abs=1e-9)
+    dim = exact(faults=[stated], laser={"light": 0.5})
+    assert spot(dim)[1] == pytest.approx(0.9)
+
+
+def test_a_reflection_is_in_the_picture_wherever_the_beam_is() -> None:
+    quiet = {"noise_grey": 0, "ambient_grey": 0}
+    rig = exact(camera=quiet, faults=[{"kind": "reflection", "shot": 0}])
+    spot(rig, joints=on_target(rig, off=np.array([0, 80.0, 0])))  # beyond the housing
+    lit = rig.image().sum(dtype=np.int64)
+    rig.laser(False)
+    assert lit > rig.image().sum(dtype=np.int64)
+
+
+def test_a_stuck_encoder_shows_in_the_reading_and_not_in_the_arm() -> None:
+    rig = exact(faults=[{"kind": "encoder-glitch", "shot": 0, "joint": 3, "deg": 0.5, "lasts": 1}])
+    rig.begin(0, "psd", None)
+    wrong, right = rig.joints(), rig.joints()
+    np.testing.assert_allclose(np.degrees(wrong - right), [0, 0, 0.5, 0, 0, 0], atol=1e-12)
+    np.testing.assert_array_equal(right, rig._arm.read())
+
+
+def test_what_does_not_arrive_is_not_a_number() -> None:
+    rig = exact(psd={"lost": 0.3}, faults=[{"kind": "psd-dropout", "shot": 1, "lasts": 1}])
+    spot(rig)
+    lost = np.isnan(rig.currents(2000))
+    assert (lost.all(axis=1) == lost.any(axis=1)).all()  # a sample is lost as a whole
+    # Of 2000 samples, four stds of a binomial about 600.
+    assert abs(lost[:, 0].sum() - 600) < 4 * np.sqrt(2000 * 0.3 * 0.7)
+    rig.begin(1, "psd", None)
+    assert np.isnan(rig.currents(5)).all()
+    assert np.isfinite(rig.currents(50)).any()
