@@ -28,7 +28,7 @@ class RunJournal:
     `resumed`.
 
     One process at a time may record to a file: the lock is the system's and goes with the process,
-    however that ends. On Windows there is none, and two processes are not kept apart.
+    however that ends.
     """
 
     def __init__(self, path: Path | str, header: Header) -> None:
