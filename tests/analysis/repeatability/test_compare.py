@@ -26,7 +26,8 @@ from zerobeam.experiments.simulate import Truth, simulated_readings
 from zerobeam.experiments.studies.table2 import EXPERIMENTS, OFFSETS, PRINTED_MEAN, PRINTED_STD
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan
-from zerobeam.model.files.run import Run, Shot
+from zerobeam.model.files.run import Run
+from zerobeam.model.files.shot import Shot
 from zerobeam.model.problem import Problem
 from zerobeam.reports.repeatability.comparison_json import comparison_json
 

@@ -20,7 +20,8 @@ from zerobeam.model.files import journal, run
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.journal import RunJournal
 from zerobeam.model.files.robot_file import load_robot
-from zerobeam.model.files.run import Shot, read_run
+from zerobeam.model.files.run import read_run
+from zerobeam.model.files.shot import Shot
 
 Refused = Callable[..., BadInput]
 
@@ -367,7 +368,7 @@ RECORDING = f"""
 import json, os, sys, time
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.journal import RunJournal
-from zerobeam.model.files.run import Shot
+from zerobeam.model.files.shot import Shot
 
 HEADER = Header.model_validate(json.loads({json.dumps(json.dumps(CONTENT))}))
 
