@@ -9,13 +9,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .analysis.analyse import analyse
     from .analysis.observability.check import Check, check
-    from .analysis.result import Draws, Result
+    from .analysis.posterior.posterior import Draws
+    from .analysis.result import Result
     from .model.errors import BadInput, FitFailed, RigFault, ZerobeamError
-    from .model.files.arrays import Laser, Noise, Probe
     from .model.files.plan import Plan, read_plan
-    from .model.files.robot_file import load_robot
     from .model.files.run import Run, read_run
-    from .model.robot import Robot
     from .reports.run.folder import write_report
 
 __version__ = "0.1.0"
@@ -25,19 +23,14 @@ __all__ = [
     "Check",
     "Draws",
     "FitFailed",
-    "Laser",
-    "Noise",
     "Plan",
-    "Probe",
     "Result",
     "RigFault",
-    "Robot",
     "Run",
     "ZerobeamError",
     "__version__",
     "analyse",
     "check",
-    "load_robot",
     "read_plan",
     "read_run",
     "write_report",
@@ -46,20 +39,15 @@ __all__ = [
 _HOME = {
     "BadInput": "model.errors",
     "Check": "analysis.observability.check",
-    "Draws": "analysis.result",
+    "Draws": "analysis.posterior.posterior",
     "FitFailed": "model.errors",
-    "Laser": "model.files.arrays",
-    "Noise": "model.files.arrays",
     "Plan": "model.files.plan",
-    "Probe": "model.files.arrays",
     "Result": "analysis.result",
     "RigFault": "model.errors",
-    "Robot": "model.robot",
     "Run": "model.files.run",
     "ZerobeamError": "model.errors",
     "analyse": "analysis.analyse",
     "check": "analysis.observability.check",
-    "load_robot": "model.files.robot_file",
     "read_plan": "model.files.plan",
     "read_run": "model.files.run",
     "write_report": "reports.run.folder",

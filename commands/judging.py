@@ -15,8 +15,8 @@ from .console import EXIT_STATUS, FAULT, out, print_json, progress
 from .options import HeaderFile, Json, PlanFile, RunFile, Seed
 
 if TYPE_CHECKING:
+    from ..analysis.analyse import Analysis
     from ..analysis.estimation.robust import Loss
-    from ..analysis.result import Draws, Result
 
 
 class PlanKind(StrEnum):
@@ -68,11 +68,11 @@ def demo(
     ] = Path("zerobeam-demo"),
 ) -> None:
     """The main job on three built-in runs: a good one, an X-Pattern, an uncalibrated tool."""
-    from ..analysis.result_json import to_json
     from ..experiments.demos import demo_runs
     from ..model.files.run import read_run
     from ..reports.run.folder import check_target, write_report
     from ..reports.run.terminal import print_side_by_side, print_verdict
+    from ..reports.words.result_json import to_json
 
     cases = demo_runs()
     for case in cases:
@@ -80,9 +80,9 @@ def demo(
     answers = []
     for case in cases:
         with progress(case.title) as told:
-            result, draws = _analysed(read_run(case.path), 0, 1000.0, told)
-        write_report(folder / case.name, result, draws)
-        answers.append(to_json(result))
+            found = _analysed(read_run(case.path), 0, 1000.0, told)
+        write_report(folder / case.name, found.result, found.draws)
+        answers.append(to_json(found.result))
     print_side_by_side(out, [case.title for case in cases], answers)
     for case, answer in zip(cases, answers, strict=True):
         out.print(f"\n[bold]{case.title}[/bold]: {case.about}")
@@ -94,9 +94,9 @@ def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> Non
     """Will this plan work? The verdict before any shot."""
     from ..analysis.observability.aim import aim_plan
     from ..analysis.observability.check import check as judge
-    from ..analysis.observability.check import check_json
     from ..model.files.plan import read_plan
     from ..reports.run.terminal import print_check
+    from ..reports.words.result_json import check_json
 
     planned = read_plan(plan)
     turned = aim_plan(planned)
@@ -121,19 +121,19 @@ def analyse(
     hold_out: HoldOut = None,
 ) -> None:
     """What the offsets are, and how sure one may be."""
-    from ..analysis.result_json import to_json
     from ..model.files.run import read_run
     from ..reports.run.terminal import print_result
+    from ..reports.words.result_json import to_json
 
     recorded = read_run(run)
     with progress("analyse") as told:
-        result, _ = _analysed(recorded, seed, ess, told, robust, hold_out)
-    answer = to_json(result)
+        found = _analysed(recorded, seed, ess, told, robust, hold_out)
+    answer = to_json(found.result)
     if as_json:
         print_json(answer)
     else:
         print_result(out, answer)
-    raise typer.Exit(_status(result))
+    raise typer.Exit(_status(found))
 
 
 def report(
@@ -146,24 +146,24 @@ def report(
     hold_out: HoldOut = None,
 ) -> None:
     """The report of a run: report.html, report.pdf, result.json, posterior.nc and the figures."""
-    from ..analysis.result_json import to_json
     from ..model.files.run import read_run
     from ..reports.run.folder import check_target, write_report
     from ..reports.run.terminal import print_result
+    from ..reports.words.result_json import to_json
 
     recorded = read_run(run)
     check_target(folder)
     with progress("report") as told:
-        result, draws = _analysed(recorded, seed, ess, told, robust, hold_out)
+        found = _analysed(recorded, seed, ess, told, robust, hold_out)
         told("writing", 0.0)
-        paths = write_report(folder, result, draws)
+        paths = write_report(folder, found.result, found.draws)
         told("writing", 1.0)
     if as_json:
-        print_json(to_json(result))
+        print_json(to_json(found.result))
     else:
-        print_result(out, to_json(result))
+        print_result(out, to_json(found.result))
         out.print(f"Report: {paths.html}", soft_wrap=True)
-    raise typer.Exit(_status(result))
+    raise typer.Exit(_status(found))
 
 
 def plan(
@@ -232,8 +232,8 @@ def plan(
     if picture is not None and made.file is not None:
         from ..analysis.observability.aim import aim_plan
         from ..analysis.observability.check import check as judge
-        from ..analysis.observability.check import check_json
         from ..reports.scenes.plan_page import write_plan_page
+        from ..reports.words.result_json import check_json
 
         turned = aim_plan(read_plan(made.file))
         write_plan_page(picture, turned, check_json(judge(turned.plan, turned)))
@@ -264,26 +264,25 @@ def compare(
 ) -> None:
     """Do repeated runs agree? Their scatter against the prediction, drift, and the run that is odd."""
     from ..analysis.repeatability.compare import compare as compare_runs
-    from ..reports.repeatability.comparison_folder import check_target, write_comparison
-    from ..reports.repeatability.comparison_json import comparison_json
-    from ..reports.repeatability.comparison_page import print_comparison
+    from ..reports.repeatability.compare_view import check_target, write_comparison
+    from ..reports.repeatability.terminal_compare import print_comparison
 
     if folder is not None:
         check_target(folder)
     with progress("compare") as told:
-        found = compare_runs(runs, seed=seed, progress=told)
+        answer = compare_runs(runs, seed=seed, progress=told)
         if folder is not None:
             told("writing", 1.0)
-            paths = write_comparison(folder, found)
+            paths = write_comparison(folder, answer)
     if as_json:
-        print_json(comparison_json(found))
+        print_json(answer)
     else:
-        print_comparison(out, found)
+        print_comparison(out, answer)
         if folder is not None:
             out.print(f"Comparison: {paths.html}", soft_wrap=True, markup=False)
-    if found.failed:
+    if answer["failed"]:
         raise typer.Exit(FAULT)
-    raise typer.Exit(0 if found.verdict == "agrees" else 1)
+    raise typer.Exit(0 if answer["verdict"] == "agrees" else 1)
 
 
 def schema(
@@ -329,12 +328,12 @@ def _analysed(
     told: Callable[[str, float], None],
     robust: LossName | None = None,
     held_out: list[str] | None = None,
-) -> tuple[Result, Draws | None]:
+) -> Analysis:
     from ..analysis.analyse import analyse as judge
 
     loss: Loss | None = None if robust is None else robust.value
     return judge(recorded, seed=seed, ess=ess, robust=loss, held_out=held_out or (), progress=told)
 
 
-def _status(result: Result) -> int:
-    return EXIT_STATUS[result.verdict] if result.likelihood.converged else FAULT
+def _status(found: Analysis) -> int:
+    return EXIT_STATUS[found.verdict] if found.converged else FAULT

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,8 +14,8 @@ from ..model.files.header import Header
 from ..model.files.journal import RunJournal
 from ..model.files.plan import Plan
 from ..model.files.robot_file import rebased
-from ..model.files.run import read_run
-from ..model.files.shot import Shot
+from ..model.files.run import Shot, read_run
+from ..reports.words.findings import finding_sentence, headline
 from .procedure.order import Adaptive, Closing, InTurn, Order
 from .procedure.session import Carried, Procedure, Told, recorded_event, told_by
 from .rigs.abb.access import Access
@@ -174,6 +174,9 @@ def _begin(plan: Plan, journal: RunJournal, request: RunRequest) -> dict[str, An
     }
 
 
+_TOLD = ("name", "unit", "status", "estimate", "std")
+
+
 def _answer(plan: Plan, file: Path, carried: Carried, torn: str | None, why: str | None) -> dict[str, Any]:
     """`zerobeam/carried/1`."""
     state = carried.state
@@ -187,8 +190,8 @@ def _answer(plan: Plan, file: Path, carried: Carried, torn: str | None, why: str
         "schema": "zerobeam/carried/1",
         "file": file.name,
         "verdict": state.verdict,
-        "headline": state.headline,
-        "parameters": [asdict(item) for item in state.offsets],
+        "headline": headline(state),
+        "parameters": [{key: getattr(row, key) for key in _TOLD} for row in state.offsets],
         "p_value": state.p_value,
         "consistent": state.consistent,
         "shots": [shot.shot for shot in carried.shots],
@@ -196,5 +199,5 @@ def _answer(plan: Plan, file: Path, carried: Carried, torn: str | None, why: str
         "saved": None if why is None else len(plan.postures) - len(carried.shots) - len(carried.refused),
         "why": why,
         "seconds": {name: round(value, 3) for name, value in carried.seconds.items()},
-        "notes": [*notes, *state.notes],
+        "notes": [*notes, *(finding_sentence(finding) for finding in state.findings)],
     }

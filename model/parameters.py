@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import BadInput
-from .noise import NoiseModel
+from .noise import Noise
 from .robot import Matrix, Robot
 from .tool import Tool
 
@@ -37,10 +37,7 @@ ARM: tuple[Group, ...] = ("offset",)
 # The groups that the residual of one shot depends on: of the targets it is its own alone.
 IN_RESIDUAL: tuple[Group, ...] = (*ARM, "target", "tool")
 
-BASE_FRAME = (
-    "joint 1 defines the base frame: turning it and every target together changes no shot (section 3.3)"
-)
-TOOL_TURN = "the last joint and an uncalibrated laser turn together (section 3.1)"
+HeldBy = Literal["base frame", "tool rotation", "header"]
 _NOISE_PRIOR = 1.0  # of the logarithm of a noise factor: 95 % between 1/7 and 7 times what is stated
 _NOISE_TOLERANCE = 0.25  # a noise factor counts as identified if it is known to about a quarter
 _DEGREES = float(np.degrees(1.0))
@@ -63,7 +60,7 @@ class Parameter:
     prior_std: float
     tolerance: float
     held: bool = False
-    held_reason: str | None = None
+    held_by: HeldBy | None = None
 
     @property
     def display(self) -> float:
@@ -104,7 +101,7 @@ class Parameters:
 
     @classmethod
     def build(
-        cls, robot: Robot, tool: Tool, noise: NoiseModel, header: Header, targets: Sequence[str]
+        cls, robot: Robot, tool: Tool, noise: Noise, header: Header, targets: Sequence[str]
     ) -> Parameters:
         """Name every unknown of these shots; raises BadInput for a held name that is none of them."""
         items = [
@@ -115,7 +112,7 @@ class Parameters:
         ]
         held = _held(header.held, robot, tool, [item.name for item in items])
         return cls(
-            tuple(replace(item, held=item.name in held, held_reason=held.get(item.name)) for item in items)
+            tuple(replace(item, held=item.name in held, held_by=held.get(item.name)) for item in items)
         )
 
     # Blocks
@@ -280,11 +277,11 @@ def _noise_factors() -> Iterator[Parameter]:
         yield Parameter(f"noise.{axis}", "noise", "noise", axis, "1", 0.0, _NOISE_PRIOR, _NOISE_TOLERANCE)
 
 
-def _held(stated: Sequence[str] | None, robot: Robot, tool: Tool, names: Sequence[str]) -> dict[str, str]:
-    """What is held, with the reason: the method's own choice unless the header states a list."""
-    method = {"delta1": BASE_FRAME}
+def _held(stated: Sequence[str] | None, robot: Robot, tool: Tool, names: Sequence[str]) -> dict[str, HeldBy]:
+    """What is held, and by what: the method's own choice unless the header states a list."""
+    method: dict[str, HeldBy] = {"delta1": "base frame"}
     if tool.kind == "laser" and not tool.calibrated:
-        method[f"delta{robot.n}"] = TOOL_TURN
+        method[f"delta{robot.n}"] = "tool rotation"
     if stated is None:
         return method
     for name in stated:
@@ -301,4 +298,4 @@ def _held(stated: Sequence[str] | None, robot: Robot, tool: Tool, names: Sequenc
             found=", ".join(stated),
             remedy="leave out of `held` what is to be estimated",
         )
-    return {name: method.get(name, "held by the header") for name in stated}
+    return {name: method.get(name, "header") for name in stated}

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 # The two axes across each nominal beam axis, in the order of tilt1, tilt2 and shift1, shift2.
 _ACROSS = {0: (1, 2), 1: (2, 0), 2: (0, 1)}
 
+ToolKind = Literal["laser", "probe"]
+
 
 @dataclass(frozen=True, eq=False)
 class Tool:
@@ -25,7 +27,7 @@ class Tool:
     uncalibrated tool leaves open.
     """
 
-    kind: Literal["laser", "probe"]
+    kind: ToolKind
     calibrated: bool
     point: Matrix
     direction: Matrix | None

@@ -30,13 +30,13 @@ from scipy.special import betaln, erf, fdtr
 from ...model.kernel import Index
 from ...model.problem import Problem
 from ...model.robot import Matrix
-from ..estimation.fit import LikelihoodFit
-from ..observability.identifiability import Identified
-from ..observability.verdict import listed, reason_for
-from ..result import Status
+from ..observability.causes import Cause
+from ..solution import Solution
+from ..status import UnsoundResult
 
 Grid = tuple[tuple[float | None, ...], ...]
 Counts = tuple[tuple[int, ...], ...]
+Place = Literal["stated point", "tool", "last axis"]
 
 COVERAGE = 0.95
 _POSTURES = 4096  # over the joints' limits; of those within the shots' ranges a quarter
@@ -108,25 +108,31 @@ class Accuracy:
     """
 
     point_mm: tuple[float, float, float]
-    place: str
+    place: Place
     workspace: Region | None
     near_shots: Region | None
     maps: tuple[Map, ...]
     undetermined: tuple[str, ...]
     weak: tuple[str, ...]
-    reason: str | None
+    held: tuple[bool, ...]
+    causes: tuple[Cause | None, ...]
+    joints: int
+    converged: bool
+
+    def __post_init__(self) -> None:
+        claimed = self.workspace is not None or self.near_shots is not None or bool(self.maps)
+        if claimed and (self.undetermined or not self.converged):
+            raise UnsoundResult("accuracy is claimed although it depends on what the data do not determine")
 
 
-def accuracy(
-    problem: Problem, fit: LikelihoodFit, identified: Identified, point: Matrix | None = None
-) -> Accuracy:
+def accuracy(solution: Solution, point: Matrix | None = None) -> Accuracy:
     """The accuracy of `point` (3,) mm in the flange frame, by default the tool's stated one, as above."""
+    problem, fit = solution.problem, solution.fit
     parameters, offsets = problem.parameters, problem.parameters.block("offset")
-    # As in the table of parameters: a fit that did not converge tells nothing.
-    status = [s if fit.converged or s == "held" else "unidentifiable" for s in identified.status[offsets]]
+    status = solution.status[offsets]
     open_offsets = np.isin(status, ["unidentifiable", "held"])
     open_offsets[0] = False
-    place = "a point stated by the user"
+    place: Place = "stated point"
     if point is None:
         point, place = _default_point(problem, bool(open_offsets[-1]))
     limits = (problem.robot.lower, problem.robot.upper)
@@ -142,7 +148,7 @@ def accuracy(
     maps: tuple[Map, ...] = ()
     weak: tuple[str, ...] = ()
     if not len(undetermined):
-        errors = _errors(problem, fit, identified, point, joints, position, jacobian)
+        errors = _errors(solution, point, joints, position, jacobian)
         whole, near = slice(_POSTURES), slice(_POSTURES, len(joints) - problem.shots)
         workspace, near_shots = _region(errors.select(whole)), _region(errors.select(near))
         maps = _maps(problem, position[whole], position[near.stop :], errors.select(whole))
@@ -155,7 +161,10 @@ def accuracy(
         maps=maps,
         undetermined=tuple(names[i] for i in undetermined),
         weak=weak,
-        reason=_reason(problem, fit, identified, undetermined, status),
+        held=tuple(solution.parameters[i].held for i in undetermined),
+        causes=tuple(solution.parameters[i].cause for i in undetermined),
+        joints=problem.robot.n,
+        converged=solution.converged,
     )
 
 
@@ -246,19 +255,18 @@ def spread_postures(lower: Matrix, upper: Matrix, count: int) -> Matrix:
     return np.asarray(lower + share * (upper - lower))
 
 
-def _default_point(problem: Problem, open_last: bool) -> tuple[Matrix, str]:
+def _default_point(problem: Problem, open_last: bool) -> tuple[Matrix, Place]:
     """The tool's stated point, or the nearest of the last axis if its offset is not determined."""
-    point, words = problem.tool.point, "the tool's stated point"
+    point = problem.tool.point
     last = problem.robot.joints[-1]
     if not open_last or last.kind != "revolute":
-        return point, words
+        return point, "tool"
     to_flange = problem.robot.flange[:3, :3].T
     axis, origin = to_flange @ last.axis, -to_flange @ problem.robot.flange[:3, 3]
     foot = origin + axis * (axis @ (point - origin))
     if np.linalg.norm(foot - point) <= _ON_AXIS:
-        return point, words
-    n = problem.robot.n
-    return foot, f"the point of the axis of joint {n} nearest to {words}, as delta{n} is not determined"
+        return point, "tool"
+    return foot, "last axis"
 
 
 @dataclass(frozen=True, eq=False)
@@ -275,17 +283,16 @@ class _Errors:
 
 
 def _errors(
-    problem: Problem,
-    fit: LikelihoodFit,
-    identified: Identified,
+    solution: Solution,
     point: Matrix,
     joints: Matrix,
     position: Matrix,
     jacobian: Matrix,
 ) -> _Errors:
+    problem, fit = solution.problem, solution.fit
     dof = None
     if problem.noise.estimated:
-        dof = max(fit.against_noise(identified.facts.rank).dof, 1)
+        dof = max(solution.dof, 1)
     nominal, _ = tool_point(problem, np.zeros(len(problem.parameters)), point, joints)
     of_point = jacobian @ offset_covariance(problem, fit.covariance) @ jacobian.transpose(0, 2, 1)
     apart = nominal - position
@@ -382,25 +389,3 @@ def _round_up(length: float) -> float:
     """The next round number; 1 mm for an arm that does not move its point at all."""
     power = 10.0 ** np.floor(np.log10(max(length, 1e-3)))
     return max(1.0, float(next(k * power for k in (1, 1.5, 2, 3, 4, 5, 6, 8, 10) if k * power >= length)))
-
-
-def _reason(
-    problem: Problem,
-    fit: LikelihoodFit,
-    identified: Identified,
-    undetermined: Index,
-    status: list[Status],
-) -> str | None:
-    if not fit.converged:
-        return "the fit did not converge"
-    parts: dict[str, list[str]] = {}
-    for i in undetermined:
-        item = problem.parameters.items[i]
-        state = "held" if status[i] == "held" else "not determined"
-        why = f"{state}: {reason_for(identified, item, status[i])}"
-        parts.setdefault(why, []).append(item.name)
-    said = [
-        f"the tool point depends on {listed(names)}, which {'is' if len(names) == 1 else 'are'} {why}"
-        for why, names in parts.items()
-    ]
-    return "; ".join(said) or None

@@ -12,19 +12,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.special import ndtri, stdtrit
 
 from ...model.robot import Matrix
-
-if TYPE_CHECKING:
-    # A result has budgets: `result` imports this module.
-    from ...model.problem import Problem
-    from ..estimation.fit import LikelihoodFit
-    from ..observability.identifiability import Identified
-    from ..result import PosteriorParameter, PosteriorSummary, Status
+from ..posterior.posterior import PosteriorParameter, PosteriorSummary
+from ..solution import Solution
+from ..status import Status, known, require_no_more_than
 
 Kind = Literal["joint", "spot", "prior", "target", "distance", "noise factors", "curvature"]
 
@@ -83,12 +79,16 @@ class Budget:
 
     name: str
     unit: str
+    status: Status
     std: float
     rows: tuple[BudgetRow, ...]
     dof: float | None
     coverage_factor: float
     expanded: float
     check: LinearCheck | None
+
+    def __post_init__(self) -> None:
+        require_no_more_than(self.name, self.status, budget=self.std)
 
 
 class _Source(NamedTuple):
@@ -102,24 +102,19 @@ class _Source(NamedTuple):
     dof: float | None = None
 
 
-def budget(
-    problem: Problem, fit: LikelihoodFit, identified: Identified, posterior: PosteriorSummary
-) -> tuple[Budget, ...]:
-    """One for every offset and tool parameter that the data tell; none where the fit did not converge."""
+def budget(solution: Solution, posterior: PosteriorSummary) -> tuple[Budget, ...]:
+    """One for every offset and tool parameter that the data determine."""
+    problem, fit = solution.problem, solution.fit
     parameters = problem.parameters
-    told = [
-        i
-        for i, (item, status) in enumerate(zip(parameters.items, identified.status, strict=True))
-        if item.group in ("offset", "tool") and status in ("identified", "weak")
-    ]
-    if not (fit.converged and told):
+    told = [i for i in solution.known if parameters.items[i].group in ("offset", "tool")]
+    if not told:
         return ()
     index = np.array(told)
     at = parameters.among_free[index]
     scale = parameters.prior_std[index] * parameters.display[index]
-    sources, parts = _sources(problem, fit, identified, at)
+    sources, parts = _sources(solution, at)
     variances = np.diag(fit.covariance)[at]
-    dof = _effective_dof(problem, fit, identified, sources, parts, variances)
+    dof = _effective_dof(solution, sources, parts, variances)
     draws = {row.name: row for row in posterior.parameters or () if row.source == "data"}
     budgets = []
     for j, i in enumerate(told):
@@ -137,6 +132,7 @@ def budget(
             Budget(
                 name=item.name,
                 unit=item.unit,
+                status=solution.status[i],
                 std=std,
                 rows=tuple(rows),
                 dof=float(dof[j]) if np.isfinite(dof[j]) else None,
@@ -150,10 +146,9 @@ def budget(
     return tuple(budgets)
 
 
-def _sources(
-    problem: Problem, fit: LikelihoodFit, identified: Identified, at: Matrix
-) -> tuple[list[_Source], Matrix]:
+def _sources(solution: Solution, at: Matrix) -> tuple[list[_Source], Matrix]:
     """All sources, and (sources, t) their parts in the scaled variances of the free parameters `at` (t,)."""
+    problem, fit = solution.problem, solution.fit
     parameters, whitened = problem.parameters, fit.whitened
     rows = problem.shots * problem.tool.miss_size
     noise = parameters.group("noise")[parameters.free]
@@ -173,7 +168,7 @@ def _sources(
         (by_joint**2).sum(axis=0).T * variances[:-1, None],
         (by_spot**2).sum(axis=(0, 2))[None] * variances[-1],
     ]
-    sources = _noise_sources(problem, identified, fit, np.sqrt(variances))
+    sources = _noise_sources(solution, np.sqrt(variances))
 
     squares = gain.T**2  # (f, t): the priors' variances are 1
     items = [item for item in parameters.items if not item.held and item.group != "noise"]
@@ -203,17 +198,15 @@ def _sources(
     return sources, np.concatenate(parts)
 
 
-def _noise_sources(
-    problem: Problem, identified: Identified, fit: LikelihoodFit, std: Matrix
-) -> list[_Source]:
+def _noise_sources(solution: Solution, std: Matrix) -> list[_Source]:
     """The joints, then the spot, with the `std` (n + 1,) of one reading as it was found or stated."""
-    robot = problem.robot
+    problem, robot = solution.problem, solution.problem.robot
     kinds: list[tuple[Literal["A", "B"], float | None]] = [("B", None)] * (robot.n + 1)
     if problem.noise.estimated:
-        kinds = [("A", float(fit.against_noise(identified.facts.rank).dof))] * (robot.n + 1)
+        kinds = [("A", float(solution.dof))] * (robot.n + 1)
     elif problem.noise.separate:
-        status = dict(zip(problem.parameters.names, identified.status, strict=True))
-        variance = np.diag(_log_scales(problem, fit, identified))
+        status = dict(zip(problem.parameters.names, solution.status, strict=True))
+        variance = np.diag(_log_scales(solution))
         joint, spot = (
             _of_factor(status[f"noise.{name}"], float(own))
             for name, own in zip(("joint", "spot"), variance, strict=True)
@@ -236,42 +229,41 @@ def _noise_sources(
 
 def _of_factor(status: Status, variance: float) -> tuple[Literal["A", "B"], float | None]:
     """Type and degrees of freedom (G.3) of a noise whose factor has the logarithm of this variance."""
-    kind: Literal["A", "B"] = "A" if status in ("identified", "weak") else "B"
+    kind: Literal["A", "B"] = "A" if known(status) else "B"
     return kind, 1 / (2 * variance) if variance > 0 else None
 
 
-def _log_scales(problem: Problem, fit: LikelihoodFit, identified: Identified) -> Matrix:
+def _log_scales(solution: Solution) -> Matrix:
     """(g, g) covariance of the logarithms of the noise scales: that of all, or the joints' and the spot's."""
-    if problem.noise.estimated:
-        return np.array([[1 / (2 * fit.against_noise(identified.facts.rank).dof)]])
-    parameters = problem.parameters
+    if solution.problem.noise.estimated:
+        return np.array([[1 / (2 * solution.dof)]])
+    parameters = solution.problem.parameters
     own = parameters.group("noise")
     result = np.zeros((len(parameters), len(parameters)))
     std = parameters.prior_std[parameters.free]
-    result[np.ix_(parameters.free, parameters.free)] = fit.covariance * np.outer(std, std)
+    result[np.ix_(parameters.free, parameters.free)] = solution.fit.covariance * np.outer(std, std)
     return result[np.ix_(own, own)]
 
 
 def _effective_dof(
-    problem: Problem,
-    fit: LikelihoodFit,
-    identified: Identified,
+    solution: Solution,
     sources: list[_Source],
     parts: Matrix,
     variances: Matrix,
 ) -> Matrix:
     """(t,) by Welch and Satterthwaite's formula (G.2b) for variances that need not be estimated
     independently: u^4 over half the variance of u^2, u^2 being a sum of parts that each have a scale."""
-    if problem.noise.known:
+    noise = solution.problem.noise
+    if noise.known:
         return np.full(len(variances), np.inf)
     kinds = np.array([source.kind for source in sources])
-    if problem.noise.estimated:
+    if noise.estimated:
         # All that was not stated has the one scale, curvature too.
         stated = np.isin(kinds, ["prior", "target", "distance"])
         groups = (variances - parts[stated].sum(axis=0))[:, None]
     else:
         groups = np.array([parts[kinds == kind].sum(axis=0) for kind in ("joint", "spot")]).T
-    spread = 2 * ((groups @ _log_scales(problem, fit, identified)) * groups).sum(axis=1)
+    spread = 2 * ((groups @ _log_scales(solution)) * groups).sum(axis=1)
     with np.errstate(divide="ignore"):
         return np.asarray(variances**2 / spread)
 

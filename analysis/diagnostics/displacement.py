@@ -24,8 +24,6 @@ _REACH = 0.01  # what moves the misses by less (stds, within its prior std) expl
 _TELLS_MM = 10.0  # a direction that the shots tell no better than this is not told
 _DECIDES = 1e-4  # a shot that decides something alone: the fit leaves no more of its miss than this share
 _ROUNDING = 1e-12  # of the information that all shots together have on a place
-_NEVER = 1e-12  # a chance below this says nothing more: no noise is so normal
-_MOST_NAMED = 3
 _EXCLUDES = 20.0  # likelihood ratio by which one explanation excludes another
 
 
@@ -101,35 +99,6 @@ def displacement(fit: LikelihoodFit) -> Displacement | None:
         better_alone=bool(single.score[off] > moved.score[best] + 1e-6 * left.chi2),
         rest_agrees=left.agrees(moved, best),
     )
-
-
-def displacement_sentence(found: Displacement) -> str:
-    """What a reader must know of a significant one, and what to do."""
-    chance = f"{found.p_value:.0e}" if found.p_value > _NEVER else f"less than {_NEVER:.0e}"
-    others = [_where(point) for point in found.elsewhere[:_MOST_NAMED]]
-    if found.alone is not None:
-        others.append(f"shot {found.alone} is off alone")
-    doubt = f" Nearly as likely: {', or '.join(others)}." if others else ""
-    return (
-        f"Target {found.at.target} seems to have moved{_by(found)} between shots {found.at.after_shot} and"
-        f" {found.at.before_shot} (chance of this by noise: {chance}).{doubt} Discard the shots before or"
-        " after, or give them another target name"
-    )
-
-
-def _where(point: ChangePoint) -> str:
-    return f"{point.target} moved between {point.after_shot} and {point.before_shot}"
-
-
-def _by(found: Displacement) -> str:
-    if found.size_mm is not None and found.size_std_mm is not None:
-        return f" by {found.size_mm:.1f} ± {found.size_std_mm:.1f} mm"
-    along = [
-        f"{shift:.1f} ± {std:.1f} mm along {axis}"
-        for axis, shift, std in zip("xyz", found.shift_mm, found.std_mm, strict=True)
-        if shift is not None and std is not None
-    ]
-    return f" by {' and '.join(along)}" if along else ""
 
 
 class _Explained(NamedTuple):

@@ -7,7 +7,7 @@ own shots. What is left there is judged against the noise and what the fit leave
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
 import numpy as np
@@ -18,9 +18,31 @@ from ...model.errors import BadInput
 from ...model.problem import Problem, rms_length
 from ...model.robot import Matrix
 from ..estimation.fit import fit_likelihood
-from ..result import HoldOut
 
 _ROUNDS = 20
+
+
+@dataclass(frozen=True)
+class HoldOut:
+    """How the offsets and tool of the other targets' measurements do at targets that they have not seen.
+
+    `rms_mm` of the residuals once each held-out target is placed, `rms_before_mm` the same without any
+    offset, `expected_mm` what `rms_mm` would be by the noise and what the fit leaves open; chi-squared of
+    these residuals against the noise and what the fit leaves open. None where there is none: without degrees
+    of freedom, or where the fit without these targets did not converge, for which `failure` is the
+    optimiser's reason.
+    """
+
+    targets: tuple[str, ...]
+    shots: int
+    shots_fitted: int
+    rms_mm: float | None
+    rms_before_mm: float | None
+    expected_mm: float | None
+    chi2: float | None
+    dof: int | None
+    p_value: float | None
+    failure: str | None
 
 
 def hold_out(problem: Problem, patterns: Sequence[str], seed: int = 0) -> HoldOut:
@@ -48,8 +70,7 @@ def hold_out(problem: Problem, patterns: Sequence[str], seed: int = 0) -> HoldOu
     seen = replace(seen, distances=tuple(d for d in seen.distances if {d.first, d.second} <= there))
     fit = fit_likelihood(seen, starts=0, seed=seed)
     if not fit.converged:
-        message = f"the fit without them did not converge: {fit.reason}"
-        return HoldOut(tuple(names), unseen.shots, seen.shots, *(None,) * 6, message)
+        return HoldOut(tuple(names), unseen.shots, seen.shots, *(None,) * 6, fit.reason)
     moved = problem.parameters.targets(names)
     before = _settled(unseen, problem.supposed(), moved)
     after = _settled(unseen, fit.x, moved)
@@ -78,7 +99,7 @@ def hold_out(problem: Problem, patterns: Sequence[str], seed: int = 0) -> HoldOu
         chi2=chi2 if dof > 0 else None,
         dof=dof,
         p_value=_chance(seen, chi2, dof) if dof > 0 else None,
-        message=None if dof > 0 else "no more numbers than coordinates of their targets: they always hit",
+        failure=None,
     )
 
 

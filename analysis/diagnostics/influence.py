@@ -5,6 +5,7 @@ Exact, by a fit without each shot, and by the formula of the linearised fit; the
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -14,8 +15,41 @@ from ...model.density import Density
 from ...model.problem import Problem
 from ...model.robot import Matrix
 from ..estimation.fit import LikelihoodFit, modes
+from ..estimation.robust import leverages
 
-_DETERMINES_ITSELF = 1.0 - 1e-4
+
+@dataclass(frozen=True)
+class ShotResult:
+    """One measurement at the fit: `miss_mm` its residual (2 across the beam, or x, y, z), `whitened` its
+    length in its own standard deviations, `leave_one_out` the length in mm of the residual as predicted by
+    the other measurements (None where they cannot predict it), `cooks` Cook's distance."""
+
+    shot: int
+    target: str
+    miss_mm: tuple[float, ...]
+    whitened: float
+    leave_one_out: float | None
+    cooks: float | None
+
+
+def shot_results(fit: LikelihoodFit) -> tuple[ShotResult, ...]:
+    """One for each measurement, in their order."""
+    problem, effect = fit.problem, influence(fit.problem, fit)
+
+    def finite(value: float) -> float | None:
+        return float(value) if np.isfinite(value) else None
+
+    return tuple(
+        ShotResult(
+            shot=number,
+            target=problem.targets[problem.target_index[i]],
+            miss_mm=tuple(float(v) for v in fit.whitened.miss[i]),
+            whitened=float(effect.whitened[i]),
+            leave_one_out=finite(effect.leave_one_out[i]),
+            cooks=finite(effect.cooks[i]),
+        )
+        for i, number in enumerate(problem.shot_numbers)
+    )
 
 
 class Influence(NamedTuple):
@@ -55,14 +89,6 @@ def influence_by_formula(problem: Problem, fit: LikelihoodFit) -> Influence:
     return Influence(
         np.linalg.norm(residual, axis=1), np.where(decides, np.nan, length), np.where(decides, np.nan, cooks)
     )
-
-
-def leverages(blocks: Matrix, covariance: Matrix) -> tuple[Matrix, NDArray[np.bool_]]:
-    """(N, d, d) I - H_i of whitened Jacobians (N, d, f), and (N,) where a shot decides something alone
-    (there I - H_i is singular, and I stands in its place)."""
-    hat = blocks @ covariance @ blocks.transpose(0, 2, 1)
-    decides = np.linalg.eigvalsh(hat).max(axis=1) > _DETERMINES_ITSELF
-    return np.eye(blocks.shape[1]) - np.where(decides[:, None, None], 0.0, hat), decides
 
 
 def _blocks(problem: Problem, fit: LikelihoodFit) -> tuple[Matrix, Matrix, NDArray[np.bool_]]:

@@ -7,17 +7,12 @@ prior mean, and a target that they leave open has no place.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import chdtri, fdtri
 
 from ...model.robot import Matrix
-
-if TYPE_CHECKING:
-    # Late: `result`, which these two import, holds a Scene.
-    from ..estimation.fit import LikelihoodFit
-    from ..observability.identifiability import Identified
+from ..solution import Solution
 
 Point = tuple[float, float, float]
 
@@ -57,12 +52,18 @@ class Scene:
     targets: tuple[SceneTarget, ...]
     radius2: float
 
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the coordinates of the targets that have a place."""
+        placed = [target.name for target in self.targets if target.at_mm is not None]
+        return tuple(f"{name}.{axis}" for name in placed for axis in "xyz")
 
-def scene(fit: LikelihoodFit, identified: Identified) -> Scene | None:
+
+def scene(solution: Solution) -> Scene | None:
     """The scene of a fit, None if it did not converge. Of more than 60 shots 60, evenly over the run."""
-    if not fit.converged:
+    if not solution.converged:
         return None
-    problem, x = fit.problem, _drawn(fit, identified)
+    problem, x = solution.problem, _drawn(solution)
     parts = problem.split(x)
     chosen = np.unique(np.linspace(0, problem.shots - 1, MOST_SHOTS).round().astype(np.int64))
     (points,) = problem.functions.kernel("skeleton")(problem.joints[chosen], parts.arm)
@@ -82,16 +83,16 @@ def scene(fit: LikelihoodFit, identified: Identified) -> Scene | None:
             )
             for row, i in enumerate(chosen)
         ),
-        targets=tuple(_target(fit, identified, k) for k in range(len(problem.targets))),
-        radius2=_radius2(fit, identified),
+        targets=tuple(_target(solution, k) for k in range(len(problem.targets))),
+        radius2=_radius2(solution),
     )
 
 
-def _drawn(fit: LikelihoodFit, identified: Identified) -> Matrix:
+def _drawn(solution: Solution) -> Matrix:
     """(p,) the mode, but for offsets and tool that the data leave open: those are at their prior means, and
     all else where it would be then (the conditional mean of a normal), so that beams still meet targets."""
-    parameters = fit.problem.parameters
-    open_ = np.array([status == "unidentifiable" for status in identified.status])
+    fit, parameters = solution.fit, solution.problem.parameters
+    open_ = np.array([status == "unidentifiable" for status in solution.status])
     open_ &= parameters.group("offset") | parameters.group("tool")
     rows = parameters.among_free[open_ & parameters.free]
     by = fit.covariance[:, rows] @ np.linalg.solve(fit.covariance[np.ix_(rows, rows)], fit.z[rows])
@@ -100,10 +101,10 @@ def _drawn(fit: LikelihoodFit, identified: Identified) -> Matrix:
     return x
 
 
-def _target(fit: LikelihoodFit, identified: Identified, k: int) -> SceneTarget:
-    problem = fit.problem
+def _target(solution: Solution, k: int) -> SceneTarget:
+    problem, fit = solution.problem, solution.fit
     own = problem.parameters.block("target", k)
-    status = set(identified.status[own])
+    status = set(solution.status[own])
     place = covariance = None
     if "unidentifiable" not in status:
         place = _point(fit.x[own])
@@ -115,11 +116,11 @@ def _target(fit: LikelihoodFit, identified: Identified, k: int) -> SceneTarget:
     return SceneTarget(problem.targets[k], place, covariance)
 
 
-def _radius2(fit: LikelihoodFit, identified: Identified) -> float:
+def _radius2(solution: Solution) -> float:
     """Chi-squared's quantile for three coordinates together, 7.815; Hotelling's 3 F(3, dof) where the noise
     scale is estimated from the misses (Anderson, Multivariate Statistical Analysis, 2003, section 5.2)."""
-    dof = fit.against_noise(identified.facts.rank).dof
-    if fit.problem.noise.estimated and dof:
+    dof = solution.dof
+    if solution.problem.noise.estimated and dof:
         return float(3 * fdtri(3, dof, 0.95))
     return float(chdtri(3, 0.05))
 

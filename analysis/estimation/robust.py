@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import chdtri, fdtri
 
 from ...model.density import Density
 from ...model.kernel import Index
 from ...model.problem import Problem
 from ...model.robot import Matrix
-from ..diagnostics.influence import leverages
 from .fit import LikelihoodFit, modes
 
 Loss = Literal["huber", "student"]
@@ -27,6 +27,7 @@ STUDENT_NU = 4.0
 _HUBER_SHARE = 0.95  # of normal misses are shorter than Huber's bend
 _ROUNDS = 200
 _SETTLED = 1e-6  # change of the largest weight
+_DETERMINES_ITSELF = 1.0 - 1e-4  # leverage from which on a measurement determines something alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,3 +145,11 @@ def outlying(length: Matrix, d: int, chance: float, dof: int | None = None) -> I
     limit = np.sqrt(chdtri(d, share) if dof is None else d * fdtri(d, dof, 1 - share))
     order = np.argsort(-length)
     return np.asarray(order[length[order] > limit])
+
+
+def leverages(blocks: Matrix, covariance: Matrix) -> tuple[Matrix, NDArray[np.bool_]]:
+    """(N, d, d) I - H_i of whitened Jacobians (N, d, f), and (N,) where a shot decides something alone
+    (there I - H_i is singular, and I stands in its place)."""
+    hat = blocks @ covariance @ blocks.transpose(0, 2, 1)
+    decides = np.linalg.eigvalsh(hat).max(axis=1) > _DETERMINES_ITSELF
+    return np.eye(blocks.shape[1]) - np.where(decides[:, None, None], 0.0, hat), decides

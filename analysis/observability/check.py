@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ...model.errors import BadInput
 from ...model.files.plan import Plan
+from ...model.parameters import Group
 from ...model.problem import Problem
 from ...model.robot import Matrix
-from ..result import Group, Identifiability, Status, Verdict, versions
+from ..status import Status, Verdict, known, require_no_more_than, verdict_of, versions
 from .aim import Aimed, AimedPlan, aim_plan
-from .identifiability import identify
+from .causes import Cause
+from .identifiability import Identifiability, identify
 from .outlook import Advice, CurvePoint, OverTarget, advice, curve, over_target, predicted_std
-from .verdict import listed, reason_for, verdict, verdict_sentence
+from .verdict import cause_for
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,10 @@ class CheckedParameter:
     data_std: float | None
     std: float | None
     prior_std: float
-    reason: str | None
+    cause: Cause | None
+
+    def __post_init__(self) -> None:
+        require_no_more_than(self.name, self.status, std=self.std)
 
 
 @dataclass(frozen=True)
@@ -46,19 +51,58 @@ class CheckedPosture:
 
 
 @dataclass(frozen=True)
+class Unreachable:
+    """From these postures the target cannot be hit."""
+
+    postures: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class TargetBehind:
+    """In these postures the target is behind the laser; in `every` one that hits."""
+
+    postures: tuple[int, ...]
+    every: bool
+
+
+@dataclass(frozen=True)
+class OutsideLimits:
+    """Turned onto the target, `joint` (from 1) of `posture` is at `at`, outside `limits` (deg or mm)."""
+
+    posture: int
+    joint: int
+    at: float
+    unit: str
+    limits: tuple[float, float]
+
+
+PlanFinding = Unreachable | TargetBehind | OutsideLimits
+
+
+@dataclass(frozen=True)
+class PlanInputs:
+    """What a check was made from."""
+
+    plan: str
+    sha256: str
+    robot: str
+    versions: dict[str, str]
+
+
+@dataclass(frozen=True)
 class Check:
     """The answer to `zerobeam check`, in units that people read."""
 
     verdict: Verdict
-    headline: str
     parameters: tuple[CheckedParameter, ...]
     identifiability: Identifiability
     postures: tuple[CheckedPosture, ...]
     curve: tuple[CurvePoint, ...]
     over_target: OverTarget | None
     advice: Advice | None
-    notes: tuple[str, ...]
-    inputs: dict[str, Any]
+    findings: tuple[PlanFinding, ...]
+    warnings: tuple[str, ...]
+    inputs: PlanInputs
 
 
 def check(plan: Plan, turned: AimedPlan | None = None) -> Check:
@@ -72,12 +116,13 @@ def check(plan: Plan, turned: AimedPlan | None = None) -> Check:
     with threadpool_limits(limits=1, user_api="blas"):
         shots = _shots(plan, aimed)
         identified = identify(shots, x)
-        known = predicted_std(shots, x)
+        predicted = predicted_std(shots, x)
         promised = curve(shots, x)
         elsewhere = over_target(problem, x, _stated_spread(plan, problem))
-        better = None if verdict(problem, identified) == "pass" else advice(shots, x)
-    parameters = problem.parameters
-    std = parameters.unscaled(known)
+        parameters = problem.parameters
+        verdict = verdict_of(identified.status[parameters.block("offset")])
+        better = None if verdict == "pass" else advice(shots, x)
+    std = parameters.unscaled(predicted)
     rows = []
     for i, item in enumerate(parameters.items):
         status, data_std = identified.status[i], float(identified.data_std[i])
@@ -89,14 +134,13 @@ def check(plan: Plan, turned: AimedPlan | None = None) -> Check:
                 status=status,
                 held=item.held,
                 data_std=data_std * item.display if np.isfinite(data_std) else None,
-                std=float(std[i]) * item.display if status in ("identified", "weak") else None,
+                std=float(std[i]) * item.display if known(status) else None,
                 prior_std=item.prior_std * item.display,
-                reason=reason_for(identified, item, status),
+                cause=cause_for(identified.facts.null_space, item, status),
             )
         )
     return Check(
-        verdict=verdict(problem, identified),
-        headline=verdict_sentence(problem, identified),
+        verdict=verdict,
         parameters=tuple(rows),
         identifiability=identified.facts,
         postures=tuple(
@@ -106,19 +150,10 @@ def check(plan: Plan, turned: AimedPlan | None = None) -> Check:
         curve=promised,
         over_target=elsewhere,
         advice=better,
-        notes=_notes(plan, aimed),
-        inputs={
-            "plan": plan.path.name,
-            "sha256": plan.sha256,
-            "robot": plan.robot.name,
-            "versions": versions(),
-        },
+        findings=tuple(_findings(plan, aimed)),
+        warnings=plan.warnings,
+        inputs=PlanInputs(plan.path.name, plan.sha256, plan.robot.name, versions()),
     )
-
-
-def check_json(answer: Check) -> dict[str, Any]:
-    """`zerobeam/check/1`: plain JSON types, null where there is no number."""
-    return {"schema": "zerobeam/check/1", **asdict(answer)}
 
 
 def _shots(plan: Plan, aimed: Aimed) -> Problem:
@@ -148,29 +183,16 @@ def _stated_spread(plan: Plan, problem: Problem) -> Matrix:
     return spread
 
 
-def _notes(plan: Plan, aimed: Aimed) -> tuple[str, ...]:
-    notes = []
+def _findings(plan: Plan, aimed: Aimed) -> Iterator[PlanFinding]:
     missed = np.flatnonzero(~aimed.hit)
     if len(missed):
-        notes.append(
-            f"From posture {listed([str(i) for i in missed])} the target cannot be hit:"
-            " no shot is counted there"
-        )
+        yield Unreachable(tuple(int(i) for i in missed))
     behind = np.flatnonzero(aimed.hit & ~aimed.ahead)
-    if len(behind) and len(behind) == int(aimed.hit.sum()):
-        notes.append("Every target is behind the laser: is the sign of tool.direction right?")
-    elif len(behind):
-        notes.append(
-            f"In posture {listed([str(i) for i in behind])} the target is behind the laser:"
-            " no shot is counted there"
-        )
+    if len(behind):
+        yield TargetBehind(tuple(int(i) for i in behind), every=len(behind) == int(aimed.hit.sum()))
     robot, turned = plan.robot, aimed.problem.joints
     slack = 1e-9
     for i, j in np.argwhere((turned < robot.lower - slack) | (turned > robot.upper + slack)):
         joint = robot.joints[j]
-        notes.append(
-            f"Turned onto the target, joint {j + 1} of posture {i} stands at"
-            f" {turned[i, j] * joint.display:.1f} {joint.unit}, outside"
-            f" {joint.lower * joint.display:.0f} to {joint.upper * joint.display:.0f}"
-        )
-    return (*notes, *plan.warnings)
+        ends = (joint.lower * joint.display, joint.upper * joint.display)
+        yield OutsideLimits(int(i), int(j) + 1, float(turned[i, j] * joint.display), joint.unit, ends)

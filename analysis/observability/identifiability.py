@@ -7,7 +7,7 @@ shots that hit. There is no pseudo-inverse here: where the data say nothing, the
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +15,10 @@ from numpy.typing import NDArray
 from ...model.parameters import Parameters
 from ...model.problem import Problem
 from ...model.robot import Matrix
-from ..result import Identifiability, NullDirection, Status
+from ..status import Status
 from .aim import aim, moving_joints
+from .causes import NullDirection
 from .mechanisms import Mechanism, mechanisms, unexplained
-
-if TYPE_CHECKING:
-    from ..estimation.fit import LikelihoodFit
 
 _ROUNDING = 1e-11  # singular values below this share of a unit column are rounding
 _PART = 1e-6  # a parameter with less than this in a unit null vector has no part in it
@@ -30,6 +28,20 @@ _NEW = 1e-4  # a null direction is not yet told if this part of it is outside th
 _AS_NEARLY_NULL = 3.0  # a mechanism explains a direction if it is null to within this factor
 _NEGLIGIBLE = 1e-3  # terms of a combination whose effect is below this share are left out
 _LARGEST_TERMS = 8  # of a direction without a known mechanism, which may have a little of everything
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """Rank facts of the whitened, prior-scaled Jacobian (section 2 of the design).
+
+    `condition` is None where the matrix is singular; the observability indices are 0 there.
+    """
+
+    rank: int
+    size: int
+    condition: float | None
+    observability: dict[str, float | None]
+    null_space: tuple[NullDirection, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,13 +93,6 @@ def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
         null_space=tuple(null_space),
     )
     return Identified(status, data_std, facts)
-
-
-def identify_at(fit: LikelihoodFit) -> Identified:
-    """Judge the shots of a fit at its mode, and no parameter better than the std found there."""
-    problem = fit.problem
-    identified = identify(problem, fit.x, fit.weight)
-    return no_better_than(problem, identified, problem.parameters.unscaled(fit.std))
 
 
 def no_better_than(problem: Problem, identified: Identified, std: Matrix) -> Identified:
@@ -302,4 +307,4 @@ def _named(
     data_std = None if kind == "exact" else 1 / effect_size
     weights = direction / direction[order[0]]
     combination = {names[i]: float(weights[i]) for i in order}
-    return NullDirection(combination, kind, mechanism.reason, mechanism.remedy, data_std)
+    return NullDirection(combination, kind, mechanism.cause, data_std)

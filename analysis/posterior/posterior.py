@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import os
 import time
+from dataclasses import dataclass
 from statistics import NormalDist
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +20,99 @@ from ...model.problem import Problem
 from ...model.robot import Matrix
 from ..estimation.coordinates import SeenCoordinates
 from ..estimation.fit import LikelihoodFit
-from ..result import Draws, PosteriorParameter, PosteriorSummary, Status
+from ..solution import Solution
+from ..status import Status, UnsoundResult, known, require_no_more_than
 from .moves import IndependenceProposal, degrees_of_freedom
 from .sampler import RHAT_GATE, Progress, Sampled, diagnostics, sample_density
 
 _THREADS_FROM = 50  # shots
 _KEPT_PER_WALKER = 400
+
+
+@dataclass(frozen=True)
+class PosteriorParameter:
+    """Summary of one parameter's draws. Where `source` is `prior` (the data do not determine it) mean, std
+    and quantiles are those of its own prior and nothing else; only the diagnostics are the draws'."""
+
+    name: str
+    unit: str
+    source: Literal["data", "prior"]
+    mean: float
+    std: float
+    q2_5: float
+    q50: float
+    q97_5: float
+    ess_bulk: float
+    ess_tail: float
+    rhat: float
+    mcse_mean: float
+
+
+@dataclass(frozen=True)
+class PosteriorSummary:
+    """Diagnostics of the sampling; `parameters` is None unless it converged.
+
+    `drifts`: the ensembles agree, but their draws still drift. Without any draws it was not sampled, since
+    the fit did not converge.
+    """
+
+    converged: bool
+    drifts: bool
+    draws: int
+    ensembles: int
+    walkers: int
+    ess_min: float | None
+    rhat_max: float | None
+    acceptance: float | None
+    seconds: float
+    parameters: tuple[PosteriorParameter, ...] | None
+
+    def __post_init__(self) -> None:
+        if self.parameters is not None and not self.converged:
+            raise UnsoundResult("an unconverged posterior has values")
+
+
+UNSAMPLED = PosteriorSummary(False, False, 0, 0, 0, None, None, None, 0.0, None)
+
+
+@dataclass(frozen=True)
+class PriorOnly:
+    """A parameter that the data do not determine: all that is known of it is its prior, in the units that
+    people read. A noise factor's is log-normal: `mean` and `std` are of its logarithm if `logarithmic`."""
+
+    name: str
+    unit: str
+    mean: float
+    std: float
+    logarithmic: bool
+
+    def draws(self, rng: np.random.Generator, size: tuple[int, ...]) -> Matrix:
+        """Independent draws of the prior."""
+        values = self.mean + self.std * rng.normal(size=size)
+        return np.exp(values) if self.logarithmic else values
+
+
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """Posterior draws in the units that people read, `values` (ensembles, walkers, steps, parameters).
+
+    Only of what the data determine: the draws of an unidentifiable parameter can be narrow by what the priors
+    of others make of it, and would pass for knowledge. Those parameters are `prior_only`. `converged` gates
+    every use.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    status: tuple[Status, ...]
+    values: Matrix
+    prior_only: tuple[PriorOnly, ...]
+    converged: bool
+
+    def __post_init__(self) -> None:
+        for name, status in zip(self.names, self.status, strict=True):
+            require_no_more_than(name, status, draws=self.values)
+        if self.values.shape[-1] != len(self.names):
+            raise UnsoundResult(f"draws of {len(self.names)} parameters have the shape {self.values.shape}")
 
 
 class Whitening:
@@ -44,16 +133,16 @@ class Whitening:
 
 
 def sample_posterior(
-    problem: Problem,
-    fit: LikelihoodFit,
-    status: tuple[Status, ...],
+    solution: Solution,
     *,
     seed: int,
     ess: float = 1000.0,
     progress: Progress | None = None,
 ) -> tuple[PosteriorSummary, Draws]:
-    """The posterior around a fit: its summary, gated by R-hat and ESS, and the draws in display units."""
+    """The posterior around a fit: its summary, gated by R-hat and ESS, and the draws in the units that people
+    read."""
     began = time.perf_counter()
+    problem, fit = solution.problem, solution.fit
     density = Density(problem)
     coordinates = SeenCoordinates(density)
     whitening = Whitening.around(fit, coordinates)
@@ -74,7 +163,7 @@ def sample_posterior(
     sampled = sample_density(
         log_density, proposal, seed=seed, ess=ess, threads=threads, judged=shown, progress=progress
     )
-    return _told(problem, shown(sampled.values), sampled, status, ess, time.perf_counter() - began)
+    return _told(problem, shown(sampled.values), sampled, solution.status, ess, time.perf_counter() - began)
 
 
 def _told(
@@ -91,28 +180,13 @@ def _told(
     rhat, bulk = diagnostics(shown)
     free = [(item, state) for item, state in zip(parameters.items, status, strict=True) if not item.held]
     converged = bool(sampled.settled and rhat.max() <= RHAT_GATE and bulk.min() >= min(ess, 400.0))
-    if converged:
-        message = (
-            f"{ensembles} independent ensembles agree: R-hat {rhat.max():.3f},"
-            f" at least {bulk.min():.0f} effective draws"
-        )
-    else:
-        drifts = "" if sampled.settled or rhat.max() > RHAT_GATE else ", and its draws still drift"
-        message = (
-            f"the posterior has not converged (R-hat {rhat.max():.3f}, smallest effective sample size"
-            f" {bulk.min():.0f}{drifts}): its draws are not shown. Record more varied shots, or hold what the"
-            " data cannot tell"
-        )
-    names = tuple(item.name for item, _ in free)
-    units = tuple(item.unit for item, _ in free)
-    from_prior = tuple(state == "unidentifiable" for _, state in free)
     rows = tuple(
         _row(item, state == "unidentifiable", shown[..., j], float(rhat[j]), float(bulk[j]))
         for j, (item, state) in enumerate(free)
     )
     summary = PosteriorSummary(
         converged=converged,
-        message=message,
+        drifts=not sampled.settled and bool(rhat.max() <= RHAT_GATE),
         draws=ensembles * walkers * steps,
         ensembles=ensembles,
         walkers=walkers,
@@ -123,7 +197,23 @@ def _told(
         parameters=rows if converged else None,
     )
     thin = max(1, steps // _KEPT_PER_WALKER)
-    return summary, Draws(names, units, from_prior, shown[:, :, ::thin], converged)
+    determined = [j for j, (_, state) in enumerate(free) if known(state)]
+    kept = [free[j] for j in determined]
+    draws = Draws(
+        tuple(item.name for item, _ in kept),
+        tuple(item.unit for item, _ in kept),
+        tuple(state for _, state in kept),
+        shown[:, :, ::thin][..., determined],
+        tuple(_prior_only(item) for item, state in free if not known(state)),
+        converged,
+    )
+    return summary, draws
+
+
+def _prior_only(item: Parameter) -> PriorOnly:
+    logarithmic = item.group == "noise"
+    display = 1.0 if logarithmic else item.display
+    return PriorOnly(item.name, item.unit, item.prior_mean * display, item.prior_std * display, logarithmic)
 
 
 def _row(

@@ -8,50 +8,68 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import stdtrit
 from threadpoolctl import threadpool_limits
 
-from ...analysis.analyse import require_noise_data
-from ...analysis.diagnostics.displacement import displacement, displacement_sentence
-from ...analysis.diagnostics.notes import LACK_OF_FIT
-from ...analysis.estimation.fit import AgainstNoise, LikelihoodFit, fit_likelihood
-from ...analysis.observability.identifiability import Identified, identify_at
-from ...analysis.observability.verdict import listed, reason_for
-from ...analysis.result import Status, versions
+from ...analysis.findings import LACK_OF_FIT, lack_of_fit, moved_target
+from ...analysis.solution import ParameterResult, Solution, require_noise_data, solve
+from ...analysis.status import Status, known, versions
 from ...model.errors import BadInput, FitFailed
 from ...model.files.reading import did_you_mean
 from ...model.files.run import Run
-from ...model.parameters import Parameter
 from ...model.problem import Problem
 from ...model.robot import JointKind
+from ...reports.words.causes import reason
+from ...reports.words.findings import displacement_sentence
+from ...reports.words.wording import listed
 
 SEED = 0  # of the fit's starts, as of `analyse` unless asked for otherwise
 MEANING = "true position = recorded position + offset"
-_NORMAL_95 = 1.959963984540054  # half width of the central 95 % of a unit normal
 
 
 @dataclass(frozen=True)
 class Offset:
-    """One joint's offset, `unit` deg or mm. `estimate`, `std`, `interval95` are None where nothing is known.
+    """One joint's offset: its `row` of the answer, in which there is no number where nothing is known.
 
     `applied` is what an exported file adds to the recorded position: the estimate, or 0 where the offset is
     held or `left_out`. `joint` is the joint's name in its robot file, which may hold any character.
     """
 
-    name: str
+    row: ParameterResult
     joint: str
     kind: JointKind
-    unit: str
-    status: Status
     left_out: bool
-    estimate: float | None
-    std: float | None
-    interval95: tuple[float, float] | None
-    reason: str | None
+
+    @property
+    def name(self) -> str:
+        return self.row.name
+
+    @property
+    def unit(self) -> str:
+        return self.row.unit
+
+    @property
+    def status(self) -> Status:
+        return self.row.status
+
+    @property
+    def estimate(self) -> float | None:
+        return self.row.estimate
+
+    @property
+    def std(self) -> float | None:
+        return self.row.std
+
+    @property
+    def interval95(self) -> tuple[float, float] | None:
+        return self.row.interval95
+
+    @property
+    def reason(self) -> str | None:
+        return None if self.row.cause is None else reason(self.row.cause)
 
     @property
     def exported(self) -> bool:
-        return self.status in ("identified", "weak") and not self.left_out
+        return known(self.status) and not self.left_out
 
     @property
     def applied(self) -> float:
@@ -71,7 +89,7 @@ class Offset:
             told = f"UNIDENTIFIABLE, left out: {self.reason}"
         else:
             told = f"{self.estimate:+.6f} {self.unit}, std {self.std:.2g} {self.unit}, "
-            told += self.status if self.status == "identified" else "WEAK: known poorly only"
+            told += self.status if self.status == "identified" else "WEAK: weakly observable"
             told += ", LEFT OUT on request" if self.left_out else ""
         return one_line(f"{self.name} ({self.joint}): {told}")
 
@@ -131,42 +149,20 @@ def _calibration(run: Run, allow_weak: bool, allow_displaced: bool, without: Seq
     run.require_analysable()
     problem = Problem.from_run(run)
     require_noise_data(problem)
-    fit = fit_likelihood(problem, seed=SEED)
-    if not fit.converged:
+    solution = solve(problem, seed=SEED)
+    if not solution.converged:
         raise FitFailed(
-            f"{run.path}: the fit did not converge ({fit.reason}): nothing can be exported\n"
-            "  to do:   look at the run with zerobeam analyse; record more shots, in varied postures"
+            f"{run.path}: the fit did not converge ({solution.fit.reason}): nothing can be exported\n"
+            "  to do:   look at the run with zerobeam analyse; record more measurements, in varied postures"
         )
-    identified = identify_at(fit)
-    std = problem.parameters.unscaled(fit.std)
-    against = fit.against_noise(identified.facts.rank)
-    dof = against.dof
-    _require_consistent(fit, against)
-    moved = _displaced(fit, allow_displaced)
-    quantile = float(stdtrit(dof, 0.975)) if problem.noise.estimated and dof > 0 else _NORMAL_95
-    block = problem.parameters.block("offset")
-    names = problem.parameters.names[block]
-    _check_without(without, problem.parameters.items[block])
-    offsets = []
-    for i, joint in enumerate(run.robot.joints):
-        item, status = problem.parameters.items[i], identified.status[i]
-        known = status in ("identified", "weak")
-        value, half = float(fit.x[i]), quantile * float(std[i])
-        offsets.append(
-            Offset(
-                name=item.name,
-                joint=joint.name,
-                kind=joint.kind,
-                unit=item.unit,
-                status=status,
-                left_out=names[i] in without,
-                estimate=item.shown(value) if known or item.held else None,
-                std=item.shown_std(value, float(std[i])) if known else None,
-                interval95=(item.shown(value - half), item.shown(value + half)) if known else None,
-                reason=reason_for(identified, item, status),
-            )
-        )
-    _require_told(offsets, identified, allow_weak)
+    _require_consistent(solution)
+    moved = _displaced(solution, allow_displaced)
+    _check_without(without, solution.offsets)
+    offsets = [
+        Offset(row, joint.name, joint.kind, row.name in without)
+        for row, joint in zip(solution.offsets, run.robot.joints, strict=True)
+    ]
+    _require_known(offsets, allow_weak)
     return Calibration(
         tuple(offsets),
         run.path.name,
@@ -178,48 +174,50 @@ def _calibration(run: Run, allow_weak: bool, allow_displaced: bool, without: Seq
     )
 
 
-def _require_consistent(fit: LikelihoodFit, against: AgainstNoise) -> None:
+def _require_consistent(solution: Solution) -> None:
     """BadInput where estimates and stds may not be relied on although the fit converged.
 
     There is no option to go on: with noise that is understated no status means anything, and the run's header
     can state it as it is.
     """
-    if against.p_value is not None and against.p_value < LACK_OF_FIT:
+    misfit = lack_of_fit(solution)
+    if misfit is not None:
         raise BadInput(
-            "the shots contradict the model, so no offset can be relied on",
-            found=f"misses {np.sqrt(against.chi2 / against.dof):.1f} times what the stated noise explains",
-            allowed=f"misses as large as these with a chance of at least {LACK_OF_FIT:g}",
-            remedy="look for the cause with zerobeam report (a shot or target that is off, geometry, play);"
-            " or state the noise as it is: noise.scale: estimated in the header widens all intervals",
+            "the measurements contradict the model, so no offset can be relied on",
+            found=f"residuals {misfit.factor:.1f} times the stated noise",
+            allowed=f"residuals as large as these with a p-value of at least {LACK_OF_FIT:g}",
+            remedy="look for the cause with zerobeam report (a wrong measurement or target, geometry,"
+            " backlash); or state the noise as it is: noise.scale: estimated in the header widens all"
+            " intervals",
         )
-    if fit.other_basins:
+    if solution.fit.other_basins:
         raise BadInput(
-            "the shots do not tell which of several sets of offsets is the true one",
-            found=f"{fit.other_basins} more fitting nearly as well",
-            remedy="record more shots, in varied postures",
+            "the measurements do not determine which of several sets of offsets is the true one",
+            found=f"{solution.fit.other_basins} more that fit nearly as well",
+            remedy="record more measurements, in varied postures",
         )
 
 
-def _displaced(fit: LikelihoodFit, allowed: bool) -> tuple[str, ...]:
+def _displaced(solution: Solution, allowed: bool) -> tuple[str, ...]:
     """The sentence that a target seems to have moved, if so; BadInput where that is not allowed.
 
-    An arm whose geometry is not quite as drawn can look like that too, and no new run would mend it: so it
+    An arm that deviates from its nominal geometry can look like that too, and no new run would mend it: so it
     can be allowed, but not unnoticed.
     """
-    moved = displacement(fit)
-    if moved is None or not moved.significant:
+    moved = moved_target(solution)
+    if moved is None:
         return ()
     if not allowed:
         raise BadInput(
-            "the shots contradict the model, so no offset can be relied on",
+            "the measurements contradict the model, so no offset can be relied on",
             found=displacement_sentence(moved),
-            remedy="give the target another name in the shots after it was moved, or record anew; or"
+            remedy="give the target another name in the measurements after it was moved, or record anew; or"
             " --allow-displaced, if it was not moved: the file then says so",
         )
     return (displacement_sentence(moved),)
 
 
-def _check_without(without: Sequence[str], items: Sequence[Parameter]) -> None:
+def _check_without(without: Sequence[str], items: Sequence[ParameterResult]) -> None:
     free = [item.name for item in items if not item.held]
     for name in without:
         if name not in free:
@@ -231,26 +229,26 @@ def _check_without(without: Sequence[str], items: Sequence[Parameter]) -> None:
             )
 
 
-def _require_told(offsets: Sequence[Offset], identified: Identified, allow_weak: bool) -> None:
+def _require_known(offsets: Sequence[Offset], allow_weak: bool) -> None:
     def named(status: Status) -> list[Offset]:
         return [offset for offset in offsets if offset.status == status and not offset.left_out]
 
     unknown, weak = named("unidentifiable"), named("weak")
     if unknown:
         raise BadInput(
-            f"{listed([offset.name for offset in unknown])} cannot be exported: the data do not tell",
+            f"{listed([offset.name for offset in unknown])} cannot be exported: the data do not determine it",
             found="; ".join(f"{offset.name}: {offset.reason}" for offset in unknown),
             allowed="identified offsets, and weak ones with --allow-weak",
-            remedy=f"record shots that tell, or leave out by name: {_leaving_out(unknown)}",
+            remedy=f"record measurements that determine it, or leave out by name: {_leaving_out(unknown)}",
         )
     if weak and not allow_weak:
         raise BadInput(
-            f"{listed([offset.name for offset in weak])} cannot be exported as known: the data tell little",
+            f"{listed([offset.name for offset in weak])} cannot be exported as known: weakly observable",
             found="; ".join(
                 f"{offset.name}: std {offset.std:.2g} {offset.unit} ({offset.reason})" for offset in weak
             ),
             allowed="identified offsets, and weak ones with --allow-weak",
-            remedy=f"record more shots; or --allow-weak; or leave out by name: {_leaving_out(weak)}",
+            remedy=f"record more measurements; or --allow-weak; or leave out by name: {_leaving_out(weak)}",
         )
     if not any(offset.exported for offset in offsets):
         raise BadInput(

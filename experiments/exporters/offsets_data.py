@@ -5,12 +5,26 @@ from __future__ import annotations
 import csv
 import io
 import json
-from dataclasses import asdict
 from typing import Any
 
 from .calibration import MEANING, SEED, Calibration, Offset, one_line
 
 SCHEMA = "zerobeam/offsets/1"
+
+_KEYS = (
+    "name",
+    "joint",
+    "kind",
+    "unit",
+    "status",
+    "left_out",
+    "estimate",
+    "std",
+    "interval95",
+    "reason",
+    "exported",
+    "applied",
+)
 
 
 def csv_text(calibration: Calibration) -> str:
@@ -57,10 +71,7 @@ def document(calibration: Calibration) -> dict[str, Any]:
     return {
         "schema": SCHEMA,
         "meaning": MEANING,
-        "offsets": [
-            {**asdict(offset), "exported": offset.exported, "applied": offset.applied}
-            for offset in calibration.offsets
-        ],
+        "offsets": [{key: getattr(offset, key) for key in _KEYS} for offset in calibration.offsets],
         "notes": list(calibration.warnings),
         "inputs": {
             "run": calibration.run,

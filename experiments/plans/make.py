@@ -11,13 +11,14 @@ from typing import Any, Literal
 import numpy as np
 
 from ...analysis.design.exact_design import Criterion
-from ...analysis.observability.check import check, check_json
+from ...analysis.observability.check import check
 from ...model.errors import BadInput
 from ...model.files.header import Header, StatedTarget
 from ...model.files.plan import read_plan, write_plan
 from ...model.files.robot_file import load_robot, rebased
 from ...model.files.whole_file import refuse_existing
 from ...model.robot import Robot
+from ...reports.words.result_json import check_json
 from .candidates import View, candidates
 from .obstacles import Obstacles
 from .optimal import Fewest, Planner, Proposal

@@ -18,14 +18,14 @@ import numpy as np
 from scipy import stats
 
 from ...analysis.observability.identifiability import identify
-from ...analysis.observability.verdict import listed
-from ...analysis.result import versions
 from ...analysis.so_far import SoFar
+from ...analysis.status import versions
 from ...model.files.header import Header
 from ...model.files.plan import Plan
 from ...model.files.robot_file import load_robot
 from ...model.problem import Problem
 from ...model.robot import Matrix
+from ...reports.words.wording import listed
 from ..plans.candidates import candidates
 from ..plans.optimal import Planner
 from ..plans.patterns import pattern

@@ -26,14 +26,13 @@ from ...analysis.estimation.coordinates import SeenCoordinates
 from ...analysis.estimation.fit import Fits, fit_rows, modes, start_at
 from ...analysis.estimation.midpoint import fit_midpoints
 from ...analysis.observability.identifiability import identify
-from ...analysis.observability.verdict import listed
 from ...analysis.posterior.moves import (
     DifferentialMove,
     IndependenceMove,
     IndependenceProposal,
     degrees_of_freedom,
 )
-from ...analysis.result import versions
+from ...analysis.status import versions
 from ...model.density import Density
 from ...model.files.header import Header
 from ...model.files.robot_file import load_robot
@@ -41,6 +40,7 @@ from ...model.kernel import Index
 from ...model.parameters import Parameters
 from ...model.problem import Problem
 from ...model.robot import Matrix
+from ...reports.words.wording import listed
 from ..plans.candidates import candidates
 from ..plans.optimal import Planner
 from ..plans.patterns import pattern

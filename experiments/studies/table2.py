@@ -17,7 +17,7 @@ from scipy import optimize, stats
 from ...analysis.estimation.midpoint import fit_midpoints
 from ...analysis.observability.aim import aim, servo_joints
 from ...analysis.observability.identifiability import identify
-from ...analysis.result import versions
+from ...analysis.status import versions
 from ...model.files.plan import Plan
 from ...model.problem import Problem
 from ...model.robot import Matrix

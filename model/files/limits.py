@@ -22,7 +22,7 @@ def check_limits(
     joints: Matrix,
     noun: str,
     numbers: Sequence[int],
-    lines: Sequence[int | None],
+    lines: Sequence[int],
     *,
     limits: Literal["error", "warn"],
     file: Path | None,

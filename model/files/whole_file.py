@@ -11,12 +11,8 @@ from pathlib import Path
 
 from ..errors import BadInput
 
-if sys.platform == "win32":
-    import msvcrt
-else:
+if sys.platform != "win32":
     import fcntl
-
-_BEHIND_THE_END = 2**31 - 2  # the last byte that Windows' C library can lock, and no file of ours is as long
 
 
 def refuse_existing(path: Path, *, or_else: str = "move it away first") -> None:
@@ -94,19 +90,11 @@ def sync_folder(folder: Path) -> None:
 def lock(file: FileIO) -> bool:
     """Keep other processes out of an open file until it is closed; False where one of them has it.
 
-    The lock is the system's and on the file itself: it ends with the process, and nothing is left beside the
-    file. Windows lets nobody read what is locked, so there it is a byte far behind the end.
+    On Windows, where a file that is open cannot be replaced anyway, nothing is done.
     """
-    try:
-        if sys.platform == "win32":
-            place = file.tell()
-            file.seek(_BEHIND_THE_END)
-            try:
-                msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
-            finally:
-                file.seek(place)
-        else:
+    if sys.platform != "win32":
+        try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except (BlockingIOError, PermissionError):
-        return False
+        except BlockingIOError:
+            return False
     return True

@@ -3,37 +3,22 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from ..style.blocks import Page
 from ..style.canvas import Picture, themed
 from .template import style, template
 
 if TYPE_CHECKING:
-    from markupsafe import Markup
+    from ..scenes.scene import Turnable
 
 PageKind = Literal["report", "study"]
 LARGEST_ATTACHMENT = 200_000
 
 
-@dataclass(frozen=True)
-class Turnable:
-    """What a page needs for its scene: the `words` that `scene.html.j2` says about it, the still drawing, the
-    style, the data and the script, and the script's hash for the page's policy, which then runs no other."""
-
-    words: dict[str, Any]
-    drawing: Markup
-    style: Markup
-    data: Markup
-    script: Markup
-    script_hash: str
-
-
 def html(
     page: Page,
-    pictures: Mapping[str, Picture],
+    pictures: dict[str, Picture],
     kind: PageKind,
     attached: str = "",
     turnable: Turnable | None = None,

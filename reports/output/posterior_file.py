@@ -19,7 +19,8 @@ import re
 from importlib.metadata import version
 from pathlib import Path
 
-from ...analysis.result import Draws, Result
+from ...analysis.posterior.posterior import Draws
+from ...analysis.result import Result
 from ..words.wording import clipped, shown
 
 # Longest name that netCDF allows is 256 bytes; names beyond this are clipped, `long_name` has them whole.
@@ -40,8 +41,13 @@ def write_posterior(path: Path | str, result: Result, draws: Draws) -> None:
     import numpy as np
 
     ensembles, walkers, steps, _ = draws.values.shape
-    chains = draws.values.reshape(ensembles * walkers, steps, -1).astype(np.float32)
-    unidentifiable = {row.name for row in result.parameters if row.status == "unidentifiable"}
+    size = (ensembles * walkers, steps)
+    chains = draws.values.reshape(*size, -1)
+    # Of what the data do not determine only the prior is known: draws independent of all others.
+    rng = np.random.default_rng(result.inputs.seed)
+    labels = zip(draws.names, draws.units, strict=True)
+    known = [(name, unit, "data", chains[:, :, i]) for i, (name, unit) in enumerate(labels)]
+    prior = [(own.name, own.unit, "prior", own.draws(rng, size)) for own in draws.prior_only]
     coordinates = {
         "chain": ("chain", np.arange(ensembles * walkers)),
         "draw": ("draw", np.arange(steps)),
@@ -56,19 +62,16 @@ def write_posterior(path: Path | str, result: Result, draws: Draws) -> None:
         group.dimensions = {"chain": ensembles * walkers, "draw": steps}
         for name, (along, values) in coordinates.items():
             group.create_variable(name, (along,), data=values)
-        for i, name in enumerate(draws.names):
+        for name, unit, source, values in (*known, *prior):
             variable = group.create_variable(
-                _variable(name, set(group.variables)), ("chain", "draw"), data=chains[:, :, i]
+                _variable(name, set(group.variables)), ("chain", "draw"), data=values.astype(np.float32)
             )
-            variable.attrs["units"] = "degree" if draws.units[i] == "deg" else draws.units[i]
+            variable.attrs["units"] = "degree" if unit == "deg" else unit
             variable.attrs["long_name"] = shown(name)
             variable.attrs["coordinates"] = "ensemble walker"
-            prior = draws.from_prior[i] or name in unidentifiable
-            variable.attrs["source"] = "prior" if prior else "data"
-            if prior:
-                variable.attrs["comment"] = (
-                    "Unidentifiable: these draws come from the prior, not from the data."
-                )
+            variable.attrs["source"] = source
+            if source == "prior":
+                variable.attrs["comment"] = "Unidentifiable: draws of the prior, independent of all others."
     with h5py.File(path, "r+") as file:
         for name, variable in file["posterior"].items():
             file[name] = variable

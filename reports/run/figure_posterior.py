@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...analysis.result import Draws
+from ...analysis.posterior.posterior import Draws
 from ..style.canvas import WIDTH, Picture, new_figure, style, to_svg
 from ..style.palette import light
 from ..words.wording import in_font, label
@@ -71,11 +71,10 @@ def posterior_picture(result: dict[str, Any], draws: Draws | None) -> Picture | 
 
 def _told_offsets(result: dict[str, Any], draws: Draws) -> list[dict[str, Any]]:
     """Offsets that the data tell, the least certain first."""
-    from_data = {name for name, prior in zip(draws.names, draws.from_prior, strict=True) if not prior}
     told = [
         row
         for row in result["parameters"]
-        if row["group"] == "offset" and row["status"] in ("identified", "weak") and row["name"] in from_data
+        if row["group"] == "offset" and row["status"] in ("identified", "weak") and row["name"] in draws.names
     ]
     if len(told) > MOST_PARAMETERS:
         widest = sorted(told, key=lambda row: -row["std"])[:MOST_PARAMETERS]

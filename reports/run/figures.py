@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...analysis.result import Draws
+from ...analysis.posterior.posterior import Draws
 from ..style.canvas import Picture
 from .figure_misses import misses_picture
 from .figure_offsets import offsets_picture

@@ -5,17 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...analysis.result import Draws, Result
-from ...analysis.result_json import SCHEMA, dumps, to_json
+from ...analysis.posterior.posterior import Draws
+from ...analysis.result import RESULT_SCHEMA, Result
 from ..output import whole_folder
 from ..output.whole_folder import Kind, write_folder
+from ..words.result_json import dumps, to_json
 
 RESULT = "result.json"
 _REPORT = Kind(
     noun="report",
     names=frozenset({"report.html", "report.pdf", RESULT, "posterior.nc", "figures"}),
     mark=RESULT,
-    schema=SCHEMA,
+    schema=RESULT_SCHEMA,
 )
 
 
@@ -59,20 +60,21 @@ def _write_files(folder: Path, result: Result, draws: Draws | None) -> list[str]
     answer = to_json(result)
     text = dumps(answer)
 
-    from ..output.page_files import write_page
+    from ..output.html import html
+    from ..output.pdf import pdf
     from ..output.posterior_file import write_posterior
     from ..scenes.run_scene import run_turnable
     from .figures import pictures
     from .report_page import report_page
 
+    page = report_page(answer)
+    drawn, scene = pictures(answer, draws), run_turnable(answer)
+    (folder / RESULT).write_text(text, encoding="utf-8")
+    (folder / "report.html").write_text(html(page, drawn, "report", text, scene), encoding="utf-8")
+    (folder / "report.pdf").write_bytes(pdf(page, drawn))
     if draws is not None:
         write_posterior(folder / "posterior.nc", result, draws)
-    return write_page(
-        folder,
-        "report",
-        report_page(answer),
-        pictures(answer, draws),
-        "report",
-        answer=(RESULT, text),
-        turnable=run_turnable(answer),
-    )
+    (folder / "figures").mkdir()
+    for name, picture in drawn.items():
+        (folder / "figures" / f"{name}.svg").write_text(picture.svg, encoding="utf-8")
+    return [f"{name}.svg" for name in drawn]

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...analysis.result_json import UnsoundResult, dumps
+from ...analysis.status import UnsoundResult
 from ..output import whole_folder
-from ..output.page_files import write_page
+from ..output.html import html
+from ..output.pdf import pdf
 from ..output.whole_folder import Kind, write_folder
+from ..words.result_json import dumps
+from ..words.wording import shown
 from .studies import Study, known_study, study_of
 
 Json = dict[str, Any]
@@ -73,12 +78,23 @@ def _write_files(folder: Path, answer: Json) -> list[str]:
     """All files of the study into an empty folder; the names of the figures."""
     if answer.get("schema") != SCHEMA:
         raise ValueError(f"a study is of schema {SCHEMA}, not {answer.get('schema')!r}")
-    study = study_of(answer)
+    return write_files(folder, answer, study_of(answer), "study")
+
+
+def write_files(folder: Path, answer: Json, study: Study, stem: str) -> list[str]:
+    """`stem`.json, .html, .pdf, the tables and figures into an empty folder; the names of the figures."""
     refuse_made_up(answer, study)
-    tables = {name: rows(answer) for name, rows in study.tables.items()}
-    drawn = study.pictures(answer)
-    text = (_JSON, dumps(answer))
-    return write_page(folder, "study", study.view(answer), drawn, "study", answer=text, tables=tables)
+    text = dumps(answer)
+    view, drawn = study.view(answer), study.pictures(answer)
+    (folder / f"{stem}.json").write_text(text, encoding="utf-8")
+    for name, rows in study.tables.items():
+        (folder / name).write_text(_csv_text(rows(answer)), encoding="utf-8")
+    (folder / f"{stem}.html").write_text(html(view, drawn, "study"), encoding="utf-8")
+    (folder / f"{stem}.pdf").write_bytes(pdf(view, drawn))
+    (folder / "figures").mkdir()
+    for name, picture in drawn.items():
+        (folder / "figures" / f"{name}.svg").write_text(picture.svg, encoding="utf-8")
+    return [f"{name}.svg" for name in drawn]
 
 
 def refuse_made_up(answer: Json, study: Study) -> None:
@@ -114,3 +130,15 @@ def _has_number(value: object) -> bool:
     if isinstance(value, dict | list):
         return any(map(_has_number, value.values() if isinstance(value, dict) else value))
     return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _csv_text(rows: Iterator[Json]) -> str:
+    """Rows with the same keys as CSV with a header; what is not known is an empty cell."""
+    out = io.StringIO()
+    writer: csv.DictWriter[str] | None = None
+    for row in rows:
+        if writer is None:
+            writer = csv.DictWriter(out, fieldnames=list(row), lineterminator="\n")
+            writer.writeheader()
+        writer.writerow({key: shown(cell) if isinstance(cell, str) else cell for key, cell in row.items()})
+    return out.getvalue()

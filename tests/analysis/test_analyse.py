@@ -13,9 +13,9 @@ from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.observability.check import check
 from zerobeam.analysis.observability.identifiability import identify
-from zerobeam.analysis.result_json import dumps, to_json
 from zerobeam.model.files.run import read_run
 from zerobeam.model.problem import Problem
+from zerobeam.reports.words.result_json import dumps, to_json
 
 
 def rows(result):
@@ -26,7 +26,8 @@ def rows(result):
 def good():
     plan = good_plan()
     truth, run = simulated(plan, TABLE_2, seed=2)
-    return plan, truth, run, *analyse(run, ess=400)
+    found = analyse(run, ess=400)
+    return plan, truth, run, found.result, found.draws
 
 
 # --- a good run --------------------
@@ -103,9 +104,9 @@ def test_the_same_seed_gives_the_same_result(good):
     def without_clock(answer):
         return dataclasses.replace(answer, posterior=dataclasses.replace(answer.posterior, seconds=0.0))
 
-    again, _ = analyse(run, ess=400)
+    again = analyse(run, ess=400).result
     assert without_clock(again) == without_clock(result)
-    other, _ = analyse(run, ess=400, seed=1)
+    other = analyse(run, ess=400, seed=1).result
     assert other.posterior.parameters != result.posterior.parameters
     assert [row.estimate for row in other.parameters] == pytest.approx(
         [row.estimate for row in result.parameters], abs=1e-7
@@ -132,7 +133,7 @@ def test_the_order_of_shots_and_the_target_s_name_do_not_matter(good):
     guess = list(plan.header.targets["psd"].guess_mm)
     own = header(targets={"z": {"guess_mm": guess}})
     shots = [run.shots[i].model_copy(update={"target": "z"}) for i in order]
-    other, _ = analyse(run_of(own, shots), ess=400)
+    other = analyse(run_of(own, shots), ess=400).result
     assert other.verdict == result.verdict
     for row, same in zip(result.parameters, other.parameters, strict=True):
         assert same.status == row.status
@@ -172,7 +173,8 @@ def nothing_is_claimed(result, untold):
 @pytest.mark.parametrize("noise", [0.001, 0.01, 0.05])
 def test_the_x_pattern_claims_nothing_of_delta2(noise):
     plan = pattern_plan("x", joint_deg=noise)
-    result, draws = analyse(simulated(plan, TABLE_2, seed=3)[1], ess=400)
+    found = analyse(simulated(plan, TABLE_2, seed=3)[1], ess=400)
+    result, draws = found.result, found.draws
     assert result.verdict == "degenerate"
     answer = nothing_is_claimed(result, ["delta2"])
     assert "delta2 is not determined by these shots: joint 1 varies by no more than" in answer["headline"]
@@ -201,7 +203,7 @@ def test_a_freed_gauge_claims_nothing(name, monkeypatch):
     monkeypatch.setattr("zerobeam.analysis.posterior.sampler._BENT_WALKERS", 64)
     tool, untold, why = FREED[name]
     plan = good_plan(12, 5, **tool, held=[n for n in ("delta1", "delta6") if n != name and tool])
-    result, _ = analyse(simulated(plan, {}, seed=1)[1], ess=400)
+    result = analyse(simulated(plan, {}, seed=1)[1], ess=400).result
     nothing_is_claimed(result, untold)
     assert why in rows(result)[name].reason
 
@@ -214,7 +216,7 @@ def test_too_few_shots_claim_nothing(shots, monkeypatch):
     monkeypatch.setattr("zerobeam.analysis.posterior.sampler._BENT_WALKERS", 64)
     plan = good_plan()
     own = plan_of(plan.header, plan.postures[:shots])
-    result, _ = analyse(simulated(own, TABLE_2, seed=1)[1], ess=400)
+    result = analyse(simulated(own, TABLE_2, seed=1)[1], ess=400).result
     nothing_is_claimed(result, [f"delta{i}" for i in range(2, 7)])
     assert result.likelihood.p_value is None or result.likelihood.dof > 0
     assert "too few shots" in result.headline
@@ -225,7 +227,7 @@ def test_real_recordings_claim_nothing_of_what_they_cannot_tell(shared_data, tmp
     told, path = imported(shared_data, tmp_path, PANDA_1, places(shared_data, PANDA_1)[:2])
     assert told.status == 0
     run = read_run(path)
-    result, _ = analyse(run, ess=400)
+    result = analyse(run, ess=400).result
     nothing_is_claimed(result, ["delta7", "tool.x", "tool.y"])
     assert result.likelihood.converged
     assert result.likelihood.rms_mm < 0.3 * result.likelihood.rms_before_mm
@@ -242,7 +244,7 @@ def test_real_recordings_claim_nothing_of_what_they_cannot_tell(shared_data, tmp
 def test_understated_noise_is_a_lack_of_fit():
     plan = good_plan(joint_deg=0.05)
     _, run = simulated(plan, TABLE_2, seed=2)
-    result, _ = analyse(run_of(header(joint_deg=0.01), run.shots), ess=400)
+    result = analyse(run_of(header(joint_deg=0.01), run.shots), ess=400).result
     assert result.likelihood.p_value < 1e-3
     assert result.notes[0].startswith("Lack of fit")
     assert "times what the stated noise explains" in result.notes[0]
@@ -250,7 +252,7 @@ def test_understated_noise_is_a_lack_of_fit():
 
 def test_an_estimated_scale_uses_student_t():
     plan = good_plan(noise={"scale": "estimated"})
-    result, _ = analyse(simulated(plan, TABLE_2, seed=2)[1], ess=400)
+    result = analyse(simulated(plan, TABLE_2, seed=2)[1], ess=400).result
     fit = result.likelihood
     assert fit.p_value is None
     assert 0.3 < fit.noise_scale < 2.5
@@ -268,7 +270,7 @@ def test_an_outlying_shot_is_named():
     moved = list(shots[11].joints_deg)
     moved[4] += 0.15
     shots[11] = shots[11].model_copy(update={"joints_deg": tuple(moved)})
-    result, _ = analyse(run_of(plan.header, shots), ess=400)
+    result = analyse(run_of(plan.header, shots), ess=400).result
     (note,) = [note for note in result.notes if note.startswith("Outlying")]
     assert "11" in note
     assert max(result.shots, key=lambda shot: shot.cooks).shot == 11
@@ -277,7 +279,7 @@ def test_an_outlying_shot_is_named():
 def test_as_many_unknowns_as_numbers():
     plan = good_plan()
     four = plan_of(plan.header, plan.postures[:4])
-    result, _ = analyse(simulated(four, TABLE_2, seed=1)[1], ess=400)
+    result = analyse(simulated(four, TABLE_2, seed=1)[1], ess=400).result
     assert result.likelihood.dof == 0
     assert result.likelihood.p_value is None
     assert "cannot be checked against the noise" in result.likelihood.message
@@ -291,7 +293,8 @@ def test_a_fit_that_does_not_converge_reports_nothing(good, monkeypatch):
         return dataclasses.replace(real(problem, **kwargs), converged=False, reason="made to fail")
 
     monkeypatch.setattr(module, "fit_likelihood", failing)
-    result, draws = analyse(run, ess=400)
+    found = analyse(run, ess=400)
+    result, draws = found.result, found.draws
     assert draws is None
     assert result.verdict != "pass"
     assert not result.posterior.converged
@@ -309,7 +312,9 @@ def test_distances_beside_what_the_fit_makes_of_them():
     targets = {"a": {"guess_mm": [900, 0, 0]}, "b": {"guess_mm": [900, 50, 0]}}
     stated = {"between": ["a", "b"], "mm": 50.0, "sigma_mm": 0.1}
     own = header(targets=targets, distances=[stated])
-    result, _ = analyse(simulated(plan_of(own, plan.postures, ["a", "b"] * 8), TABLE_2, seed=1)[1], ess=400)
+    result = analyse(
+        simulated(plan_of(own, plan.postures, ["a", "b"] * 8), TABLE_2, seed=1)[1], ess=400
+    ).result
     (row,) = result.distances
     assert (row.between, row.mm, row.sigma_mm) == (("a", "b"), 50.0, 0.1)
     assert 0 < row.std < 0.1

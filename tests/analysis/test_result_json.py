@@ -23,8 +23,11 @@ from example_results import (
 )
 
 from zerobeam.analysis.diagnostics.scene import Scene, SceneTarget
-from zerobeam.analysis.result import Intervals, Result
-from zerobeam.analysis.result_json import SCHEMA, UnsoundResult, dumps, to_json
+from zerobeam.analysis.posterior.intervals import Intervals
+from zerobeam.analysis.result import Result
+from zerobeam.analysis.result_json import SCHEMA
+from zerobeam.analysis.status import UnsoundResult
+from zerobeam.reports.words.result_json import dumps, to_json
 
 
 def changed(result: Result, name: str, **changes: Any) -> Result:

@@ -22,7 +22,7 @@ from cells import (
 )
 
 from zerobeam.analysis.analyse import analyse
-from zerobeam.analysis.result import PosteriorSummary
+from zerobeam.analysis.posterior.posterior import PosteriorSummary
 from zerobeam.analysis.so_far import SoFar, so_far
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.problem import Problem
@@ -61,7 +61,7 @@ def test_as_the_result_of_the_whole_run(name: str, monkeypatch: pytest.MonkeyPat
     told = so_far(Problem.from_run(run))
     unsampled = PosteriorSummary(False, "not asked for", 0, 0, 0, None, None, None, 0.0, None)
     monkeypatch.setattr("zerobeam.analysis.analyse.sample_posterior", lambda *_, **__: (unsampled, None))
-    result, _ = analyse(run)
+    result = analyse(run).result
     rows = {row.name: row for row in result.parameters if row.group == "offset" and not row.held}
     assert statuses(told) == {name: row.status for name, row in rows.items()}
     assert {n for n, std in told.std.items() if std is None} == {n for n, r in rows.items() if r.std is None}

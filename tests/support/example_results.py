@@ -9,26 +9,18 @@ from typing import Any, Literal
 
 import numpy as np
 
-from zerobeam.analysis.result import (
-    DistanceResult,
-    Draws,
-    FitSummary,
-    HoldOut,
-    Identifiability,
-    Inputs,
-    Intervals,
-    NullDirection,
-    ParameterResult,
-    PosteriorParameter,
-    PosteriorSummary,
-    Result,
-    Robust,
-    RobustParameter,
-    ShotResult,
-)
-from zerobeam.analysis.result_json import to_json
+from zerobeam.analysis.diagnostics.hold_out import HoldOut
+from zerobeam.analysis.diagnostics.influence import ShotResult
+from zerobeam.analysis.diagnostics.outliers import Robust, RobustParameter
+from zerobeam.analysis.observability.causes import NullDirection
+from zerobeam.analysis.observability.identifiability import Identifiability
+from zerobeam.analysis.posterior.intervals import Intervals
+from zerobeam.analysis.posterior.posterior import Draws, PosteriorParameter, PosteriorSummary
+from zerobeam.analysis.result import DistanceResult, FitSummary, Inputs, Result
+from zerobeam.analysis.solution import ParameterResult
 from zerobeam.reports.run.figures import pictures
 from zerobeam.reports.style.canvas import Picture
+from zerobeam.reports.words.result_json import to_json
 
 HOSTILE_NAMES = (
     "<script>alert('x')</script>",

@@ -10,8 +10,9 @@ from cells import header
 from numpy.typing import ArrayLike
 
 from zerobeam.analysis.estimation.fit import LikelihoodFit
-from zerobeam.analysis.observability.identifiability import Identified
-from zerobeam.analysis.result import Identifiability, Status
+from zerobeam.analysis.observability.identifiability import Identifiability, Identified
+from zerobeam.analysis.solution import Solution
+from zerobeam.analysis.status import Status
 from zerobeam.model.problem import Problem
 from zerobeam.model.robot import Robot
 
@@ -22,9 +23,9 @@ def by_hand(
     delta: ArrayLike,
     covariance: ArrayLike,
     status: Mapping[int, Status] | None = None,
-) -> tuple[Problem, LikelihoodFit, Identified]:
-    """A fit that ended at `delta` (n,) with that covariance (n, n), internal units. All is identified but
-    what `status` has another word for, by index."""
+) -> Solution:
+    """The solution of a fit that ended at `delta` (n,) with that covariance (n, n), internal units. All is
+    identified but what `status` has another word for, by index."""
     noise = {"joint_mm": 0.02} if any(joint.kind == "prismatic" for joint in robot.joints) else {}
     own = header(tool, target=None, noise=noise, held=["delta1"])
     joints = robot.lower + np.random.default_rng(0).uniform(0.4, 0.6, (5, robot.n)) * (
@@ -41,4 +42,4 @@ def by_hand(
     told: dict[int, Status] = {0: "held", **(status or {})}
     statuses = tuple(told.get(i, "identified") for i in range(len(parameters)))
     facts = Identifiability(len(z), len(z), None, {}, ())
-    return problem, fit, Identified(statuses, np.zeros(len(parameters)), facts)
+    return Solution(fit, Identified(statuses, np.zeros(len(parameters)), facts))

@@ -15,11 +15,11 @@ from example_results import EXAMPLES, drawn
 from pages import Page, assert_fetches_nothing
 
 from zerobeam.analysis.result import Result
-from zerobeam.analysis.result_json import dumps, to_json
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.reports.output.html import html
 from zerobeam.reports.run.report_page import report_page
 from zerobeam.reports.words import numbers
+from zerobeam.reports.words.result_json import dumps, to_json
 
 pytestmark = pytest.mark.browser
 

@@ -25,7 +25,7 @@ from golden_files import assert_golden
 import zerobeam as package
 from zerobeam import cli
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
-from zerobeam.analysis.result_json import UnsoundResult
+from zerobeam.analysis.status import UnsoundResult
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.schema import SCHEMA_NAMES
 from zerobeam.model.files.header import RUN_SCHEMA
@@ -659,7 +659,7 @@ def test_when_the_pdf_fails_the_old_report_stays_and_nothing_is_left_about(
     def fail(*_: object) -> bytes:
         raise fault
 
-    monkeypatch.setattr(importlib.import_module("zerobeam.reports.output.page_files"), "pdf", fail)
+    monkeypatch.setattr(importlib.import_module("zerobeam.reports.output.pdf"), "pdf", fail)
     for folder in ("out", "new/deeper"):
         told = zerobeam("report", GOOD, "-o", tmp_path / folder)
         assert told.status == status

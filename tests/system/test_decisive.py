@@ -25,7 +25,6 @@ from command_line import WIDTH, plan_file, zerobeam
 from recordings import DINOVA_1, PANDA_1, imported, places
 from rich.console import Console
 
-from zerobeam.analysis.result_json import dumps
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.plan import read_plan
 from zerobeam.model.files.run import read_run
@@ -34,6 +33,7 @@ from zerobeam.reports.output.html import html
 from zerobeam.reports.output.pdf import pdf
 from zerobeam.reports.run.report_page import report_page
 from zerobeam.reports.run.terminal import print_check, print_result, print_side_by_side
+from zerobeam.reports.words.result_json import dumps
 
 GOOD, X_PATTERN, UNCALIBRATED = (case.path for case in demo_runs())
 

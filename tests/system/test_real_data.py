@@ -19,11 +19,11 @@ from recordings import DINOVA_1, KUKA_14, PANDA_1, PANDA_2, Arm, imported
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.diagnostics.hold_out import hold_out
 from zerobeam.analysis.estimation.fit import fit_likelihood
-from zerobeam.analysis.result_json import to_json
 from zerobeam.model.files.run import read_run
 from zerobeam.model.problem import Problem
 from zerobeam.reports.run.view import view
 from zerobeam.reports.run.view_opinions import hold_out_part
+from zerobeam.reports.words.result_json import to_json
 
 Row = dict[str, Any]
 
@@ -53,7 +53,8 @@ class Analysed:
 def analysed(data: Path, folder: Path, arm: Arm) -> Analysed:
     told, run = imported(data, folder, arm)
     assert told.status == 0, told.err
-    result, draws = analyse(read_run(run), seed=0, ess=400)
+    found = analyse(read_run(run), seed=0, ess=400)
+    result, draws = found.result, found.draws
     assert draws is not None
     return Analysed(told, run, to_json(result))
 

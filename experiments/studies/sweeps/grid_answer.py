@@ -13,8 +13,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, TypeAdapter
 
-from ....analysis.result import Status, Verdict
-from ....analysis.result_json import UnsoundResult
+from ....analysis.status import Status, UnsoundResult, Verdict
 from ....model.parameters import Group
 from .case_settings import Settings
 

@@ -21,8 +21,7 @@ from ....analysis.estimation.fit import CONTRADICTED, MANY_STARTS, Fits, chance,
 from ....analysis.observability.aim import aim, servo_joints
 from ....analysis.observability.identifiability import identify
 from ....analysis.observability.outlook import predicted_std
-from ....analysis.observability.verdict import verdict
-from ....analysis.result import versions
+from ....analysis.status import verdict_of, versions
 from ....model.errors import BadInput
 from ....model.kernel import Index
 from ....model.problem import Problem
@@ -183,7 +182,7 @@ def studied_case(case: Case, seed: int) -> GridCase:
         case.at,
         case.words,
         shots=problem.shots,
-        verdict=verdict(problem, identified),
+        verdict=verdict_of(identified.status[problem.parameters.block("offset")]),
         worst_std=max(degrees) if degrees and all(row.is_known for row in offsets) else None,
         failed=0 if runs is None else runs.failed,
         unmet=0 if runs is None else runs.unmet,

@@ -30,7 +30,7 @@ from zerobeam.analysis.diagnostics.accuracy import (
     tool_point,
 )
 from zerobeam.analysis.estimation.fit import fit_likelihood, fit_rows, start_at
-from zerobeam.analysis.observability.identifiability import identify_at
+from zerobeam.analysis.solution import Solution, judge
 from zerobeam.model.density import Density
 from zerobeam.model.robot import DHRow, Joint, Robot, dh_chain
 
@@ -45,11 +45,11 @@ def not_compiled(monkeypatch):
 
 def judged(problem, **changes):
     fit = dataclasses.replace(fit_likelihood(problem, starts=0), **changes)
-    return problem, fit, identify_at(fit)
+    return judge(fit)
 
 
 def answered(plan, **changes):
-    return accuracy(*judged(simulated_problem(plan, TABLE_2, seed=1)[1], **changes))
+    return accuracy(judged(simulated_problem(plan, TABLE_2, seed=1)[1], **changes))
 
 
 def binomial(inside, of, share=0.95):
@@ -105,7 +105,8 @@ def test_the_radius_with_unequal_variances_by_drawing(dof):
 def test_position_and_jacobian_against_the_plain_model(name, tmp_path):
     own = arm(name, tmp_path)
     n, point = own.robot.n, np.array([20.0, -30.0, 80.0])
-    problem, fit, _ = by_hand(own.robot, PROBE, np.full(n, 0.02), np.eye(n))
+    solution = by_hand(own.robot, PROBE, np.full(n, 0.02), np.eye(n))
+    problem, fit = solution.problem, solution.fit
     joints = np.array([own.random(np.random.default_rng(i)) for i in range(4)])
     position, jacobian = tool_point(problem, fit.x, point, joints)
     # In the base frame that the encoder of joint 1 draws: its own offset does not enter.
@@ -156,7 +157,7 @@ AT_FLANGE = {**PROBE, "point_mm": [0, 0, 0]}
 def test_one_uncertain_elbow_moves_the_hand_along_a_line():
     """T is off by 300 mm times the error of the elbow: along a line, in every posture the same."""
     std, elbow = np.radians(0.05), np.radians(1.0)
-    answer = accuracy(*by_hand(planar(), AT_FLANGE, [0, 0, elbow], np.diag([0, 0, std**2])))
+    answer = accuracy(by_hand(planar(), AT_FLANGE, [0, 0, elbow], np.diag([0, 0, std**2])))
     for region in (answer.workspace, answer.near_shots):
         assert dataclasses.astuple(region.after95_mm) == pytest.approx((1.959964 * 300 * std,) * 2, rel=1e-4)
         assert dataclasses.astuple(region.after_rms_mm) == pytest.approx((300 * std,) * 2)
@@ -174,21 +175,22 @@ def test_shoulder_and_elbow_add_up_by_their_levers():
     s2, s3 = np.radians([0.03, 0.05])
     covariance = np.diag([0, s2**2, s3**2])
     covariance[1, 2] = covariance[2, 1] = -0.4 * s2 * s3
-    problem, fit, identified = by_hand(planar(), AT_FLANGE, [0, 0.01, -0.02], covariance)
+    solution = by_hand(planar(), AT_FLANGE, [0, 0.01, -0.02], covariance)
+    problem = solution.problem
     postures = spread_postures(problem.robot.lower, problem.robot.upper, 4096)
     elbow = postures[:, 2] - 0.02
     r_squared = 400**2 + 300**2 + 2 * 400 * 300 * np.cos(elbow)
     both = 300 * (300 + 400 * np.cos(elbow))
     rms = np.sqrt(r_squared * s2**2 + (300 * s3) ** 2 + 2 * covariance[1, 2] * both)
-    found = accuracy(problem, fit, identified).workspace.after_rms_mm
+    found = accuracy(solution).workspace.after_rms_mm
     assert found.worst == pytest.approx(rms.max())
     assert found.median == pytest.approx(np.sort(rms)[2047])
 
 
 @pytest.mark.usefixtures("not_compiled")
 def test_a_slide_is_off_by_its_own_error_in_millimetres():
-    problem, fit, identified = by_hand(planar(True), AT_FLANGE, [0.3, 2.0, 0.0], np.diag([0, 0.05**2, 0]))
-    answer = accuracy(problem, fit, identified)
+    solution = by_hand(planar(True), AT_FLANGE, [0.3, 2.0, 0.0], np.diag([0, 0.05**2, 0]))
+    answer = accuracy(solution)
     assert levels(answer)[:8] == pytest.approx(
         [2, 2, 0.05, 0.05, 1.959964 * 0.05, 1.959964 * 0.05, 0.05, 0.05], rel=1e-4
     )
@@ -201,12 +203,12 @@ def test_arms_with_slides(kinds):
     n = len(kinds)
     covariance = np.diag(np.where(np.array(list(kinds)) == "r", 1e-3, 0.1) ** 2)
     robot, delta = random_robot(kinds, 3), np.where(np.array(list(kinds)) == "r", 0.01, 2.0)
-    answer = accuracy(*by_hand(robot, PROBE, delta, covariance))
+    answer = accuracy(by_hand(robot, PROBE, delta, covariance))
     covariance[0, 0] *= 100
     delta[0] *= 7
-    assert accuracy(*by_hand(robot, PROBE, delta, covariance)) == answer
+    assert accuracy(by_hand(robot, PROBE, delta, covariance)) == answer
     covariance[n - 1, n - 1] *= 100
-    assert accuracy(*by_hand(robot, PROBE, delta, covariance)) != answer
+    assert accuracy(by_hand(robot, PROBE, delta, covariance)) != answer
     assert min(levels(answer)) > 0
 
 
@@ -215,9 +217,10 @@ def test_arms_with_slides(kinds):
 
 def test_no_part_of_the_gauge_of_joint_1_enters():
     """Base and target turned about joint 1 by any amount: nothing changes, to the last bit."""
-    problem, fit, identified = judged(simulated_problem(good_plan(8, held=[]), TABLE_2, seed=1)[1])
+    solution = judged(simulated_problem(good_plan(8, held=[]), TABLE_2, seed=1)[1])
+    problem, fit, identified = solution.problem, solution.fit, solution.identified
     assert identified.status[0] == "unidentifiable"
-    answer = accuracy(problem, fit, identified)
+    answer = accuracy(solution)
     assert answer.undetermined == ()
     for turn in (0.1, -2.0):
         x = fit.x.copy()
@@ -226,10 +229,10 @@ def test_no_part_of_the_gauge_of_joint_1_enters():
         x[6:8] = [c * x[6] - s * x[7], s * x[6] + c * x[7]]
         # It is a gauge indeed: no miss has moved.
         np.testing.assert_allclose(problem.linearise(x)[0], problem.linearise(fit.x)[0], atol=1e-9)
-        assert accuracy(problem, dataclasses.replace(fit, x=x), identified) == answer
+        assert accuracy(dataclasses.replace(solution, fit=dataclasses.replace(fit, x=x))) == answer
     x = fit.x.copy()
     x[1] += 0.001
-    assert accuracy(problem, dataclasses.replace(fit, x=x), identified) != answer
+    assert accuracy(dataclasses.replace(solution, fit=dataclasses.replace(fit, x=x))) != answer
 
 
 def test_with_joint_1_free_or_held_it_is_the_same():
@@ -239,8 +242,9 @@ def test_with_joint_1_free_or_held_it_is_the_same():
 
 def test_nothing_is_claimed_for_the_x_pattern():
     """Joint 2 turns with the target: the tool point's height is anything."""
-    problem, fit, identified = judged(simulated_problem(pattern_plan("x"), TABLE_2, seed=1)[1])
-    answer = accuracy(problem, fit, identified)
+    solution = judged(simulated_problem(pattern_plan("x"), TABLE_2, seed=1)[1])
+    fit, identified = solution.fit, solution.identified
+    answer = accuracy(solution)
     assert (answer.workspace, answer.near_shots, answer.maps, answer.weak) == (None, None, (), ())
     assert "delta2" in answer.undetermined
     assert "delta2" in answer.reason
@@ -248,7 +252,7 @@ def test_nothing_is_claimed_for_the_x_pattern():
     assert "delta2 is then a turn of everything after joint 1" in answer.reason
     # Negative control: a status that is made up lets numbers through.
     wrong = dataclasses.replace(identified, status=("held",) + ("identified",) * 8)
-    assert accuracy(problem, fit, wrong).workspace is not None
+    assert accuracy(Solution(fit, wrong)).workspace is not None
 
 
 def test_an_offset_that_is_held_is_not_known():
@@ -281,16 +285,16 @@ def test_with_a_lost_last_offset_the_place_is_on_the_last_axis(tool, last):
     """Where joint 6 really stands nobody knows: a point aside of its axis would be anywhere on a circle."""
     delta, covariance = np.radians([0, -1.2, -0.7, 0.1, 0, 0]), np.eye(6) * 1e-7
     made = by_hand(irb1600(), tool, delta, covariance, {5: last})
-    answer = accuracy(*made)
+    answer = accuracy(made)
     assert answer.point_mm == pytest.approx((0, 0, 150))
     assert "axis of joint 6 nearest to the tool's stated point, as delta6 is not determined" in answer.place
     covariance[5, 5] = 1.0
-    assert accuracy(*by_hand(irb1600(), tool, delta, covariance, {5: last})) == answer
-    asked = accuracy(*made, np.array(ASIDE))
+    assert accuracy(by_hand(irb1600(), tool, delta, covariance, {5: last})) == answer
+    asked = accuracy(made, np.array(ASIDE))
     assert asked.point_mm == tuple(ASIDE)
     assert (asked.workspace, asked.undetermined) == (None, ("delta6",))
     # With an offset that is known the point is the tool's own.
-    answer = accuracy(*by_hand(irb1600(), tool, delta, covariance))
+    answer = accuracy(by_hand(irb1600(), tool, delta, covariance))
     assert (answer.point_mm, answer.place) == (tuple(ASIDE), "the tool's stated point")
 
 
@@ -318,8 +322,9 @@ def test_maps_hold_every_posture_and_their_worst_is_the_workspaces():
 
 def test_cells_hold_the_postures_that_are_there():
     """Counted a second time, by the plain forward kinematics at the corner and size that are told."""
-    problem, fit, identified = judged(simulated_problem(good_plan(8), TABLE_2, seed=1)[1])
-    answer = accuracy(problem, fit, identified)
+    solution = judged(simulated_problem(good_plan(8), TABLE_2, seed=1)[1])
+    problem, fit = solution.problem, solution.fit
+    answer = accuracy(solution)
     at, _ = tool_point(
         problem,
         fit.x,
@@ -347,11 +352,11 @@ def test_the_vertical_map_is_about_the_axis_of_joint_1(tmp_path):
     other = [dataclasses.replace(robot.joints[0], lower=1.0, upper=1.0 + 1e-9), *robot.joints[1:]]
     turned = dataclasses.replace(robot, joints=tuple(other))
     delta, covariance = np.full(robot.n, 0.01), np.eye(robot.n) * 1e-6
-    first, second = (accuracy(*by_hand(each, PROBE, delta, covariance)) for each in (still, turned))
+    first, second = (accuracy(by_hand(each, PROBE, delta, covariance)) for each in (still, turned))
     np.testing.assert_array_equal(first.maps[0].postures, second.maps[0].postures)
     assert first.maps[1].postures != second.maps[1].postures
     assert [found.axes for found in first.maps] == [("distance from axis 1", "height"), ("x", "y")]
-    slide = accuracy(*by_hand(arm("gantry", tmp_path).robot, PROBE, np.zeros(4), np.eye(4) * 1e-6))
+    slide = accuracy(by_hand(arm("gantry", tmp_path).robot, PROBE, np.zeros(4), np.eye(4) * 1e-6))
     assert slide.maps[0].axes[0] == "distance from the base's z axis"
 
 

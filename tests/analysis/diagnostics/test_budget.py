@@ -24,18 +24,16 @@ from scipy import stats
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.diagnostics.budget import budget, check_linear
 from zerobeam.analysis.estimation.fit import fit_likelihood, fit_rows
-from zerobeam.analysis.observability.identifiability import identify_at
-from zerobeam.analysis.result import PosteriorParameter, PosteriorSummary
+from zerobeam.analysis.posterior.posterior import UNSAMPLED, PosteriorParameter
+from zerobeam.analysis.solution import judge
 from zerobeam.model.density import Density
 from zerobeam.model.parameters import Parameters
 from zerobeam.model.problem import Problem
 from zerobeam.model.robot import Joint, Robot
 
-UNSAMPLED = PosteriorSummary(False, "not sampled", 0, 0, 0, None, None, None, 0.0, None)
-
 
 def budgets_of(fit, posterior=UNSAMPLED):
-    return {own.name: own for own in budget(fit.problem, fit, identify_at(fit), posterior)}
+    return {own.name: own for own in budget(judge(fit), posterior)}
 
 
 def row_of(own, kind, *of):
@@ -239,10 +237,10 @@ def test_one_source_alone_scatters_the_estimate_by_its_contribution(draws):
 def test_the_expanded_uncertainty_is_the_interval_of_the_result(scale):
     """Exactly for known noise; else U allows for what was stated too, of which little comes here."""
     _, run = simulated(good_plan(8, noise={"scale": scale}), TABLE_2, seed=6)
-    result, _ = analyse(run, ess=100)
+    result = analyse(run, ess=100).result
     fit = fit_likelihood(Problem.from_run(run))
     known = {row.name: row for row in result.parameters}
-    for own in budget(fit.problem, fit, identify_at(fit), result.posterior):
+    for own in budget(judge(fit), result.posterior):
         half = (known[own.name].interval95[1] - known[own.name].interval95[0]) / 2
         assert own.std == pytest.approx(known[own.name].std, rel=1e-12)
         assert own.expanded == pytest.approx(half, rel=1e-12 if scale == "known" else 1e-4)
@@ -270,11 +268,11 @@ def test_independent_noise_factors_have_the_classical_formula():
 def test_what_the_data_do_not_tell_has_no_budget():
     _, problem = simulated_problem(pattern_plan("x"), TABLE_2, seed=2)
     fit = fit_likelihood(problem)
-    identified = identify_at(fit)
+    identified = judge(fit).identified
     status = dict(zip(problem.parameters.names, identified.status, strict=True))
     assert status["delta2"] == "unidentifiable"
     assert set(budgets_of(fit)) == {f"delta{i}" for i in (3, 4, 5, 6)}
-    assert budget(problem, dataclasses.replace(fit, converged=False), identified, UNSAMPLED) == ()
+    assert budget(judge(dataclasses.replace(fit, converged=False)), UNSAMPLED) == ()
 
 
 def posterior_row(low, high, ess=1e7, std=0.0203):

@@ -8,18 +8,13 @@ import pytest
 from cells import TABLE_2, good_plan, header, irb1600, plan_of, run_of, simulated, varied_postures
 from scipy import stats
 
-from zerobeam.analysis.diagnostics.displacement import (
-    Displacement,
-    _displaced,
-    _Left,
-    displacement,
-    displacement_sentence,
-)
+from zerobeam.analysis.diagnostics.displacement import Displacement, _displaced, _Left, displacement
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.parameters import Parameters
 from zerobeam.model.problem import Problem
 from zerobeam.model.robot import Matrix
+from zerobeam.reports.words.findings import displacement_sentence
 
 CHANCE = 1e-3
 
@@ -86,7 +81,7 @@ def test_against_a_fit_with_another_target_name() -> None:
     assert found.at == ("psd", 4, 5)
     drop = (fit.whitened.residual**2).sum() - (other.whitened.residual**2).sum()
     assert stats.chi2.isf(found.p_value / 11, 3) == pytest.approx(drop, rel=0.02)
-    places = two.split(other.x).targets
+    _, places, _ = two.split(other.x)
     np.testing.assert_allclose(np.array(found.shift_mm), places[1] - places[0], atol=0.02)
     index = [two.parameters.index(f"{t}.{a}") for a in "xyz" for t in ("moved", "psd")]
     own = other.covariance[np.ix_(two.parameters.among_free[index], two.parameters.among_free[index])]

@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 from cells import PROBE, TABLE_2, good_plan, plan_of, simulated_problem
 
-from zerobeam.analysis.diagnostics.influence import influence, influence_by_formula, leverages
+from zerobeam.analysis.diagnostics.influence import influence, influence_by_formula
 from zerobeam.analysis.estimation.fit import fit_likelihood
+from zerobeam.analysis.estimation.robust import leverages
 from zerobeam.model.problem import Problem
 
 

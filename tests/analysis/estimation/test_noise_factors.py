@@ -8,9 +8,9 @@ from scipy import optimize, stats
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.estimation.fit import fit_likelihood, fit_rows
 from zerobeam.analysis.estimation.noise_factors import _STEP, _quadratic, marginal_noise
-from zerobeam.analysis.result_json import to_json
 from zerobeam.model.density import Density
 from zerobeam.model.problem import Problem
+from zerobeam.reports.words.result_json import to_json
 
 TRUE = np.log([1.5, 0.7])
 NEAR, FAR = (900.0, 0.0, 0.0), (4000.0, 0.0, 500.0)
@@ -179,7 +179,8 @@ def test_a_spot_noise_that_is_drowned_has_no_number():
     """A spot noise of a hundredth of what the joints do: nothing is claimed of it anywhere in the answer."""
     plan = good_plan(12, joint_deg=0.02, spot_mm=0.002, noise={"scale": "separate"})
     _, run = simulated(plan, TABLE_2, seed=3)
-    result, draws = analyse(run, ess=400, robust="huber")
+    found = analyse(run, ess=400, robust="huber")
+    result, draws = found.result, found.draws
     rows = {row.name: row for row in result.parameters}
     spot, joint = rows["noise.spot"], rows["noise.joint"]
     assert spot.status == "unidentifiable"
@@ -202,7 +203,7 @@ def test_a_spot_noise_that_is_drowned_has_no_number():
 
 def test_a_plan_that_tells_both_tells_both():
     _, run = simulated(two_lengths(WRIST, SPOT, noise={"scale": "separate"}), TABLE_2, seed=3)
-    result, _ = analyse(run_of(run.header, run.shots), ess=400)
+    result = analyse(run_of(run.header, run.shots), ess=400).result
     rows = {row.name: row for row in result.parameters}
     for name in ("noise.joint", "noise.spot"):
         assert rows[name].status in ("identified", "weak")

@@ -248,12 +248,12 @@ def test_a_shot_that_decides_something_alone_leaves_no_uncertainty(loss):
 
 def test_no_more_numbers_than_unknowns_leave_no_uncertainty():
     _, run = simulated(good_plan(4), TABLE_2, seed=3)
-    told = analyse(run, ess=400, robust="huber")[0].robust
+    told = analyse(run, ess=400, robust="huber").result.robust
     assert "no uncertainty: a shot decides something alone" in told.message
     assert {row.std for row in told.parameters} == {None}
     assert {row.interval95 for row in told.parameters} == {None}
     _, run = simulated(good_plan(12), TABLE_2, seed=3)
-    told = analyse(run, ess=400, robust="huber")[0].robust
+    told = analyse(run, ess=400, robust="huber").result.robust
     assert "no uncertainty" not in told.message
     assert min(row.std for row in told.parameters) > 0
 
@@ -262,7 +262,7 @@ def test_no_more_numbers_than_unknowns_leave_no_uncertainty():
 def test_what_cannot_be_told_has_no_number(loss):
     """Joint 1 freed turns with the target: the robust fit has a value of it, which must not be told."""
     _, run = simulated(good_plan(10, held=[]), TABLE_2, seed=2)
-    told = {row.name: row for row in analyse(run, ess=400, robust=loss)[0].robust.parameters}
+    told = {row.name: row for row in analyse(run, ess=400, robust=loss).result.robust.parameters}
     row = told["delta1"]
     assert (row.estimate, row.std, row.interval95) == (None, None, None)
     for name in ("delta4", "delta5"):
@@ -276,11 +276,11 @@ def test_the_answer_names_the_outlier_by_its_number_in_the_file():
     joints = list(shots[4].joints_deg)
     joints[3] += 1.0
     shots[4] = shots[4].model_copy(update={"joints_deg": tuple(joints), "shot": 17})
-    result, _ = analyse(run_of(run.header, shots), ess=400, robust="huber")
+    result = analyse(run_of(run.header, shots), ess=400, robust="huber").result
     assert result.robust.outliers == (17,)
     assert "shot 17 is too far off" in result.robust.message
     assert any("Outlying by the robust fit: shot 17." in note for note in result.notes)
-    calm = analyse(run, ess=400, robust="huber")[0].robust
+    calm = analyse(run, ess=400, robust="huber").result.robust
     assert calm.outliers == ()
     assert calm.noise_scale is None
 
@@ -302,5 +302,5 @@ def test_with_separate_noise_factors():
     assert known.noise.spot == pytest.approx(problem.noise.spot * factors[1])
     moved = (robust.x - x)[known.parameters.free] / known.parameters.prior_std[known.parameters.free]
     assert np.abs(moved / fit.std[:8]).max() < 1.0
-    names = [row.name for row in analyse(run, ess=400, robust="huber")[0].robust.parameters]
+    names = [row.name for row in analyse(run, ess=400, robust="huber").result.robust.parameters]
     assert names == [f"delta{i}" for i in range(2, 7)] + ["psd.x", "psd.y", "psd.z"]

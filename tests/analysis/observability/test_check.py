@@ -7,9 +7,10 @@ from cells import AXIS_LASER, TABLE_2, good_plan, header, pattern_plan, plan_of,
 
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.observability.aim import aim, servo_joints
-from zerobeam.analysis.observability.check import check, check_json
+from zerobeam.analysis.observability.check import check
 from zerobeam.model import kernel
 from zerobeam.model.problem import Problem
+from zerobeam.reports.words.result_json import check_json
 
 
 def rows(answer):
@@ -41,7 +42,7 @@ def test_what_was_promised_is_what_comes(case):
         "x aside": pattern_plan("x", 400.0),
     }[case]
     before = rows(check(plan))
-    result, _ = analyse(simulated(plan, TABLE_2, seed=3)[1], ess=200)
+    result = analyse(simulated(plan, TABLE_2, seed=3)[1], ess=200).result
     compared = 0
     for after in result.parameters:
         if after.group == "offset" and after.std is not None and before[after.name].std is not None:

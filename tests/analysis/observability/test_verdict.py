@@ -3,15 +3,9 @@ import pytest
 from cells import good_plan, header, pattern_plan, plan_of
 
 from zerobeam.analysis.observability.identifiability import identify
-from zerobeam.analysis.observability.verdict import (
-    listed,
-    offsets_with,
-    reason_for,
-    verdict,
-    verdict_sentence,
-    worst_direction,
-)
+from zerobeam.analysis.observability.verdict import listed, offsets_with, reason_for, verdict, worst_direction
 from zerobeam.model.problem import Problem
+from zerobeam.reports.words.findings import verdict_sentence
 
 
 def judged(plan):

@@ -12,10 +12,10 @@ from zerobeam.analysis import analyse as module
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.estimation.profile import profile_intervals
-from zerobeam.analysis.result import PosteriorSummary
-from zerobeam.analysis.result_json import to_json
+from zerobeam.analysis.posterior.posterior import PosteriorSummary
 from zerobeam.experiments.plans.patterns import pattern
 from zerobeam.model.problem import Problem
+from zerobeam.reports.words.result_json import to_json
 
 HALF = float(stats.norm.ppf(0.975))
 
@@ -30,7 +30,7 @@ def short_pattern(**changes):
 @pytest.fixture(scope="module")
 def weak():
     _, run = simulated(short_pattern(), TABLE_2, seed=3)
-    return run, analyse(run, ess=1000)[0]
+    return run, analyse(run, ess=1000).result
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +85,7 @@ def test_the_three_ways_are_about_the_same_thing(weak):
 
 def test_on_a_good_run_there_is_nothing_to_tell():
     _, run = simulated(good_plan(12), TABLE_2, seed=2)
-    result, _ = analyse(run, ess=2000)
+    result = analyse(run, ess=2000).result
     assert {row.status for row in result.parameters} == {"held", "identified"}
     assert result.intervals == ()
 
@@ -102,7 +102,7 @@ def test_intervals_that_differ_are_told_of_identified_ones_too(monkeypatch):
             return ends
 
         monkeypatch.setattr(module, "profile_intervals", moved)
-        result, _ = analyse(run, ess=4000)
+        result = analyse(run, ess=4000).result
         assert [row.name for row in result.intervals if row.differ] == names
 
 
@@ -111,7 +111,7 @@ def test_an_end_that_was_not_found_is_said(monkeypatch):
     monkeypatch.setattr(
         module, "profile_intervals", lambda problem, fit, which, half: np.full((len(which), 2), np.nan)
     )
-    result, _ = analyse(run, ess=400)
+    result = analyse(run, ess=400).result
     assert [row.name for row in result.intervals] == [f"delta{i}" for i in range(2, 7)]
     for row in result.intervals:
         assert row.profile is None
@@ -122,7 +122,7 @@ def test_an_end_that_was_not_found_is_said(monkeypatch):
 def test_with_separate_noise_there_is_no_profile():
     """The fit is at the marginal mode of the noise: a profile from there would start off its top."""
     _, run = simulated(short_pattern(noise={"scale": "separate"}), TABLE_2, seed=3)
-    result, _ = analyse(run, ess=400)
+    result = analyse(run, ess=400).result
     assert [row.profile for row in result.intervals] == [None] * len(result.intervals)
     known = {row.name for row in result.parameters if row.estimate is not None}
     assert {row.name for row in result.intervals} <= known
@@ -131,7 +131,7 @@ def test_with_separate_noise_there_is_no_profile():
 def test_what_cannot_be_told_has_no_interval():
     """Joint 1 freed, and an X-Pattern that cannot tell joints 2 and 3 apart."""
     _, run = simulated(good_plan(10, held=[]), TABLE_2, seed=2)
-    result, _ = analyse(run, ess=400, robust="student")
+    result = analyse(run, ess=400, robust="student").result
     unknown = {row.name for row in result.parameters if row.status == "unidentifiable"}
     assert "delta1" in unknown
     assert not unknown & {row.name for row in result.intervals}
@@ -144,7 +144,7 @@ def test_a_run_of_which_no_offset_is_known_is_answered(monkeypatch):
     none = PosteriorSummary(False, "left out", 0, 0, 0, None, None, None, 0.0, None)
     monkeypatch.setattr(module, "sample_posterior", lambda *args, **kwargs: (none, None))
     _, run = simulated(good_plan(2), TABLE_2, seed=2)
-    result, _ = analyse(run, ess=400, robust="huber")
+    result = analyse(run, ess=400, robust="huber").result
     assert result.verdict == "degenerate"
     assert {row.status for row in result.parameters if row.group == "offset"} == {"held", "unidentifiable"}
     assert result.intervals == ()
@@ -161,7 +161,8 @@ def test_without_a_fit_there_is_nothing(monkeypatch):
             real(*args, **kwargs), converged=False, reason="cut short"
         ),
     )
-    result, draws = analyse(run, robust="huber")
+    found = analyse(run, robust="huber")
+    result, draws = found.result, found.draws
     assert draws is None
     assert (result.intervals, result.robust) == ((), None)
 
@@ -171,9 +172,9 @@ def test_without_a_fit_there_is_nothing(monkeypatch):
 
 def test_a_robust_fit_is_there_when_asked_for():
     _, run = simulated(good_plan(12), TABLE_2, seed=3)
-    assert analyse(run, ess=400)[0].robust is None
+    assert analyse(run, ess=400).result.robust is None
     for loss in ("huber", "student"):
-        result, _ = analyse(run, ess=400, robust=loss)
+        result = analyse(run, ess=400, robust=loss).result
         told, rows = result.robust, {row.name: row for row in result.parameters}
         assert told.loss == loss
         assert told.converged
@@ -196,7 +197,7 @@ def test_a_robust_fit_that_did_not_settle_has_no_numbers(monkeypatch):
         "fit_robust",
         lambda *args: dataclasses.replace(real(*args), converged=False, reason="the weights did not settle"),
     )
-    result, _ = analyse(run, ess=400, robust="huber")
+    result = analyse(run, ess=400, robust="huber").result
     for row in result.robust.parameters:
         assert (row.estimate, row.std, row.interval95) == (None, None, None)
     assert result.robust.outliers == ()
@@ -207,8 +208,8 @@ def test_a_robust_fit_that_did_not_settle_has_no_numbers(monkeypatch):
 
 
 def test_held_out_targets_are_in_the_answer_and_leave_it_alone(two_targets):
-    calm, _ = analyse(two_targets, ess=400)
-    told, _ = analyse(two_targets, ess=400, held_out=["b"])
+    calm = analyse(two_targets, ess=400).result
+    told = analyse(two_targets, ess=400, held_out=["b"]).result
     assert calm.hold_out is None
     assert told.hold_out.targets == ("b",)
     assert (told.hold_out.shots, told.hold_out.shots_fitted) == (8, 8)
@@ -227,7 +228,7 @@ def test_offsets_that_do_not_carry_over_are_noted(two_targets):
         else shot
         for shot in two_targets.shots
     ]
-    result, _ = analyse(run_of(two_targets.header, shots), ess=400, held_out=["b*"])
+    result = analyse(run_of(two_targets.header, shots), ess=400, held_out=["b*"]).result
     assert result.hold_out.p_value < 1e-3
     assert any(note.startswith("At the targets held out (b)") for note in result.notes)
 
@@ -247,7 +248,7 @@ def test_one_seed_gives_the_same_file_twice(two_targets):
     """The JSON, bytes and all, but for the seconds of the sampling."""
 
     def told(seed):
-        answer = to_json(analyse(two_targets, seed=seed, ess=400, robust="student", held_out=["b"])[0])
+        answer = to_json(analyse(two_targets, seed=seed, ess=400, robust="student", held_out=["b"]).result)
         seconds = answer["posterior"].pop("seconds")
         assert seconds > 0
         return json.dumps(answer, sort_keys=True)

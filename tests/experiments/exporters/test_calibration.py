@@ -14,11 +14,10 @@ from export_runs import TRUTH, arm_run, hostile
 
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
-from zerobeam.analysis.result import PosteriorSummary
+from zerobeam.analysis.posterior.posterior import PosteriorSummary
 from zerobeam.experiments.exporters.calibration import calibration, one_line
 from zerobeam.model.errors import BadInput, FitFailed
-from zerobeam.model.files.run import Run
-from zerobeam.model.files.shot import Shot
+from zerobeam.model.files.run import Run, Shot
 
 Refused = Callable[..., BadInput]
 
@@ -45,7 +44,7 @@ def test_offsets_are_those_of_analyse(name: str, monkeypatch: pytest.MonkeyPatch
     told = calibration(run, allow_weak=True, without=["delta2"] if "x-pattern" in name else [])
     unsampled = PosteriorSummary(False, "not asked for", 0, 0, 0, None, None, None, 0.0, None)
     monkeypatch.setattr("zerobeam.analysis.analyse.sample_posterior", lambda *_, **__: (unsampled, None))
-    rows = [row for row in analyse(run)[0].parameters if row.group == "offset"]
+    rows = [row for row in analyse(run).result.parameters if row.group == "offset"]
     assert len(rows) == len(told.offsets) == 6
     for offset, row in zip(told.offsets, rows, strict=True):
         for key in ("name", "unit", "status", "estimate", "std", "interval95", "reason"):

@@ -25,9 +25,9 @@ from example_results import (
 from pages import Page, assert_fetches_nothing
 
 from zerobeam.analysis.result import Result
-from zerobeam.analysis.result_json import dumps, to_json
 from zerobeam.reports.output.html import html
 from zerobeam.reports.run.report_page import report_page
+from zerobeam.reports.words.result_json import dumps, to_json
 
 
 def made(result: Result) -> str:

@@ -24,10 +24,10 @@ from example_results import (
 from study_text import cells, text_of
 
 from zerobeam.analysis.result import Result
-from zerobeam.analysis.result_json import to_json
 from zerobeam.reports.output.pdf import pdf
 from zerobeam.reports.run.report_page import report_page
 from zerobeam.reports.run.view import view
+from zerobeam.reports.words.result_json import to_json
 
 
 def made(result: Result) -> pypdf.PdfReader:

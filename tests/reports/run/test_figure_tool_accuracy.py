@@ -26,7 +26,7 @@ MISFIT = {"likelihood": {"p_value": 1e-9, "chi2": 96.0, "dof": 6, "rms_mm": 0.95
 def answered(status: dict[int, str] | None = None) -> dict[str, Any]:
     delta = radians([0, -1.2, -0.7, 0.1, 0.05, 0.02])
     covariance = diag(radians([0, 0.01, 0.01, 0.03, 0.02, 0.02]) ** 2)
-    found = accuracy(*by_hand(irb1600(), PROBE, delta, covariance, status or {}))
+    found = accuracy(by_hand(irb1600(), PROBE, delta, covariance, status or {}))
     return {"accuracy": json.loads(json.dumps(dataclasses.asdict(found))), "fits": FITTING}
 
 

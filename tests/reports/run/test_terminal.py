@@ -12,8 +12,8 @@ from golden_files import assert_golden
 from rich.console import Console
 
 from zerobeam.analysis.result import Result
-from zerobeam.analysis.result_json import to_json
 from zerobeam.reports.run.terminal import print_carried, print_check, print_result, print_side_by_side
+from zerobeam.reports.words.result_json import to_json
 
 SHOWN = [name for name in EXAMPLES if name != "hostile"]
 

@@ -25,9 +25,9 @@ from example_results import (
 )
 
 from zerobeam.analysis.result import Result
-from zerobeam.analysis.result_json import to_json
 from zerobeam.reports.run.view import view
 from zerobeam.reports.run.view_parameters import NOT_DETERMINED
+from zerobeam.reports.words.result_json import to_json
 
 
 def seen(result: Result) -> dict[str, Any]:

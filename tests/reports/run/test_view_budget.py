@@ -7,13 +7,13 @@ import pytest
 from example_results import EXAMPLES, HOSTILE_NAMES
 
 from zerobeam.analysis.diagnostics.budget import Budget, BudgetRow, LinearCheck
-from zerobeam.analysis.result_json import to_json
 from zerobeam.reports.output.html import html
 from zerobeam.reports.output.pdf import pdf
 from zerobeam.reports.run.view_budget import MOST_COLUMNS, MOST_SOURCES, budget_section
 from zerobeam.reports.run.view_traceability import traceability_section
 from zerobeam.reports.style.blocks import Page, Verdict
 from zerobeam.reports.words.numbers import MINUS
+from zerobeam.reports.words.result_json import to_json
 
 PLAIN = {("joint", "1"): 0.6, ("spot",): 0.3995, ("prior", "delta2"): 0.001, ("curvature",): -0.0005}
 YES = LinearCheck(2, 0.0005, 0.0001, 0.0002, 0.00002, True)

@@ -28,13 +28,14 @@ from pages import DATA, Page, assert_fetches_nothing
 from ruamel.yaml import YAML
 
 from zerobeam.analysis.observability.aim import AimedPlan, aim_plan
-from zerobeam.analysis.observability.check import check, check_json
+from zerobeam.analysis.observability.check import check
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.problem import Problem
 from zerobeam.reports.scenes.plan_page import NOT_TOLD, plan_page, write_plan_page
 from zerobeam.reports.scenes.plan_scene import plan_scene, postures_of
 from zerobeam.reports.words import numbers
+from zerobeam.reports.words.result_json import check_json
 
 Refused = Callable[..., BadInput]
 

@@ -31,7 +31,8 @@ from scipy import stats
 
 from zerobeam.analysis.diagnostics.scene import MOST_SHOTS, Scene, scene
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
-from zerobeam.analysis.observability.identifiability import Identified, identify_at
+from zerobeam.analysis.observability.identifiability import Identified
+from zerobeam.analysis.solution import judge
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.problem import Problem
 from zerobeam.reports.output.template import style, template
@@ -43,7 +44,7 @@ Json = dict[str, Any]
 
 def fitted(problem: Problem) -> tuple[LikelihoodFit, Identified]:
     fit = fit_likelihood(problem, starts=0)
-    return fit, identify_at(fit)
+    return fit, judge(fit).identified
 
 
 def scene_of(plan: Plan, values: dict[str, float] | None = None, seed: int = 3) -> Scene:

@@ -17,7 +17,7 @@ from golden_files import assert_golden
 from pages import Page, assert_fetches_nothing
 from study_text import cells, printed, tables_of, text_of, texts_of, words
 
-from zerobeam.analysis.result_json import UnsoundResult
+from zerobeam.analysis.status import UnsoundResult
 from zerobeam.reports.output.html import html
 from zerobeam.reports.output.pdf import pdf
 from zerobeam.reports.studies.studies import STUDIES, study_of, study_view

@@ -19,7 +19,7 @@ from example_studies import FORBIDDEN, agreeing, cell_study, disagreeing, hostil
 from pages import Page, assert_fetches_nothing
 from study_text import cells, tables_of, text_of, texts_of, words
 
-from zerobeam.analysis.result_json import UnsoundResult
+from zerobeam.analysis.status import UnsoundResult
 from zerobeam.model.errors import BadInput
 from zerobeam.reports.output import whole_folder
 from zerobeam.reports.output.html import html
@@ -366,7 +366,7 @@ def test_a_study_of_ours_is_replaced_and_a_fault_leaves_it_as_it_was(
     def full(*_: object) -> bytes:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("zerobeam.reports.output.page_files.pdf", full)
+    monkeypatch.setattr("zerobeam.reports.studies.study_page.pdf", full)
     with pytest.raises(BadInput, match="No space left"):
         write_study(out, agreeing())
     assert (out / "study.html").read_bytes() == before

@@ -29,7 +29,7 @@ from golden_files import assert_golden
 from pages import Page, assert_fetches_nothing
 from study_text import cells, printed, tables_of, text_of, words
 
-from zerobeam.analysis.result_json import UnsoundResult
+from zerobeam.analysis.status import UnsoundResult
 from zerobeam.reports.output.html import html
 from zerobeam.reports.output.pdf import pdf
 from zerobeam.reports.studies.figure_sweep_marks import gap, log_ticks

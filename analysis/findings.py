@@ -1,0 +1,182 @@
+"""What a reader must not miss of an answer, as data: sentences are made in `reports/words`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtrc
+
+from ..model.problem import rms_length
+from .diagnostics.displacement import Displacement, displacement
+from .diagnostics.hold_out import HoldOut
+from .diagnostics.influence import ShotResult
+from .diagnostics.outliers import OUTLYING, Robust
+from .estimation.fit import CONTRADICTED
+from .posterior.posterior import PosteriorSummary
+from .solution import Solution
+
+LACK_OF_FIT = 1e-3  # p-value below which a misfit is not put down to chance
+
+
+@dataclass(frozen=True)
+class NotConverged:
+    """The fit did not converge; `reason` is the optimiser's."""
+
+    reason: str
+
+
+@dataclass(frozen=True)
+class LackOfFit:
+    """The residuals are `factor` times what the stated noise explains; `rms_mm` None where that is not at
+    hand."""
+
+    chi2: float
+    dof: int
+    p_value: float
+    rms_mm: float | None = None
+
+    @property
+    def factor(self) -> float:
+        """Root of chi-squared over its degrees of freedom."""
+        return float(np.sqrt(self.chi2 / self.dof))
+
+
+@dataclass(frozen=True)
+class Contradicted:
+    """Residuals and priors together are larger than chance allows, though no number is left over."""
+
+
+@dataclass(frozen=True)
+class OtherBasins:
+    """So many more sets of offsets fit nearly as well."""
+
+    count: int
+
+
+@dataclass(frozen=True)
+class NoPosterior:
+    """The posterior has not converged: its draws are not shown."""
+
+    posterior: PosteriorSummary
+
+
+@dataclass(frozen=True)
+class HeldOutMisfit:
+    """Residuals at held-out targets are `factor` times what noise and fit explain."""
+
+    targets: tuple[str, ...]
+    rms_mm: float
+    factor: float
+
+
+@dataclass(frozen=True)
+class RobustNotConverged:
+    """The robust fit did not converge."""
+
+    reason: str
+
+
+@dataclass(frozen=True)
+class Outlying:
+    """Measurements whose residuals are too large for chance: by the robust fit, or by the likelihood."""
+
+    measurements: tuple[int, ...]
+    robust: bool
+
+
+@dataclass(frozen=True)
+class FileWarning:
+    """What the reader of the file noticed, in its words."""
+
+    text: str
+
+
+Finding = (
+    NotConverged
+    | LackOfFit
+    | Contradicted
+    | OtherBasins
+    | NoPosterior
+    | Displacement
+    | HeldOutMisfit
+    | RobustNotConverged
+    | Outlying
+    | FileWarning
+)
+
+
+def lack_of_fit(solution: Solution) -> LackOfFit | None:
+    """None where the residuals agree with the stated noise, or where nothing can contradict it."""
+    chi2, dof, p_value = solution.against_noise
+    if p_value is None or p_value >= LACK_OF_FIT:
+        return None
+    return LackOfFit(chi2, dof, p_value, rms_length(solution.fit.whitened.miss))
+
+
+def on_the_model(solution: Solution) -> Iterator[Finding]:
+    """What speaks against a fit as a whole, or against a target's having stayed where it was."""
+    fit = solution.fit
+    misfit = lack_of_fit(solution)
+    if not fit.converged:
+        yield NotConverged(fit.reason)
+    if misfit is not None:
+        yield misfit
+    elif fit.chance is not None and fit.chance < CONTRADICTED:
+        yield Contradicted()
+    if fit.other_basins:
+        yield OtherBasins(fit.other_basins)
+
+
+def moved_target(solution: Solution) -> Displacement | None:
+    """The displacement of a target, if there is a significant one."""
+    moved = displacement(solution.fit) if solution.converged else None
+    return moved if moved is not None and moved.significant else None
+
+
+def findings(
+    solution: Solution,
+    posterior: PosteriorSummary,
+    shots: Sequence[ShotResult],
+    robust: Robust | None,
+    held_out: HoldOut | None,
+    warnings: Sequence[str],
+) -> tuple[Finding, ...]:
+    """All of a result, the gravest first; `warnings` are those of the run's file."""
+    moved = moved_target(solution)
+    return (
+        *on_the_model(solution),
+        *((NoPosterior(posterior),) if solution.converged and not posterior.converged else ()),
+        *(() if moved is None else (moved,)),
+        *_on_held_out(held_out),
+        *(_on_shots(solution, shots) if robust is None else _on_robust(robust)),
+        *(FileWarning(text) for text in warnings),
+    )
+
+
+def _on_held_out(held_out: HoldOut | None) -> Iterator[Finding]:
+    if held_out is None or held_out.p_value is None or held_out.p_value >= LACK_OF_FIT:
+        return
+    assert held_out.chi2 is not None
+    assert held_out.rms_mm is not None
+    assert held_out.dof
+    yield HeldOutMisfit(held_out.targets, held_out.rms_mm, float(np.sqrt(held_out.chi2 / held_out.dof)))
+
+
+def _on_robust(robust: Robust) -> Iterator[Finding]:
+    if not robust.converged:
+        yield RobustNotConverged(robust.reason)
+    elif robust.outliers:
+        yield Outlying(robust.outliers, robust=True)
+
+
+def _on_shots(solution: Solution, shots: Sequence[ShotResult]) -> Iterator[Finding]:
+    """Single measurements that stand out, unless so many do that it is the model that does not fit."""
+    if solution.against_noise.p_value is None:
+        return
+    whitened = np.array([shot.whitened for shot in shots])
+    chance = chdtrc(len(shots[0].miss_mm), whitened**2) * len(shots)
+    outlying = [int(i) for i in np.argsort(-whitened) if chance[i] < OUTLYING]
+    if 0 < len(outlying) <= max(3, len(shots) // 10):
+        yield Outlying(tuple(shots[i].shot for i in outlying), robust=False)

@@ -1,0 +1,142 @@
+"""Why a parameter is held, or the data do not determine it: causes as data. Their sentences and remedies are
+made in `reports/words`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from ...model.parameters import HeldBy
+from ...model.tool import ToolKind
+
+
+@dataclass(frozen=True)
+class Held:
+    """Not estimated: `by` the method's choice (base frame, tool rotation), or by the header."""
+
+    by: HeldBy
+
+
+@dataclass(frozen=True)
+class Unconverged:
+    """The fit did not converge, so nothing is known."""
+
+
+@dataclass(frozen=True)
+class NotResolvable:
+    """No direction stands out: the noise is too large for the tolerance."""
+
+
+@dataclass(frozen=True)
+class TargetUnseen:
+    """The target is measured in `measurements` postures that do not fix its position."""
+
+    target: str
+    measurements: int
+
+
+@dataclass(frozen=True)
+class BaseFrame:
+    """Joint 1 defines the base frame (section 3.3 of the paper)."""
+
+
+@dataclass(frozen=True)
+class NoiseSplit:
+    """The scatter does not separate the noise of the joints from that of the spot."""
+
+
+@dataclass(frozen=True)
+class OnAxis:
+    """The beam or tip lies on the axis of `joint`."""
+
+    tool: ToolKind
+    joint: int
+
+
+@dataclass(frozen=True)
+class ToolRotation:
+    """The last joint and a free tool rotate together (section 3.1 of the paper)."""
+
+    tool: ToolKind
+    joint: int
+
+
+@dataclass(frozen=True)
+class CommonMotion:
+    """An offset of `joint` moves everything after it alike, as the joints before it hardly change.
+
+    `revolute` says of each of the joints 1 … `joint` whether it is; `range_deg` and `range_mm` are the
+    largest ranges of those before `joint` (None where there are none of that kind), `constant` and
+    `nearly_constant` how these ranges are judged.
+    """
+
+    joint: int
+    revolute: tuple[bool, ...]
+    range_deg: float | None
+    range_mm: float | None
+    constant: bool
+    nearly_constant: bool
+
+
+@dataclass(frozen=True)
+class ParallelAxes:
+    """The axes of the joints `first` and `second` stay parallel."""
+
+    first: int
+    second: int
+
+
+@dataclass(frozen=True)
+class ToolAgainstTarget:
+    """The tool hardly rotates over the measurements, so that it cannot be separated from the target."""
+
+
+@dataclass(frozen=True)
+class TooFewMeasurements:
+    """`numbers` from `measurements` for `unknowns`; `needed` measurements at the least."""
+
+    measurements: int
+    numbers: int
+    unknowns: int
+    needed: int
+
+
+@dataclass(frozen=True)
+class OnePosition:
+    """All measurements of a probe are at one position, and a motion that keeps that position is free."""
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """No known mechanism."""
+
+
+Cause = (
+    Held
+    | Unconverged
+    | NotResolvable
+    | TargetUnseen
+    | BaseFrame
+    | NoiseSplit
+    | OnAxis
+    | ToolRotation
+    | CommonMotion
+    | ParallelAxes
+    | ToolAgainstTarget
+    | TooFewMeasurements
+    | OnePosition
+    | Unexplained
+)
+
+
+@dataclass(frozen=True)
+class NullDirection:
+    """A combination of parameters that the data do not determine, weights in prior stds, the largest ±1.
+
+    `data_std` is how well the data alone determine it, in prior stds along it; None for an exact gauge.
+    """
+
+    combination: dict[str, float]
+    kind: Literal["exact", "noise"]
+    cause: Cause
+    data_std: float | None = None

@@ -1,0 +1,74 @@
+"""The 95 % interval of a parameter by three methods: curvature, profile likelihood, posterior."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..estimation.profile import profile_intervals
+from ..solution import NORMAL_95, Solution
+from ..status import Status, require_no_more_than
+from .posterior import PosteriorSummary
+
+_DIFFERS = 0.1  # of the width of an interval: by so much its ends may differ and still be the same
+
+
+@dataclass(frozen=True)
+class Intervals:
+    """The 95 % intervals of one parameter by three methods, where they differ or the parameter is weak.
+
+    `linear` by the curvature at the mode (as `interval95` of the parameter), `profile` by the profile
+    likelihood (None where an end was not found), `posterior` between the 2.5 % and 97.5 % quantiles of the
+    draws (None without a posterior). `differ` where an end is off by a tenth of the width or more.
+    """
+
+    name: str
+    unit: str
+    status: Status
+    linear: tuple[float, float]
+    profile: tuple[float, float] | None
+    posterior: tuple[float, float] | None
+    differ: bool
+
+    def __post_init__(self) -> None:
+        require_no_more_than(self.name, self.status, interval95=self.linear)
+
+
+def intervals(solution: Solution, posterior: PosteriorSummary) -> tuple[Intervals, ...]:
+    """Of offsets, tool and noise: where the three methods differ, or the parameter is weak."""
+    if not solution.converged:
+        return ()
+    problem, rows = solution.problem, solution.parameters
+    which = np.array([i for i in solution.known if rows[i].group != "target"], dtype=int)
+    # With noise factors the fit is at their marginal mode: there is no profile that starts from it.
+    ends = np.full((len(which), 2), np.nan)
+    if not problem.noise.separate:
+        ends = profile_intervals(problem, solution.fit, which, _profile_width(solution))
+    draws = {row.name: (row.q2_5, row.q97_5) for row in posterior.parameters or ()}
+    found = []
+    for i, (low, high) in zip(which, ends, strict=True):
+        row, item = rows[i], problem.parameters.items[i]
+        assert row.interval95 is not None
+        profile = (item.shown(low), item.shown(high)) if np.isfinite([low, high]).all() else None
+        others = [interval for interval in (profile, draws.get(row.name)) if interval is not None]
+        margin = _DIFFERS * (row.interval95[1] - row.interval95[0])
+        off = np.abs(np.array(others).reshape(-1, 2) - row.interval95).max(initial=0.0)
+        differ = (profile is None and not problem.noise.separate) or bool(off > margin)
+        if differ or row.status == "weak":
+            found.append(
+                Intervals(
+                    row.name, row.unit, row.status, row.interval95, profile, draws.get(row.name), differ
+                )
+            )
+    return tuple(found)
+
+
+def _profile_width(solution: Solution) -> float:
+    """The root of twice the drop at the ends of a 95 % profile interval: with an estimated scale the one that
+    gives Student's interval for a linear fit, whose log-density is -M log(1 + t^2 / dof) / 2."""
+    problem, dof = solution.problem, solution.dof
+    if problem.noise.estimated and dof:
+        numbers = problem.shots * problem.tool.miss_size
+        return float(np.sqrt(numbers * np.log1p(solution.quantile**2 / dof)))
+    return NORMAL_95

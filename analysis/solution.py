@@ -1,0 +1,343 @@
+"""The one owner of an answer: fit, identifiability, statuses, standard uncertainties, covariance.
+
+    problem -> fit -> identified -> Solution
+
+`analyse`, `so_far`, the exporters and `compare` ask it, and so do the studies that check them. Inside, values
+are rad and mm; rows and covariances are in the units that people read. What the data do not determine has no
+number here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.special import ndtri, stdtrit
+
+from ..model.errors import BadInput
+from ..model.files.reading import did_you_mean
+from ..model.parameters import Group, Parameter
+from ..model.problem import Problem
+from ..model.robot import Matrix
+from .estimation.fit import AgainstNoise, LikelihoodFit, fit_likelihood
+from .observability.causes import Cause, Unconverged
+from .observability.identifiability import Identified, identify, no_better_than
+from .observability.verdict import cause_for
+from .status import Status, UnsoundResult, Verdict, known, require_no_more_than, verdict_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+NORMAL_95 = float(ndtri(0.975))  # half width of the central 95 % of a unit normal
+
+
+@dataclass(frozen=True)
+class ParameterResult:
+    """One row of the answer.
+
+    `estimate`, `std`, `interval95` are None where status is `unidentifiable` (the data do not determine it);
+    for a `held` one `estimate` is the value it is held at, `std` None and `cause` says why.
+    `data_std` is None for an exact gauge (infinite) and for held ones. `midpoint` is the paper's
+    eq. 8 estimate, None where unidentifiable, held or not part of that fit.
+
+    Raises UnsoundResult where a number is claimed that the status does not allow.
+    """
+
+    name: str
+    unit: str
+    group: Group
+    status: Status
+    held: bool
+    estimate: float | None
+    std: float | None
+    data_std: float | None
+    interval95: tuple[float, float] | None
+    prior_std: float
+    midpoint: float | None
+    cause: Cause | None
+
+    def __post_init__(self) -> None:
+        if self.held != (self.status == "held"):
+            raise UnsoundResult(f"{self.name!r} is held: {self.held}, but its status is {self.status}")
+        if self.status == "held":
+            require_no_more_than(
+                self.name, "held", std=self.std, interval95=self.interval95, midpoint=self.midpoint
+            )
+            if self.estimate is None or self.cause is None:
+                raise UnsoundResult(
+                    f"{self.name!r} is held without the value that it is held at or the cause"
+                )
+            return
+        claims = {"estimate": self.estimate, "std": self.std, "interval95": self.interval95}
+        require_no_more_than(self.name, self.status, **claims, midpoint=self.midpoint)
+        if known(self.status):
+            if self.estimate is None or self.std is None or self.interval95 is None:
+                raise UnsoundResult(f"{self.name!r} is {self.status}, but lacks estimate, std or interval95")
+            if not self.std > 0 or not self.interval95[0] < self.interval95[1]:
+                raise UnsoundResult(f"{self.name!r} is {self.status}, but its std or interval95 is empty")
+
+    @property
+    def u(self) -> float | None:
+        """The standard uncertainty (GUM), another name for `std`."""
+        return self.std
+
+
+class ParameterTable(tuple[ParameterResult, ...]):
+    """Rows of an answer, by their order or by name, and as a pandas table."""
+
+    __slots__ = ()
+
+    def named(self, name: str) -> ParameterResult:
+        """The row of this name; BadInput where there is none."""
+        for row in self:
+            if row.name == name:
+                return row
+        names = [row.name for row in self]
+        raise BadInput(
+            "no parameter has this name",
+            found=name,
+            allowed=", ".join(names),
+            remedy=did_you_mean(name, names),
+        )
+
+    def to_frame(self) -> pd.DataFrame:
+        """A pandas DataFrame with a row for each parameter; needs pandas."""
+        import pandas as pd
+
+        rows = [
+            {
+                "name": row.name,
+                "unit": row.unit,
+                "status": row.status,
+                "estimate": row.estimate,
+                "u": row.std,
+                "low95": row.interval95[0] if row.interval95 else None,
+                "high95": row.interval95[1] if row.interval95 else None,
+            }
+            for row in self
+        ]
+        frame = pd.DataFrame(rows).set_index("name")
+        numbers = ["estimate", "u", "low95", "high95"]
+        return frame.astype(dict.fromkeys(numbers, float))
+
+
+@dataclass(frozen=True, eq=False)
+class Covariance:
+    """The covariance of named parameters in the units that people read: `matrix` (m, m).
+
+    It has rows for what the data determine and for nothing else; raises UnsoundResult for any other status.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    status: tuple[Status, ...]
+    matrix: Matrix
+
+    def __post_init__(self) -> None:
+        for name, status in zip(self.names, self.status, strict=True):
+            require_no_more_than(name, status, covariance=self.matrix)
+        if self.matrix.shape != (len(self.names),) * 2:
+            raise UnsoundResult(
+                f"a covariance of {len(self.names)} parameters has the shape {self.matrix.shape}"
+            )
+
+    def __getitem__(self, names: tuple[str, str]) -> float:
+        first, second = names
+        return float(self.matrix[self._at(first), self._at(second)])
+
+    def select(self, names: Sequence[str]) -> Covariance:
+        """The covariance of some of the parameters, in the order asked for."""
+        at = [self._at(name) for name in names]
+        return Covariance(
+            tuple(names),
+            tuple(self.units[i] for i in at),
+            tuple(self.status[i] for i in at),
+            self.matrix[np.ix_(at, at)],
+        )
+
+    @property
+    def std(self) -> Matrix:
+        """(m,) standard uncertainties."""
+        return np.sqrt(np.diag(self.matrix))
+
+    @property
+    def correlation(self) -> Matrix:
+        """(m, m)."""
+        return np.asarray(self.matrix / np.outer(self.std, self.std))
+
+    def to_frame(self) -> pd.DataFrame:
+        """A pandas DataFrame labelled by name on both sides; needs pandas."""
+        import pandas as pd
+
+        return pd.DataFrame(self.matrix, index=list(self.names), columns=list(self.names))
+
+    def _at(self, name: str) -> int:
+        if name in self.names:
+            return self.names.index(name)
+        raise BadInput(
+            "the covariance has no row for this parameter: the data do not determine it, or it is held",
+            found=name,
+            allowed=", ".join(self.names) or "none: the data determine nothing",
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A fit, judged. `identified` is what the data determine at its mode; `trusted` is False where the noise
+    that the fit took as known is not (more measurements are needed to estimate it): nothing is then called
+    known."""
+
+    fit: LikelihoodFit
+    identified: Identified
+    trusted: bool = True
+
+    @property
+    def problem(self) -> Problem:
+        return self.fit.problem
+
+    @property
+    def converged(self) -> bool:
+        """Whether there is an answer at all."""
+        return self.fit.converged and self.trusted
+
+    @cached_property
+    def status(self) -> tuple[Status, ...]:
+        """Of each parameter (p,): this is the only place where a status is decided for an answer."""
+        if self.converged:
+            return self.identified.status
+        return tuple("held" if item.held else "unidentifiable" for item in self.problem.parameters.items)
+
+    @cached_property
+    def known(self) -> tuple[int, ...]:
+        """Places among the parameters of those that the data determine."""
+        return tuple(i for i, status in enumerate(self.status) if known(status))
+
+    @property
+    def verdict(self) -> Verdict:
+        """Over all offsets; degenerate without a converged fit."""
+        return verdict_of(row.status for row in self.offsets) if self.converged else "degenerate"
+
+    @cached_property
+    def against_noise(self) -> AgainstNoise:
+        """The residuals against the stated noise."""
+        return self.fit.against_noise(self.identified.facts.rank)
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom: numbers that the fit leaves over."""
+        return self.against_noise.dof
+
+    @property
+    def noise_scale(self) -> float:
+        """The noise as a multiple of the stated."""
+        return float(1 / np.sqrt(self.fit.weight))
+
+    @property
+    def quantile(self) -> float:
+        """Half width of a 95 % interval in stds: Student's t where the noise scale is estimated."""
+        if self.problem.noise.estimated and self.dof:
+            return float(stdtrit(self.dof, 0.975))
+        return NORMAL_95
+
+    @cached_property
+    def std(self) -> Matrix:
+        """(p,) internal units; nan where held or not determined."""
+        std = self.problem.parameters.unscaled(self.fit.std)
+        return np.where([known(status) for status in self.status], std, np.nan)
+
+    @cached_property
+    def parameters(self) -> ParameterTable:
+        """A row for each parameter, in their order."""
+        return ParameterTable(self._row(i, item) for i, item in enumerate(self.problem.parameters.items))
+
+    @property
+    def offsets(self) -> ParameterTable:
+        """The rows of the joint offsets."""
+        return ParameterTable(row for row in self.parameters if row.group == "offset")
+
+    def __getitem__(self, name: str) -> ParameterResult:
+        return self.parameters.named(name)
+
+    def __iter__(self) -> Iterator[ParameterResult]:
+        return iter(self.parameters)
+
+    @cached_property
+    def covariance(self) -> Covariance:
+        """Of all parameters that the data determine, in the units that people read."""
+        parameters, known = self.problem.parameters, list(self.known)
+        items = [parameters.items[i] for i in known]
+        at = parameters.among_free[known]
+        scale = np.array(
+            [
+                item.shown_std(float(self.fit.x[i]), item.prior_std)
+                for i, item in zip(known, items, strict=True)
+            ]
+        )
+        return Covariance(
+            tuple(item.name for item in items),
+            tuple(item.unit for item in items),
+            tuple(self.status[i] for i in known),
+            self.fit.covariance[np.ix_(at, at)] * np.outer(scale, scale),
+        )
+
+    def interval(self, i: int) -> tuple[float, float]:
+        """The 95 % interval of the parameter at place `i`, by the curvature at the mode."""
+        item, value, half = (
+            self.problem.parameters.items[i],
+            float(self.fit.x[i]),
+            self.quantile * float(self.std[i]),
+        )
+        return item.shown(value - half), item.shown(value + half)
+
+    def _row(self, i: int, item: Parameter) -> ParameterResult:
+        status, value = self.status[i], float(self.fit.x[i])
+        determined = known(status)
+        data_std = item.shown_std(value, float(self.identified.data_std[i]))
+        return ParameterResult(
+            name=item.name,
+            unit=item.unit,
+            group=item.group,
+            status=status,
+            held=item.held,
+            estimate=item.shown(value) if determined or item.held else None,
+            std=item.shown_std(value, float(self.std[i])) if determined else None,
+            data_std=data_std if np.isfinite(data_std) else None,
+            interval95=self.interval(i) if determined else None,
+            prior_std=item.shown_prior[1],
+            midpoint=None,
+            cause=cause_for(self.identified.facts.null_space, item, status)
+            if self.converged or item.held
+            else Unconverged(),
+        )
+
+
+def solve(problem: Problem, **how: Any) -> Solution:
+    """Fit and judge; `how` goes to `fit_likelihood` (seed, starts)."""
+    return judge(fit_likelihood(problem, **how))
+
+
+def judge(fit: LikelihoodFit, *, trusted: bool = True) -> Solution:
+    """The measurements of a fit judged at its mode, and no parameter better than the std found there.
+
+    Where a direction is nearly lost the residuals are far from linear, and the std at the mode can be larger
+    than the one that the Jacobian promises.
+    """
+    problem = fit.problem
+    identified = identify(problem, fit.x, fit.weight)
+    identified = no_better_than(problem, identified, problem.parameters.unscaled(fit.std))
+    return Solution(fit, identified, trusted)
+
+
+def require_noise_data(problem: Problem) -> None:
+    """Raise BadInput where the noise scale is to be estimated from no more numbers than unknowns."""
+    if not problem.tells_noise:
+        free = int(problem.parameters.free.sum())
+        raise BadInput(
+            "the noise scale cannot be estimated from so few measurements",
+            found=f"{problem.data_size} numbers from {problem.shots} measurements for {free} unknowns",
+            allowed="more numbers than unknowns",
+            remedy="record more measurements, or state noise.scale: known",
+        )

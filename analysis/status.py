@@ -1,0 +1,68 @@
+"""What may be said of a parameter, and of all offsets together: the words that every answer uses.
+
+`identified` and `weak` are determined by the data (within the tolerance, or beyond it), `unidentifiable` is
+not, `held` is not estimated. This is a leaf: whatever holds an answer imports it.
+"""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Iterable
+from importlib.metadata import version
+from typing import Literal
+
+from ..model.errors import ZerobeamError
+
+Status = Literal["identified", "weak", "unidentifiable", "held"]
+Verdict = Literal["pass", "weak", "degenerate"]
+
+_VERDICT_OF: dict[Status, Verdict] = {"unidentifiable": "degenerate", "weak": "weak"}
+_GRAVITY: dict[Verdict, int] = {"pass": 0, "weak": 1, "degenerate": 2}
+
+
+class UnsoundResult(ZerobeamError):
+    """An answer that claims more than the status of a parameter allows: a fault of the program."""
+
+    exit_status = 3
+
+
+def known(status: Status) -> bool:
+    """Whether the data determine it: only then has it an estimate, a standard uncertainty, an interval."""
+    return status in ("identified", "weak")
+
+
+def verdict_of(offsets: Iterable[Status]) -> Verdict:
+    """The verdict over the statuses of all offsets: that of the gravest."""
+    return max(
+        (_VERDICT_OF.get(status, "pass") for status in offsets), key=_GRAVITY.__getitem__, default="pass"
+    )
+
+
+def as_grave(verdict: Verdict, needed: Verdict) -> bool:
+    """Whether a verdict is as grave as the one that is needed, or graver."""
+    return _GRAVITY[verdict] >= _GRAVITY[needed]
+
+
+def require_no_more_than(what: str, status: Status, **claims: object) -> None:
+    """Raise UnsoundResult unless `claims` (by name, None where nothing is claimed) go with the status.
+
+    What the data cannot determine is never reported as known: every object that holds an estimate, a standard
+    uncertainty, an interval or a covariance of one parameter calls this when it is made.
+
+    Examples
+    --------
+    >>> require_no_more_than("delta2", "unidentifiable", estimate=None, std=None)
+    >>> require_no_more_than("delta2", "unidentifiable", estimate=0.1)
+    Traceback (most recent call last):
+        ...
+    zerobeam.analysis.status.UnsoundResult: 'delta2' is unidentifiable, yet it has a value as estimate
+    """
+    stated = [name for name, value in claims.items() if value is not None]
+    if stated and not known(status):
+        raise UnsoundResult(f"{what!r} is {status}, yet it has a value as {', '.join(stated)}")
+
+
+def versions() -> dict[str, str]:
+    """Versions of what an answer was computed with, by the library's name."""
+    names = ("zerobeam", "numpy", "scipy", "casadi", "emcee", "arviz-stats")
+    return {"python": platform.python_version(), **{name: version(name) for name in names}}

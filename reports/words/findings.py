@@ -1,0 +1,300 @@
+"""Verdicts and findings in words: each sentence is made here, and nowhere read back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from ...analysis.diagnostics.accuracy import Accuracy
+from ...analysis.diagnostics.displacement import ChangePoint, Displacement
+from ...analysis.diagnostics.hold_out import HoldOut
+from ...analysis.diagnostics.outliers import Robust
+from ...analysis.findings import (
+    Contradicted,
+    FileWarning,
+    Finding,
+    HeldOutMisfit,
+    LackOfFit,
+    NoPosterior,
+    NotConverged,
+    OtherBasins,
+    Outlying,
+    RobustNotConverged,
+)
+from ...analysis.observability.causes import Cause, NullDirection
+from ...analysis.observability.check import Check, OutsideLimits, PlanFinding, TargetBehind, Unreachable
+from ...analysis.observability.verdict import worst_direction
+from ...analysis.posterior.posterior import PosteriorSummary
+from ...analysis.result import LikelihoodSummary, Result
+from ...analysis.so_far import SoFar
+from ...analysis.status import Status
+from .causes import reason
+from .wording import listed
+
+MOST_NAMED = 10
+_NEVER = 1e-12  # a p-value below this says nothing more: no noise is so normal
+_MOST_EXPLANATIONS = 3
+
+
+class _Row(Protocol):
+    """A parameter of a result, of a check, of a run that is not finished."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def group(self) -> str: ...
+    @property
+    def status(self) -> Status: ...
+
+
+def headline(answer: Result | Check | SoFar) -> str:
+    """The verdict in one or two sentences, with the reason where it is not a pass."""
+    if isinstance(answer, SoFar):
+        if not answer.judged:
+            return "These measurements determine no offset yet."
+        return verdict_sentence(answer.offsets, answer.null_space)
+    sentence = verdict_sentence(answer.parameters, answer.identifiability.null_space)
+    if isinstance(answer, Check):
+        return sentence
+    if not answer.likelihood.converged:
+        return f"The fit did not converge ({answer.likelihood.reason}): no offset is reported."
+    for finding in answer.findings:
+        if isinstance(finding, LackOfFit):
+            sentence += (
+                f" But the model does not fit: the residuals are {finding.factor:.1f} times the stated noise."
+            )
+    return sentence
+
+
+def verdict_sentence(parameters: Sequence[_Row], null_space: Sequence[NullDirection]) -> str:
+    """What can be said of the offsets, the gravest first."""
+
+    def offsets(status: Status) -> list[str]:
+        return [row.name for row in parameters if row.group == "offset" and row.status == status]
+
+    unknown, weak, identified = offsets("unidentifiable"), offsets("weak"), offsets("identified")
+    sentences = []
+    if unknown:
+        reasons = dict.fromkeys(reason(worst_direction(null_space, name).cause) for name in unknown)
+        sentences.append(f"{_are(unknown)} unidentifiable from these measurements: {'; '.join(reasons)}.")
+    if weak:
+        sentences.append(f"{_are(weak)} only weakly observable in these measurements.")
+    if identified:
+        sentences.append(f"{_are(identified)} identified.")
+    return " ".join(sentences) or "No offset is estimated: all are held."
+
+
+def _are(names: list[str]) -> str:
+    return f"{listed(names)} {'is' if len(names) == 1 else 'are'}"
+
+
+def notes(result: Result) -> tuple[str, ...]:
+    """The findings of a result as sentences without a full stop, the gravest first."""
+    return tuple(finding_sentence(finding) for finding in result.findings)
+
+
+def finding_sentence(finding: Finding) -> str:
+    """One finding, without a full stop at its end."""
+    match finding:
+        case NotConverged(reason=why):
+            return f"The fit did not converge: {why}. Nothing here may be used as an estimate"
+        case LackOfFit():
+            return (
+                f"Lack of fit: residuals are {finding.factor:.1f} times the stated noise (χ²"
+                f" {finding.chi2:.0f},"
+                f" {finding.dof} dof, {_p(finding.p_value)}; {finding.rms_mm:.2f} mm rms). The nominal"
+                " geometry"
+                " does not describe this arm (link lengths, backlash, elasticity), or the noise is"
+                " understated:"
+                f" the intervals are too narrow by a factor of about {finding.factor:.1f} or more."
+                " noise.scale: estimated widens them by that factor"
+            )
+        case Contradicted():
+            return (
+                "Residuals and priors together are larger than chance allows (p < 1e-4): noise, priors or"
+                " geometry are not as stated, or the best fit was not found. Add measurements, so that the"
+                " fit"
+                " can be checked"
+            )
+        case OtherBasins(count):
+            sets = "set" if count == 1 else "sets"
+            return (
+                f"Other local optima: {count} more {sets} of offsets fit nearly as well. The one reported has"
+                " the highest posterior density; add measurements to separate them"
+            )
+        case NoPosterior(posterior):
+            return f"No posterior is shown: {posterior_message(posterior)}"
+        case Displacement():
+            return displacement_sentence(finding)
+        case HeldOutMisfit(targets, rms_mm, factor):
+            return (
+                f"At the held-out targets ({listed(list(targets))}) the residuals ({rms_mm:.2f} mm rms) are"
+                f" {factor:.1f} times what noise and fit explain: the offsets do not carry over to them as"
+                " stated"
+            )
+        case RobustNotConverged(reason=why):
+            return f"The robust fit did not converge ({why}): it is not shown"
+        case Outlying(measurements, robust):
+            named = _measurements(measurements[:MOST_NAMED])
+            if robust:
+                return (
+                    f"Outlying by the robust fit: {named}. Check before you rely on the likelihood's"
+                    " estimates"
+                )
+            return (
+                f"Outlying: {named}; the residual is far larger than the stated noise. Check before you"
+                " rely on"
+                " the rest"
+            )
+        case FileWarning(text):
+            return text
+
+
+def _measurements(numbers: Sequence[int]) -> str:
+    return f"measurement{'' if len(numbers) == 1 else 's'} {listed([str(n) for n in numbers], MOST_NAMED)}"
+
+
+def _p(p_value: float) -> str:
+    return "p < 1e-6" if p_value < 1e-6 else f"p = {p_value:.1g}"
+
+
+def check_notes(check: Check) -> tuple[str, ...]:
+    """The findings of a plan and the warnings of its file, as sentences without a full stop."""
+    return (*(_plan_sentence(finding) for finding in check.findings), *check.warnings)
+
+
+def _plan_sentence(finding: PlanFinding) -> str:
+    match finding:
+        case Unreachable(postures):
+            return (
+                f"From posture {listed([str(i) for i in postures], 99)} the target cannot be hit: no"
+                " measurement is"
+                " counted there"
+            )
+        case TargetBehind(_, every=True):
+            return "Every target is behind the laser: is the sign of tool.direction right?"
+        case TargetBehind(postures, _):
+            return (
+                f"In posture {listed([str(i) for i in postures], 99)} the target is behind the laser: no"
+                " measurement"
+                " is counted there"
+            )
+        case OutsideLimits(posture, joint, at, unit, (low, high)):
+            return (
+                f"Turned onto the target, joint {joint} of posture {posture} is at {at:.1f} {unit}, outside"
+                f" {low:.0f} to {high:.0f}"
+            )
+
+
+def displacement_sentence(found: Displacement) -> str:
+    """What a reader must know of a significant displacement, and what to do."""
+    p_value = f"= {found.p_value:.0e}" if found.p_value > _NEVER else f"< {_NEVER:.0e}"
+    others = [_where(point) for point in found.elsewhere[:_MOST_EXPLANATIONS]]
+    if found.alone is not None:
+        others.append(f"measurement {found.alone} alone is wrong")
+    doubt = f" Nearly as likely: {', or '.join(others)}." if others else ""
+    return (
+        f"Target {found.at.target} seems to have moved{_by(found)} between measurements"
+        f" {found.at.after_shot} and"
+        f" {found.at.before_shot} (p {p_value}).{doubt} Discard the measurements before or after, or give"
+        " them"
+        " another target name"
+    )
+
+
+def _where(point: ChangePoint) -> str:
+    return f"{point.target} moved between {point.after_shot} and {point.before_shot}"
+
+
+def _by(found: Displacement) -> str:
+    if found.size_mm is not None and found.size_std_mm is not None:
+        return f" by {found.size_mm:.1f} ± {found.size_std_mm:.1f} mm"
+    along = [
+        f"{shift:.1f} ± {std:.1f} mm along {axis}"
+        for axis, shift, std in zip("xyz", found.shift_mm, found.std_mm, strict=True)
+        if shift is not None and std is not None
+    ]
+    return f" by {' and '.join(along)}" if along else ""
+
+
+def likelihood_message(fit: LikelihoodSummary) -> str | None:
+    """What cannot be judged of a fit."""
+    if fit.dof == 0:
+        return "zero degrees of freedom: the fit cannot be checked against the noise"
+    return (
+        None
+        if fit.noise_known
+        else "the noise is estimated from these residuals, so they cannot contradict it"
+    )
+
+
+def posterior_message(posterior: PosteriorSummary) -> str:
+    """How the sampling went."""
+    if posterior.draws == 0:
+        return "not sampled: the fit did not converge"
+    rhat = "not finite" if posterior.rhat_max is None else f"{posterior.rhat_max:.3f}"
+    if posterior.converged:
+        return (
+            f"{posterior.ensembles} independent ensembles agree: R-hat {rhat}, at least"
+            f" {posterior.ess_min:.0f} effective draws"
+        )
+    drifts = ", and its draws still drift" if posterior.drifts else ""
+    return (
+        f"the posterior has not converged (R-hat {rhat}, smallest effective sample size"
+        f" {posterior.ess_min:.0f}{drifts}): its draws are not shown. Record more varied measurements, or"
+        " hold"
+        " what the data do not determine"
+    )
+
+
+def hold_out_message(held_out: HoldOut) -> str | None:
+    """Why a hold-out has no numbers, or none to judge."""
+    if held_out.failure is not None:
+        return f"the fit without them did not converge: {held_out.failure}"
+    return (
+        None if held_out.dof else "zero degrees of freedom: no more numbers than coordinates of their targets"
+    )
+
+
+def robust_message(robust: Robust) -> str:
+    """What a robust fit found."""
+    named = "no outlier"
+    if robust.outliers:
+        one = len(robust.outliers) == 1
+        named = f"{_measurements(robust.outliers)} {'is an outlier' if one else 'are outliers'}"
+    if robust.with_uncertainty:
+        return named
+    return (
+        f"{named}; no uncertainty: a measurement has leverage 1, or there are no more numbers than unknowns"
+    )
+
+
+def place(accuracy: Accuracy) -> str:
+    """What the point is whose accuracy is stated."""
+    match accuracy.place:
+        case "stated point":
+            return "a point stated by the user"
+        case "tool":
+            return "the TCP as stated"
+        case "last axis":
+            n = accuracy.joints
+            return (
+                f"the point of the axis of joint {n} nearest to the TCP as stated, as delta{n} is not"
+                " determined"
+            )
+
+
+def accuracy_reason(accuracy: Accuracy) -> str | None:
+    """Why no accuracy is claimed; None where it is."""
+    if not accuracy.converged:
+        return "the fit did not converge"
+    parts: dict[tuple[str, Cause | None], list[str]] = {}
+    for name, held, cause in zip(accuracy.undetermined, accuracy.held, accuracy.causes, strict=True):
+        parts.setdefault(("held" if held else "unidentifiable", cause), []).append(name)
+    said = []
+    for (state, cause), names in parts.items():
+        why = "" if cause is None else f": {reason(cause)}"
+        said.append(
+            f"the TCP depends on {listed(names)}, which {'is' if len(names) == 1 else 'are'} {state}{why}"
+        )
+    return "; ".join(said) or None

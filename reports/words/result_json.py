@@ -1,0 +1,183 @@
+"""`result.json` (`zerobeam/result/1`) and what `check --json` prints (`zerobeam/check/1`): plain JSON types,
+with the sentences of `reports/words`.
+
+JSON has no NaN or Infinity, so a float that is not finite is an error and never a quiet null.
+What the data do not determine leaves here as null, or not at all.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import re
+from typing import Any
+
+import numpy as np
+
+from ...analysis.diagnostics.accuracy import Accuracy
+from ...analysis.observability.causes import NullDirection
+from ...analysis.observability.check import Check
+from ...analysis.observability.identifiability import Identifiability
+from ...analysis.result import RESULT_SCHEMA, LikelihoodSummary, MidpointSummary, Result
+from ...analysis.solution import ParameterResult
+from ...analysis.status import UnsoundResult
+from .causes import reason, remedy
+from .findings import (
+    accuracy_reason,
+    check_notes,
+    headline,
+    hold_out_message,
+    likelihood_message,
+    notes,
+    place,
+    posterior_message,
+    robust_message,
+)
+
+CHECK_SCHEMA = "zerobeam/check/1"
+
+
+def to_json(result: Result) -> dict[str, Any]:
+    """The result as dicts, lists, strings, bools, ints and finite floats, keys in the design's order.
+
+    Raises UnsoundResult if a number is not finite.
+    """
+    return {
+        "schema": RESULT_SCHEMA,
+        "verdict": result.verdict,
+        "headline": headline(result),
+        "parameters": [_parameter(parameter) for parameter in result.parameters],
+        "identifiability": _identifiability(result.identifiability),
+        "fits": {"likelihood": _likelihood(result.likelihood), "midpoint": _midpoint(result.midpoint)},
+        "posterior": _posterior(result),
+        "shots": _plain(result.shots, "shots"),
+        "distances": _plain(result.distances, "distances"),
+        "intervals": [_without(row, "intervals", "status") for row in result.intervals],
+        "accuracy": _accuracy(result.accuracy),
+        "budget": [_without(row, "budget", "status") for row in result.budget],
+        "robust": _robust(result),
+        "hold_out": _hold_out(result),
+        "scene": _plain(result.scene, "scene"),
+        "notes": list(notes(result)),
+        "inputs": _plain(result.inputs, "inputs"),
+    }
+
+
+def check_json(check: Check) -> dict[str, Any]:
+    """The answer of a check, null where there is no number."""
+    return {
+        "schema": CHECK_SCHEMA,
+        "verdict": check.verdict,
+        "headline": headline(check),
+        "parameters": [
+            {**_without(row, f"parameter {row.name!r}", "cause"), "reason": row.cause and reason(row.cause)}
+            for row in check.parameters
+        ],
+        "identifiability": _identifiability(check.identifiability),
+        "postures": _plain(check.postures, "postures"),
+        "curve": _plain(check.curve, "curve"),
+        "over_target": _plain(check.over_target, "over_target"),
+        "advice": _plain(check.advice, "advice"),
+        "notes": list(check_notes(check)),
+        "inputs": _plain(check.inputs, "inputs"),
+    }
+
+
+def dumps(answer: dict[str, Any]) -> str:
+    """The text of `result.json`: keys in their given order, floats to the last digit, UTF-8 safe."""
+    text = json.dumps(answer, indent=1, allow_nan=False, ensure_ascii=False)
+    # A lone surrogate cannot be encoded in UTF-8, but its escape is legal JSON and says the same.
+    return re.sub("[\ud800-\udfff]", lambda found: f"\\u{ord(found.group()):04x}", text) + "\n"
+
+
+def _parameter(row: ParameterResult) -> dict[str, Any]:
+    order = ("name", "unit", "status", "held", "estimate", "std", "data_std", "interval95", "prior_std")
+    where = f"parameter {row.name!r}"
+    plain = {key: _plain(getattr(row, key), f"{where}, {key}") for key in (*order, "midpoint", "group")}
+    return {**plain, "reason": row.cause and reason(row.cause)}
+
+
+def _identifiability(facts: Identifiability) -> dict[str, Any]:
+    return {
+        **_without(facts, "identifiability", "null_space"),
+        "null_space": [_direction(direction) for direction in facts.null_space],
+    }
+
+
+def _direction(direction: NullDirection) -> dict[str, Any]:
+    return {
+        "combination": _plain(direction.combination, "combination"),
+        "kind": direction.kind,
+        "reason": reason(direction.cause),
+        "remedy": remedy(direction.cause),
+        "data_std": _plain(direction.data_std, "data_std"),
+    }
+
+
+def _likelihood(fit: LikelihoodSummary) -> dict[str, Any]:
+    own = _without(fit, "fits.likelihood", "noise_known", "other_basins")
+    return {"available": True, **own, "other_basins": fit.other_basins, "message": likelihood_message(fit)}
+
+
+def _midpoint(fit: MidpointSummary) -> dict[str, Any]:
+    own = _without(fit, "fits.midpoint", "message")
+    nothing = dict.fromkeys(("rms_before_mm", "chi2", "dof", "p_value", "noise_scale"))
+    return {**own, **nothing, "other_basins": 0, "message": fit.message}
+
+
+def _posterior(result: Result) -> dict[str, Any]:
+    own = _without(result.posterior, "posterior", "drifts")
+    return {"converged": own.pop("converged"), "message": posterior_message(result.posterior), **own}
+
+
+def _accuracy(accuracy: Accuracy) -> dict[str, Any]:
+    own = _without(accuracy, "accuracy", "held", "causes", "joints", "converged")
+    return {**own, "place": place(accuracy), "reason": accuracy_reason(accuracy)}
+
+
+def _robust(result: Result) -> dict[str, Any] | None:
+    if result.robust is None:
+        return None
+    own = _without(result.robust, "robust", "with_uncertainty")
+    rows = [_without(row, "robust.parameters", "status") for row in result.robust.parameters]
+    return {**own, "parameters": rows, "message": robust_message(result.robust)}
+
+
+def _hold_out(result: Result) -> dict[str, Any] | None:
+    if result.hold_out is None:
+        return None
+    own = _without(result.hold_out, "hold_out", "failure")
+    return {**own, "message": hold_out_message(result.hold_out)}
+
+
+def _without(value: Any, where: str, *left_out: str) -> dict[str, Any]:
+    """A dataclass as a dict, without some of its fields."""
+    return {
+        field.name: _plain(getattr(value, field.name), f"{where}.{field.name}")
+        for field in dataclasses.fields(value)
+        if field.name not in left_out
+    }
+
+
+def _plain(value: object, where: str) -> Any:
+    """`value` in JSON's own types; `where` names it should it not be possible."""
+    if isinstance(value, np.generic):
+        value = value.item()
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            raise UnsoundResult(
+                f"the result is unsound and was not written: {where} is {value}, not a number"
+            )
+        return float(value)
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return _without(value, where)
+    if isinstance(value, dict):
+        return {str(key): _plain(item, f"{where}.{key}") for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item, f"{where}[{i}]") for i, item in enumerate(value)]
+    raise UnsoundResult(
+        f"the result is unsound and was not written: {where} is a {type(value).__name__}, which JSON lacks"
+    )
