@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
 from .console import err, out, print_json, progress, stoppable
 from .options import Camera, Json, Seed
+
+if TYPE_CHECKING:
+    from ..experiments.studies.sweeps.grid_answer import GridStudy
 
 studies = typer.Typer(
     help="Does zerobeam hold what it promises? Studies over simulated runs.", no_args_is_help=True
@@ -102,13 +105,12 @@ def study_file(
 
 
 def _sweep(file: Path, folder: Path, runs: int | None, seed: int, as_json: bool) -> NoReturn:
-    from ..experiments.studies.sweeps.grid_answer import to_json
     from ..experiments.studies.sweeps.study_file import read_study
     from ..experiments.studies.sweeps.sweep import sweep
 
     study = read_study(file, runs)
     store = _store(folder)
-    _study(folder, as_json, lambda told: to_json(sweep(study, seed, told, store=store)), store)
+    _study(folder, as_json, lambda told: sweep(study, seed, told, store=store), store)
 
 
 def _store(folder: Path) -> Path:
@@ -119,13 +121,14 @@ def _store(folder: Path) -> Path:
 def _study(
     folder: Path,
     as_json: bool,
-    studied: Callable[[Callable[[str, float], None]], dict[str, Any]],
+    studied: Callable[[Callable[[str, float], None]], GridStudy | dict[str, Any]],
     store: Path | None = None,
 ) -> NoReturn:
     """Carry a study out, write it, print it; the status says whether it agrees.
 
     Finished cases are kept in `store`, to go on with; once the study stands they are no longer needed.
     """
+    from ..reports.studies.studies import study_of
     from ..reports.studies.study_page import check_target, write_study
     from ..reports.studies.study_terminal import print_study
 
@@ -142,9 +145,10 @@ def _study(
         raise
     if store is not None:
         store.unlink(missing_ok=True)
+    content = study_of(answer).to_json(answer)
     if as_json:
-        print_json(answer)
+        print_json(content)
     else:
         print_study(out, answer)
         out.print(f"Study: {paths.html}", soft_wrap=True, markup=False)
-    raise typer.Exit(0 if answer["agrees"] else 1)
+    raise typer.Exit(0 if content["agrees"] else 1)

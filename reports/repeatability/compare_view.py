@@ -10,7 +10,7 @@ from typing import Any
 from ...analysis.repeatability.compare import SCHEMA
 from ..output import whole_folder
 from ..output.whole_folder import Kind, write_folder
-from ..studies.studies import Study
+from ..studies.studies import Study, as_it_is
 from ..studies.study_page import write_files
 from ..studies.study_view import LONGEST_NAME, NOT_DETERMINED, NOT_GIVEN, spread, spread_range
 from ..style.blocks import (
@@ -317,4 +317,4 @@ def _about(answer: Json) -> list[tuple[str, str]]:
     ]
 
 
-COMPARISON = Study(compare_view, compare_pictures, {_TABLE: offset_rows})
+COMPARISON: Study[Json] = Study(compare_view, compare_pictures, {_TABLE: offset_rows}, as_it_is)

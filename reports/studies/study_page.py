@@ -11,13 +11,14 @@ from pathlib import Path
 from typing import Any
 
 from ...analysis.status import UnsoundResult
+from ...experiments.studies.sweeps.grid_answer import GridStudy
 from ..output import whole_folder
 from ..output.html import html
 from ..output.pdf import pdf
 from ..output.whole_folder import Kind, write_folder
 from ..words.result_json import dumps
 from ..words.wording import shown
-from .studies import Study, known_study, study_of
+from .studies import Answer, Study, known_study, study_of
 
 Json = dict[str, Any]
 
@@ -37,7 +38,7 @@ class StudyPaths:
     figures: tuple[Path, ...]
 
 
-def write_study(folder: Path | str, answer: Json) -> StudyPaths:
+def write_study(folder: Path | str, answer: GridStudy | Json) -> StudyPaths:
     """Write a study (`zerobeam/study/1`) to `folder`, replacing one that zerobeam wrote there before.
 
     Whole or not at all. Raises BadInput where `folder` is a file, is not ours, or cannot be written,
@@ -74,17 +75,18 @@ def _kind(folder: Path) -> Kind:
     return Kind("study", frozenset({"study.html", "study.pdf", _JSON, "figures", *tables}), _JSON, SCHEMA)
 
 
-def _write_files(folder: Path, answer: Json) -> list[str]:
+def _write_files(folder: Path, answer: GridStudy | Json) -> list[str]:
     """All files of the study into an empty folder; the names of the figures."""
-    if answer.get("schema") != SCHEMA:
+    if isinstance(answer, dict) and answer.get("schema") != SCHEMA:
         raise ValueError(f"a study is of schema {SCHEMA}, not {answer.get('schema')!r}")
     return write_files(folder, answer, study_of(answer), "study")
 
 
-def write_files(folder: Path, answer: Json, study: Study, stem: str) -> list[str]:
+def write_files(folder: Path, answer: Answer, study: Study[Answer], stem: str) -> list[str]:
     """`stem`.json, .html, .pdf, the tables and figures into an empty folder; the names of the figures."""
-    refuse_made_up(answer, study)
-    text = dumps(answer)
+    content = study.to_json(answer)
+    refuse_made_up(content, study)
+    text = dumps(content)
     view, drawn = study.view(answer), study.pictures(answer)
     (folder / f"{stem}.json").write_text(text, encoding="utf-8")
     for name, rows in study.tables.items():
@@ -97,7 +99,7 @@ def write_files(folder: Path, answer: Json, study: Study, stem: str) -> list[str
     return [f"{name}.svg" for name in drawn]
 
 
-def refuse_made_up(answer: Json, study: Study) -> None:
+def refuse_made_up(answer: Json, study: Study[Any]) -> None:
     """UnsoundResult if anything that is no control claims a number of what a data set cannot tell.
 
     A parameter is whatever has a `status`, wherever it stands in the answer.

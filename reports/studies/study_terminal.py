@@ -10,6 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from ...experiments.studies.sweeps.grid_answer import GridStudy
 from ..run.terminal import MARK, STYLE
 from ..style import blocks
 from ..style.blocks import Block, Facts, Legend, Paragraph
@@ -21,7 +22,7 @@ from ..words.wording import (
     sentence,
     shown,
 )
-from .studies import SWEEP, known_study, study_view
+from .studies import study_view
 from .study_coverage import comparison, overview_caption
 from .study_shares import BY_CHANCE, percent, share, share_interval, standing, undetermined, worst_at
 from .study_view import NOT_DETERMINED
@@ -31,16 +32,15 @@ Json = dict[str, Any]
 _LONGEST_NAME = 26
 
 
-def print_study(out: Console, answer: Json) -> None:
+def print_study(out: Console, answer: GridStudy | Json) -> None:
     """Verdict and notes, then the first section of the study's page, or what it has of its own for this."""
     told = study_view(answer)
     verdict = told.verdict
-    style = "bold blue" if answer["agrees"] else "bold yellow"
+    style = "bold blue" if verdict.key == "pass" else "bold yellow"
     out.print(Text(f"{verdict.word}. ", style=style) + Text(verdict.sentence))
     for note in told.notes:
         out.print(Text("! ", style="bold yellow") + Text(note))
-    own = _OWN.get(answer["study"]) if known_study(answer) is not SWEEP else None
-    if own is not None:
+    if isinstance(answer, dict) and (own := _OWN.get(answer["study"])) is not None:
         own(out, answer)
         return
     for block in told.sections[0].all:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping, Sequence
+from types import SimpleNamespace
+from typing import Any, Protocol, cast
 
 from ..style.blocks import Facts, Page, Paragraph, Section, Verdict
 from ..words import numbers
@@ -15,22 +17,42 @@ NOT_GIVEN = "not given"
 LONGEST_NAME = 40
 
 
-def verdict_word(answer: Json) -> str:
-    """Whether the runs agree; without runs nothing was held against anything."""
-    if answer["settings"].get("runs") == 0:
-        return "Predicted"
-    return "Agrees" if answer["agrees"] else "Does not agree"
+class StudyAnswer(Protocol):
+    """What the answers of all studies have."""
+
+    @property
+    def study(self) -> str: ...
+    @property
+    def title(self) -> str: ...
+    @property
+    def headline(self) -> str: ...
+    @property
+    def agrees(self) -> bool: ...
+    @property
+    def seconds(self) -> float: ...
+    @property
+    def versions(self) -> Mapping[str, str]: ...
+    @property
+    def notes(self) -> Sequence[str]: ...
 
 
-def view_of(answer: Json, subtitle: str, sections: list[Section]) -> Page:
-    """The whole view: verdict, notes and title are the answer's, the rest is told."""
+def view_of(
+    answer: StudyAnswer | Json, subtitle: str, sections: list[Section], *, simulated: bool = True
+) -> Page:
+    """The whole view: verdict, notes and title are the answer's; without runs nothing was compared."""
+    told = _attributes(answer)
+    word = "Predicted" if not simulated else "Agrees" if told.agrees else "Does not agree"
     return Page(
-        sentence(answer["title"]),
+        sentence(told.title),
         subtitle,
-        Verdict("pass" if answer["agrees"] else "weak", verdict_word(answer), sentence(answer["headline"])),
-        [sentence(note) for note in answer["notes"]],
+        Verdict("pass" if told.agrees else "weak", word, sentence(told.headline)),
+        [sentence(note) for note in told.notes],
         sections,
     )
+
+
+def _attributes(answer: StudyAnswer | Json) -> StudyAnswer:
+    return cast(StudyAnswer, SimpleNamespace(**answer)) if isinstance(answer, dict) else answer
 
 
 # ── what every study says in the same words ───────────────────────────────────────────────────
@@ -56,14 +78,15 @@ def _noise(key: str, value: float) -> str:
     return f"{shown(name)} {numbers.exact(value, unit)}"
 
 
-def about_study(answer: Json, settings: list[tuple[str, str]]) -> Facts:
+def about_study(answer: StudyAnswer | Json, settings: list[tuple[str, str]]) -> Facts:
     """The facts of how a study was done: its name, its own settings, time and versions."""
+    told = _attributes(answer)
     return Facts(
         [
-            ("Study", shown(answer["study"])),
+            ("Study", shown(told.study)),
             *settings,
-            ("Time", f"{numbers.significant(answer['seconds'], 2)}{numbers.NO_BREAK}s"),
-            ("Versions", ", ".join(f"{shown(name)} {shown(at)}" for name, at in answer["versions"].items())),
+            ("Time", f"{numbers.significant(told.seconds, 2)}{numbers.NO_BREAK}s"),
+            ("Versions", ", ".join(f"{shown(name)} {shown(at)}" for name, at in told.versions.items())),
         ]
     )
 

@@ -12,6 +12,7 @@ import pypdf
 from command_line import WIDTH
 from rich.console import Console
 
+from zerobeam.experiments.studies.sweeps.grid_answer import GridStudy
 from zerobeam.reports.studies.study_terminal import print_study
 from zerobeam.reports.style.blocks import Page, Row, Table
 
@@ -49,7 +50,7 @@ def words(svg: str) -> str:
     return " ".join("".join(element.itertext()) for element in ElementTree.fromstring(svg))
 
 
-def printed(answer: Json, colours: bool = False) -> str:
+def printed(answer: GridStudy | Json, colours: bool = False) -> str:
     text = io.StringIO()
     kind: Any = "truecolor" if colours else None
     print_study(

@@ -116,9 +116,9 @@ class GridCase:
         return max(known, key=lambda pair: pair[0])[1] if known else None
 
     @property
-    def unidentifiable(self) -> tuple[str, ...]:
-        """Names of the parameters that the plan cannot identify."""
-        return tuple(one.name for one in self.parameters if one.status == "unidentifiable")
+    def unidentifiable(self) -> tuple[CaseParameter, ...]:
+        """The parameters that the plan does not identify."""
+        return tuple(one for one in self.parameters if one.status == "unidentifiable")
 
     @property
     def agrees(self) -> bool | None:

@@ -14,8 +14,7 @@ from cells import plan_of
 from scipy import stats
 
 from zerobeam.analysis.observability.check import check
-from zerobeam.analysis.result import Verdict
-from zerobeam.analysis.result_json import UnsoundResult
+from zerobeam.analysis.status import UnsoundResult, Verdict
 from zerobeam.experiments.plans.candidates import View, candidates
 from zerobeam.experiments.plans.optimal import Planner
 from zerobeam.experiments.plans.patterns import pattern

@@ -1,0 +1,120 @@
+"""Figure of a study over words: every parameter of every case, its prediction and its observed errors."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from ....experiments.studies.sweeps.grid_answer import CaseParameter, GridCase, GridStudy
+from ...style.canvas import Picture, bare_y, new_figure, style, to_svg
+from ...style.palette import light
+from ...words import numbers
+from ...words.wording import in_font, label
+from .grid_words import NO_PLAN, case_name, dot_pages, shown_unit, standing, unit_signs
+from .marks import (
+    FITS,
+    UNCERTAINTY,
+    draw_fits,
+    draw_tolerance,
+    gap,
+    hatching,
+    legend,
+    log_scale,
+    log_ticks,
+    set_log_scale,
+    write_gap,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_ROW = 0.165  # inches
+_MARK: dict[str, Any] = {"marker": "|", "markersize": 8, "markeredgewidth": 2.2, "linewidth": 0}
+
+
+def dots_pictures(study: GridStudy) -> list[Picture]:
+    """Rows are the parameters of each case, headed by its name and verdict; as many figures as it takes."""
+    pages = dot_pages(study)
+    drawn, total = sum(map(len, pages)), len(study.cases)
+    cut = f"; {drawn} of {total} cases shown, all in offsets.csv" if drawn < total else ""
+    return [
+        _picture(study, cases, f"dots_{number}", cut if number == len(pages) else "")
+        for number, cases in enumerate(pages, start=1)
+    ]
+
+
+def _picture(study: GridStudy, cases: list[GridCase], name: str, cut: str) -> Picture:
+    rows = [(case, one) for case in cases for one in (None, *case.parameters)]
+    parameters = [one for _, one in rows if one is not None]
+    low, high = log_scale(study, {one.unit for one in parameters} or {"deg"})
+    gaps: set[str] = set()
+    with style():
+        figure = new_figure(0.95 + _ROW * len(rows))
+        axes = figure.subplots()
+        set_log_scale(axes, "x", low, high)
+        bare_y(axes)
+        axes.grid(visible=False)
+        for y, (case, one) in enumerate(rows):
+            if one is None:
+                _heading(axes, y, study, case)
+            else:
+                gaps |= _row(axes, y, study, case, one)
+        axes.set_ylim(len(rows) - 0.4, -0.6)
+        named = [(y, in_font(label(one.name, 12))) for y, (_, one) in enumerate(rows) if one is not None]
+        axes.set_yticks([y for y, _ in named], [text for _, text in named])
+        axes.tick_params(axis="y", labelcolor=light("ink"), labelsize=8.5)
+        axes.set_xlabel(in_font(f"{UNCERTAINTY} u, {unit_signs(parameters) or '°'}"))
+        legend(figure, study, _MARK, gaps)
+        svg = to_svg(figure, name)
+    title = f"Predicted {UNCERTAINTY} u of each parameter and errors of simulated runs{cut}"
+    return Picture(name, title, _alt(study, cases), svg)
+
+
+def _heading(axes: Axes, y: int, study: GridStudy, case: GridCase) -> None:
+    mark, words = standing(case)
+    axes.text(
+        0.0,
+        y + 0.1,
+        in_font(f"{case_name(study, case)}: {words}"),
+        transform=axes.get_yaxis_transform(),
+        va="center_baseline",
+        fontsize=9,
+        fontweight="bold",
+        color=light("ink") if mark == "identified" else light(mark),
+    )
+
+
+def _row(axes: Axes, y: int, study: GridStudy, case: GridCase, one: CaseParameter) -> set[str]:
+    """Draw one row; the words of its gap, if it is one."""
+    ends: dict[str, Any] = {"ymin": y - 0.5, "ymax": y + 0.5}
+    axes.vlines(log_ticks(*axes.get_xlim()), **ends, color=light("line"), linewidth=0.5, zorder=0.5)
+    draw_tolerance(study, one, axes.vlines, **ends, zorder=0.6)
+    if said := gap(case, one):
+        axes.axhspan(y - 0.4, y + 0.4, zorder=1, **hatching(said) | {"facecolor": light("ground")})
+        across = axes.get_yaxis_transform()
+        write_gap(axes, 0.5, y, said, transform=across, va="center_baseline", fontsize=8)
+        return {said}
+    if one.std is not None:
+        axes.plot([one.std], [y], color=light("identified"), zorder=2, **_MARK)
+    draw_fits(axes, y, one, upright=False)
+    return set()
+
+
+def _alt(study: GridStudy, cases: list[GridCase]) -> str:
+    parts = []
+    for case in cases:
+        told = [f"{label(one.name)} {_in_words(case, one)}" for one in case.parameters]
+        said = NO_PLAN if case.reason is not None else f"{standing(case)[1]}, {'; '.join(told)}"
+        parts.append(f"{case_name(study, case)}: {said}")
+    return f"Standard uncertainties of the parameters. {'. '.join(parts)}."
+
+
+def _in_words(case: GridCase, one: CaseParameter) -> str:
+    unit = shown_unit(one)
+    if one.std is None:
+        return gap(case, one)
+    observed = [
+        f"RMSE of the {fit} fit {numbers.spread(errors.rmse, unit)}"
+        for fit in FITS
+        if (errors := one.errors(fit))
+    ]
+    return ", ".join([f"predicted {numbers.spread(one.std, unit)}", *observed])

@@ -1,0 +1,164 @@
+"""What the figures of a study over settings share: marks of either fit, gaps in words, scales, legend."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable
+from typing import TYPE_CHECKING, Any
+
+from ....experiments.studies.sweeps.grid_answer import CaseParameter, Fit, GridCase, GridStudy
+from ...style.palette import light
+from ...words import numbers
+from ...words.wording import clipped, in_font
+from ..study_view import NOT_DETERMINED
+from .grid_words import NO_PLAN, rmse_interval, shown_unit, tolerance
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# The two fits by shape and by fill, so that they can be told apart in grey: marker, its size, filled or not.
+FITS: dict[Fit, tuple[str, float, bool]] = {"likelihood": ("o", 3.4, True), "midpoint": ("s", 3.8, False)}
+HELD, NOT_ESTIMATED = "held", "not estimated"
+UNCERTAINTY = "standard uncertainty"
+_LEAST_RANGE = 4.0  # of a logarithmic scale, so that it has ticks
+_TOLERANCE: dict[str, Any] = {"linestyle": (0, (4, 2)), "linewidth": 1.0, "color": light("weak")}
+
+
+def draw_fits(axes: Axes, at: float, one: CaseParameter, *, upright: bool) -> None:
+    """The RMSE of each fit with its 95 % interval, at `at` on the other axis; nothing where there is none."""
+    for fit, (marker, size, filled) in FITS.items():
+        if errors := one.errors(fit):
+            ends, mark = ([at, at], rmse_interval(errors)), ([at], [errors.rmse])
+            dot = dot_style("ink" if filled else "muted", size, filled)
+            axes.plot(*(ends if upright else ends[::-1]), "-", linewidth=1.1, color=dot["color"], zorder=2.5)
+            axes.plot(*(mark if upright else mark[::-1]), marker, markeredgewidth=1.0, zorder=2.6, **dot)
+
+
+def dot_style(role: str, size: float, filled: bool) -> dict[str, Any]:
+    """Properties of a mark; ground under a hollow one, so that no line runs through it."""
+    return {
+        "color": light(role),
+        "markersize": size,
+        "markerfacecolor": light(role if filled else "ground"),
+    }
+
+
+def draw_tolerance(study: GridStudy, one: CaseParameter, draw: Any, **options: Any) -> None:
+    """The line of the tolerance, by `axhline` or `vlines`; nothing where the cases differ in it."""
+    if (at := tolerance(study, one)) is not None:
+        draw(at, **_TOLERANCE, **options)
+
+
+def gap(case: GridCase, one: CaseParameter | None) -> str:
+    """Why nothing is drawn for a parameter of a case, in words; empty where it has a number."""
+    if case.reason is not None:
+        return NO_PLAN
+    if one is None:
+        return NOT_ESTIMATED
+    return "" if one.is_known else HELD if one.status == "held" else NOT_DETERMINED
+
+
+def hatching(words: str) -> dict[str, Any]:
+    """Properties of a gap's patch; one without a plan, or held, is hatched the other way, and wider."""
+    return {
+        "facecolor": "none",
+        "edgecolor": light("line"),
+        "hatch": "/////" if words == NOT_DETERMINED else "\\\\\\",
+        "linewidth": 0,
+    }
+
+
+def write_gap(axes: Axes, x: float, y: float, words: str, **options: Any) -> None:
+    """The words of a gap, on the figure's ground."""
+    axes.text(
+        x,
+        y,
+        words,
+        ha="center",
+        color=light("unidentifiable" if words.split() == NOT_DETERMINED.split() else "held"),
+        bbox={"facecolor": light("ground"), "edgecolor": "none", "pad": 0.7},
+        **options,
+    )
+
+
+def gap_handles(gaps: Iterable[str]) -> list[Artist]:
+    """Entries of a legend for gaps of these words."""
+    from matplotlib.patches import Patch
+
+    return [
+        Patch(**hatching(words) | {"edgecolor": light("muted"), "linewidth": 0.4}, label=words)
+        for words in gaps
+    ]
+
+
+def log_scale(study: GridStudy, units: Collection[str]) -> tuple[float, float]:
+    """Limits of a logarithmic scale that hold every number of these units, and its tolerance."""
+    values: list[float] = []
+    for one in study.parameters:
+        if one.unit in units:
+            values += [at for at in (tolerance(study, one), one.std) if at is not None]
+            values += [end for fit in FITS if (errors := one.errors(fit)) for end in rmse_interval(errors)]
+    low, high = (min(values), max(values)) if values else (0.01, 1.0)
+    room = max(1.25, math.sqrt(_LEAST_RANGE * low / high))
+    return low / room, high * room
+
+
+def log_ticks(low: float, high: float) -> list[float]:
+    """Round numbers between `low` and `high`: 1, 2, 5 of each decade, or decades alone if they are many."""
+    decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    factors = (1, 2, 5) if high / low < 60 else (1,)
+    return [tick for k in decades for factor in factors if low <= (tick := factor * 10.0**k) <= high]
+
+
+def set_log_scale(axes: Axes, which: str, low: float, high: float) -> None:
+    """A logarithmic scale of `which` (x or y) from `low` to `high` with plain numbers at round ticks."""
+    axes.set(**{f"{which}scale": "log", f"{which}lim": (low, high), f"{which}ticks": log_ticks(low, high)})
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    axis.minorticks_off()
+    axis.set_major_formatter(plain)
+
+
+def in_font_within(text: str, width: int) -> str:
+    """`text` as the figures can write it, in at most so many letters: escapes count in full."""
+    return clipped(in_font(text), width)
+
+
+def plain(value: float, _: object = None) -> str:
+    """A tick's number as people write it."""
+    return numbers.exact(value)
+
+
+def legend_above(figure: Figure, handles: list[Artist] | None, ncols: int) -> None:
+    """The legend above a figure; `handles` None: of what has a label."""
+    figure.legend(
+        **({} if handles is None else {"handles": handles}),
+        loc="outside upper left",
+        ncols=ncols,
+        frameon=False,
+        fontsize=8.5,
+        borderaxespad=0.1,
+        columnspacing=1.2,
+        handlelength=1.6,
+        handletextpad=0.5,
+    )
+
+
+def legend(figure: Figure, study: GridStudy, mark: dict[str, Any], gaps: set[str]) -> None:
+    """What the marks that occur mean; `mark` has the properties of that of the prediction."""
+    from matplotlib.lines import Line2D
+
+    handles: list[Artist] = [Line2D([], [], color=light("identified"), label="predicted u", **mark)]
+    for fit, (marker, size, filled) in FITS.items():
+        if study.has(fit):
+            dot, words = dot_style("ink" if filled else "muted", size, filled), f"RMSE of the {fit} fit, 95 %"
+            handles.append(Line2D([], [], marker=marker, linewidth=1.1, label=words, **dot))
+    at = dict.fromkeys(
+        numbers.exact(told, shown_unit(one))
+        for one in study.parameters
+        if (told := tolerance(study, one)) is not None
+    )
+    if at:
+        handles.append(Line2D([], [], label=in_font(f"tolerance {', '.join(at)}"), **_TOLERANCE))
+    legend_above(figure, handles + gap_handles(sorted(gaps)), 3)

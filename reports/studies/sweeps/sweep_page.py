@@ -1,0 +1,318 @@
+"""The page of a study over settings: predictions and observed errors of every case of a grid.
+
+One page serves them all, people's own included: what is shown follows from the axes, not from the name.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+
+from ....analysis.status import Verdict as CaseVerdict
+from ....experiments.studies.sweeps.grid_answer import (
+    CaseParameter,
+    GridCase,
+    GridStudy,
+    LikelihoodErrors,
+    RunErrors,
+)
+from ...style.blocks import (
+    Cell,
+    Facts,
+    FigureBlock,
+    Legend,
+    LegendEntry,
+    Page,
+    Paragraph,
+    Reason,
+    Row,
+    Section,
+    Table,
+    row_of,
+    section_of,
+    table_of,
+)
+from ...words import numbers
+from ...words.wording import clipped, counted, label, listed, sentence, shown
+from ..study_shares import BY_CHANCE, percent, share_cell
+from ..study_view import LONGEST_NAME, NOT_DETERMINED, NOT_GIVEN, about_study, files_block, view_of
+from .grid_words import (
+    STANDING,
+    case_name,
+    figure_names,
+    is_varied,
+    shown_unit,
+    standing,
+    tolerance,
+    value_text,
+)
+
+MOST_ROWS = 60
+_LONGEST_TEXT = 400
+_MOST_REASONS, _MOST_NAMED = 8, 4
+
+
+def sweep_page(study: GridStudy) -> Page:
+    """The display strings of a study over settings."""
+    over = listed([clipped(axis.label) for axis in study.axes])
+    settings = study.settings.model_dump(mode="json", by_alias=True)
+    facts = [(clipped(name, LONGEST_NAME), text) for name, text in _settings(study, settings)]
+    sections = [
+        section_of(
+            f"Cases by {over}",
+            *map(FigureBlock, figure_names(study)),
+            _summary(study),
+            Legend(_meanings(study), _without_plan(study)),
+        ),
+        section_of("Each parameter", Paragraph(_how_to_read(study)), _parameters(study)),
+        section_of(
+            "How it was done",
+            about_study(study, facts),
+            files_block("cases.csv and offsets.csv hold every case and every parameter of it"),
+        ),
+        *_words(study),
+    ]
+    subtitle = f"{counted(len(study.cases), 'case')} by {over}, seed {study.settings.seed}"
+    return view_of(study, subtitle, sections, simulated=study.settings.runs > 0)
+
+
+# ── tables ────────────────────────────────────────────────────────────────────────────────────
+
+
+def _summary(study: GridStudy) -> Table:
+    shots = {case.shots for case in study.cases if case.shots is not None}
+    # Columns that are there only where they say something.
+    counts = len(shots) > 1 and not is_varied(study, "plan.shots")
+    simulated, failed = study.has("likelihood"), any(case.failed for case in study.cases)
+    columns = [
+        *(
+            (clipped(axis.label), "right" if i and axis.numeric else "left")
+            for i, axis in enumerate(study.axes)
+        ),
+        ("verdict", "left"),
+        *([("measurements", "right")] if counts else []),
+        ("least certain offset, u", "right"),
+        *([("runs agree", "left")] if simulated else []),
+        *([("failed fits", "right")] if failed else []),
+    ]
+    rows = []
+    for case in study.cases[:MOST_ROWS]:
+        mark, words = standing(case)
+        cells: list[str | Cell] = [value_text(axis, i) for axis, i in zip(study.axes, case.at, strict=True)]
+        cells += [Cell(words, mark=mark)]
+        cells += [str(case.shots or "")] if counts else []
+        cells += [_least_certain(case)]
+        cells += [_agreement(case)] if simulated else []
+        cells += [str(case.failed)] if failed else []
+        rows.append(row_of(*cells))
+    plans = f"plan of {counted(shots.pop(), 'measurement')}" if len(shots) == 1 else "plan"
+    caption = f"Verdict of each {plans}, and predicted standard uncertainty u of its least certain offset"
+    caption += "; whether simulated runs agree with the prediction" if simulated else ""
+    return table_of(_cut(caption, len(rows), len(study.cases)), columns, rows)
+
+
+def _least_certain(case: GridCase) -> str:
+    if case.reason is not None:
+        return ""
+    if (one := case.worst) is not None:
+        return f"{label(one.name, 12)}: {_predicted(one)}"
+    names = [label(one.name, 12) for one in case.unidentifiable if one.group == "offset"]
+    # Short enough for a column of the terminal.
+    told = listed(names) if 0 < len(names) < 3 else counted(len(names), "offset")
+    return f"{told}: {NOT_DETERMINED}" if names else NOT_DETERMINED
+
+
+def _agreement(case: GridCase) -> Cell:
+    """Whether the simulated runs agree with the prediction of every parameter."""
+    if case.agrees is None:
+        return Cell("" if case.reason is not None else "none")
+    return Cell("yes", mark="identified") if case.agrees else Cell("no", mark="weak")
+
+
+def _parameters(study: GridStudy) -> Table | None:
+    """Predictions and observed errors by case; None where no case has a plan."""
+    likelihood, midpoint = study.has("likelihood"), study.has("midpoint")
+    columns = [("parameter", "left"), ("status", "left"), ("predicted u", "right")]
+    if likelihood:
+        within = f"within {percent(study.settings.level)}"
+        columns += [("RMSE", "right"), ("bias", "right"), (within, "left")]
+    if midpoint:
+        columns.append(("midpoint RMSE", "right"))
+    span = len(columns) - 1
+    cases = [(i, case) for i, case in enumerate(study.cases, start=1) if case.reason is None]
+    rows: list[Row] = []
+    count = 0
+    for number, case in cases:
+        mark, words = standing(case)
+        about = f"{case_name(study, case)}: {words}, {counted(case.shots or 0, 'measurement')}"
+        told = [row_of(f"case {number}", Cell(about, span=span), tone=mark)]
+        for one in case.parameters:
+            cells = _cells(one, likelihood, midpoint) if one.is_known else [Cell(_unknown(one), span=span)]
+            told.append(row_of(label(one.name), *cells, tone="" if one.is_known else one.status))
+        if count and len(rows) + len(told) > MOST_ROWS:
+            break
+        rows += told
+        count += 1
+    caption = "Predicted standard uncertainty u of each parameter"
+    caption += ", and errors of simulated runs" if likelihood else ""
+    return table_of(_cut(caption, count, len(cases), "offsets.csv"), columns, rows) if rows else None
+
+
+def _unknown(one: CaseParameter) -> str:
+    return NOT_DETERMINED if one.status == "unidentifiable" else "held"
+
+
+def _cells(one: CaseParameter, likelihood: bool, midpoint: bool) -> list[str | Cell]:
+    """The cells of a parameter that is identified, behind its name."""
+    unit = shown_unit(one)
+    cells: list[str | Cell] = [Cell(one.status, mark=one.status), _predicted(one, one.likelihood)]
+    if one.likelihood is not None:
+        bias = numbers.estimate(one.likelihood.bias, one.likelihood.bias_std, unit)
+        cells += [_rmse(one.likelihood, unit), bias, _held(one.likelihood)]
+    elif likelihood:
+        cells += [NOT_GIVEN] * 3
+    if midpoint:
+        cells.append(NOT_GIVEN if one.midpoint is None else _rmse(one.midpoint, unit))
+    return cells
+
+
+def _predicted(one: CaseParameter, beside: RunErrors | None = None) -> str:
+    """A prediction: two digits, or as many as the RMSE of the runs beside it."""
+    if one.std is None:
+        return NOT_GIVEN
+    about = one.std if beside is None else _about(beside)
+    return numbers.estimate(one.std, about, shown_unit(one))
+
+
+def _rmse(errors: RunErrors, unit: str) -> str:
+    return numbers.estimate(errors.rmse, _about(errors), unit)
+
+
+def _about(errors: RunErrors) -> float:
+    """The standard error of an RMSE of n runs: the relative one is 1/√(2n)."""
+    return errors.rmse / math.sqrt(2 * errors.runs)
+
+
+def _held(errors: LikelihoodErrors) -> Cell:
+    told = {"share": errors.held, "low": errors.held_low, "high": errors.held_high, "of": errors.runs}
+    text = share_cell({**told, "agrees": True}, control=False).text
+    return Cell(text, mark="identified" if errors.agrees else "weak")
+
+
+def _cut(caption: str, count: int, total: int, file: str = "cases.csv") -> str:
+    """A caption that says how many of the cases are shown."""
+    return caption if count == total else f"{caption} ({count} of {total} cases shown, all in {file})"
+
+
+# ── words ─────────────────────────────────────────────────────────────────────────────────────
+
+
+def _how_to_read(study: GridStudy) -> str:
+    told = "The predicted standard uncertainty u is that of the fit of one run, priors included."
+    if not study.has("likelihood"):
+        return f"{told} No runs were simulated."
+    unmet = sum(case.unmet for case in study.cases)
+    more = f" {counted(unmet, 'more arm')} that cannot hit the target had been drawn." if unmet else ""
+    return (
+        f"{told} RMSE and bias are those of fits to simulated runs. The share is that of their"
+        f" {percent(study.settings.level)} intervals that hold the truth, with its 95 % binomial interval;"
+        f" a diamond marks a share or a scatter that contradicts the prediction. {BY_CHANCE}{more}"
+    )
+
+
+def _meanings(study: GridStudy) -> list[LegendEntry]:
+    told = {tolerance(study, one) for one in study.parameters if one.is_angular_offset}
+    at = told.pop() if len(told) == 1 else None
+    limit = f"the tolerance of {numbers.exact(at, 'deg')}" if at is not None else "its tolerance"
+    texts: dict[CaseVerdict | None, str] = {
+        "pass": f"every offset has a predicted u within {limit}",
+        "weak": f"every offset is identifiable, but one or more only weakly observable: u exceeds {limit}",
+        "degenerate": "one or more offsets are unidentifiable",
+        None: "no such plan exists, for the reason below",
+    }
+    present = {case.verdict for case in study.cases}
+    return [LegendEntry(*STANDING[key], text) for key, text in texts.items() if key in present]
+
+
+def _without_plan(study: GridStudy) -> list[Reason]:
+    """Each reason why there is no plan, with its cases."""
+    by_reason: dict[str, list[str]] = {}
+    for case in study.cases:
+        if case.reason is not None:
+            by_reason.setdefault(sentence(case.reason).rstrip("."), []).append(case_name(study, case))
+    told = []
+    for reason, names in list(by_reason.items())[:_MOST_REASONS]:
+        more = f"; and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
+        told.append(Reason(f"No plan for {'; '.join(names[:_MOST_NAMED])}{more}:", "held", f"{reason}."))
+    if len(by_reason) > len(told):
+        text = f"{len(told)} of {len(by_reason)} shown, all in cases.csv."
+        told.append(Reason("Reasons:", "held", text))
+    return told
+
+
+def _settings(study: GridStudy, value: object, path: str = "") -> Iterator[tuple[str, str]]:
+    """Settings as rows, `tolerance.offset_deg` and 0.1: nested ones one by one."""
+    if isinstance(value, dict):
+        for key, item in value.items():
+            yield from _settings(study, item, f"{path}.{key}" if path else str(key))
+        return
+    flat = isinstance(value, list) and not any(isinstance(item, dict | list) for item in value)
+    text = ", ".join(map(_plain, value)) if isinstance(value, list) and flat else _plain(value)
+    yield path, "changes from case to case" if is_varied(study, path) else clipped(text, _LONGEST_TEXT)
+
+
+def _plain(value: object) -> str:
+    if isinstance(value, bool) or value is None:
+        return {True: "yes", False: "no", None: "none"}[value]
+    if isinstance(value, int | float):
+        return numbers.exact(value)
+    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+
+
+def _words(study: GridStudy) -> list[Section]:
+    """What each case is, in words, where they say more than the axes do: on no grid of numbers."""
+    if len(study.cases) > MOST_ROWS or all(axis.numeric for axis in study.axes):
+        return []
+    rows = [(case_name(study, case), sentence(case.words)) for case in study.cases]
+    return [section_of("Cases", Facts(rows), level=2)]
+
+
+# ── plain tables ──────────────────────────────────────────────────────────────────────────────
+
+_Value = str | int | float | None
+_RUN_ERRORS = ("runs", "rmse", "bias", "bias_std")
+_LIKELIHOOD_ERRORS = (*_RUN_ERRORS, "held", "held_low", "held_high", "agrees")
+
+
+def case_rows(study: GridStudy) -> Iterator[dict[str, _Value]]:
+    """One row for each case; no number where it does not identify all offsets."""
+    for number, case in enumerate(study.cases, start=1):
+        yield {
+            **_place(study, number, case),
+            **{key: getattr(case, key) for key in ("words", "verdict", "reason", "shots", "failed", "unmet")},
+            "worst_offset": case.worst.name if case.worst is not None else None,
+            "worst_std": case.worst_std,
+            "not_determined": " ".join(one.name for one in case.unidentifiable),
+        }
+
+
+def parameter_rows(study: GridStudy) -> Iterator[dict[str, _Value]]:
+    """One row for each case and parameter; nothing but names where the case does not identify it."""
+    for number, case in enumerate(study.cases, start=1):
+        for one in case.parameters:
+            yield {
+                **_place(study, number, case),
+                "parameter": one.name,
+                "unit": one.unit,
+                "status": one.status,
+                "std": one.std,
+                **{f"likelihood_{key}": getattr(one.likelihood, key, None) for key in _LIKELIHOOD_ERRORS},
+                **{f"midpoint_{key}": getattr(one.midpoint, key, None) for key in _RUN_ERRORS},
+            }
+
+
+def _place(study: GridStudy, number: int, case: GridCase) -> dict[str, _Value]:
+    """Columns that say which case it is; axes are numbered, so that no key hides another column."""
+    named = enumerate(zip(study.axes, case.at, strict=True), start=1)
+    return {"case": number, **{f"axis{k}_{shown(axis.key)}": axis.values[i] for k, (axis, i) in named}}
