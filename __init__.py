@@ -12,8 +12,11 @@ if TYPE_CHECKING:
     from .analysis.posterior.posterior import Draws
     from .analysis.result import Result
     from .model.errors import BadInput, FitFailed, RigFault, ZerobeamError
+    from .model.files.arrays import Laser, Noise, Probe
     from .model.files.plan import Plan, read_plan
+    from .model.files.robot_file import load_robot
     from .model.files.run import Run, read_run
+    from .model.robot import Robot
     from .reports.run.folder import write_report
 
 __version__ = "0.1.0"
@@ -23,14 +26,19 @@ __all__ = [
     "Check",
     "Draws",
     "FitFailed",
+    "Laser",
+    "Noise",
     "Plan",
+    "Probe",
     "Result",
     "RigFault",
+    "Robot",
     "Run",
     "ZerobeamError",
     "__version__",
     "analyse",
     "check",
+    "load_robot",
     "read_plan",
     "read_run",
     "write_report",
@@ -41,13 +49,18 @@ _HOME = {
     "Check": "analysis.observability.check",
     "Draws": "analysis.posterior.posterior",
     "FitFailed": "model.errors",
+    "Laser": "model.files.arrays",
+    "Noise": "model.files.arrays",
     "Plan": "model.files.plan",
+    "Probe": "model.files.arrays",
     "Result": "analysis.result",
     "RigFault": "model.errors",
+    "Robot": "model.robot",
     "Run": "model.files.run",
     "ZerobeamError": "model.errors",
     "analyse": "analysis.analyse",
     "check": "analysis.observability.check",
+    "load_robot": "model.files.robot_file",
     "read_plan": "model.files.plan",
     "read_run": "model.files.run",
     "write_report": "reports.run.folder",

@@ -264,25 +264,26 @@ def compare(
 ) -> None:
     """Do repeated runs agree? Their scatter against the prediction, drift, and the run that is odd."""
     from ..analysis.repeatability.compare import compare as compare_runs
-    from ..reports.repeatability.compare_view import check_target, write_comparison
-    from ..reports.repeatability.terminal_compare import print_comparison
+    from ..reports.repeatability.comparison_folder import check_target, write_comparison
+    from ..reports.repeatability.comparison_json import comparison_json
+    from ..reports.repeatability.comparison_page import print_comparison
 
     if folder is not None:
         check_target(folder)
     with progress("compare") as told:
-        answer = compare_runs(runs, seed=seed, progress=told)
+        found = compare_runs(runs, seed=seed, progress=told)
         if folder is not None:
             told("writing", 1.0)
-            paths = write_comparison(folder, answer)
+            paths = write_comparison(folder, found)
     if as_json:
-        print_json(answer)
+        print_json(comparison_json(found))
     else:
-        print_comparison(out, answer)
+        print_comparison(out, found)
         if folder is not None:
             out.print(f"Comparison: {paths.html}", soft_wrap=True, markup=False)
-    if answer["failed"]:
+    if found.failed:
         raise typer.Exit(FAULT)
-    raise typer.Exit(0 if answer["verdict"] == "agrees" else 1)
+    raise typer.Exit(0 if found.verdict == "agrees" else 1)
 
 
 def schema(

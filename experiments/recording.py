@@ -14,7 +14,8 @@ from ..model.files.header import Header
 from ..model.files.journal import RunJournal
 from ..model.files.plan import Plan
 from ..model.files.robot_file import rebased
-from ..model.files.run import Shot, read_run
+from ..model.files.run import read_run
+from ..model.files.shot import Shot
 from ..reports.words.findings import finding_sentence, headline
 from .procedure.order import Adaptive, Closing, InTurn, Order
 from .procedure.session import Carried, Procedure, Told, recorded_event, told_by

@@ -11,7 +11,7 @@ from ..model.files.header import RUN_SCHEMA, Header
 from ..model.files.plan import PlanFile
 from ..model.files.reading import did_you_mean
 from ..model.files.robot_file import RobotFile
-from ..model.files.run import Shot
+from ..model.files.shot import Shot
 from .plans.obstacles import Obstacles
 from .rigs.simulated.cell_file import Cell
 from .sensors.counts import PsdCalibration

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..analysis.observability.aim import aim, servo_joints
 from ..model.errors import RigFault
 from ..model.files.plan import Plan
-from ..model.files.run import Shot
+from ..model.files.shot import Shot
 from ..model.problem import Problem
 from ..model.robot import Matrix
 

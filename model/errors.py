@@ -15,7 +15,8 @@ class BadInput(ZerobeamError):
     """A file, an option or a value that cannot be used.
 
     The message has one line a fact: where and what is wrong, what was found, what is allowed,
-    what to do. `file` and `line` (counted from 1) say where, if the input came from a file.
+    what to do. `file` and `line` (counted from 1) say where, if the input came from a file;
+    `argument` does, if it came from a call in Python.
     """
 
     def __init__(
@@ -27,6 +28,7 @@ class BadInput(ZerobeamError):
         remedy: str | None = None,
         file: Path | str | None = None,
         line: int | None = None,
+        argument: str | None = None,
     ) -> None:
         self.what = what
         self.found = found
@@ -34,14 +36,23 @@ class BadInput(ZerobeamError):
         self.remedy = remedy
         self.file = None if file is None else str(file)
         self.line = line
+        self.argument = argument
         super().__init__(self._message())
 
     def at(self, file: Path | str, line: int | None) -> BadInput:
         """The same error, said to stand in `file` at `line` unless it has a place already."""
-        if self.file is not None:
+        if self.file is not None or self.argument is not None:
             return self
         return BadInput(
             self.what, found=self.found, allowed=self.allowed, remedy=self.remedy, file=file, line=line
+        )
+
+    def of_argument(self, argument: str) -> BadInput:
+        """The same error, said to be in an argument unless it has a place already."""
+        if self.file is not None or self.argument is not None:
+            return self
+        return BadInput(
+            self.what, found=self.found, allowed=self.allowed, remedy=self.remedy, argument=argument
         )
 
     def _message(self) -> str:
@@ -49,6 +60,8 @@ class BadInput(ZerobeamError):
         if self.file is not None:
             where = self.file if self.line is None else f"{self.file}, line {self.line}"
             where += ": "
+        elif self.argument is not None:
+            where = f"argument {self.argument}: "
         parts = [f"{where}{self.what}"]
         if self.found is not None:
             parts.append(f"  found:   {self.found}")

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .errors import BadInput
 from .robot import Matrix, Robot
 
 if TYPE_CHECKING:
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Noise:
+class NoiseModel:
     """Standard deviations of one reading: `joint` (n,) rad or mm, `spot` mm.
 
     With `estimated` they are right up to one common factor, which is integrated out; with `separate` up to
@@ -29,29 +28,14 @@ class Noise:
     separate: bool = False
 
     @classmethod
-    def from_header(cls, header: Header, robot: Robot) -> Noise:
+    def from_header(cls, header: Header, robot: Robot) -> NoiseModel:
+        """Of what the header states; BadInput if that does not suit the robot."""
         stated = header.noise
-        if isinstance(stated.joint_deg, tuple | list):
-            joint = np.array(stated.joint_deg, dtype=float)
-            if joint.shape != (robot.n,):
-                raise BadInput(
-                    "noise.joint_deg has the wrong number of values",
-                    found=f"{joint.size} values",
-                    allowed=f"one number, or {robot.n} numbers ({robot.name} has {robot.n} joints)",
-                )
-        else:
-            if stated.joint_mm is None and any(j.kind == "prismatic" for j in robot.joints):
-                raise BadInput(
-                    "noise.joint_mm is missing",
-                    found=f"{robot.name} has prismatic joints, whose noise is in mm",
-                    remedy="add noise.joint_mm, the standard deviation of one reading in mm",
-                )
-            joint = np.array(
-                [stated.joint_deg if j.kind == "revolute" else stated.joint_mm for j in robot.joints],
-                dtype=float,
-            )
         return cls(
-            joint / robot.display, stated.spot_mm, stated.scale == "estimated", stated.scale == "separate"
+            stated.of_joints(robot),
+            stated.spot_mm,
+            stated.scale == "estimated",
+            stated.scale == "separate",
         )
 
     @property

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import BadInput
-from .noise import Noise
+from .noise import NoiseModel
 from .robot import Matrix, Robot
 from .tool import Tool
 
@@ -101,7 +101,7 @@ class Parameters:
 
     @classmethod
     def build(
-        cls, robot: Robot, tool: Tool, noise: Noise, header: Header, targets: Sequence[str]
+        cls, robot: Robot, tool: Tool, noise: NoiseModel, header: Header, targets: Sequence[str]
     ) -> Parameters:
         """Name every unknown of these shots; raises BadInput for a held name that is none of them."""
         items = [

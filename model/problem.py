@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 
 from .constraint import ShotFunctions, shot_functions
 from .errors import BadInput
-from .files.run import Run, check_distances
+from .files.run import Run
+from .files.shot import check_distances
 from .kernel import Index
-from .noise import Noise
+from .noise import NoiseModel
 from .parameters import Parameters
 from .robot import Matrix, Robot
 from .tool import Tool
@@ -72,7 +73,7 @@ class Problem:
 
     robot: Robot
     tool: Tool
-    noise: Noise
+    noise: NoiseModel
     parameters: Parameters
     functions: ShotFunctions
     joints: Matrix
@@ -94,7 +95,7 @@ class Problem:
         shot_numbers: Sequence[int] | None = None,
     ) -> Problem:
         """From a header and recorded (or planned) shots; `targets` names the target of each shot."""
-        tool, noise = Tool.from_header(header), Noise.from_header(header, robot)
+        tool, noise = Tool.from_header(header), NoiseModel.from_header(header, robot)
         names = tuple(dict.fromkeys(targets))
         return cls(
             robot=robot,
@@ -147,7 +148,7 @@ class Problem:
         if not self.noise.separate:
             return replace(self, noise=replace(self.noise, estimated=False)), x
         variances = self.variances(x)
-        noise = Noise(np.sqrt(variances[:-1]), float(np.sqrt(variances[-1])), estimated=False)
+        noise = NoiseModel(np.sqrt(variances[:-1]), float(np.sqrt(variances[-1])), estimated=False)
         parameters, functions = self.parameters.without("noise"), shot_functions(self.robot, self.tool)
         problem = replace(self, noise=noise, parameters=parameters, functions=functions)
         return problem, x[~self.parameters.group("noise")]

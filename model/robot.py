@@ -10,11 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import BadInput
 
 Matrix = NDArray[np.float64]
 JointKind = Literal["revolute", "prismatic"]
@@ -46,13 +49,35 @@ class Joint:
         return "deg" if self.kind == "revolute" else "mm"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Robot:
-    """A serial arm of n joints from base to flange."""
+    """A serial arm of n joints from base to flange, with nominal geometry.
+
+    Parameters
+    ----------
+    name
+        What reports call it.
+    joints
+        The n joints, joint 1 first.
+    flange
+        (4, 4) from the last joint's frame, after its motion, to the flange, mm.
+
+    Examples
+    --------
+    >>> import numpy as np, zerobeam as zb
+    >>> robot = zb.load_robot("irb1600")
+    >>> robot.fk(np.zeros(6))[:3, 3].round(1)
+    array([ 750. ,    0. , 1186.5])
+    >>> robot.jacobian(np.zeros((5, 6))).shape
+    (5, 6, 6)
+    """
 
     name: str
     joints: tuple[Joint, ...]
     flange: Matrix
+
+    def __repr__(self) -> str:
+        return f"<Robot {self.name}: {self.n} joint{'' if self.n == 1 else 's'}>"
 
     @property
     def n(self) -> int:
@@ -70,6 +95,93 @@ class Robot:
     def display(self) -> Matrix:
         """(n,) degrees per radian for revolute joints, 1 for prismatic ones."""
         return np.array([joint.display for joint in self.joints])
+
+    def fk(self, q: ArrayLike, unit: Literal["deg", "rad"] = "deg") -> Matrix:
+        """Forward kinematics: the flange's pose in the base frame (eq. 1 and 4 of the paper).
+
+        Parameters
+        ----------
+        q
+            (..., n) joint positions; those of prismatic joints in mm whatever the unit.
+        unit
+            Of the revolute joints: "deg" or "rad".
+
+        Returns
+        -------
+        ndarray
+            (..., 4, 4) homogeneous transforms, translations in mm.
+
+        Raises
+        ------
+        BadInput
+            `q` has another number of joints or is not finite, or the unit is unknown.
+        """
+        return self._kinematics(q, unit)[0]
+
+    def jacobian(self, q: ArrayLike, unit: Literal["deg", "rad"] = "deg") -> Matrix:
+        """The flange's geometric Jacobian in the base frame, exact.
+
+        Parameters
+        ----------
+        q
+            (..., n) joint positions as for `fk`.
+        unit
+            Of the revolute joints in `q`; the Jacobian is by radians and mm for either.
+
+        Returns
+        -------
+        ndarray
+            (..., 6, n). Rows 0 to 2 are the translation of the flange's origin, mm per rad (of a prismatic
+            joint mm per mm); rows 3 to 5 its rotation, rad per rad (0 of a prismatic joint).
+
+        Raises
+        ------
+        BadInput
+            As `fk`.
+        """
+        return self._kinematics(q, unit)[1]
+
+    def _kinematics(self, q: ArrayLike, unit: str) -> tuple[Matrix, Matrix]:
+        """(..., 4, 4) pose and (..., 6, n) Jacobian."""
+        if unit not in ("deg", "rad"):
+            raise BadInput(
+                "there is no such unit", found=repr(unit), allowed="'deg' or 'rad'", argument="unit"
+            )
+        wanted = f"finite numbers of shape (..., {self.n}): {self.name} has {self.n} joints"
+        try:
+            joints = np.asarray(q, dtype=float)
+        except (TypeError, ValueError):
+            raise BadInput(
+                "this is not an array of numbers", found=type(q).__name__, allowed=wanted, argument="q"
+            ) from None
+        if joints.ndim == 0 or joints.shape[-1] != self.n:
+            raise BadInput("the array has the wrong shape", found=joints.shape, allowed=wanted, argument="q")
+        if not np.isfinite(joints).all():
+            raise BadInput("a joint position is not finite", allowed=wanted, argument="q")
+        if unit == "deg":
+            joints = joints / self.display
+        batch, rows = joints.shape[:-1], joints.reshape(-1, self.n)
+        pose, jacobian = np.zeros((len(rows), 4, 4)), np.zeros((len(rows), 6, self.n))
+        if len(rows):
+            # A matrix of columns in gives matrices side by side out.
+            upper, motion = self._pose_and_jacobian.map(len(rows))(rows.T)
+            pose[:, :3] = upper.full().reshape(3, -1, 4).transpose(1, 0, 2)
+            jacobian[:] = motion.full().reshape(6, -1, self.n).transpose(1, 0, 2)
+        pose[:, 3, 3] = 1.0
+        return pose.reshape(*batch, 4, 4), jacobian.reshape(*batch, 6, self.n)
+
+    @cached_property
+    def _pose_and_jacobian(self) -> ca.Function:
+        theta = ca.SX.sym("theta", self.n)
+        rotation, translation, origins, axes = self._chain(theta)
+        columns = [
+            ca.vertcat(ca.cross(axis, translation - origin), axis)
+            if joint.kind == "revolute"
+            else ca.vertcat(axis, ca.SX.zeros(3))
+            for joint, origin, axis in zip(self.joints, origins, axes, strict=True)
+        ]
+        outputs = [ca.densify(ca.horzcat(rotation, translation)), ca.densify(ca.horzcat(*columns))]
+        return ca.Function("pose", [theta], ca.cse(outputs), ["theta"], ["pose", "jacobian"])
 
     def flange_pose(self, theta: ca.SX) -> tuple[ca.SX, ca.SX]:
         """R (3, 3) and t (3, 1) mm of the flange in the base frame at the true joint positions (eq. 4).

@@ -1,97 +1,207 @@
-"""Do repeated runs agree? Their scatter against what each run predicts, drift, and the one that is odd."""
+"""Do repeated runs agree? Their scatter against what each run predicts, drift, and an outlying run."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import compress
 from pathlib import Path
-from typing import Any
+from typing import Literal, TypeVar
 
 import numpy as np
 
 from ...model.robot import Matrix
-from ...reports.words.wording import listed
-from ..status import versions
-from .consistency import LEVEL, Sample, against_others, consistency, holm, mean_of, of_a_std, one_offset
-from .repeats import Kind, Progress, Repeat, read_repeats, times
+from ..status import UnsoundResult, versions
+from .consistency import (
+    AgainstOthers,
+    Consistency,
+    Drift,
+    Mean,
+    Sample,
+    Scatter,
+    against_others,
+    consistency,
+    drift,
+    holm,
+    mean_of,
+    scatter,
+)
+from .repeat import Kind, Repeat, RepeatStatus, RunFinding
+from .repeats import Progress, read_repeats, times
 
-Json = dict[str, Any]
+Question = Literal["consistency", "offsets", "odd", "drift"]
+Agreement = Literal["agrees", "does not agree", "not tested"]
 
-SCHEMA = "zerobeam/compare/1"
+Adjustable = Consistency | Drift | AgainstOthers
+Row = TypeVar("Row", Consistency, Drift, AgainstOthers)
+
 CHANCE = 0.01  # of a false alarm over all questions together
 
 
-def compare(paths: Sequence[Path], *, seed: int = 0, progress: Progress | None = None) -> Json:
-    """The answer (`zerobeam/compare/1`, see docs/compare.md) on repeated runs: two run files or results at
-    least, or one table of published offsets.
+@dataclass(frozen=True)
+class ComparedOffset:
+    """One offset over the `runs` that determine it; without two of them the rest is None.
+
+    `predicted_std` is the root mean square of the runs' standard uncertainties; it and `test` are None where
+    nothing is predicted.
+    """
+
+    name: str
+    unit: str
+    runs: int
+    mean: Mean | None
+    scatter: Scatter | None
+    predicted_std: float | None
+    test: Consistency | None
+    drift: Drift | None
+
+
+@dataclass(frozen=True)
+class OffsetOfRun:
+    """One offset of one run without any prior, `std` as predicted; raises UnsoundResult for a number of what
+    the run does not determine."""
+
+    name: str
+    unit: str
+    status: RepeatStatus
+    estimate: float | None
+    std: float | None
+
+    def __post_init__(self) -> None:
+        claimed = self.estimate is not None or self.std is not None
+        if claimed and self.status not in ("identified", "weak", "stated"):
+            raise UnsoundResult(f"{self.name!r} of a run is {self.status}, but has numbers")
+
+
+@dataclass(frozen=True)
+class ComparedRun:
+    """One run: `at` is hours from the first or its number, `odd` the test against the others. `failure` is
+    why its fit did not converge: then it has no numbers."""
+
+    name: str
+    sha256: str | None
+    robot: str | None
+    shots: int | None
+    when: str | None
+    at: float
+    failure: str | None
+    odd: AgainstOthers | None
+    offsets: tuple[OffsetOfRun, ...]
+    findings: tuple[RunFinding, ...]
+
+    @property
+    def undetermined(self) -> list[str]:
+        """Names of the free offsets that the run does not determine."""
+        return [own.name for own in self.offsets if own.status == "unidentifiable" and self.failure is None]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The answer to `zerobeam compare`, in units that people read.
+
+    `differing` and `drifting` are names of offsets, `odd_run` of the run that alone disagrees. `asked` are
+    the questions that could be asked; runs are in the order of time if `by_time`, else as given.
+    """
+
+    kind: Kind
+    verdict: Agreement
+    odd_run: str | None
+    differing: tuple[str, ...]
+    drifting: tuple[str, ...]
+    consistency: Consistency | None
+    offsets: tuple[ComparedOffset, ...]
+    runs: tuple[ComparedRun, ...]
+    held: tuple[str, ...]
+    noise_estimated: bool
+    asked: tuple[Question, ...]
+    by_time: bool
+    seed: int
+    versions: dict[str, str]
+
+    @property
+    def failed(self) -> list[str]:
+        """Names of the runs whose fit did not converge."""
+        return [run.name for run in self.runs if run.failure is not None]
+
+    @property
+    def used(self) -> int:
+        """How many runs are compared."""
+        return len(self.runs) - len(self.failed)
+
+
+def compare(paths: Sequence[Path | str], *, seed: int = 0, progress: Progress | None = None) -> Comparison:
+    """Compare repeated runs: two run files or results at least, or one table of published offsets (see
+    docs/compare.md).
 
     Raises BadInput for files that cannot be used or runs that cannot be compared. A run whose fit did not
     converge is named under `failed` and has no numbers.
     """
-    kind, repeats = read_repeats(paths, seed, progress or (lambda stage, share: None))
+    kind, repeats = read_repeats(
+        [Path(path) for path in paths], seed, progress or (lambda stage, share: None)
+    )
     return compared(kind, repeats, seed)
 
 
-def compared(kind: Kind, repeats: Sequence[Repeat], seed: int) -> Json:
+def compared(kind: Kind, repeats: Sequence[Repeat], seed: int) -> Comparison:
     """The same of runs that have been read."""
     repeats, at, by_time = _in_order(repeats)
+    names, units = repeats[0].names, repeats[0].units
     used = [r for r, repeat in enumerate(repeats) if repeat.failure is None]
-    sample = _sample([repeats[r] for r in used], at[used], len(repeats[0].names))
+    sample = sample_of([repeats[r] for r in used], at[used], len(names))
+    each = [sample.offset(i) for i in range(len(names))]
     whole = consistency(sample)
-    offsets = [
-        {"name": name, "unit": unit, **one_offset(sample.offset(i))}
-        for i, (name, unit) in enumerate(zip(repeats[0].names, repeats[0].units, strict=True))
-    ]
-    odd = dict(zip(used, (against_others(sample, k) for k in range(len(used))), strict=True))
-    chances = {
-        "consistency": [whole] if whole else [],
-        "offsets": holm([row for row in offsets if row["p_value"] is not None]),
-        "odd": holm([own for own in odd.values() if own]),
-        "drift": holm([row["drift"] for row in offsets if row["drift"]]),
+    tests = _adjusted([consistency(own) if len(own.values) else None for own in each])
+    drifts = _adjusted([drift(own) for own in each])
+    odd = _adjusted([against_others(sample, k) for k in range(len(used))])
+    answers: dict[Question, Sequence[Adjustable | None]] = {
+        "consistency": [whole],
+        "offsets": tests,
+        "odd": odd,
+        "drift": drifts,
     }
-    asked = [question for question, rows in chances.items() if rows]
+    asked = tuple(question for question, rows in answers.items() if any(rows))
     bound = CHANCE / max(len(asked), 1)
-    found = {question: [row for row in chances[question] if row["p_holm"] < bound] for question in asked}
-    verdict = "not tested"
-    if any(found.values()):
-        verdict = "does not agree"
-    elif whole or chances["offsets"]:
-        verdict = "agrees"
-    for i, row in enumerate(offsets):
-        row.update(mean_of(sample, i, verdict == "agrees"))
-    answer: Json = {
-        "schema": SCHEMA,
-        "kind": kind,
-        "verdict": verdict,
-        "headline": "",
-        "odd_run": None,
-        "differing": [row["name"] for row in offsets if row in found.get("offsets", [])],
-        "drifting": [row["name"] for row in offsets if row["drift"] in found.get("drift", [])],
-        "consistency": whole,
-        "offsets": offsets,
-        "runs": [
-            _run(repeat, float(at[r]), _factor(repeats), odd.get(r)) for r, repeat in enumerate(repeats)
-        ],
-        "held": list(repeats[0].held),
-        "failed": [repeat.name for repeat in repeats if repeat.failure is not None],
-        "settings": {
-            "seed": seed,
-            "level": LEVEL,
-            "chance": CHANCE,
-            "asked": asked,
-            "order": "time" if by_time else "given",
-            "at_unit": "h" if by_time else "run",
-        },
-        "versions": versions(),
+    found = {
+        question: [row is not None and row.p_holm < bound for row in rows]
+        for question, rows in answers.items()
     }
-    if found.get("odd"):
-        # Where the others disagree without it as well, no one run is to blame.
-        worst = min((own["p_value"], r) for r, own in odd.items() if own)[1]
-        rest = consistency(sample.without(used.index(worst)))
-        if rest is None or rest["p_value"] >= bound:
-            answer["odd_run"] = repeats[worst].name
-    answer["headline"] = _headline(answer)
-    answer["notes"] = list(_notes(answer, repeats))
-    return answer
+    verdict: Agreement = "not tested"
+    if any(map(any, found.values())):
+        verdict = "does not agree"
+    elif whole or any(tests):
+        verdict = "agrees"
+    outlier = _outlier(sample, odd, bound) if any(found["odd"]) else None
+    of_run = dict(zip(used, odd, strict=True))
+    return Comparison(
+        kind=kind,
+        verdict=verdict,
+        odd_run=None if outlier is None else repeats[used[outlier]].name,
+        differing=tuple(compress(names, found["offsets"])),
+        drifting=tuple(compress(names, found["drift"])),
+        consistency=whole,
+        offsets=tuple(
+            ComparedOffset(
+                name=names[i],
+                unit=units[i],
+                runs=len(own.values),
+                mean=mean_of(sample, i, verdict == "agrees"),
+                scatter=scatter(own),
+                predicted_std=None if tests[i] is None else own.predicted_std,
+                test=tests[i],
+                drift=drifts[i],
+            )
+            for i, own in enumerate(each)
+        ),
+        runs=tuple(
+            _run(repeat, float(at[r]), _factor(repeats), of_run.get(r)) for r, repeat in enumerate(repeats)
+        ),
+        held=repeats[0].held,
+        noise_estimated=any(repeat.noise_dof is not None for repeat in repeats),
+        asked=asked,
+        by_time=by_time,
+        seed=seed,
+        versions=versions(),
+    )
 
 
 def _in_order(repeats: Sequence[Repeat]) -> tuple[Sequence[Repeat], Matrix, bool]:
@@ -105,8 +215,8 @@ def _in_order(repeats: Sequence[Repeat]) -> tuple[Sequence[Repeat], Matrix, bool
 
 
 def _factor(repeats: Sequence[Repeat]) -> float:
-    """The noise over the stated one that all runs tell together (its square is averaged by their spare
-    numbers); 1 where the noise is known."""
+    """The noise over the stated one by all runs together (its square averaged by their degrees of freedom);
+    1 where the noise is known."""
     estimated = [repeat for repeat in repeats if repeat.noise_dof is not None and repeat.failure is None]
     if not estimated:
         return 1.0
@@ -114,151 +224,57 @@ def _factor(repeats: Sequence[Repeat]) -> float:
     return float(np.sqrt(np.average([repeat.noise_scale**2 for repeat in estimated], weights=dof)))
 
 
-def _sample(repeats: Sequence[Repeat], at: Matrix, size: int) -> Sample:
-    """Of all offsets; one that fewer than two runs tell is compared in none."""
+def sample_of(repeats: Sequence[Repeat], at: Matrix, size: int) -> Sample:
+    """The sample of `size` offsets of runs that have numbers; an offset that fewer than two of them determine
+    is compared in none."""
     values = np.array([repeat.value for repeat in repeats]).reshape(-1, size)
     values[:, np.isfinite(values).sum(axis=0) < 2] = np.nan
     known = [repeat.covariance for repeat in repeats if repeat.covariance is not None]
     covariances = np.array(known) * _factor(repeats) ** 2 if len(known) >= 2 else None
-    if any(map(_lost, repeats)):
-        # Then the misses are far from linear, and what is predicted of the others varies from run to run.
+    if any("unidentifiable" in repeat.status for repeat in repeats):
+        # Then the residuals are far from linear, and what is predicted of the others varies from run to run.
         covariances = None
     dof = [repeat.noise_dof for repeat in repeats if repeat.noise_dof is not None]
     joint = all(repeat.joint for repeat in repeats)
     return Sample(values, covariances, joint, sum(dof) if dof else None, at)
 
 
-def _lost(repeat: Repeat) -> list[str]:
-    """The free offsets that a run does not determine."""
-    named = zip(repeat.names, repeat.status, strict=True)
-    return [name for name, status in named if status == "unidentifiable" and repeat.failure is None]
+def _adjusted(rows: Sequence[Row | None]) -> list[Row | None]:
+    """The rows with their p-values adjusted for how many they are."""
+    p_holm = iter(holm([row.p_value for row in rows if row is not None]))
+    return [None if row is None else replace(row, p_holm=next(p_holm)) for row in rows]
 
 
-def _run(repeat: Repeat, at: float, factor: float, odd: Json | None) -> Json:
+def _outlier(sample: Sample, odd: Sequence[AgainstOthers | None], bound: float) -> int | None:
+    """The run that is farthest from the others; None where they disagree without it as well."""
+    worst = min((own.p_value, k) for k, own in enumerate(odd) if own is not None)[1]
+    rest = consistency(sample.without(worst))
+    return worst if rest is None or rest.p_value >= bound else None
+
+
+def _run(repeat: Repeat, at: float, factor: float, odd: AgainstOthers | None) -> ComparedRun:
     std = np.full(len(repeat.names), np.nan)
     if repeat.covariance is not None:
         std = factor * np.sqrt(np.diag(repeat.covariance))
     rows = zip(repeat.names, repeat.units, repeat.status, repeat.value.tolist(), std.tolist(), strict=True)
-    return {
-        "name": repeat.name,
-        "sha256": repeat.sha256,
-        "robot": repeat.robot,
-        "shots": repeat.shots,
-        "when": repeat.when,
-        "at": at,
-        "failure": repeat.failure,
-        "odd": odd,
-        "offsets": [
-            {
-                "name": name,
-                "unit": unit,
-                "status": status,
-                "estimate": value if np.isfinite(value) else None,
-                "std": own if np.isfinite(value + own) else None,
-            }
-            for name, unit, status, value, own in rows
-        ],
-    }
-
-
-# ── in words ──────────────────────────────────────────────────────────────────────────────────
-
-
-def _headline(answer: Json) -> str:
-    runs, whole, verdict = answer["runs"], answer["consistency"], answer["verdict"]
-    used = len(runs) - len(answer["failed"])
-    if used < 2 or not any(row["runs"] for row in answer["offsets"]):
-        return "There are no two runs that tell the same offset: nothing is compared."
-    if verdict == "not tested":
-        return (
-            f"How far the {used} runs scatter is told, but not whether they agree: there is no uncertainty to"
-            " rely on that the scatter could be compared with."
-        )
-    said = []
-    if whole:
-        said.append(
-            f"the {used} runs scatter {whole['ratio']:.2g} times as much as predicted"
-            f" (p = {whole['p_value']:.1g})"
-        )
-    elif verdict == "agrees":
-        said.append(f"each offset of the {used} runs scatters as predicted")
-    if answer["odd_run"] is not None:
-        said.append(f"{answer['odd_run']} is the odd one{', the others agree without it' if whole else ''}")
-    for names, verb, how in (
-        (answer["differing"], "scatter", " more than predicted"),
-        (answer["drifting"], "drift", ""),
-    ):
-        if names:
-            said.append(f"{listed(names)} {verb}{'s' if len(names) == 1 else ''}{how}")
-    if not said:
-        said.append("a run is odd, but which one cannot be told")
-    told = "; ".join(said)
-    return f"{told[0].upper()}{told[1:]}."
-
-
-def _notes(answer: Json, repeats: Sequence[Repeat]) -> Iterator[str]:
-    for repeat in repeats:
-        if repeat.failure is not None:
-            yield f"{repeat.name} is not compared: {repeat.failure}"
-        if lost := _lost(repeat):
-            yield (
-                f"{repeat.name} does not determine {listed(lost)}: then what it predicts of its other offsets"
-                " cannot be relied on either, and the runs are compared by their scatter alone. Leave it out"
-                " to test the others"
+    return ComparedRun(
+        name=repeat.name,
+        sha256=repeat.sha256,
+        robot=repeat.robot,
+        shots=repeat.shots,
+        when=repeat.when,
+        at=at,
+        failure=repeat.failure,
+        odd=odd,
+        offsets=tuple(
+            OffsetOfRun(
+                name=name,
+                unit=unit,
+                status=status,
+                estimate=value if np.isfinite(value) else None,
+                std=own if np.isfinite(value + own) else None,
             )
-        yield from (f"{repeat.name}: {sentence}" for sentence in repeat.sentences)
-    rows, whole = answer["offsets"], answer["consistency"]
-    if apart := [row["name"] for row in rows if not row["runs"]]:
-        yield f"Not compared: {listed(apart)}. It takes two runs that tell an offset"
-    if weak := sorted(
-        {own["name"] for run in answer["runs"] for own in run["offsets"] if own["status"] == "weak"}
-    ):
-        yield (
-            f"Weakly told in a run or more: {listed(weak)}. What its prior adds to an estimate is taken out"
-            " again, to first order"
-        )
-    if whole and whole["ratio_interval95"][1] < 1:
-        yield (
-            f"The runs scatter less than predicted ({whole['ratio']:.2g} times): the noise may be overstated,"
-            " or part of it is the same in all runs"
-        )
-    drifts = [row for row in rows if row["drift"] and row["drift"]["p_holm"] < 1 - LEVEL]
-    if drifts and not answer["drifting"]:
-        row = min(drifts, key=lambda row: float(row["drift"]["p_value"]))
-        yield (
-            f"A hint, no more: {row['name']} changes by {row['drift']['slope']:.2g} {row['unit']} a"
-            f" {'run' if answer['settings']['at_unit'] == 'run' else 'hour'}, nearly in line"
-            f" (p = {row['drift']['p_holm']:.2g} among all offsets)"
-        )
-    if answer["kind"] == "table":
-        yield from _on_a_table(rows)
-    if answer["kind"] == "results":
-        yield (
-            "Result files hold no covariance between offsets: each offset is tested on its own, and their"
-            " p-values are corrected for their number (Holm). Run files are tested as a whole"
-        )
-    if any(repeat.noise_dof is not None for repeat in repeats):
-        yield (
-            "The noise is estimated: one factor on the stated noise is taken for all runs together, and the"
-            " tests are F instead of chi-squared"
-        )
-    if len(repeats) - len(answer["failed"]) == 2:
-        yield "Two runs cannot show a drift, nor which of them is the odd one: a third would"
-    yield (
-        "What is the same in all runs does not show in their scatter: errors of the arm's geometry, play that"
-        " is always taken up from one side, a laser that is mounted askew"
-    )
-
-
-def _on_a_table(rows: list[Json]) -> Iterator[str]:
-    count = max(row["runs"] for row in rows)
-    if count >= 2:
-        low, high = of_a_std(count - 1)
-        yield (
-            f"{count} runs tell a standard deviation only to between {low:.2g} and {high:.2g} times the one"
-            " that they show"
-        )
-    yield (
-        "Which noise would make runs scatter so depends on their postures, which a table does not tell: give"
-        " run files, or see zerobeam study table2, which asks that of the paper's Table 2"
+            for name, unit, status, value, own in rows
+        ),
+        findings=repeat.findings,
     )

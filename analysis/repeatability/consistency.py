@@ -1,15 +1,16 @@
-"""How far runs scatter, and how far they should: the tests that `compare` asks of a sample of runs.
+"""How far runs scatter, and how far they should: the tests that `compare` makes of a sample of runs.
 
 The mean of runs with covariances C_r is Aitken's, and the sum of squares about it, sum (x_r - m)' C_r^-1
-(x_r - m), is chi-squared. Where the noise is estimated, C_r is known up to one factor that all runs tell
-together, and what was chi-squared is F. Units are those that people read: degrees, millimetres.
+(x_r - m), is chi-squared. Where the noise is estimated, C_r is known up to one factor common to all runs, and
+what was chi-squared is F. Units are those that people read: degrees, millimetres.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,21 +18,77 @@ from scipy import stats
 
 from ...model.robot import Matrix
 
-Json = dict[str, Any]
+Interval = tuple[float, float]
 
 LEVEL = 0.95
 _EXACT = 1e-9  # a line that leaves less of the scatter than this share is one by rounding
 
 
-def of_a_std(dof: int) -> Matrix:
-    """(2,) by how much the ends of the interval of a std from `dof` degrees of freedom differ from it."""
-    return np.asarray(np.sqrt(dof / stats.chi2.ppf([(1 + LEVEL) / 2, (1 - LEVEL) / 2], dof)))
+def of_a_std(dof: int) -> Interval:
+    """The ends of the 95 % interval of a std from `dof` degrees of freedom, over that std (chi-squared)."""
+    low, high = np.sqrt(dof / stats.chi2.ppf([(1 + LEVEL) / 2, (1 - LEVEL) / 2], dof))
+    return float(low), float(high)
+
+
+@dataclass(frozen=True)
+class Consistency:
+    """Observed against predicted scatter: the sum of squares `chi2` in what is predicted, `ratio` of the stds
+    and its 95 % interval. `noise_dof` are the degrees of freedom of an estimated noise, None if it is known.
+
+    Here and below `p_holm` is the p-value adjusted for the number of questions of one kind (Holm).
+    """
+
+    chi2: float
+    dof: int
+    noise_dof: int | None
+    p_value: float
+    p_holm: float
+    ratio: float
+    ratio_interval95: Interval
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """The std of a run by the scatter of the runs, with the 95 % interval of the true one."""
+
+    std: float
+    interval95: Interval
+
+
+@dataclass(frozen=True)
+class Mean:
+    """The mean over the runs; its 95 % interval is `by` the prediction or by the scatter."""
+
+    value: float
+    interval95: Interval
+    by: Literal["prediction", "scatter"]
+
+
+@dataclass(frozen=True)
+class Drift:
+    """The slope over the runs (a unit of `at`) with its 95 % interval, and the p-value of one as large."""
+
+    slope: float
+    interval95: Interval
+    dof: int
+    p_value: float
+    p_holm: float
+
+
+@dataclass(frozen=True)
+class AgainstOthers:
+    """One run against all others; `chi2` and `dof` are None without covariances."""
+
+    chi2: float | None
+    dof: int | None
+    p_value: float
+    p_holm: float
 
 
 @dataclass(frozen=True, eq=False)
 class Common:
-    """What runs have in common: `mean` (m,) with its `covariance`; their scatter about it, in squares of what
-    is predicted, with its degrees of freedom."""
+    """The common `mean` (m,) of runs with its `covariance`; their scatter about it, in squares of what is
+    predicted, with its degrees of freedom."""
 
     mean: Matrix
     covariance: Matrix
@@ -41,11 +98,12 @@ class Common:
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """R runs of m offsets: `values` (R, m), nan where a run does not tell one; `at` (R,) hours or numbers.
+    """R runs of m offsets: `values` (R, m), nan where a run does not determine one; `at` (R,) hours or
+    numbers.
 
     `covariances` (R, m, m) are what each run predicts, None where there is no prediction to rely on; their
-    terms between offsets are known only if `joint`, and then every run tells every offset. `noise_dof` are
-    the numbers that the noise is estimated from, if it is.
+    terms between offsets are known only if `joint`, and then every run determines every offset. `noise_dof`
+    are the degrees of freedom of an estimated noise, None if it is known.
     """
 
     values: Matrix
@@ -55,24 +113,25 @@ class Sample:
     at: Matrix
 
     @cached_property
-    def told(self) -> NDArray[np.bool_]:
-        """(R, m)"""
+    def determined(self) -> NDArray[np.bool_]:
+        """(R, m) whether a run determines an offset."""
         return np.isfinite(self.values)
 
     def offset(self, i: int) -> Sample:
-        """One offset of those runs that tell it: then a variance is all there is to know."""
-        rows = self.told[:, i]
+        """One offset of those runs that determine it: then a variance is all there is to know."""
+        rows = self.determined[:, i]
         own = None if self.covariances is None else self.covariances[rows][:, i : i + 1, i : i + 1]
         return Sample(self.values[rows][:, i : i + 1], own, True, self.noise_dof, self.at[rows])
 
     def without(self, run: int) -> Sample:
+        """All runs but one, by its place."""
         rows = np.arange(len(self.values)) != run
         own = None if self.covariances is None else self.covariances[rows]
         return Sample(self.values[rows], own, self.joint, self.noise_dof, self.at[rows])
 
     @cached_property
     def common(self) -> Common:
-        """The mean weighted by the covariances (Aitken 1935), of runs that tell every offset."""
+        """The mean weighted by the covariances (Aitken 1935), of runs that determine every offset."""
         assert self.covariances is not None
         precisions = np.linalg.inv(self.covariances)
         covariance = np.linalg.inv(precisions.sum(axis=0))
@@ -82,101 +141,77 @@ class Sample:
         return Common(mean, covariance, chi2, off.size - mean.size)
 
     def p_value(self, chi2: float, dof: int) -> float:
-        """The chance of a sum of squares as large as that, if all runs scatter as predicted."""
+        """The p-value of a sum of squares, if all runs scatter as predicted."""
         if self.noise_dof is None:
             return float(stats.chi2.sf(chi2, dof))
         return float(stats.f.sf(chi2 / dof, dof, self.noise_dof))
 
-    def ratio(self, common: Common) -> tuple[float, list[float]]:
-        """Observed over predicted scatter, as stds, and the interval of the true one."""
-        tails, dof = [(1 + LEVEL) / 2, (1 - LEVEL) / 2], common.dof
-        if self.noise_dof is None:
-            by_chance = stats.chi2.ppf(tails, dof) / dof
-        else:
-            by_chance = stats.f.ppf(tails, dof, self.noise_dof)
-        square = common.chi2 / dof
-        return float(np.sqrt(square)), np.sqrt(square / by_chance).tolist()
+    @property
+    def predicted_std(self) -> float:
+        """Root mean square of the predicted stds, of one offset or all."""
+        assert self.covariances is not None
+        return float(np.sqrt(np.diagonal(self.covariances, axis1=1, axis2=2).mean()))
 
     @property
     def quantile(self) -> float:
-        """Half width of an interval by the prediction, in stds."""
+        """Coverage factor of an interval by the prediction."""
         tail = (1 + LEVEL) / 2
         return float(stats.norm.ppf(tail) if self.noise_dof is None else stats.t.ppf(tail, self.noise_dof))
 
 
-def consistency(sample: Sample) -> Json | None:
-    """All offsets of all runs against the prediction; None where there is no whole prediction."""
+def consistency(sample: Sample) -> Consistency | None:
+    """All offsets of a sample against the prediction; None where there is no whole prediction."""
     if sample.covariances is None or not sample.joint:
         return None
-    common, (ratio, interval) = sample.common, sample.ratio(sample.common)
-    p_value = sample.p_value(common.chi2, common.dof)
-    return {
-        "chi2": common.chi2,
-        "dof": common.dof,
-        "noise_dof": sample.noise_dof,
-        "p_value": p_value,
-        "p_holm": p_value,
-        "ratio": ratio,
-        "ratio_interval95": interval,
-    }
+    common, tails, dof = sample.common, [(1 + LEVEL) / 2, (1 - LEVEL) / 2], sample.common.dof
+    if sample.noise_dof is None:
+        expected = stats.chi2.ppf(tails, dof) / dof
+    else:
+        expected = stats.f.ppf(tails, dof, sample.noise_dof)
+    square = common.chi2 / dof
+    low, high = np.sqrt(square / expected)
+    p_value, ratio = sample.p_value(common.chi2, dof), float(np.sqrt(square))
+    interval = (float(low), float(high))
+    return Consistency(common.chi2, dof, sample.noise_dof, p_value, p_value, ratio, interval)
 
 
-def one_offset(own: Sample) -> Json:
-    """One offset over the runs that tell it, but for its mean; all null where it is not compared."""
+def scatter(own: Sample) -> Scatter | None:
+    """How far one offset scatters; None for fewer than two runs."""
     values = own.values[:, 0]
-    row: Json = {
-        "runs": len(values),
-        **dict.fromkeys(("std", "std_interval95", "predicted_std", "ratio", "ratio_interval95")),
-        **dict.fromkeys(("chi2", "dof", "p_value", "p_holm", "drift")),
-    }
     if len(values) < 2:
-        return row
-    dof, std = len(values) - 1, float(values.std(ddof=1))
-    row.update(std=std, std_interval95=(std * of_a_std(dof)).tolist(), drift=drift(own))
-    if own.covariances is not None:
-        ratio, interval = own.ratio(own.common)
-        row.update(
-            predicted_std=float(np.sqrt(own.covariances.mean())),
-            ratio=ratio,
-            ratio_interval95=interval,
-            chi2=own.common.chi2,
-            dof=dof,
-            p_value=own.p_value(own.common.chi2, dof),
-        )
-    return row
+        return None
+    std, (low, high) = float(values.std(ddof=1)), of_a_std(len(values) - 1)
+    return Scatter(std, (std * low, std * high))
 
 
-def mean_of(sample: Sample, i: int, as_predicted: bool) -> Json:
-    """The mean of offset i. Its interval is that of the prediction only where the runs scatter as predicted;
-    else it is from their scatter (Student's t), about the plain mean."""
+def mean_of(sample: Sample, i: int, as_predicted: bool) -> Mean | None:
+    """The mean of offset i, None where it is not compared. Its interval is that of the prediction only where
+    the runs scatter as predicted; else it is from their scatter (Student's t), about the plain mean."""
     values = sample.offset(i).values[:, 0]
     if len(values) < 2:
-        return dict.fromkeys(("mean", "mean_interval95", "mean_by"))
+        return None
     if as_predicted:
         common = (sample if sample.joint else sample.offset(i)).common
         k = i if sample.joint else 0
-        mean, half = common.mean[k], sample.quantile * np.sqrt(common.covariance[k, k])
-    else:
-        mean, count = values.mean(), len(values)
-        half = stats.t.ppf((1 + LEVEL) / 2, count - 1) * values.std(ddof=1) / np.sqrt(count)
-    return {
-        "mean": float(mean),
-        "mean_interval95": [float(mean - half), float(mean + half)],
-        "mean_by": "prediction" if as_predicted else "scatter",
-    }
+        mean, half = float(common.mean[k]), float(sample.quantile * np.sqrt(common.covariance[k, k]))
+        return Mean(mean, (mean - half, mean + half), "prediction")
+    mean, count = float(values.mean()), len(values)
+    half = float(stats.t.ppf((1 + LEVEL) / 2, count - 1) * values.std(ddof=1) / np.sqrt(count))
+    return Mean(mean, (mean - half, mean + half), "scatter")
 
 
-def drift(own: Sample) -> Json | None:
-    """The slope over time, by weights where runs differ; its interval is from the scatter about the line
-    (Student's t), so that it holds whatever was predicted. None for two runs, or without any scatter."""
-    values, weight = own.values[:, 0], np.ones(len(own.values))
+def drift(own: Sample) -> Drift | None:
+    """The slope over time of one offset, by weights where runs differ; its interval is from the scatter about
+    the line (Student's t), so that it holds whatever was predicted. None for two runs, or without scatter."""
+    values, weight, dof = own.values[:, 0], np.ones(len(own.values)), len(own.values) - 2
+    if dof < 1:
+        return None
     if own.covariances is not None:
         weight = 1 / own.covariances[:, 0, 0]
     weight = weight / weight.sum()
-    dof = len(values) - 2
     at = own.at - weight @ own.at
     spread = float(weight @ at**2)
-    if dof < 1 or spread == 0:
+    if spread == 0:
         return None
     off = values - weight @ values
     slope = float(weight @ (at * off)) / spread
@@ -185,15 +220,11 @@ def drift(own: Sample) -> Json | None:
         return None
     std = float(np.sqrt(rest / dof / spread))
     half = float(stats.t.ppf((1 + LEVEL) / 2, dof)) * std
-    return {
-        "slope": slope,
-        "interval95": [slope - half, slope + half],
-        "dof": dof,
-        "p_value": float(2 * stats.t.sf(abs(slope) / std, dof)),
-    }
+    p_value = float(2 * stats.t.sf(abs(slope) / std, dof))
+    return Drift(slope, (slope - half, slope + half), dof, p_value, p_value)
 
 
-def against_others(sample: Sample, run: int) -> Json | None:
+def against_others(sample: Sample, run: int) -> AgainstOthers | None:
     """With all covariances: what the run adds to the sum of squares, which is its distance from the mean of
     the others in what is predicted of it. Else offset by offset, Bonferroni over them."""
     if len(sample.values) < 3:
@@ -202,27 +233,29 @@ def against_others(sample: Sample, run: int) -> Json | None:
         rest = sample.without(run).common
         dof = sample.common.dof - rest.dof
         chi2 = max(sample.common.chi2 - rest.chi2, 0.0)
-        return {"chi2": chi2, "dof": dof, "p_value": sample.p_value(chi2, dof)}
-    chances = []
-    for i in np.flatnonzero(sample.told[run]):
+        p_value = sample.p_value(chi2, dof)
+        return AgainstOthers(chi2, dof, p_value, p_value)
+    p_values = []
+    for i in np.flatnonzero(sample.determined[run]):
         own = sample.offset(int(i))
-        place = int(sample.told[:run, i].sum())
+        place = int(sample.determined[:run, i].sum())
         others = own.without(place)
         if own.covariances is not None:
-            chances.append(own.p_value(max(own.common.chi2 - others.common.chi2, 0.0), 1))
+            p_values.append(own.p_value(max(own.common.chi2 - others.common.chi2, 0.0), 1))
         elif len(others.values) >= 2 and (std := float(others.values.std(ddof=1))) > 0:
             off = float(own.values[place, 0] - others.values.mean())
             t = abs(off) / (std * np.sqrt(1 + 1 / len(others.values)))
-            chances.append(float(2 * stats.t.sf(t, len(others.values) - 1)))
-    if not chances:
+            p_values.append(float(2 * stats.t.sf(t, len(others.values) - 1)))
+    if not p_values:
         return None
-    return {"chi2": None, "dof": None, "p_value": min(1.0, len(chances) * min(chances))}
+    p_value = min(1.0, len(p_values) * min(p_values))
+    return AgainstOthers(None, None, p_value, p_value)
 
 
-def holm(rows: list[Json]) -> list[Json]:
-    """The rows with `p_holm`: their p-values, raised for being the least of so many (Holm 1979)."""
-    raised = 0.0
-    for k, row in enumerate(sorted(rows, key=lambda row: float(row["p_value"]))):
-        raised = max(raised, min(1.0, (len(rows) - k) * row["p_value"]))
-        row["p_holm"] = raised
-    return rows
+def holm(p_values: Sequence[float]) -> list[float]:
+    """P-values adjusted for being the least of so many (Holm, Scand. J. Statist. 6, 1979)."""
+    raised, adjusted = 0.0, [0.0] * len(p_values)
+    for k, i in enumerate(sorted(range(len(p_values)), key=p_values.__getitem__)):
+        raised = max(raised, min(1.0, (len(p_values) - k) * p_values[i]))
+        adjusted[i] = raised
+    return adjusted

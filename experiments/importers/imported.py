@@ -14,7 +14,7 @@ from ...model.errors import BadInput
 from ...model.files.header import Header, check_header, read_header
 from ...model.files.limits import check_limits
 from ...model.files.robot_file import load_robot, rebased
-from ...model.files.run import Shot, check_distances, check_shot, unknown_targets
+from ...model.files.shot import Shot, check_distances, check_shot, unknown_targets
 from ...model.files.validation import validate
 from ...model.robot import Matrix, Robot
 

@@ -14,7 +14,8 @@ from ...analysis.observability.aim import aim, servo_joints
 from ...analysis.so_far import SoFar
 from ...model.errors import BadInput
 from ...model.files.plan import Plan
-from ...model.files.run import ENOUGH_CALIBRATED, ENOUGH_UNCALIBRATED, Shot
+from ...model.files.run import ENOUGH_CALIBRATED, ENOUGH_UNCALIBRATED
+from ...model.files.shot import Shot
 from ...model.problem import Problem
 from ...model.robot import Matrix
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-from ...model.files.run import Shot
+from ...model.files.shot import Shot
 from ...model.robot import Matrix
 from ..sensors.camera import Camera, Image
 from ..sensors.psd import Psd

@@ -19,7 +19,7 @@ from ...analysis.estimation.fit import fit_likelihood
 from ...analysis.so_far import SoFar, so_far
 from ...model.errors import RigFault
 from ...model.files.plan import Plan
-from ...model.files.run import Shot
+from ...model.files.shot import Shot
 from ...model.parameters import Parameters
 from ...model.problem import Problem
 from ...model.robot import Matrix

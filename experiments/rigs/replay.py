@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from ...analysis.observability.aim import servo_joints
 from ...model.errors import BadInput, RigFault
 from ...model.files.plan import Plan
-from ...model.files.run import Run, Shot
+from ...model.files.run import Run
+from ...model.files.shot import Shot
 from ...model.problem import Problem
 from ...model.robot import Matrix, same_arm
 from ..procedure.steering import Belief

@@ -16,7 +16,7 @@ import numpy as np
 from ...analysis.so_far import SoFar
 from ...model.errors import ZerobeamError
 from ...model.files.plan import Plan
-from ...model.files.run import Shot
+from ...model.files.shot import Shot
 from ..procedure.order import Adaptive, InTurn, Order
 from ..procedure.refusal import RefusedPosture
 from ..procedure.session import Procedure

@@ -10,16 +10,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
+import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from ..errors import BadInput
-from ..noise import Noise
-from ..robot import Robot
+from ..robot import Matrix, Robot
 from .reading import Place, read_yaml, shown
 from .validation import FileModel, as_tuple, refusal, tuple_of, validate
 
 RUN_SCHEMA: Literal["zerobeam/run/1"] = "zerobeam/run/1"
 PLAN_SCHEMA: Literal["zerobeam/plan/1"] = "zerobeam/plan/1"
+DEFAULT_TARGET = "psd"  # where no target is named anywhere
 
 
 def _name(value: object) -> object:
@@ -214,6 +215,29 @@ class StatedNoise(FileModel):
             )
         return self
 
+    def of_joints(self, robot: Robot) -> Matrix:
+        """(n,) of the joint readings, rad or mm; BadInput if what is stated does not suit the robot."""
+        if isinstance(self.joint_deg, tuple):
+            joint = np.array(self.joint_deg, dtype=float)
+            if joint.shape != (robot.n,):
+                raise BadInput(
+                    "noise.joint_deg has the wrong number of values",
+                    found=f"{joint.size} values",
+                    allowed=f"one number, or {robot.n} numbers ({robot.name} has {robot.n} joints)",
+                )
+        else:
+            if self.joint_mm is None and any(j.kind == "prismatic" for j in robot.joints):
+                raise BadInput(
+                    "noise.joint_mm is missing",
+                    found=f"{robot.name} has prismatic joints, whose noise is in mm",
+                    remedy="add noise.joint_mm, the standard deviation of one reading in mm",
+                )
+            joint = np.array(
+                [self.joint_deg if j.kind == "revolute" else self.joint_mm for j in robot.joints],
+                dtype=float,
+            )
+        return np.asarray(joint / robot.display)
+
 
 class StatedPrior(FileModel):
     """What is known of an offset before the shots: normal about zero."""
@@ -323,7 +347,7 @@ def check_header(
             line=line(("noise", "joint_mm")),
         )
     try:
-        Noise.from_header(header, robot)
+        stated.of_joints(robot)
     except BadInput as error:
         raise BadInput(
             error.what,

@@ -15,7 +15,8 @@ from ..errors import BadInput, RigFault
 from .header import RUN_SCHEMA, Header, check_header, header_content
 from .reading import shown
 from .robot_file import load_robot
-from .run import Shot, check_shot, header_text, recorded, shot_text
+from .run import header_text, recorded, shot_text
+from .shot import Shot, check_shot
 from .whole_file import lock, refuse_existing, sync_folder, write_whole
 
 
@@ -28,7 +29,7 @@ class RunJournal:
     `resumed`.
 
     One process at a time may record to a file: the lock is the system's and goes with the process,
-    however that ends. On Windows there is none, and two processes are not kept apart.
+    however that ends.
     """
 
     def __init__(self, path: Path | str, header: Header) -> None:
@@ -146,7 +147,7 @@ class RunJournal:
         self.close()
 
 
-def _require_same(recorded: Header, wanted: Header, *, file: Path, line: int) -> None:
+def _require_same(recorded: Header, wanted: Header, *, file: Path, line: int | None) -> None:
     """BadInput for the first key in which a recorded header is not the wanted one."""
     difference = _first_difference(
         header_content(recorded, RUN_SCHEMA),

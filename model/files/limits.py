@@ -22,7 +22,7 @@ def check_limits(
     joints: Matrix,
     noun: str,
     numbers: Sequence[int],
-    lines: Sequence[int],
+    lines: Sequence[int | None],
     *,
     limits: Literal["error", "warn"],
     file: Path | None,

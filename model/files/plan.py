@@ -17,15 +17,13 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from ..errors import BadInput
 from ..robot import Matrix, Robot
-from .header import PLAN_SCHEMA, Header, TargetName, check_header, header_content
+from .header import DEFAULT_TARGET, PLAN_SCHEMA, Header, TargetName, check_header, header_content
 from .limits import check_limits
 from .reading import read_yaml
 from .robot_file import load_robot
-from .run import JointValues, check_distances, unknown_targets
+from .shot import JointValues, check_distances, unknown_targets
 from .validation import FileModel, as_tuple, require_schema, validate
 from .whole_file import refuse_existing, write_whole
-
-DEFAULT_TARGET = "psd"
 
 
 class StatedPosture(FileModel):

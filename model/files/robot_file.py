@@ -151,13 +151,41 @@ def built_in_robots() -> tuple[str, ...]:
 
 
 def load_robot(
-    ref: str | UrdfRef, folder: Path, *, file: Path | None = None, line: int | None = None
+    ref: str | Path | UrdfRef,
+    folder: Path | str = ".",
+    *,
+    file: Path | None = None,
+    line: int | None = None,
 ) -> Robot:
-    """The robot that a header names. Paths are relative to `folder`.
+    """A robot by its name, or from a file.
 
-    `ref` is a built-in name, the path of a robot file (it ends in .yaml or .yml) or a URDF chain;
-    `file` and `line` say where it is named, for the error of a robot that is not there.
+    Parameters
+    ----------
+    ref
+        A built-in name, the path of a robot file (it ends in .yaml or .yml), or a chain of a URDF file.
+    folder
+        What a relative path is relative to.
+    file, line
+        Where the robot is named, for the error of one that is not there.
+
+    Returns
+    -------
+    Robot
+        With forward kinematics `fk` and `jacobian`.
+
+    Raises
+    ------
+    BadInput
+        There is no such robot or file, or the file cannot be used.
+
+    Examples
+    --------
+    >>> import zerobeam as zb
+    >>> zb.load_robot("irb1600")
+    <Robot irb1600: 6 joints>
     """
+    folder = Path(folder)
+    ref = str(ref) if isinstance(ref, Path) else ref
     if isinstance(ref, UrdfRef):
         path = folder / ref.urdf
         if not path.exists():

@@ -8,89 +8,165 @@ such a file shot by shot.
 from __future__ import annotations
 
 import hashlib
-import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import BeforeValidator, Field
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import BadInput
 from ..robot import Matrix, Robot
-from .header import RUN_SCHEMA, Header, TargetName, check_header, header_content
-from .limits import check_limits
-from .reading import Place, decode, did_you_mean, parse_json, read_bytes, shown
+from .arrays import Laser, Noise, Probe, array, checked, plain
+from .header import DEFAULT_TARGET, RUN_SCHEMA, Header, check_header, header_content
+from .json_lines import json_line, json_rows
+from .reading import Place, did_you_mean, read_bytes
 from .robot_file import load_robot
-from .validation import FileModel, refusal, require_schema, validate
+from .shot import Shot, check_distances, check_shots
+from .validation import require_schema, validate
 from .whole_file import refuse_existing, write_whole
 
 ENOUGH_CALIBRATED, ENOUGH_UNCALIBRATED = 4, 6
 
 
-def _joint_values(value: object) -> object:
-    if not isinstance(value, list | tuple) or not value:
-        raise refusal(
-            "the joints are not a list of numbers", found=shown(value), allowed="[joint 1, joint 2, …]"
-        )
-    for i, item in enumerate(value):
-        if isinstance(item, bool) or not isinstance(item, int | float):
-            raise refusal(
-                f"joint {i + 1} is not a number",
-                key=(i,),
-                found=shown(item),
-                allowed="a number (degrees; mm for a prismatic joint)",
-                remedy="leave out a shot that was not fully recorded",
-            )
-    return tuple(value)
-
-
-def _spot_values(value: object) -> object:
-    if value is None:
-        return None
-    if not isinstance(value, list | tuple) or len(value) != 2:
-        found = f"{len(value)} values" if isinstance(value, list | tuple) else shown(value)
-        raise refusal("spot_mm is not a pair", found=found, allowed="[dx, dy], millimetres across the beam")
-    return tuple(value)
-
-
-JointValues = Annotated[tuple[float, ...], BeforeValidator(_joint_values)]
-
-
-class Shot(FileModel):
-    """One recorded shot: the joints when the beam was on the target (or the probe in its socket)."""
-
-    shot: int = Field(ge=0, description="number of the shot, unique in its run")
-    target: TargetName = Field(description="name of the target that was hit")
-    joints_deg: JointValues = Field(
-        description="recorded joint positions, joint 1 first, degrees (millimetres for a prismatic joint)"
-    )
-    spot_mm: Annotated[tuple[float, float] | None, BeforeValidator(_spot_values)] = Field(
-        default=None,
-        description="where the target's centre stands as seen from the beam, along b1 and b2, millimetres; "
-        "without it: on the beam",
-    )
-    time_s: float | None = Field(default=None, description="when, seconds since the start of the run")
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Run:
-    """A recorded run. `lines` are those of the shots, `header_line` the header's; `sha256` is the file's.
+    """A recorded run: from a file (`read_run`) or from arrays.
 
-    `warnings` are sentences that a reader must see: a torn last line, joints beyond their limits.
+    `lines` are those of the shots, `header_line` the header's; None for a run that is in no file. `sha256` is
+    the file's, or that of the text that a file would have. `warnings` are sentences that a reader must see:
+    a torn last line, joints beyond their limits.
     """
 
     header: Header
     robot: Robot
     shots: tuple[Shot, ...]
-    lines: tuple[int, ...]
-    header_line: int
+    lines: tuple[int | None, ...]
+    header_line: int | None
     path: Path
     sha256: str
     warnings: tuple[str, ...]
+
+    @classmethod
+    def from_arrays(
+        cls,
+        *,
+        robot: Robot | str | Path | Mapping[str, str],
+        tool: Laser | Probe,
+        joints: ArrayLike,
+        noise: Noise,
+        unit: Literal["deg", "rad"] = "deg",
+        targets: str | Sequence[str] | None = None,
+        spots_mm: ArrayLike | None = None,
+        target_priors: Mapping[str, Mapping[str, Any]] | None = None,
+        name: str = "arrays",
+        **header: Any,
+    ) -> Self:
+        """A run of N measurements with a robot of n joints.
+
+        Parameters
+        ----------
+        robot
+            A built-in name, the path of a robot file, {"urdf", "base", "tip"} or a `Robot`. Of the last the
+            run's text has the name only.
+        tool
+            What the flange carries.
+        joints
+            (N, n) recorded joint positions, joint 1 first; those of prismatic joints in mm.
+        noise
+            Standard deviations of the readings.
+        unit
+            Of the revolute joints in `joints`: "deg" or "rad".
+        targets
+            N names, the target of each measurement, or one name for all. By default all are of one target:
+            the only one in `target_priors`, or "psd".
+        spots_mm
+            (N, 2) where the target's centre is as seen from the beam, along b1 and b2, mm. By default each
+            beam is on the centre.
+        target_priors
+            What is known of targets beforehand, {name: {"guess_mm": [x, y, z], "sigma_mm": std}}: the key
+            `targets` of a file.
+        name
+            What reports call the run.
+        **header
+            The other keys of a run file's header, as they are there: prior, distances, held, limits,
+            tolerance, provenance.
+
+        Returns
+        -------
+        Run
+
+        Raises
+        ------
+        BadInput
+            Names the argument, what was found, what is allowed and what to do.
+
+        Examples
+        --------
+        >>> import zerobeam as zb
+        >>> run = zb.Run.from_arrays(
+        ...     robot="irb1600",
+        ...     tool=zb.Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)),
+        ...     joints=[[10, -20, 30, 5, 40, 0], [-15, -25, 35, 0, 35, 20]],
+        ...     noise=zb.Noise(joint_deg=0.01, spot_mm=0.05),
+        ... )
+        >>> run.joints.shape, run.target_names
+        ((2, 6), ('psd',))
+        """
+        own = {"schema": RUN_SCHEMA, "tool": tool, "noise": noise, **header}
+        if target_priors is not None:
+            own["targets"] = target_priors
+        ref = robot.name if isinstance(robot, Robot) else str(robot) if isinstance(robot, Path) else robot
+        for argument, value, kinds in (("tool", tool, (Laser, Probe)), ("noise", noise, (Noise,))):
+            if not isinstance(value, (*kinds, Mapping)):
+                wanted = " or ".join(f"zerobeam.{kind.__name__}(…)" for kind in kinds)
+                raise BadInput("this cannot be used", found=repr(value), allowed=wanted, argument=argument)
+        stated = checked(Header, plain({"robot": ref, **own}), {"targets": "target_priors"})
+        try:
+            arm = robot if isinstance(robot, Robot) else load_robot(stated.robot)
+        except BadInput as error:
+            raise error.of_argument("robot") from None
+        if unit not in ("deg", "rad"):
+            raise BadInput(
+                "there is no such unit", found=repr(unit), allowed="'deg' or 'rad'", argument="unit"
+            )
+        positions = array(joints, "joints", columns=arm.n, meaning=f"{arm.name} has {arm.n} joints")
+        positions = positions * arm.display if unit == "rad" else positions
+        count, spots = len(positions), None
+        if spots_mm is not None:
+            if stated.tool.kind == "probe":
+                raise BadInput("a probe has no spots", allowed="None", argument="spots_mm")
+            spots = array(spots_mm, "spots_mm", columns=2, meaning="dx, dy of each measurement")
+            _require_count("spots_mm", len(spots), count)
+        one = _only_target(stated) if targets is None else targets
+        names = [one] * count if isinstance(one, str) else plain(_listed(one))
+        _require_count("targets", len(names), count)
+        shots = []
+        for i, target in enumerate(names):
+            content = {"shot": i, "target": target, "joints_deg": positions[i].tolist()}
+            if spots is not None:
+                content["spot_mm"] = spots[i].tolist()
+            try:
+                shots.append(validate(Shot, content, file=None, line=_always(None)))
+            except BadInput as error:
+                raise error.of_argument("targets") from None  # all else is checked already
+        try:
+            check_header(stated, arm, file=None, line=_always(None))
+        except BadInput as error:
+            raise error.of_argument("noise") from None
+        try:
+            warnings = check_shots(stated, arm, shots, [None] * count, file=None)
+        except BadInput as error:
+            raise error.of_argument("joints") from None
+        text = header_text(stated) + "".join(shot_text(shot) for shot in shots)
+        sha256 = hashlib.sha256(text.encode("utf-8")).hexdigest()
+        return cls(stated, arm, tuple(shots), (None,) * count, None, Path(name), sha256, warnings)
+
+    def __repr__(self) -> str:
+        targets = ", ".join(self.target_names)
+        return f"<Run {self.path.name}: {len(self.shots)} measurements of {targets}, {self.robot.name}>"
 
     @cached_property
     def joints(self) -> Matrix:
@@ -156,87 +232,31 @@ class Run:
         check_distances(self.header, self.target_names, file=self.path, line=self.header_line)
 
 
-def check_distances(header: Header, targets: Sequence[str], *, file: Path | None, line: int | None) -> None:
-    """BadInput for a distance to a target that no shot has."""
-    for stated in header.distances:
-        for name in stated.between:
-            if name not in targets:
-                raise BadInput(
-                    "a distance names a target that no shot has",
-                    found=name,
-                    allowed=", ".join(targets),
-                    remedy=did_you_mean(name, targets) or "correct the name, or take the distance out",
-                    file=file,
-                    line=line,
-                )
-
-
-def unknown_targets(header: Header, targets: Sequence[str]) -> tuple[str, ...]:
-    """A sentence for each name that stands only in the header, or only in the shots."""
-    if not header.targets:
-        return ()
-    stated = tuple(header.targets)
-    sentences = [
-        f"the header states target {name!r}, but no shot has it" for name in stated if name not in targets
-    ]
-    for name in targets:
-        if name not in stated:
-            near = did_you_mean(name, stated)
-            sentences.append(
-                f"target {name!r} is not among the header's targets ({', '.join(stated)})"
-                + (f"; {near}" if near else "")
-            )
-    return tuple(sentences)
-
-
-def check_shots(
-    header: Header, robot: Robot, shots: Sequence[Shot], lines: Sequence[int], *, file: Path | None
-) -> tuple[str, ...]:
-    """Judge shots against their header and robot: BadInput, or the sentences that a reader must see."""
-    if not shots:
-        raise BadInput("the run has no shots", file=file, remedy="record some")
-    first_line: dict[int, int] = {}
-    for shot, line in zip(shots, lines, strict=True):
-        check_shot(header, robot, shot, file=file, line=line)
-        if shot.shot in first_line:
-            raise BadInput(
-                f"the shot number {shot.shot} stands twice",
-                found=f"first on line {first_line[shot.shot]}",
-                allowed="each number once",
-                remedy="remove the shot that is not meant, or number it on",
-                file=file,
-                line=line,
-            )
-        first_line[shot.shot] = line
-    limits = check_limits(
-        robot,
-        np.array([shot.joints_deg for shot in shots]),
-        "shot",
-        [shot.shot for shot in shots],
-        lines,
-        limits=header.limits,
-        file=file,
-    )
-    return limits + unknown_targets(header, tuple(dict.fromkeys(shot.target for shot in shots)))
-
-
-def check_shot(header: Header, robot: Robot, shot: Shot, *, file: Path | None, line: int | None) -> None:
-    """BadInput for a shot with too few or too many joints, or with a spot that its tool cannot have."""
-    if len(shot.joints_deg) != robot.n:
+def _only_target(header: Header) -> str:
+    """The target of all measurements where none is named for each: the header's only one, or 'psd'."""
+    if len(header.targets) > 1:
         raise BadInput(
-            f"shot {shot.shot} has the wrong number of joints",
-            found=f"{len(shot.joints_deg)} values",
-            allowed=f"{robot.n} ({robot.name} has {robot.n} joints)",
-            file=file,
-            line=line,
+            "there are several targets, and no measurement says which it is of",
+            found=", ".join(header.targets),
+            allowed="the name of its target for each measurement",
+            argument="targets",
         )
-    if shot.spot_mm is not None and header.tool.kind == "probe":
+    return next(iter(header.targets), DEFAULT_TARGET)
+
+
+def _listed(targets: Sequence[str]) -> list[str]:
+    try:
+        return list(targets)
+    except TypeError:
         raise BadInput(
-            f"shot {shot.shot} has a spot, but a probe makes none",
-            found=f"spot_mm: {shown(shot.spot_mm)}",
-            remedy="remove spot_mm, or state tool.kind: laser",
-            file=file,
-            line=line,
+            "these are not names", found=repr(targets), allowed="a list of names", argument="targets"
+        ) from None
+
+
+def _require_count(argument: str, found: int, count: int) -> None:
+    if found != count:
+        raise BadInput(
+            "there are not as many rows as in joints", found=found, allowed=count, argument=argument
         )
 
 
@@ -255,7 +275,7 @@ def recorded(content: bytes, path: Path) -> tuple[Run, int | None]:
 
     A run that has no shots yet passes.
     """
-    rows, torn = _rows(content, path)
+    rows, torn = json_rows(content, path)
     header_line, top = rows[0]
     if isinstance(top, dict) and "schema" not in top and ("shot" in top or "joints_deg" in top):
         raise BadInput(
@@ -288,45 +308,6 @@ def recorded(content: bytes, path: Path) -> tuple[Run, int | None]:
     return Run(header, robot, tuple(shots), tuple(lines), header_line, path, sha256, warnings), torn
 
 
-def _rows(content: bytes, path: Path) -> tuple[list[tuple[int, Any]], int | None]:
-    """(line, value) of every line that is not blank, and the number of the last one if that is torn."""
-    raw = [(i, line) for i, line in enumerate(content.split(b"\n"), start=1) if line.strip()]
-    rows: list[tuple[int, Any]] = []
-    for number, line in raw:
-        # A line that breaks off is never JSON, as its last brace is missing. After a power cut it may
-        # also end in bytes of no meaning.
-        last = number == raw[-1][0] and rows
-        try:
-            text = decode(line, file=path, line=number)
-        except BadInput:
-            if last:
-                return rows, number
-            if not rows and b"\0" in content:
-                raise BadInput(
-                    "this is a binary file, not text",
-                    allowed="text in UTF-8",
-                    remedy="give a run file (.jsonl)",
-                    file=path,
-                ) from None
-            raise
-        try:
-            rows.append((number, parse_json(text, file=path, line=number)))
-        except json.JSONDecodeError as error:
-            if last:
-                return rows, number
-            raise BadInput(
-                f"the line is not JSON: {error.msg} at character {error.pos + 1}",
-                found=shown(text[:70]),
-                allowed="one JSON object a line: the header, then the shots",
-                remedy="remove the line if the recording broke off here"
-                if rows
-                else "give a run file (.jsonl)",
-                file=path,
-                line=number,
-            ) from None
-    return rows, None
-
-
 def _always(line: int | None) -> Callable[[Place], int | None]:
     """All places of one line of JSON are on that line."""
     return lambda _: line
@@ -341,16 +322,12 @@ def _torn(line: int) -> str:
 
 def header_text(header: Header) -> str:
     """The first line of a run file: the stated keys, `schema` first."""
-    return _json_line(header_content(header, RUN_SCHEMA))
+    return json_line(header_content(header, RUN_SCHEMA))
 
 
 def shot_text(shot: Shot) -> str:
     """The line of a shot in a run file."""
-    return _json_line(shot.model_dump(mode="json", exclude_none=True))
-
-
-def _json_line(content: dict[str, Any]) -> str:
-    return json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":")) + "\n"
+    return json_line(shot.model_dump(mode="json", exclude_none=True))
 
 
 def write_run(path: Path | str, header: Header, shots: Iterable[Shot]) -> None:

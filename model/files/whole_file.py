@@ -11,8 +11,12 @@ from pathlib import Path
 
 from ..errors import BadInput
 
-if sys.platform != "win32":
+if sys.platform == "win32":
+    import msvcrt
+else:
     import fcntl
+
+_BEHIND_THE_END = 2**31 - 2  # the last byte that Windows' C library can lock, and no file of ours is as long
 
 
 def refuse_existing(path: Path, *, or_else: str = "move it away first") -> None:
@@ -90,11 +94,19 @@ def sync_folder(folder: Path) -> None:
 def lock(file: FileIO) -> bool:
     """Keep other processes out of an open file until it is closed; False where one of them has it.
 
-    On Windows, where a file that is open cannot be replaced anyway, nothing is done.
+    The lock is the system's and on the file itself: it ends with the process, and nothing is left beside the
+    file. Windows lets nobody read what is locked, so there it is a byte far behind the end.
     """
-    if sys.platform != "win32":
-        try:
+    try:
+        if sys.platform == "win32":
+            place = file.tell()
+            file.seek(_BEHIND_THE_END)
+            try:
+                msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+            finally:
+                file.seek(place)
+        else:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return False
+    except (BlockingIOError, PermissionError):
+        return False
     return True

@@ -3,22 +3,37 @@
 from __future__ import annotations
 
 import base64
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
 
 from ..style.blocks import Page
 from ..style.canvas import Picture, themed
 from .template import style, template
 
 if TYPE_CHECKING:
-    from ..scenes.scene import Turnable
+    from markupsafe import Markup
 
 PageKind = Literal["report", "study"]
 LARGEST_ATTACHMENT = 200_000
 
 
+@dataclass(frozen=True)
+class Turnable:
+    """What a page needs for its scene: the `words` that `scene.html.j2` says about it, the still drawing, the
+    style, the data and the script, and the script's hash for the page's policy, which then runs no other."""
+
+    words: dict[str, Any]
+    drawing: Markup
+    style: Markup
+    data: Markup
+    script: Markup
+    script_hash: str
+
+
 def html(
     page: Page,
-    pictures: dict[str, Picture],
+    pictures: Mapping[str, Picture],
     kind: PageKind,
     attached: str = "",
     turnable: Turnable | None = None,

@@ -6,6 +6,7 @@ import dataclasses
 import json
 import shutil
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from .template import TEMPLATES
 _DOCUMENT, _PARTS = "document.typ", "parts.typ"
 
 
-def pdf(page: Page, pictures: dict[str, Picture]) -> bytes:
+def pdf(page: Page, pictures: Mapping[str, Picture]) -> bytes:
     """A page (`blocks.py`) as a tagged PDF/UA document; the same page gives the same bytes.
 
     Letters that the shipped typeface lacks are written as escapes, since a PDF cannot borrow them

@@ -60,21 +60,20 @@ def _write_files(folder: Path, result: Result, draws: Draws | None) -> list[str]
     answer = to_json(result)
     text = dumps(answer)
 
-    from ..output.html import html
-    from ..output.pdf import pdf
+    from ..output.page_files import write_page
     from ..output.posterior_file import write_posterior
     from ..scenes.run_scene import run_turnable
     from .figures import pictures
     from .report_page import report_page
 
-    page = report_page(answer)
-    drawn, scene = pictures(answer, draws), run_turnable(answer)
-    (folder / RESULT).write_text(text, encoding="utf-8")
-    (folder / "report.html").write_text(html(page, drawn, "report", text, scene), encoding="utf-8")
-    (folder / "report.pdf").write_bytes(pdf(page, drawn))
     if draws is not None:
         write_posterior(folder / "posterior.nc", result, draws)
-    (folder / "figures").mkdir()
-    for name, picture in drawn.items():
-        (folder / "figures" / f"{name}.svg").write_text(picture.svg, encoding="utf-8")
-    return [f"{name}.svg" for name in drawn]
+    return write_page(
+        folder,
+        "report",
+        report_page(answer),
+        pictures(answer, draws),
+        "report",
+        answer=(RESULT, text),
+        turnable=run_turnable(answer),
+    )

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from ...model.robot import Matrix
+from ..output.html import Turnable
 from ..run.view_parameters import NOT_DETERMINED
 from ..style.blocks import Paragraph, SceneBlock, Section, section_of
 from ..words import numbers
 from ..words.wording import clipped, counted, label, listed
-from .scene import Placed, Posed, Turnable, exaggerated, scene_json, turnable
+from .scene import Placed, Posed, exaggerated, scene_json, turnable
 
 Json = dict[str, Any]
 

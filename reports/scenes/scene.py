@@ -12,13 +12,13 @@ import hashlib
 import json
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from markupsafe import Markup, escape
 
 from ...model.robot import Matrix
+from ..output.html import Turnable
 from ..output.template import TEMPLATES
 from ..words.wording import clipped
 
@@ -52,19 +52,6 @@ class Placed(NamedTuple):
     at: Matrix
     state: Literal["supposed", "told", "held", "untold"]
     axes: Matrix | None = None
-
-
-@dataclass(frozen=True)
-class Turnable:
-    """What a page needs for its scene: the `words` that `scene.html.j2` says about it, the still drawing, the
-    style, the data and the script, and the script's hash for the page's policy, which then runs no other."""
-
-    words: Json
-    drawing: Markup
-    style: Markup
-    data: Markup
-    script: Markup
-    script_hash: str
 
 
 def scene_json(postures: Sequence[Posed], targets: Sequence[Placed]) -> Json:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,11 +11,9 @@ from typing import Any
 from ...analysis.status import UnsoundResult
 from ...experiments.studies.sweeps.grid_answer import GridStudy
 from ..output import whole_folder
-from ..output.html import html
-from ..output.pdf import pdf
+from ..output.page_files import write_page
 from ..output.whole_folder import Kind, write_folder
 from ..words.result_json import dumps
-from ..words.wording import shown
 from .studies import Answer, Study, known_study, study_of
 
 Json = dict[str, Any]
@@ -79,24 +75,21 @@ def _write_files(folder: Path, answer: GridStudy | Json) -> list[str]:
     """All files of the study into an empty folder; the names of the figures."""
     if isinstance(answer, dict) and answer.get("schema") != SCHEMA:
         raise ValueError(f"a study is of schema {SCHEMA}, not {answer.get('schema')!r}")
-    return write_files(folder, answer, study_of(answer), "study")
+    return _write_study(folder, answer, study_of(answer))
 
 
-def write_files(folder: Path, answer: Answer, study: Study[Answer], stem: str) -> list[str]:
-    """`stem`.json, .html, .pdf, the tables and figures into an empty folder; the names of the figures."""
+def _write_study(folder: Path, answer: Answer, study: Study[Answer]) -> list[str]:
     content = study.to_json(answer)
     refuse_made_up(content, study)
-    text = dumps(content)
-    view, drawn = study.view(answer), study.pictures(answer)
-    (folder / f"{stem}.json").write_text(text, encoding="utf-8")
-    for name, rows in study.tables.items():
-        (folder / name).write_text(_csv_text(rows(answer)), encoding="utf-8")
-    (folder / f"{stem}.html").write_text(html(view, drawn, "study"), encoding="utf-8")
-    (folder / f"{stem}.pdf").write_bytes(pdf(view, drawn))
-    (folder / "figures").mkdir()
-    for name, picture in drawn.items():
-        (folder / "figures" / f"{name}.svg").write_text(picture.svg, encoding="utf-8")
-    return [f"{name}.svg" for name in drawn]
+    return write_page(
+        folder,
+        "study",
+        study.view(answer),
+        study.pictures(answer),
+        "study",
+        answer=(_JSON, dumps(content)),
+        tables={name: rows(answer) for name, rows in study.tables.items()},
+    )
 
 
 def refuse_made_up(answer: Json, study: Study[Any]) -> None:
@@ -132,15 +125,3 @@ def _has_number(value: object) -> bool:
     if isinstance(value, dict | list):
         return any(map(_has_number, value.values() if isinstance(value, dict) else value))
     return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _csv_text(rows: Iterator[Json]) -> str:
-    """Rows with the same keys as CSV with a header; what is not known is an empty cell."""
-    out = io.StringIO()
-    writer: csv.DictWriter[str] | None = None
-    for row in rows:
-        if writer is None:
-            writer = csv.DictWriter(out, fieldnames=list(row), lineterminator="\n")
-            writer.writeheader()
-        writer.writerow({key: shown(cell) if isinstance(cell, str) else cell for key, cell in row.items()})
-    return out.getvalue()

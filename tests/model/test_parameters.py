@@ -3,7 +3,7 @@ import pytest
 from plain_model import arm
 
 from zerobeam.model.files.header import Header
-from zerobeam.model.noise import Noise
+from zerobeam.model.noise import NoiseModel
 from zerobeam.model.parameters import IN_RESIDUAL, ORDER, Parameters
 from zerobeam.model.tool import Tool
 
@@ -16,7 +16,9 @@ RAD = np.pi / 180
 def build(robot, tool, seen=("psd",), **changes):
     noise = {"joint_deg": 0.01, "joint_mm": 0.01, "spot_mm": 0.05}
     header = Header.model_validate({"robot": "irb1600", "tool": tool, "noise": noise, **changes})
-    return Parameters.build(robot, Tool.from_header(header), Noise.from_header(header, robot), header, seen)
+    return Parameters.build(
+        robot, Tool.from_header(header), NoiseModel.from_header(header, robot), header, seen
+    )
 
 
 @pytest.fixture

@@ -7,6 +7,7 @@ from plain_model import DESIGNED, by_complex_step, turn
 from plain_model import arm as plain_arm
 from scipy.spatial.transform import Rotation
 
+from zerobeam.model.errors import BadInput
 from zerobeam.model.files.header import UrdfRef
 from zerobeam.model.files.robot_file import built_in_robots, load_robot, read_robot, rebased
 from zerobeam.model.robot import Robot, axis_rotation
@@ -326,3 +327,70 @@ def test_the_geometric_jacobian_against_complex_steps(own, size):
             turned[:, column] *= -1
             assert np.abs(turned - expected).max() > 1e-3
         assert np.abs(found[:, n:] - vectors.T).max() > 1e-3
+
+
+# --- forward kinematics for people --------------------------------------------------------------------
+
+
+def display(robot: Robot, q: np.ndarray) -> np.ndarray:
+    """Degrees and mm of joint positions in rad and mm."""
+    return q * robot.display
+
+
+@pytest.mark.parametrize("name", DESIGNED)
+def test_fk_is_the_product_of_the_matrices_for_any_batch(name, tmp_path):
+    own = plain_arm(name, tmp_path)
+    rng = np.random.default_rng(3)
+    q = np.array([own.random(rng) for _ in range(6)])
+    expected = np.array([own.pose(row).real for row in q])
+    for batch in ((), (6,), (3, 2), (2, 3, 1)):
+        count = int(np.prod(batch))
+        poses = own.robot.fk(display(own.robot, q[:count]).reshape(*batch, -1))
+        assert poses.shape == (*batch, 4, 4)
+        np.testing.assert_allclose(poses.reshape(-1, 4, 4), expected[:count], atol=1e-9)
+    np.testing.assert_allclose(own.robot.fk(q, unit="rad"), expected, atol=1e-9)
+    assert own.robot.fk(np.zeros((0, own.robot.n))).shape == (0, 4, 4)
+
+
+@pytest.mark.parametrize("name", DESIGNED)
+def test_the_jacobian_is_the_derivative_of_the_pose(name, tmp_path):
+    own = plain_arm(name, tmp_path)
+    rng = np.random.default_rng(4)
+    q = np.array([own.random(rng) for _ in range(4)])
+    jacobians = own.robot.jacobian(display(own.robot, q).reshape(2, 2, -1))
+    assert jacobians.shape == (2, 2, 6, own.robot.n)
+    np.testing.assert_array_equal(jacobians[1, 0], own.robot.jacobian(display(own.robot, q[2])))
+    np.testing.assert_allclose(jacobians.reshape(4, 6, -1), own.robot.jacobian(q, unit="rad"), atol=1e-9)
+    for row, jacobian in zip(q, jacobians.reshape(4, 6, -1), strict=True):
+        pose = own.pose(row).real
+        for j in range(own.robot.n):
+            step = np.zeros(own.robot.n, dtype=complex)
+            step[j] = 1e-30j
+            by_joint = own.pose(row + step).imag / 1e-30
+            turned = by_joint[:3, :3] @ pose[:3, :3].T  # skew: the rotation per unit of the joint
+            rotation = [turned[2, 1], turned[0, 2], turned[1, 0]]
+            np.testing.assert_allclose(turned, -turned.T, atol=1e-9)
+            np.testing.assert_allclose(jacobian[:, j], [*by_joint[:3, 3], *rotation], rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "argument", "words"),
+    [
+        ((np.zeros(5),), "q", "(..., 6): irb1600 has 6 joints"),
+        ((3.0,), "q", "found:   ()"),
+        (("home",), "q", "not an array of numbers"),
+        ((np.full(6, np.inf),), "q", "not finite"),
+        ((np.zeros(6), "grad"), "unit", "'deg' or 'rad'"),
+    ],
+)
+def test_bad_joint_positions_are_named(arguments, argument, words):
+    robot = load_robot("irb1600")
+    for ask in (robot.fk, robot.jacobian):
+        with pytest.raises(BadInput) as caught:
+            ask(*arguments)
+        assert caught.value.argument == argument
+        assert words in str(caught.value)
+
+
+def test_a_robot_is_told_in_one_line():
+    assert repr(load_robot(Path("irb1600"))) == "<Robot irb1600: 6 joints>"

@@ -15,7 +15,8 @@ from zerobeam.experiments.simulate import Truth, simulated_shots
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.robot_file import load_robot
-from zerobeam.model.files.run import Run, Shot
+from zerobeam.model.files.run import Run
+from zerobeam.model.files.shot import Shot
 from zerobeam.model.problem import Problem
 from zerobeam.model.robot import Joint, Matrix, Robot
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from ....model.errors import BadInput, RigFault
 from ....model.files.plan import Plan
-from ....model.files.run import Shot
+from ....model.files.shot import Shot
 from ....model.robot import Matrix, Robot
 from ...sensors.camera import Image
 from ...sensors.interface import Sensors

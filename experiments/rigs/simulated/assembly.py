@@ -13,7 +13,7 @@ from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ....model.files.reading import Place, did_you_mean
 from ....model.files.urdf import roll_pitch_yaw
-from ....model.noise import Noise
+from ....model.noise import NoiseModel
 from ....model.problem import Problem
 from ....model.robot import Matrix, Robot, shift
 from ....model.tool import Tool
@@ -69,7 +69,7 @@ def assemble(plan: Plan, cell: Cell, rng: np.random.Generator) -> Parts:
         x[block("tool")] = tool
     aimed = aim(problem, problem.supposed(), servo_joints(problem)).problem
     _, directions = aimed.beams(problem.supposed())
-    noise = Noise.from_header(plan.header, plan.robot)
+    noise = NoiseModel.from_header(plan.header, plan.robot)
     robot = geometry_errors(plan.robot, _geometry(cell))
     return Parts(
         truth=Truth(problem, x),
@@ -176,7 +176,7 @@ def _tool(cell: Cell, drawn: Matrix) -> Matrix:
     )
 
 
-def _arm(cell: Cell, robot: Robot, offsets: Matrix, noise: Noise) -> SimulatedArm:
+def _arm(cell: Cell, robot: Robot, offsets: Matrix, noise: NoiseModel) -> SimulatedArm:
     def each_joint(value: EachJoint, key: str) -> Matrix:
         values = np.atleast_1d(np.array(value, dtype=float))
         if len(values) not in (1, robot.n):

@@ -13,7 +13,8 @@ import numpy as np
 
 from ....model.errors import RigFault
 from ....model.files.plan import Plan
-from ....model.files.run import ENOUGH_CALIBRATED, Shot
+from ....model.files.run import ENOUGH_CALIBRATED
+from ....model.files.shot import Shot
 from ....model.robot import Matrix
 from ...sensors.camera import Camera, Image
 from ...sensors.psd import Psd

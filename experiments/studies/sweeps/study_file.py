@@ -22,7 +22,7 @@ from ....model.files.header import Header, Name, Point, check_header
 from ....model.files.reading import Document, Place, did_you_mean, read_yaml, shown
 from ....model.files.robot_file import load_robot
 from ....model.files.validation import FileModel, refusal, validate
-from ....model.noise import Noise
+from ....model.noise import NoiseModel
 from ....model.parameters import Parameters
 from ....model.robot import Robot
 from ....model.tool import Tool
@@ -273,7 +273,9 @@ def _case(content: StudyFile, at: tuple[int, ...], document: Document, robots: d
     robot = robots[ref]
     check_header(header, robot, file=document.file, line=line)
     try:
-        Parameters.build(robot, Tool.from_header(header), Noise.from_header(header, robot), header, [TARGET])
+        Parameters.build(
+            robot, Tool.from_header(header), NoiseModel.from_header(header, robot), header, [TARGET]
+        )
     except BadInput as error:
         raise error.at(document.file, line(("held",))) from None
     words = ", ".join(axis.words(j) for axis, j in zip(content.axes, at, strict=True))

@@ -81,7 +81,7 @@ def test_against_a_fit_with_another_target_name() -> None:
     assert found.at == ("psd", 4, 5)
     drop = (fit.whitened.residual**2).sum() - (other.whitened.residual**2).sum()
     assert stats.chi2.isf(found.p_value / 11, 3) == pytest.approx(drop, rel=0.02)
-    _, places, _ = two.split(other.x)
+    places = two.split(other.x).targets
     np.testing.assert_allclose(np.array(found.shift_mm), places[1] - places[0], atol=0.02)
     index = [two.parameters.index(f"{t}.{a}") for a in "xyz" for t in ("moved", "psd")]
     own = other.covariance[np.ix_(two.parameters.among_free[index], two.parameters.among_free[index])]

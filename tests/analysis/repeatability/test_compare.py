@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,18 +15,33 @@ from repeated_runs import COVARIANCE, drawn, repeat, repeats, run_files, table_f
 from scipy import stats
 
 from zerobeam.analysis.estimation.fit import fit_likelihood
-from zerobeam.analysis.repeatability.compare import _sample, compare, compared
+from zerobeam.analysis.repeatability.compare import compare as compare_runs
+from zerobeam.analysis.repeatability.compare import compared as compared_runs
+from zerobeam.analysis.repeatability.compare import sample_of
 from zerobeam.analysis.repeatability.consistency import Sample, against_others, consistency, drift, holm
-from zerobeam.analysis.repeatability.repeats import Repeat, _fitted, _problem, _unfitted, told_by_shots
+from zerobeam.analysis.repeatability.prior_free import without_prior
+from zerobeam.analysis.repeatability.repeat import Kind, Repeat
+from zerobeam.analysis.repeatability.run_files import fitted, problem_of, unfitted
 from zerobeam.experiments.simulate import Truth, simulated_readings
 from zerobeam.experiments.studies.table2 import EXPERIMENTS, OFFSETS, PRINTED_MEAN, PRINTED_STD
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan
-from zerobeam.model.files.run import Run, Shot
+from zerobeam.model.files.run import Run
+from zerobeam.model.files.shot import Shot
 from zerobeam.model.problem import Problem
+from zerobeam.reports.repeatability.comparison_json import comparison_json
 
 ROOT = Path(__file__).resolve().parents[3]
 Json = dict[str, Any]
+
+
+def compare(paths: Sequence[Path | str]) -> Json:
+    """The answer as `compare --json` prints it."""
+    return comparison_json(compare_runs(paths))
+
+
+def compared(kind: Kind, repeats: Sequence[Repeat], seed: int) -> Json:
+    return comparison_json(compared_runs(kind, repeats, seed))
 
 
 def sample(values: np.ndarray, covariances: np.ndarray | None = None, **changes: Any) -> Sample:
@@ -63,7 +78,7 @@ def test_table_2_implies_little_and_says_so(tmp_path: Path) -> None:
     assert "0.52 and 6.3 times" in told
     assert "zerobeam study table2" in told
     # delta2 falls in a line, which one of five offsets does by chance once in 38.
-    assert "A hint, no more: delta2" in told
+    assert "A hint of a drift, no more: delta2" in told
     assert answer["drifting"] == []
     assert answer["odd_run"] is None
 
@@ -125,14 +140,14 @@ def test_a_run_against_the_others_is_its_distance_from_their_mean() -> None:
     off = values[1] - others.mean
     told = against_others(own, 1)
     assert told is not None
-    assert told["chi2"] == pytest.approx(off @ np.linalg.solve(COVARIANCE + others.covariance, off))
-    assert told["dof"] == 3
+    assert told.chi2 == pytest.approx(off @ np.linalg.solve(COVARIANCE + others.covariance, off))
+    assert told.dof == 3
     # Without a prediction: Student's t against the scatter of the others, offset by offset.
     alone = against_others(Sample(values[:, :1], None, False, None, own.at), 1)
     rest = np.delete(values[:, 0], 1)
     t = abs(values[1, 0] - rest.mean()) / (rest.std(ddof=1) * np.sqrt(1 + 1 / 3))
     assert alone is not None
-    assert alone["p_value"] == pytest.approx(2 * stats.t.sf(t, 2))
+    assert alone.p_value == pytest.approx(2 * stats.t.sf(t, 2))
 
 
 def test_drift_is_that_of_a_regression() -> None:
@@ -140,32 +155,34 @@ def test_drift_is_that_of_a_regression() -> None:
     told = drift(Sample(values[:, None], None, True, None, at))
     line = stats.linregress(at, values)
     assert told is not None
-    assert told["slope"] == pytest.approx(line.slope)
-    assert told["p_value"] == pytest.approx(line.pvalue)
+    assert told.slope == pytest.approx(line.slope)
+    assert told.p_value == pytest.approx(line.pvalue)
     half = stats.t.ppf(0.975, 2) * line.stderr
-    assert told["interval95"] == pytest.approx([line.slope - half, line.slope + half])
+    assert told.interval95 == pytest.approx([line.slope - half, line.slope + half])
     # Numbers that were rounded onto a line tell nothing of the scatter about it.
     assert drift(Sample(np.array([[0.1], [0.2], [0.3]]), None, True, None, np.arange(3.0))) is None
 
 
 def test_holm_raises_the_least_most() -> None:
-    rows: list[Json] = [{"p_value": p} for p in (0.04, 0.01, 0.03)]
-    assert [row["p_holm"] for row in holm(rows)] == pytest.approx([0.06, 0.03, 0.06])
+    assert holm([0.04, 0.01, 0.03]) == pytest.approx([0.06, 0.03, 0.06])
 
 
 def test_p_values_are_uniform_with_known_and_with_estimated_noise() -> None:
-    """Made-up runs: 400 triples; the noise of each run estimated from 6 numbers."""
+    """Simulated answers: 400 triples; the noise of each run estimated from 6 numbers."""
     rng, count = np.random.default_rng(4), 400
     known, estimated, wrong = [], [], []
     for k in range(count):
         values = drawn(3, seed=1000 + k)
         scales = np.sqrt(rng.chisquare(6, size=3) / 6)
-        known.append(consistency(sample(values))["p_value"])
+        own = consistency(sample(values))
+        assert own is not None
+        known.append(own.p_value)
         told = [repeat(value, noise_scale=s, noise_dof=6) for value, s in zip(values, scales, strict=True)]
-        whole = consistency(_sample(told, np.arange(3.0), 3))
-        assert whole["noise_dof"] == 18
-        estimated.append(whole["p_value"])
-        wrong.append(stats.chi2.sf(whole["chi2"], whole["dof"]))
+        whole = consistency(sample_of(told, np.arange(3.0), 3))
+        assert whole is not None
+        assert whole.noise_dof == 18
+        estimated.append(whole.p_value)
+        wrong.append(stats.chi2.sf(whole.chi2, whole.dof))
     assert stats.kstest(known, "uniform").pvalue > 0.001
     assert stats.kstest(estimated, "uniform").pvalue > 0.001
     # As if the estimated noise were known, agreement would be denied too often.
@@ -197,9 +214,9 @@ def chi2_of(
     return chi2, dof
 
 
-def by_its_shots(run: Run) -> Repeat:
-    problem = _problem(run)
-    return _fitted(_unfitted(run, problem, "run"), problem, 0)
+def without_its_prior(run: Run) -> Repeat:
+    problem = problem_of(run)
+    return fitted(unfitted(run, problem, "run"), problem, 0)
 
 
 def by_chance(chi2: float, dof: int) -> bool:
@@ -207,7 +224,7 @@ def by_chance(chi2: float, dof: int) -> bool:
 
 
 def test_runs_scatter_as_predicted_and_not_as_two_thirds_of_it() -> None:
-    chi2, dof = chi2_of(good_plan(10), 3, told=by_its_shots)
+    chi2, dof = chi2_of(good_plan(10), 3, told=without_its_prior)
     assert by_chance(chi2, dof)
     # As if the headers stated two thirds of the noise.
     assert not by_chance(chi2 * 1.5**2, dof)
@@ -217,12 +234,12 @@ def test_runs_scatter_as_predicted_and_not_as_two_thirds_of_it() -> None:
 @pytest.mark.parametrize("changes", [{}, {"joint_deg": 0.1}, {"prior": {"offset_deg": 0.16}}])
 def test_runs_scatter_as_predicted_whatever_the_prior(changes: Json) -> None:
     """Identified, weak, and nearly known before: the prior has no part in what is compared."""
-    assert by_chance(*chi2_of(good_plan(7, **changes), 40, told=by_its_shots))
+    assert by_chance(*chi2_of(good_plan(7, **changes), 40, told=without_its_prior))
 
 
 def by_the_mode(run: Run) -> Repeat:
     """With the prior left in its estimates."""
-    return replace(by_its_shots(run), value=np.degrees(fit_likelihood(Problem.from_run(run)).x[1:6]))
+    return replace(without_its_prior(run), value=np.degrees(fit_likelihood(Problem.from_run(run)).x[1:6]))
 
 
 @pytest.mark.long
@@ -240,7 +257,7 @@ def test_the_prior_is_taken_out_of_values_and_covariance() -> None:
         truth = Truth.stated(plan, {})
         read = simulated_readings(truth.problem, truth.x[None], np.random.default_rng(3))
         fit = fit_likelihood(truth.problem.moved(read.joints[0], read.spots[0]))
-        found.append((fit.x[columns], *told_by_shots(fit, columns)))
+        found.append((fit.x[columns], *without_prior(fit, columns)))
     (pulled, value, covariance), (wide, same, like) = found
     std = np.sqrt(np.diag(like))
     np.testing.assert_allclose((value - wide) / std, 0, atol=0.02)
@@ -255,7 +272,7 @@ def test_the_odd_run_is_found_and_where_there_is_none_none(tmp_path: Path) -> No
     answer = compare(paths)
     assert (answer["verdict"], answer["odd_run"]) == ("does not agree", "run3.jsonl")
     assert answer["differing"] == ["delta4"]
-    assert "run3.jsonl is the odd one" in answer["headline"]
+    assert "run3.jsonl is the outlier" in answer["headline"]
     assert {row["mean_by"] for row in answer["offsets"]} == {"scatter"}
     rest = compare([path for path in paths if path.name != "run3.jsonl"])
     assert (rest["verdict"], rest["odd_run"]) == ("agrees", None)
@@ -317,7 +334,7 @@ def test_an_offset_that_the_runs_do_not_determine_has_no_number(tmp_path: Path) 
     assert (answer["verdict"], answer["consistency"]) == ("not tested", None)
     told = " ".join(answer["notes"])
     assert "Not compared: delta2" in told
-    assert "does not determine delta2" in told
+    assert "delta2 of run1.jsonl is unidentifiable" in told
 
 
 def test_a_run_without_a_fit_has_no_part() -> None:
@@ -427,8 +444,8 @@ def test_runs_that_are_not_repeats_are_refused(tmp_path: Path) -> None:
     refused(with_header(noise=estimated), "noise is known in one run and estimated in another")
     copy = tmp_path / "copy.jsonl"
     copy.write_bytes(one.read_bytes())
-    refused([one, other, copy], "stands twice", "copy.jsonl")
-    refused([one, other, one], "stands twice")
+    refused([one, other, copy], "given twice", "copy.jsonl")
+    refused([one, other, one], "given twice")
     refused([one], "one run cannot be compared")
     refused([], "one run cannot be compared")
     refused([one, table_file(tmp_path)], "a table is compared alone")

@@ -17,7 +17,8 @@ from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
 from zerobeam.analysis.posterior.posterior import PosteriorSummary
 from zerobeam.experiments.exporters.calibration import calibration, one_line
 from zerobeam.model.errors import BadInput, FitFailed
-from zerobeam.model.files.run import Run, Shot
+from zerobeam.model.files.run import Run
+from zerobeam.model.files.shot import Shot
 
 Refused = Callable[..., BadInput]
 

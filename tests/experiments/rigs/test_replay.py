@@ -19,7 +19,8 @@ from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.model.errors import BadInput, RigFault
 from zerobeam.model.files.journal import RunJournal
 from zerobeam.model.files.plan import Plan
-from zerobeam.model.files.run import Run, Shot, read_run
+from zerobeam.model.files.run import Run, read_run
+from zerobeam.model.files.shot import Shot
 
 DIGITS = 2e-6  # mm: six digits are recorded, rounded twice
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 
 import pytest
@@ -90,7 +89,6 @@ def test_a_spoilt_case_is_refused_with_its_line(tmp_path: Path) -> None:
     assert caught.value.line == 3
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="there is no such lock on Windows")
 def test_two_at_once_are_kept_apart(tmp_path: Path) -> None:
     path = tmp_path / "own.jsonl"
     with CaseStore(path, HEADING), pytest.raises(BadInput, match="another process"):

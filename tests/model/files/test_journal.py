@@ -20,7 +20,8 @@ from zerobeam.model.files import journal, run
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.journal import RunJournal
 from zerobeam.model.files.robot_file import load_robot
-from zerobeam.model.files.run import Shot, read_run
+from zerobeam.model.files.run import read_run
+from zerobeam.model.files.shot import Shot
 
 Refused = Callable[..., BadInput]
 
@@ -33,7 +34,7 @@ CONTENT: dict[str, Any] = {
 HEADER = Header.model_validate(CONTENT)
 JOINTS = (10.0, 20.0, -30.0, 40.0, 50.0, -60.0)
 
-posix = pytest.mark.skipif(sys.platform == "win32", reason="there are no such locks, limits or signals")
+posix = pytest.mark.skipif(sys.platform == "win32", reason="there are no such limits or signals")
 
 
 def made_shot(number: int) -> Shot:
@@ -344,7 +345,6 @@ def test_there_must_be_a_file_to_go_on_with(tmp_path: Path, path: Path, refused:
 # --- one process at a time --------------------------------------------------------------------------
 
 
-@posix
 def test_a_file_that_is_recorded_to_is_refused_until_it_is_closed(path: Path, refused: Refused) -> None:
     with RunJournal(path, HEADER) as journal:
         journal.append(SHOTS[0])
@@ -368,7 +368,7 @@ RECORDING = f"""
 import json, os, sys, time
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.journal import RunJournal
-from zerobeam.model.files.run import Shot
+from zerobeam.model.files.shot import Shot
 
 HEADER = Header.model_validate(json.loads({json.dumps(json.dumps(CONTENT))}))
 
@@ -447,7 +447,6 @@ def test_no_recorded_shot_is_lost_whenever_the_process_is_killed(tmp_path: Path)
     assert lost(path, reported) == reported > 0
 
 
-@posix
 def test_the_lock_goes_with_the_process_that_is_killed(path: Path, refused: Refused) -> None:
     lines = "journal = RunJournal(sys.argv[1], HEADER)\njournal.append(made_shot(0))\nprint(flush=True)\n"
     child = subprocess.Popen(

@@ -8,7 +8,8 @@ import pytest
 
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.header import Header
-from zerobeam.model.files.run import Shot, read_run, write_run
+from zerobeam.model.files.run import read_run, write_run
+from zerobeam.model.files.shot import Shot
 
 HEADER = {
     "schema": "zerobeam/run/1",

@@ -32,7 +32,8 @@ from zerobeam.experiments.rigs.abb.driver import AbbRig
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
 from zerobeam.model.errors import RigFault
 from zerobeam.model.files.plan import Plan
-from zerobeam.model.files.run import Shot, read_run
+from zerobeam.model.files.run import read_run
+from zerobeam.model.files.shot import Shot
 
 pytest.importorskip("abb_robot_client")
 

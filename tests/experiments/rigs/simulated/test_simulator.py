@@ -16,8 +16,8 @@ from zerobeam.experiments.rigs.simulated.cell_file import Cell
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.model.errors import BadInput, RigFault
 from zerobeam.model.files.plan import Plan
-from zerobeam.model.files.run import Shot
-from zerobeam.model.noise import Noise
+from zerobeam.model.files.shot import Shot
+from zerobeam.model.noise import NoiseModel
 from zerobeam.model.robot import Matrix
 
 # Nothing is wrong with it, and its face is turned towards each beam: it reads across the beam.
@@ -176,7 +176,7 @@ def test_the_joints_stand_off_by_the_plans_noise_or_by_what_is_stated(stated: An
     rig = exact(arm={"repeatability_deg": stated})
     std = np.radians(stated if deg is None else deg) * np.ones(6)
     if stated is None:
-        np.testing.assert_array_equal(std, Noise.from_header(plan().header, plan().robot).joint)
+        np.testing.assert_array_equal(std, NoiseModel.from_header(plan().header, plan().robot).joint)
     errors = []
     for shot in range(300):
         rig.begin(shot, "psd", None)

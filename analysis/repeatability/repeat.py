@@ -1,0 +1,61 @@
+"""One run as `compare` takes it: its offsets without any prior, wherever they are from.
+
+Units are those that people read: degrees, millimetres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from ...model.robot import Matrix
+from ..diagnostics.displacement import Displacement
+from ..findings import FileWarning, LackOfFit, OtherBasins
+from ..status import Status
+
+Kind = Literal["runs", "results", "table"]
+# `prior`: a prior has a part in it. `stated`, `not stated`: of a table.
+RepeatStatus = Status | Literal["prior", "stated", "not stated"]
+
+
+@dataclass(frozen=True)
+class SharedDistances:
+    """The run states distances between targets, whose errors other runs may share."""
+
+
+@dataclass(frozen=True)
+class PriorInEstimate:
+    """A prior has a part in an estimate of a result, which does not say how to take it out."""
+
+    name: str
+
+
+RunFinding = LackOfFit | OtherBasins | SharedDistances | PriorInEstimate | FileWarning | Displacement
+
+
+@dataclass(frozen=True, eq=False)
+class Repeat:
+    """One run: what its measurements say of the free offsets `names` (m,).
+
+    `value` (m,) and `covariance` (m, m) are nan where the run does not determine the offset; the covariance
+    is that at noise scale 1, None without a prediction, and has variances alone unless `joint`. `noise_dof`
+    is None where the noise is known, else the degrees of freedom that `noise_scale` is estimated from. `held`
+    are the other offsets. `failure` is why the fit did not converge, None if it did.
+    """
+
+    name: str
+    sha256: str | None
+    robot: str | None
+    shots: int | None
+    when: str | None
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    held: tuple[str, ...]
+    status: tuple[RepeatStatus, ...]
+    value: Matrix
+    covariance: Matrix | None
+    joint: bool
+    noise_scale: float
+    noise_dof: int | None
+    findings: tuple[RunFinding, ...]
+    failure: str | None

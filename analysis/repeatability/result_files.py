@@ -1,0 +1,77 @@
+"""Result files (`result.json`) for `compare`: offsets on their own, where no prior has a part in them."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...model.errors import BadInput
+from ...model.files.reading import parse_json, read_text, shown
+from ..findings import LACK_OF_FIT, LackOfFit
+from ..result import RESULT_SCHEMA as SCHEMA
+from .repeat import PriorInEstimate, Repeat, RepeatStatus, RunFinding
+from .run_files import KNOWN, WHEN
+
+_WITHOUT_PRIOR = 0.98  # std over the one without priors: from here on they have no part in an estimate
+
+
+def read_result(path: Path, name: str) -> Repeat:
+    """One run from its result; BadInput where the file is not a whole one."""
+    try:
+        answer = parse_json(read_text(path)[0], file=path, line=1)
+        if answer["schema"] != SCHEMA:
+            raise ValueError(f"schema {shown(answer['schema'])}")
+        return _of_result(answer, name)
+    except (KeyError, TypeError, ValueError) as error:
+        raise BadInput(
+            "this is not a whole result of zerobeam",
+            found=f"{type(error).__name__}: {error}",
+            allowed=f"a result.json of schema {SCHEMA}, or a run file (.jsonl)",
+            remedy="make it again with zerobeam report or zerobeam analyse --json",
+            file=path,
+        ) from None
+
+
+def _of_result(answer: dict[str, Any], name: str) -> Repeat:
+    rows = [row for row in answer["parameters"] if row["group"] == "offset"]
+    free = [row for row in rows if not row["held"]]
+    fit, inputs = answer["fits"]["likelihood"], answer["inputs"]
+    noise = inputs["header"].get("noise", {}).get("scale", "known")
+    scale = float(fit["noise_scale"] or 1.0)
+    status: list[RepeatStatus] = []
+    findings: list[RunFinding] = []
+    value, variance = [], []
+    for row in free:
+        if row["status"] in KNOWN and not row["std"] > 0:
+            raise ValueError(f"the std of {row['name']} is not above 0")
+        clean = row["status"] in KNOWN and row["std"] >= _WITHOUT_PRIOR * row["data_std"]
+        if row["status"] in KNOWN and not clean:
+            findings.append(PriorInEstimate(str(row["name"])))
+        status.append(row["status"] if clean or row["status"] not in KNOWN else "prior")
+        value.append(float(row["estimate"]) if clean else math.nan)
+        variance.append((float(row["std"]) / scale) ** 2 if clean else math.nan)
+    when = inputs["header"].get("provenance", {}).get(WHEN)
+    p_value = fit["p_value"]
+    if p_value is not None and p_value < LACK_OF_FIT:
+        findings.append(LackOfFit(float(fit["chi2"]), int(fit["dof"]), float(p_value)))
+    return Repeat(
+        name=name,
+        sha256=str(inputs["sha256"]),
+        robot=str(inputs["robot"]),
+        shots=int(inputs["shots"]),
+        when=when if isinstance(when, str) else None,
+        names=tuple(str(row["name"]) for row in free),
+        units=tuple(str(row["unit"]) for row in free),
+        held=tuple(str(row["name"]) for row in rows if row["held"]),
+        status=tuple(status),
+        value=np.array(value),
+        covariance=np.diag(variance),
+        joint=False,
+        noise_scale=scale,
+        noise_dof=None if noise == "known" else max(int(fit["dof"] or 1), 1),
+        findings=tuple(findings),
+        failure=None if fit["converged"] else str(fit["reason"]),
+    )

@@ -1,0 +1,208 @@
+"""Values that say in Python what a file's header says: the tool and the noise of a run made from arrays.
+
+They are checked by the models of the files, and their errors name the argument in place of a line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import BadInput
+from ..robot import Matrix
+from .header import StatedNoise, StatedTool
+from .reading import Place
+from .validation import Model, validate
+
+
+@dataclass(frozen=True)
+class Laser:
+    """A laser on the flange, in the flange frame.
+
+    Parameters
+    ----------
+    point_mm
+        (3,) a point on the beam, mm.
+    direction
+        (3,) direction of the beam, of any length but 0.
+    calibrated
+        False: tilts and shifts of the beam are estimated along with the joint offsets.
+    tilt_deg, shift_mm
+        Prior standard deviations of each tilt (degrees) and shift (mm) of an uncalibrated laser; 3 and 10
+        where not stated.
+
+    Raises
+    ------
+    BadInput
+        Names the argument, what was found, and what is allowed.
+
+    Examples
+    --------
+    >>> import zerobeam as zb
+    >>> zb.Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)).calibrated
+    True
+    """
+
+    point_mm: ArrayLike
+    direction: ArrayLike
+    calibrated: bool = True
+    tilt_deg: float | None = None
+    shift_mm: float | None = None
+
+    def __post_init__(self) -> None:
+        checked(StatedTool, self.content())
+
+    def content(self) -> dict[str, Any]:
+        """The header's key `tool`, plain."""
+        sigma = _stated(tilt_deg=self.tilt_deg, shift_mm=self.shift_mm)
+        own = {"point_mm": self.point_mm, "direction": self.direction, "calibrated": self.calibrated}
+        content: dict[str, Any] = plain({"kind": "laser", **own, **({"sigma": sigma} if sigma else {})})
+        return content
+
+
+@dataclass(frozen=True)
+class Probe:
+    """A probe on the flange: its tip is put into a socket, the target.
+
+    Parameters
+    ----------
+    point_mm
+        (3,) the tip in the flange frame, mm.
+    calibrated
+        False: the tip's place is estimated along with the joint offsets.
+    shift_mm
+        Prior standard deviation of each coordinate of an uncalibrated tip, mm; 50 where not stated.
+
+    Raises
+    ------
+    BadInput
+        Names the argument, what was found, and what is allowed.
+
+    Examples
+    --------
+    >>> import zerobeam as zb
+    >>> zb.Probe(point_mm=(0, 0, 100), calibrated=False).calibrated
+    False
+    """
+
+    point_mm: ArrayLike
+    calibrated: bool = True
+    shift_mm: float | None = None
+
+    def __post_init__(self) -> None:
+        checked(StatedTool, self.content())
+
+    def content(self) -> dict[str, Any]:
+        """The header's key `tool`, plain."""
+        sigma = _stated(shift_mm=self.shift_mm)
+        own = {"point_mm": self.point_mm, "calibrated": self.calibrated}
+        content: dict[str, Any] = plain({"kind": "probe", **own, **({"sigma": sigma} if sigma else {})})
+        return content
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations of single readings.
+
+    Parameters
+    ----------
+    joint_deg
+        Of a joint reading: one number for all revolute joints, degrees; or (n,) one for each joint, degrees
+        (mm for a prismatic joint).
+    spot_mm
+        Of a spot reading, or of the ball in its socket, in each direction, mm.
+    joint_mm
+        Of a prismatic joint's reading, mm, where `joint_deg` is one number.
+    scale
+        "known"; "estimated": right up to one common factor; "separate": up to one factor for the joints and
+        one for the spot.
+
+    Raises
+    ------
+    BadInput
+        Names the argument, what was found, and what is allowed.
+
+    Examples
+    --------
+    >>> import zerobeam as zb
+    >>> zb.Noise(joint_deg=0.01, spot_mm=0.05).scale
+    'known'
+    """
+
+    joint_deg: ArrayLike
+    spot_mm: float
+    joint_mm: float | None = None
+    scale: Literal["known", "estimated", "separate"] = "known"
+
+    def __post_init__(self) -> None:
+        checked(StatedNoise, self.content())
+
+    def content(self) -> dict[str, Any]:
+        """The header's key `noise`, plain."""
+        own = _stated(joint_deg=self.joint_deg, joint_mm=self.joint_mm, spot_mm=self.spot_mm)
+        scale = {} if self.scale == "known" else {"scale": self.scale}
+        content: dict[str, Any] = plain({**own, **scale})
+        return content
+
+
+def checked(model: type[Model], content: object, arguments: Mapping[str, str] | None = None) -> Model:
+    """`content` as the model of a file's part; BadInput names the argument in place of a line.
+
+    `arguments` are those that are called otherwise than the key of the file.
+    """
+    argument: str | None = None
+
+    def no_line(place: Place) -> None:
+        nonlocal argument
+        names = [str(part) for part in place if part != "sigma"]  # its keys are arguments of their own
+        argument = (arguments or {}).get(names[0], names[0]) if names else None
+
+    try:
+        return validate(model, content, file=None, line=no_line)
+    except BadInput as error:
+        raise error if argument is None else error.of_argument(argument) from None
+
+
+def plain(value: Any) -> Any:
+    """The same in the types that a file has: numbers, text, lists and mappings."""
+    if isinstance(value, Laser | Probe | Noise):
+        return value.content()
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {key: plain(item) for key, item in value.items()}
+    return [plain(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+def _stated(**values: Any) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def array(value: ArrayLike, argument: str, *, columns: int, meaning: str) -> Matrix:
+    """`value` as (N, columns) finite numbers; BadInput names the argument."""
+    wanted = f"an array of shape (N, {columns}): {meaning}"
+    try:
+        result = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise BadInput(
+            "this is not an array of numbers",
+            found=type(value).__name__,
+            allowed=wanted,
+            argument=argument,
+        ) from None
+    if result.ndim != 2 or result.shape[1] != columns:
+        raise BadInput("the array has the wrong shape", found=result.shape, allowed=wanted, argument=argument)
+    if not np.isfinite(result).all():
+        row, column = (int(i) for i in np.argwhere(~np.isfinite(result))[0])
+        raise BadInput(
+            "a number is not finite",
+            found=f"{result[row, column]} in row {row}, column {column}",
+            allowed="finite numbers",
+            remedy="leave out the measurements that were not fully recorded",
+            argument=argument,
+        )
+    return result

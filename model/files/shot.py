@@ -1,0 +1,146 @@
+"""One recorded shot, and what a header and a robot allow of shots."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import BeforeValidator, Field
+
+from ..errors import BadInput
+from ..robot import Robot
+from .header import Header, TargetName
+from .limits import check_limits
+from .reading import did_you_mean, shown
+from .validation import FileModel, refusal
+
+
+def _joint_values(value: object) -> object:
+    if not isinstance(value, list | tuple) or not value:
+        raise refusal(
+            "the joints are not a list of numbers", found=shown(value), allowed="[joint 1, joint 2, …]"
+        )
+    for i, item in enumerate(value):
+        if isinstance(item, bool) or not isinstance(item, int | float):
+            raise refusal(
+                f"joint {i + 1} is not a number",
+                key=(i,),
+                found=shown(item),
+                allowed="a number (degrees; mm for a prismatic joint)",
+                remedy="leave out a shot that was not fully recorded",
+            )
+    return tuple(value)
+
+
+def _spot_values(value: object) -> object:
+    if value is None:
+        return None
+    if not isinstance(value, list | tuple) or len(value) != 2:
+        found = f"{len(value)} values" if isinstance(value, list | tuple) else shown(value)
+        raise refusal("spot_mm is not a pair", found=found, allowed="[dx, dy], millimetres across the beam")
+    return tuple(value)
+
+
+JointValues = Annotated[tuple[float, ...], BeforeValidator(_joint_values)]
+
+
+class Shot(FileModel):
+    """One recorded shot: the joints when the beam was on the target (or the probe in its socket)."""
+
+    shot: int = Field(ge=0, description="number of the shot, unique in its run")
+    target: TargetName = Field(description="name of the target that was hit")
+    joints_deg: JointValues = Field(
+        description="recorded joint positions, joint 1 first, degrees (millimetres for a prismatic joint)"
+    )
+    spot_mm: Annotated[tuple[float, float] | None, BeforeValidator(_spot_values)] = Field(
+        default=None,
+        description="where the target's centre stands as seen from the beam, along b1 and b2, millimetres; "
+        "without it: on the beam",
+    )
+    time_s: float | None = Field(default=None, description="when, seconds since the start of the run")
+
+
+def check_distances(header: Header, targets: Sequence[str], *, file: Path | None, line: int | None) -> None:
+    """BadInput for a distance to a target that no shot has."""
+    for stated in header.distances:
+        for name in stated.between:
+            if name not in targets:
+                raise BadInput(
+                    "a distance names a target that no shot has",
+                    found=name,
+                    allowed=", ".join(targets),
+                    remedy=did_you_mean(name, targets) or "correct the name, or take the distance out",
+                    file=file,
+                    line=line,
+                )
+
+
+def unknown_targets(header: Header, targets: Sequence[str]) -> tuple[str, ...]:
+    """A sentence for each name that stands only in the header, or only in the shots."""
+    if not header.targets:
+        return ()
+    stated = tuple(header.targets)
+    sentences = [
+        f"the header states target {name!r}, but no shot has it" for name in stated if name not in targets
+    ]
+    for name in targets:
+        if name not in stated:
+            near = did_you_mean(name, stated)
+            sentences.append(
+                f"target {name!r} is not among the header's targets ({', '.join(stated)})"
+                + (f"; {near}" if near else "")
+            )
+    return tuple(sentences)
+
+
+def check_shots(
+    header: Header, robot: Robot, shots: Sequence[Shot], lines: Sequence[int | None], *, file: Path | None
+) -> tuple[str, ...]:
+    """Judge shots against their header and robot: BadInput, or the sentences that a reader must see."""
+    if not shots:
+        raise BadInput("the run has no shots", file=file, remedy="record some")
+    first_line: dict[int, int | None] = {}
+    for shot, line in zip(shots, lines, strict=True):
+        check_shot(header, robot, shot, file=file, line=line)
+        if shot.shot in first_line:
+            raise BadInput(
+                f"the shot number {shot.shot} stands twice",
+                found=f"first on line {first_line[shot.shot]}",
+                allowed="each number once",
+                remedy="remove the shot that is not meant, or number it on",
+                file=file,
+                line=line,
+            )
+        first_line[shot.shot] = line
+    limits = check_limits(
+        robot,
+        np.array([shot.joints_deg for shot in shots]),
+        "shot",
+        [shot.shot for shot in shots],
+        lines,
+        limits=header.limits,
+        file=file,
+    )
+    return limits + unknown_targets(header, tuple(dict.fromkeys(shot.target for shot in shots)))
+
+
+def check_shot(header: Header, robot: Robot, shot: Shot, *, file: Path | None, line: int | None) -> None:
+    """BadInput for a shot with too few or too many joints, or with a spot that its tool cannot have."""
+    if len(shot.joints_deg) != robot.n:
+        raise BadInput(
+            f"shot {shot.shot} has the wrong number of joints",
+            found=f"{len(shot.joints_deg)} values",
+            allowed=f"{robot.n} ({robot.name} has {robot.n} joints)",
+            file=file,
+            line=line,
+        )
+    if shot.spot_mm is not None and header.tool.kind == "probe":
+        raise BadInput(
+            f"shot {shot.shot} has a spot, but a probe makes none",
+            found=f"spot_mm: {shown(shot.spot_mm)}",
+            remedy="remove spot_mm, or state tool.kind: laser",
+            file=file,
+            line=line,
+        )

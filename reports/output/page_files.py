@@ -1,0 +1,54 @@
+"""A page on the disk: HTML, PDF, its answer as JSON, its tables as CSV, its figures as SVG."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from ..style.blocks import Page
+from ..style.canvas import Picture
+from ..words.wording import shown
+from .html import PageKind, Turnable, html
+from .pdf import pdf
+
+Row = Mapping[str, object]
+
+
+def write_page(
+    folder: Path,
+    stem: str,
+    page: Page,
+    pictures: Mapping[str, Picture],
+    kind: PageKind,
+    *,
+    answer: tuple[str, str],
+    tables: Mapping[str, Iterable[Row]] | None = None,
+    turnable: Turnable | None = None,
+) -> list[str]:
+    """Write `stem`.html and .pdf, `answer` (file name and text), the tables by file name and the figures into
+    an empty folder; returns the names of the figures. The HTML of a report carries its answer."""
+    name, text = answer
+    (folder / name).write_text(text, encoding="utf-8")
+    for file, rows in (tables or {}).items():
+        (folder / file).write_text(csv_text(rows), encoding="utf-8")
+    attached = text if kind == "report" else ""
+    (folder / f"{stem}.html").write_text(html(page, pictures, kind, attached, turnable), encoding="utf-8")
+    (folder / f"{stem}.pdf").write_bytes(pdf(page, pictures))
+    (folder / "figures").mkdir()
+    for name, picture in pictures.items():
+        (folder / "figures" / f"{name}.svg").write_text(picture.svg, encoding="utf-8")
+    return [f"{name}.svg" for name in pictures]
+
+
+def csv_text(rows: Iterable[Row]) -> str:
+    """Rows with the same keys as CSV with a header; what is not known is an empty cell."""
+    out = io.StringIO()
+    writer: csv.DictWriter[str] | None = None
+    for row in rows:
+        if writer is None:
+            writer = csv.DictWriter(out, fieldnames=list(row), lineterminator="\n")
+            writer.writeheader()
+        writer.writerow({key: shown(cell) if isinstance(cell, str) else cell for key, cell in row.items()})
+    return out.getvalue()

@@ -1,0 +1,94 @@
+"""The folder of a comparison: compare.html, compare.pdf, compare.json, offsets.csv, the figure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...analysis.repeatability.compare import Comparison
+from ..output import whole_folder
+from ..output.page_files import write_page
+from ..output.whole_folder import Kind, write_folder
+from ..words.result_json import dumps
+from .comparison_json import SCHEMA, comparison_json
+from .comparison_page import comparison_page
+from .figure_runs import runs_picture
+
+_JSON, _TABLE = "compare.json", "offsets.csv"
+_KIND = Kind(
+    "comparison", frozenset({"compare.html", "compare.pdf", _JSON, _TABLE, "figures"}), _JSON, SCHEMA
+)
+
+
+@dataclass(frozen=True)
+class ComparisonPaths:
+    """The files of a comparison."""
+
+    folder: Path
+    html: Path
+    pdf: Path
+    compare: Path
+    table: Path
+    figures: tuple[Path, ...]
+
+
+def write_comparison(folder: Path | str, found: Comparison) -> ComparisonPaths:
+    """Write a comparison (`zerobeam/compare/1`) to `folder`, replacing one that zerobeam wrote there before.
+
+    Whole or not at all. Raises BadInput where `folder` is a file, is not ours, or cannot be written.
+    """
+    folder = Path(folder)
+    names = write_folder(folder, _KIND, lambda aside: _write_files(aside, found))
+    return ComparisonPaths(
+        folder=folder,
+        html=folder / "compare.html",
+        pdf=folder / "compare.pdf",
+        compare=folder / _JSON,
+        table=folder / _TABLE,
+        figures=tuple(folder / "figures" / name for name in names),
+    )
+
+
+def check_target(folder: Path | str) -> None:
+    """Raise BadInput unless a comparison may be written to `folder`."""
+    whole_folder.check_target(folder, _KIND)
+
+
+def offset_rows(found: Comparison) -> Iterator[dict[str, object]]:
+    """`offsets.csv`: one row for each offset and run, with what holds for the offset over all runs."""
+    for i, row in enumerate(found.offsets):
+        low, high = row.mean.interval95 if row.mean else (None, None)
+        for run in found.runs:
+            own = run.offsets[i]
+            yield {
+                "offset": row.name,
+                "unit": row.unit,
+                "run": run.name,
+                "at": run.at,
+                "status": own.status,
+                "estimate": own.estimate,
+                "std": own.std,
+                "mean": row.mean and row.mean.value,
+                "mean_low": low,
+                "mean_high": high,
+                "observed_std": row.scatter and row.scatter.std,
+                "predicted_std": row.predicted_std,
+                "ratio": row.test and row.test.ratio,
+                "p_holm": row.test and row.test.p_holm,
+                "slope": row.drift and row.drift.slope,
+                "slope_p_holm": row.drift and row.drift.p_holm,
+            }
+
+
+def _write_files(folder: Path, found: Comparison) -> list[str]:
+    picture = runs_picture(found)
+    return write_page(
+        folder,
+        "compare",
+        comparison_page(found),
+        {} if picture is None else {picture.name: picture},
+        "study",
+        answer=(_JSON, dumps(comparison_json(found))),
+        tables={_TABLE: offset_rows(found)},
+    )

@@ -1,0 +1,274 @@
+"""The page of `compare`: mean and scatter of repeated runs, whether they agree; the same in a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rich.console import Console
+from rich.text import Text
+
+from ...analysis.repeatability.compare import (
+    CHANCE,
+    Agreement,
+    ComparedOffset,
+    ComparedRun,
+    Comparison,
+    OffsetOfRun,
+)
+from ...analysis.repeatability.consistency import Mean, Scatter
+from ..studies.study_terminal import print_block
+from ..style import blocks
+from ..style.blocks import (
+    Block,
+    Cell,
+    Facts,
+    FigureBlock,
+    Page,
+    Paragraph,
+    Row,
+    Verdict,
+    row_of,
+    section_of,
+    table_of,
+)
+from ..words import numbers
+from ..words.comparison import headline, notes
+from ..words.wording import clipped, counted, label, listed, sentence, shown
+
+NORMAL_95 = 1.959964
+_VERDICT: dict[Agreement, tuple[str, str]] = {
+    "agrees": ("pass", "Agrees"),
+    "does not agree": ("weak", "Does not agree"),
+    "not tested": ("weak", "Not tested"),
+}
+_STYLE = {"pass": "bold blue", "weak": "bold yellow"}
+_NOT_COMPARED = "not compared"
+_NOT_GIVEN = "not given"
+_NO_NUMBER = {"unidentifiable": "unidentifiable", "prior": _NOT_COMPARED}
+_LONGEST_NAME = 40
+_HOLM = "p-values adjusted for the number of"
+
+
+def comparison_page(found: Comparison) -> Page:
+    """The display strings of a comparison."""
+    key, word = _VERDICT[found.verdict]
+    runs = counted(len(found.runs), "run")
+    return Page(
+        "Repeated runs, compared",
+        runs if found.kind != "table" else f"{runs} of a table of published offsets",
+        Verdict(key, word, sentence(headline(found))),
+        [sentence(note) for note in notes(found)],
+        [
+            section_of(
+                "Mean and scatter of each offset",
+                _means(found),
+                _prediction(found),
+                Paragraph(_whole(found)),
+                FigureBlock("runs"),
+            ),
+            section_of("Drift", *_drift(found)),
+            section_of("Each run", _against(found), Paragraph(_on_the_outlier(found))),
+            section_of("Offsets of each run", _runs(found), level=2),
+            section_of("Settings and inputs", Facts(_about(found))),
+        ],
+    )
+
+
+def print_comparison(out: Console, found: Comparison) -> None:
+    """Verdict and notes, the means and scatter, then drift and each run against the others."""
+    page = comparison_page(found)
+    out.print(Text(f"{page.verdict.word}. ", style=_STYLE[page.verdict.key]) + Text(page.verdict.sentence))
+    for note in page.notes:
+        out.print(Text("! ", style="bold yellow") + Text(note))
+    for section in page.sections[:3]:
+        for block in section.all:
+            if isinstance(block, blocks.Table):
+                out.print()
+            print_block(out, block)
+
+
+# ── sections ──────────────────────────────────────────────────────────────────────────────────
+
+
+def _means(found: Comparison) -> blocks.Table:
+    columns = [
+        ("offset", "left"),
+        ("mean", "right"),
+        ("95 % interval", "right"),
+        ("std of a run", "right"),
+        ("its 95 % interval", "right"),
+    ]
+    by = {row.mean.by for row in found.offsets if row.mean is not None}
+    source = "the prediction" if by == {"prediction"} else "the scatter of the runs (Student’s t)"
+    caption = f"Mean over the runs, its interval from {source}; standard deviation of a run by the scatter"
+    return table_of(caption, columns, [_means_row(row, found.kind == "table") for row in found.offsets])
+
+
+def _means_row(row: ComparedOffset, published: bool) -> Row:
+    if row.mean is None or row.scatter is None:
+        return row_of(label(row.name), Cell(_NOT_COMPARED, span=4), tone="unidentifiable")
+    mean = _mean(row.mean, row.scatter, row.unit, published)
+    return row_of(label(row.name), *mean, _range(row.scatter.interval95, row.unit))
+
+
+def _mean(mean: Mean, scatter: Scatter, unit: str, published: bool) -> list[str]:
+    """Mean, interval and std: by the mean's uncertainty, or with the std to three digits, as papers print."""
+    low, high = mean.interval95
+    half = (high - low) / 2
+    if half == 0:
+        return [numbers.exact(mean.value, unit), _NOT_GIVEN, _spread(scatter.std, unit)]
+    own = half / NORMAL_95
+    interval = numbers.interval((low, high), own, unit)
+    if not published:
+        return [numbers.estimate(mean.value, own, unit), interval, _spread(scatter.std, unit)]
+    digits = numbers.decimals(scatter.std) + 1
+    value, std = (
+        numbers.with_unit(numbers.fixed(number, digits), unit) for number in (mean.value, scatter.std)
+    )
+    return [value, interval, std]
+
+
+def _prediction(found: Comparison) -> blocks.Table | None:
+    """Observed against predicted scatter, where anything is predicted."""
+    columns = [
+        ("offset", "left"),
+        ("observed", "right"),
+        ("predicted", "right"),
+        ("observed / predicted", "right"),
+        ("95 % interval", "right"),
+        ("p-value", "right"),
+    ]
+    rows = [
+        row_of(
+            label(row.name),
+            _spread(row.scatter.std, row.unit),
+            _spread(row.predicted_std, row.unit),
+            _spread(row.test.ratio),
+            _range(row.test.ratio_interval95),
+            numbers.p_value(row.test.p_holm),
+            tone="weak" if row.name in found.differing else "",
+        )
+        for row in found.offsets
+        if row.test is not None and row.scatter is not None and row.predicted_std is not None
+    ]
+    caption = f"Standard deviation over the runs; {_HOLM} offsets (Holm)"
+    return table_of(caption, columns, rows) if rows else None
+
+
+def _whole(found: Comparison) -> str:
+    whole = found.consistency
+    if whole is None:
+        return (
+            "The true standard deviation follows from a few runs to a wide interval only. There is no joint"
+            " test of all offsets: that takes run files in which every free offset is identifiable."
+        )
+    test = f"χ² {numbers.significant(whole.chi2)}, {whole.dof} degrees of freedom"
+    if whole.noise_dof is not None:
+        test += f", against a noise estimated with {whole.noise_dof} degrees of freedom (F)"
+    return (
+        f"All offsets together, with their covariances: {test}, p-value {numbers.p_value(whole.p_value)}. The"
+        f" runs scatter {_spread(whole.ratio)} times as much as predicted ({_range(whole.ratio_interval95)})."
+    )
+
+
+def _drift(found: Comparison) -> Iterator[Block]:
+    by = "the time of the runs" if found.by_time else "the order in which the runs were given"
+    yield Paragraph(
+        f"Slope of each offset over {by}, its interval from the scatter about the line (Student’s t): it"
+        " holds whatever was predicted, and is wide for few runs."
+    )
+    columns = [("offset", "left"), ("slope", "right"), ("95 % interval", "right"), ("p-value", "right")]
+    rows = [_drift_row(row, found) for row in found.offsets]
+    yield table_of(f"Drift; {_HOLM} offsets (Holm)", columns, rows)
+
+
+def _drift_row(row: ComparedOffset, found: Comparison) -> Row:
+    drift = row.drift
+    if drift is None:
+        return row_of(label(row.name), Cell("not determined", span=3), tone="unidentifiable")
+    low, high = drift.interval95
+    own, at = (high - low) / (2 * NORMAL_95), "h" if found.by_time else "run"
+    unit = f"{'°' if row.unit == 'deg' else f' {row.unit}'}/{at}"
+    return row_of(
+        label(row.name),
+        f"{numbers.estimate(drift.slope, own)}{unit}",
+        f"{numbers.interval((low, high), own)}{unit}",
+        numbers.p_value(drift.p_holm),
+        tone="weak" if row.name in found.drifting else "",
+    )
+
+
+def _against(found: Comparison) -> blocks.Table:
+    columns = [
+        ("run", "left"),
+        ("at", "right"),
+        ("measurements", "right"),
+        ("p-value against the others", "left"),
+    ]
+    rows = [_against_row(number, run, found) for number, run in enumerate(found.runs, start=1)]
+    return table_of(f"Each run against all others; {_HOLM} runs (Holm)", columns, rows)
+
+
+def _against_row(number: int, run: ComparedRun, found: Comparison) -> Row:
+    cell: str | Cell = _NOT_GIVEN if run.odd is None else numbers.p_value(run.odd.p_holm)
+    outlier = run.name == found.odd_run
+    if outlier:
+        cell = Cell(f"outlier, {cell}", mark="weak")
+    if run.failure is not None:
+        cell = Cell("no result", mark="weak")
+    at = numbers.significant(run.at, 3, "h") if found.by_time else str(number)
+    count = _NOT_GIVEN if run.shots is None else str(run.shots)
+    return row_of(clipped(run.name, _LONGEST_NAME), at, count, cell, tone="weak" if outlier else "")
+
+
+def _runs(found: Comparison) -> blocks.Table:
+    columns = [("run", "left"), *((label(row.name), "right") for row in found.offsets)]
+    rows = [
+        row_of(clipped(run.name, _LONGEST_NAME), *(_estimate(own) for own in run.offsets))
+        for run in found.runs
+    ]
+    caption = "Offsets of each run without prior, ± predicted standard uncertainty"
+    if found.kind == "table":
+        caption = "Offsets of each run as published"
+    return table_of(caption, columns, rows)
+
+
+def _estimate(own: OffsetOfRun) -> str:
+    if own.estimate is None:
+        return _NO_NUMBER.get(own.status, _NOT_GIVEN)
+    if own.std is None:
+        return numbers.exact(own.estimate, own.unit)
+    return f"{numbers.estimate(own.estimate, own.std)} ± {_spread(own.std, own.unit)}"
+
+
+def _on_the_outlier(found: Comparison) -> str:
+    if found.odd_run is not None:
+        return f"{clipped(found.odd_run, _LONGEST_NAME)} is the outlier."
+    if found.used < 3:
+        return "An outlier cannot be found among fewer than three runs."
+    return "No single run is an outlier."
+
+
+def _about(found: Comparison) -> list[tuple[str, str]]:
+    hashes = dict.fromkeys(run.sha256[:12] for run in found.runs if run.sha256)
+    robots = dict.fromkeys(clipped(run.robot) for run in found.runs if run.robot)
+    return [
+        ("Robot", ", ".join(robots) or _NOT_GIVEN),
+        ("Held", listed([label(name) for name in found.held]) if found.held else "none"),
+        ("Order", "by provenance.when" if found.by_time else "as given"),
+        ("Questions", f"{', '.join(found.asked)}: each at {CHANCE:g} over their number"),
+        ("Seed", str(found.seed)),
+        ("SHA-256", ", ".join(hashes)),
+        ("Versions", ", ".join(f"{shown(name)} {shown(at)}" for name, at in found.versions.items())),
+        ("Files", "compare.json beside this page holds every number unrounded; offsets.csv as a plain table"),
+    ]
+
+
+def _spread(std: float, unit: str = "") -> str:
+    """To two significant digits; runs that are all the same have a scatter of 0."""
+    return numbers.spread(std, unit) if std > 0 else numbers.exact(0, unit)
+
+
+def _range(interval: tuple[float, float], unit: str = "") -> str:
+    """`low to high` of an interval whose ends lie factors apart: two significant digits each."""
+    return f"{_spread(interval[0])} to {_spread(interval[1], unit)}"

@@ -1,0 +1,176 @@
+"""The comparison as people see it: page, folder, figure, terminal."""
+
+from __future__ import annotations
+
+import csv
+import functools
+import io
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pypdf
+import pytest
+from command_line import WIDTH
+from example_results import HOSTILE_NAMES
+from pages import Page, assert_fetches_nothing
+from repeated_runs import drawn, repeat, repeats, table_file
+from rich.console import Console
+
+from zerobeam.analysis.findings import FileWarning
+from zerobeam.analysis.repeatability.compare import Comparison, compare, compared
+from zerobeam.analysis.status import UnsoundResult
+from zerobeam.experiments.studies.table2 import PRINTED_MEAN, PRINTED_STD
+from zerobeam.model.errors import BadInput
+from zerobeam.reports.output.html import html
+from zerobeam.reports.repeatability.comparison_folder import write_comparison
+from zerobeam.reports.repeatability.comparison_json import comparison_json
+from zerobeam.reports.repeatability.comparison_page import comparison_page, print_comparison
+from zerobeam.reports.repeatability.figure_runs import runs_picture
+from zerobeam.reports.style import blocks
+from zerobeam.reports.style.canvas import Picture
+
+
+@functools.cache
+def answer(odd: float = 0.0) -> Comparison:
+    """Five runs of three offsets, the fourth off by `odd` degrees in delta4."""
+    values = drawn(5, seed=1)
+    values[3, 2] += odd
+    return compared("runs", repeats(values), 0)
+
+
+def lost() -> Comparison:
+    """Three runs, none of which determines delta3."""
+    holes = np.full((3, 3), np.nan)
+    values = drawn(3, seed=2)
+    values[:, 1] = np.nan
+    status = ("identified", "unidentifiable", "weak")
+    return compared("runs", repeats(values, covariance=holes, status=status), 0)
+
+
+def picture_of(told: Comparison) -> Picture:
+    picture = runs_picture(told)
+    assert picture is not None
+    return picture
+
+
+def printed(told: Comparison) -> str:
+    text = io.StringIO()
+    print_comparison(Console(file=text, width=WIDTH, highlight=False, color_system=None), told)
+    return text.getvalue()
+
+
+def table(view: blocks.Page, caption: str) -> list[list[str]]:
+    (found,) = [
+        block
+        for section in view.sections
+        for block in section.all
+        if isinstance(block, blocks.Table) and block.caption.startswith(caption)
+    ]
+    return [[cell.text for cell in row.cells] for row in found.rows]
+
+
+def number(text: str) -> float:
+    return float(re.sub(r"[°\u00a0].*$", "", text).replace("\u2212", "-"))
+
+
+def test_table_2_is_shown_to_the_digits_of_the_paper(tmp_path: Path) -> None:
+    rows = table(comparison_page(compare([table_file(tmp_path)])), "Mean over the runs")
+    for (name, mean, _, std, _), printed_mean, printed_std in zip(
+        rows, PRINTED_MEAN, PRINTED_STD, strict=True
+    ):
+        assert name.startswith("δ")
+        assert number(mean) == pytest.approx(printed_mean, abs=0.5001e-4)
+        assert number(std) == pytest.approx(printed_std, abs=0.5001e-4)
+
+
+def test_the_tables_say_what_the_answer_says() -> None:
+    told = answer(odd=0.2)
+    view = comparison_page(told)
+    for row, own in zip(table(view, "Standard deviation"), told.offsets, strict=True):
+        assert own.scatter is not None
+        assert own.predicted_std is not None
+        assert own.test is not None
+        for text, value in zip(row[1:4], (own.scatter.std, own.predicted_std, own.test.ratio), strict=True):
+            assert number(text) == pytest.approx(value, rel=0.06)
+    assert [row[3] for row in table(view, "Each run against")][3] == "outlier, below 0.001"
+    assert view.verdict.word == "Does not agree"
+    assert comparison_page(answer()).verdict.word == "Agrees"
+    assert not any("outlier" in row[3] for row in table(comparison_page(answer()), "Each run against"))
+
+
+def test_what_no_run_determines_is_shown_without_a_number() -> None:
+    told = lost()
+    view = comparison_page(told)
+    assert view.verdict.word == "Not tested"
+    assert table(view, "Mean over the runs")[1] == ["δ3", "not compared"]
+    assert table(view, "Drift")[1] == ["δ3", "not determined"]
+    assert {row[2] for row in table(view, "Offsets of each run")} == {"unidentifiable"}
+    assert "δ3" not in picture_of(told).alt
+
+
+def test_the_folder(tmp_path: Path) -> None:
+    told, folder = answer(odd=0.2), tmp_path / "out"
+    for name in (str(folder), folder):
+        paths = write_comparison(name, told)
+    assert json.loads(paths.compare.read_text(encoding="utf-8")) == comparison_json(told)
+    rows = list(csv.DictReader(io.StringIO(paths.table.read_text(encoding="utf-8"))))
+    assert len(rows) == 15
+    assert float(rows[4]["estimate"]) == told.runs[4].offsets[0].estimate
+    last = told.offsets[2].mean
+    assert last is not None
+    assert float(rows[14]["mean"]) == last.value
+    page = Page(paths.html.read_text(encoding="utf-8"))
+    assert_fetches_nothing(page)
+    text = " ".join(" ".join(page.text).split())
+    pdf = pypdf.PdfReader(paths.pdf)
+    typeset = " ".join(" ".join(sheet.extract_text() for sheet in pdf.pages).split())
+    for row in table(comparison_page(told), "Mean over the runs"):
+        for cell in row:
+            assert cell in text
+            assert cell in typeset
+    foreign = tmp_path / "other"
+    foreign.mkdir()
+    (foreign / "mine.txt").write_text("mine")
+    with pytest.raises(BadInput, match="holds other things"):
+        write_comparison(foreign, told)
+
+
+def test_a_number_for_what_a_run_does_not_determine_cannot_be_made() -> None:
+    own = lost().runs[0].offsets[1]
+    for number in ({"estimate": 1.0}, {"std": 1.0}):
+        with pytest.raises(UnsoundResult, match="delta3"):
+            replace(own, **number)
+    assert replace(own, status="weak", estimate=1.0).estimate == 1.0
+
+
+def test_the_outlier_has_a_shape_and_a_word_besides_its_colour() -> None:
+    odd, even = (picture_of(told) for told in (answer(odd=0.2), answer()))
+    assert "The outlier is run 4" in odd.alt
+    assert "diamond" in odd.title
+    assert "outlier" not in even.alt + even.title
+    assert "◆ outlier" in printed(answer(odd=0.2))
+    nothing = compared("runs", [repeat(value) for value in drawn(1, seed=3)], 0)
+    assert runs_picture(nothing) is None
+
+
+@pytest.mark.parametrize("told", [answer(), answer(odd=0.2), lost()])
+def test_no_line_is_wider_than_the_terminal(told: Comparison) -> None:
+    assert max(len(line) for line in printed(told).splitlines()) <= WIDTH
+
+
+def test_names_do_no_harm() -> None:
+    told = answer(odd=0.2)
+    runs = tuple(replace(run, name=name) for run, name in zip(told.runs, HOSTILE_NAMES, strict=False))
+    warning = FileWarning("[bold red]beware[/bold red] \x1b[2J \u202e")
+    runs = (replace(runs[0], findings=(warning,)), *runs[1:])
+    told = replace(told, runs=runs, odd_run=runs[0].name)
+    page = Page(html(comparison_page(told), {"runs": picture_of(told)}, "study"))
+    assert_fetches_nothing(page)
+    text = printed(told)
+    assert "[bold red]beware[/bold red] \\x1b[2J" in text
+    for letter in ("\x00", "\x1b", "\u202e"):
+        assert letter not in text
+        assert letter not in " ".join(page.text)

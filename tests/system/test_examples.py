@@ -1,0 +1,28 @@
+"""The examples in the docstrings of the public names run and print what they say."""
+
+from __future__ import annotations
+
+import doctest
+import inspect
+
+import pytest
+
+import zerobeam
+
+
+def examples(name: str) -> list[doctest.DocTest]:
+    found = getattr(zerobeam, name)
+    if not (inspect.isclass(found) or inspect.isfunction(found)):
+        return []
+    return [test for test in doctest.DocTestFinder(recurse=True).find(found, name) if test.examples]
+
+
+@pytest.mark.parametrize("name", [name for name in zerobeam.__all__ if examples(name)])
+def test_the_examples_of(name: str) -> None:
+    for test in examples(name):
+        assert doctest.DocTestRunner().run(test).failed == 0
+
+
+@pytest.mark.parametrize("name", ["Laser", "Noise", "Probe", "Robot", "Run", "load_robot"])
+def test_there_are_examples_of(name: str) -> None:
+    assert examples(name)
