@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import re
 from collections.abc import Callable, Iterator
@@ -23,6 +24,14 @@ AT_LENGTH = {
     "test_too_few_shots_claim_nothing": r"^2",
     "test_a_robust_fit_is_there_on_request_and_names_the_shot_that_is_off": r"^student",
 }
+
+# As the command line does (`cli.main`): by default the collector takes a good part of the time.
+gc.set_threshold(50_000, 20, 20)
+
+
+def pytest_collection_finish() -> None:
+    """What has been collected stays to the end, and need not be looked at again by the garbage collector."""
+    gc.freeze()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

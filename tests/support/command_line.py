@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import io
 import json
 import os
@@ -15,11 +16,14 @@ from typing import Any
 from unittest import mock
 
 import numpy as np
+import typer.main
 
 from zerobeam import cli
 from zerobeam.model.files.plan import Plan, write_plan
 
 WIDTH = 80
+# Typer makes all commands anew at each call, and that takes longer than what most tests ask of them.
+typer.main.get_command = functools.cache(typer.main.get_command)
 # What would make rich or typer take a caught output for a terminal, or another width than WIDTH.
 _NOT_ASKED = ("FORCE_COLOR", "PY_COLORS", "NO_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE", "TERMINAL_WIDTH")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,7 +19,11 @@ from zerobeam.experiments.studies.campaign import CellRun, carried, seeds
 from zerobeam.experiments.studies.cell_study import StudiedPlan, cell_study, studied_plans
 
 RUNS = 2
-PLANS = {plan.name: plan for plan in studied_plans(0, camera=False)}
+
+
+@functools.cache
+def plans() -> dict[str, StudiedPlan]:
+    return {plan.name: plan for plan in studied_plans(0, camera=False)}
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +31,7 @@ def study() -> tuple[dict[str, Any], list[tuple[str, float]]]:
     """Few runs of the real thing, without pictures, for the plans that it is quick with."""
     told: list[tuple[str, float]] = []
     with pytest.MonkeyPatch.context() as patch:
-        some = [PLANS["optimal"], PLANS["adaptive"]]
+        some = [plans()["optimal"], plans()["adaptive"]]
         patch.setattr(module, "studied_plans", lambda seed, camera: some)
         answer = cell_study(RUNS, 0, lambda *now: told.append(now), camera=False, processes=1)
     return answer, told
@@ -34,7 +39,7 @@ def study() -> tuple[dict[str, Any], list[tuple[str, float]]]:
 
 @pytest.fixture(scope="module")
 def run() -> CellRun:
-    return carried(PLANS["optimal"].repeated, seeds(0, 1)[0])
+    return carried(plans()["optimal"].repeated, seeds(0, 1)[0])
 
 
 def made(run: CellRun, count: int, wider: float = 1.0, seed: int = 0) -> list[SoFar]:
@@ -105,7 +110,7 @@ def test_the_control_judges_the_same_runs_by_half_the_noise(
 
 def test_right_stds_agree_and_stds_too_small_do_not(run: CellRun) -> None:
     """By 2: 1.96 stds are 0.98, which hold two thirds; of 200 that is 20 standard errors off."""
-    plan = PLANS["optimal"]
+    plan = plans()["optimal"]
     right, wrong = judged(plan, run, made(run, 200)), judged(plan, run, made(run, 200, wider=2.0))
     assert right["agrees"]
     assert right["sentence"].endswith("as promised")
@@ -129,7 +134,7 @@ def test_a_run_counts_where_it_tells_the_offset_itself(run: CellRun) -> None:
             for offset in states[k].offsets
         )
         states[k] = replace(states[k], offsets=offsets)
-    told = judged(PLANS["optimal"], run, states)
+    told = judged(plans()["optimal"], run, states)
     of = {row["name"]: row["coverage"]["of"] for row in told["parameters"]}
     assert of == {"delta2": 30, "delta3": 20, "delta4": 30, "delta5": 30, "delta6": 30}
     assert "Without an interval, as the run could not tell it: delta3 in 10 runs" in told["sentence"]
@@ -145,7 +150,7 @@ def test_an_offset_that_no_run_tells_has_no_numbers(run: CellRun) -> None:
         )
         for state in made(run, 3)
     ]
-    told = judged(PLANS["optimal"], run, silent)
+    told = judged(plans()["optimal"], run, silent)
     assert not told["agrees"]
     assert all(
         row[key] is None
@@ -157,10 +162,10 @@ def test_an_offset_that_no_run_tells_has_no_numbers(run: CellRun) -> None:
 def test_runs_without_a_result_are_counted_and_have_no_interval(run: CellRun) -> None:
     failed = replace(run, state=None, failure="the motors are off")
     runs = [failed, *[run] * 3]
-    told = module._told(PLANS["optimal"], runs, [None, *made(run, 3)])
+    told = module._told(plans()["optimal"], runs, [None, *made(run, 3)])
     assert (told["failed"], told["failures"]) == (1, ["the motors are off"])
     assert all(row["coverage"]["of"] == 3 for row in told["parameters"])
-    nothing = module._told(PLANS["optimal"], [failed], [None])
+    nothing = module._told(plans()["optimal"], [failed], [None])
     assert (nothing["within_limit"], nothing["shots_used"]["mean"], nothing["agrees"]) == (None, None, False)
     assert nothing["seconds"]["total"] == {"mean": None, "max": None}
 
