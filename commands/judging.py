@@ -102,7 +102,7 @@ def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> Non
     turned = aim_plan(planned)
     answer = check_json(judge(planned, turned))
     if picture is not None:
-        from ..reports.scenes.plan_page import write_plan_page
+        from ..reports.plan.plan_page import write_plan_page
 
         write_plan_page(picture, turned, answer)
     if as_json:
@@ -232,7 +232,7 @@ def plan(
     if picture is not None and made.file is not None:
         from ..analysis.observability.aim import aim_plan
         from ..analysis.observability.check import check as judge
-        from ..reports.scenes.plan_page import write_plan_page
+        from ..reports.plan.plan_page import write_plan_page
         from ..reports.words.result_json import check_json
 
         turned = aim_plan(read_plan(made.file))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from ..style.blocks import Page
 from ..style.canvas import Picture, themed
@@ -20,10 +20,20 @@ LARGEST_ATTACHMENT = 200_000
 
 @dataclass(frozen=True)
 class Turnable:
-    """What a page needs for its scene: the `words` that `scene.html.j2` says about it, the still drawing, the
-    style, the data and the script, and the script's hash for the page's policy, which then runs no other."""
+    """What a page needs for its scene: what is said about it (`one` is what a posture is called), how many
+    postures it has (`count`), what its key explains, the still drawing, the style, the data and the script,
+    and the script's hash for the page's policy, which then runs no other."""
 
-    words: dict[str, Any]
+    alt: str
+    caption: str
+    paper: str
+    one: str
+    laser: bool
+    count: int
+    misses: bool
+    placed: bool
+    undetermined: bool
+    factor: int | None
     drawing: Markup
     style: Markup
     data: Markup

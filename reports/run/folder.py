@@ -62,9 +62,9 @@ def _write_files(folder: Path, result: Result, draws: Draws | None) -> list[str]
 
     from ..output.page_files import write_page
     from ..output.posterior_file import write_posterior
-    from ..scenes.run_scene import run_turnable
     from .figures import pictures
     from .report_page import report_page
+    from .run_scene import run_turnable
 
     if draws is not None:
         write_posterior(folder / "posterior.nc", result, draws)

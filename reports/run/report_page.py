@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..scenes.run_scene import scene_section
 from ..style.blocks import FigureBlock, Legend, Page, Paragraph, Section, section_of
+from .run_scene import scene_section
 from .view import view
 from .view_accuracy import accuracy_section
 from .view_budget import budget_section

@@ -102,7 +102,7 @@ def test_the_scene_turns_and_says_where_the_target_stands(report: Path) -> None:
     with chromium().opened(report / "report.html") as tab:
         assert f"psd at {', '.join(place)} mm, half axes of its 95 % ellipsoid" in tab.text
         assert tab.value("document.getElementById('scene').className") == "alive"
-        assert "shot 0 at psd (1 of 7)" in tab.text
+        assert "measurement 0 at psd (1 of 7)" in tab.text
     assert "script-src 'sha256-" in Page((report / "report.html").read_text(encoding="utf-8")).policy
 
 

@@ -133,11 +133,11 @@
     disc(x, y, wide < 560 ? 3 : 4.5, colours.ink);
   }
   // What is not determined is a cross, what is held a square: told by shape and word, not by colour alone.
-  const tone = (place) => colours[{ untold: "unidentifiable", held: "held" }[place.state] || "identified"];
+  const tone = (place) => colours[{ undetermined: "unidentifiable", held: "held" }[place.state] || "identified"];
   function target(place) {
     const [x, y] = at(place.at), colour = tone(place);
     pen.globalAlpha = 1;
-    if (place.state === "untold") {
+    if (place.state === "undetermined") {
       line([[x - 7, y - 7], [x + 7, y + 7]], 2.4, colour);
       line([[x - 7, y + 7], [x + 7, y - 7]], 2.4, colour);
       return;
@@ -160,7 +160,7 @@
     for (const b of [-60, -30, 0, 30, 60].map(radians))
       line(round.map((t) => on([c(b) * c(t), c(b) * s(t), s(b)])), 1, colours.identified);
   }
-  const label = (place) => place.name + ({ untold: ": not determined", held: ": held" }[place.state] || "");
+  const label = (place) => place.name + ({ undetermined: ": not determined", held: ": held" }[place.state] || "");
 
   function draw() {
     waiting = false;

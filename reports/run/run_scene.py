@@ -1,4 +1,4 @@
-"""A run as a scene: the arm at its shots, the beams as fitted, and how well each target's place is known.
+"""A run in 3D: the arm at its measurements, the beams as fitted, and how well each target's place is known.
 
 All of it comes from the part `scene` of `result.json`.
 """
@@ -11,27 +11,28 @@ import numpy as np
 
 from ...model.robot import Matrix
 from ..output.html import Turnable
-from ..run.view_parameters import NOT_DETERMINED
+from ..scenes.scene import Placed, Posed, Scene3D
+from ..scenes.turnable import SceneWords, exaggerated, turnable
 from ..style.blocks import Paragraph, SceneBlock, Section, section_of
 from ..words import numbers
 from ..words.wording import clipped, counted, label, listed
-from .scene import Placed, Posed, exaggerated, scene_json, turnable
+from .view_parameters import NOT_DETERMINED
 
 Json = dict[str, Any]
 
 _MOST_TOLD = 6  # targets in the words beside the picture: more are in the report's tables
 
 
-def run_scene(result: Json) -> Json | None:
-    """The scene of a result, `scene.scene_json`; None where the fit did not converge."""
+def run_scene(result: Json) -> Scene3D | None:
+    """The scene of a result; None where the fit did not converge."""
     seen = result["scene"]
     if seen is None:
         return None
     count = len(seen["shots"])
-    return scene_json(
+    return Scene3D(
         [
             Posed(
-                name=f"shot {shot['shot']} at {clipped(shot['target'], 24)} ({i} of {count})",
+                name=f"measurement {shot['shot']} at {clipped(shot['target'], 24)} ({i} of {count})",
                 arm=np.array(shot["links"][:-1]),
                 tool=np.array(shot["links"][-1]),
                 end=None if shot["beam_to"] is None else np.array(shot["beam_to"]),
@@ -56,11 +57,13 @@ def _placed(target: Json, seen: Json) -> Placed:
             shot["beam_to"] or shot["links"][-1] for shot in seen["shots"] if shot["target"] == target["name"]
         ]
         at = np.mean(ends, axis=0) if ends else np.zeros(3)
-        return Placed(target["name"], at, "untold")
+        return Placed(target["name"], at, "undetermined")
     at = np.array(target["at_mm"])
     if target["covariance_mm2"] is None:
         return Placed(target["name"], at, "held")
-    return Placed(target["name"], at, "told", half_axes(np.array(target["covariance_mm2"]), seen["radius2"]))
+    return Placed(
+        target["name"], at, "estimated", half_axes(np.array(target["covariance_mm2"]), seen["radius2"])
+    )
 
 
 # ── the words beside it ───────────────────────────────────────────────────────────────────────
@@ -76,7 +79,9 @@ def scene_section(result: Json) -> Section | None:
     """The section of the report: a paragraph on the targets' places, which paper has too, and the picture."""
     if result["scene"] is None:
         return None
-    return section_of("Where the targets stand", Paragraph(_sentences(_places(result), result)), SceneBlock())
+    return section_of(
+        "Positions of the targets", Paragraph(_sentences(_places(result), result)), SceneBlock()
+    )
 
 
 def _places(result: Json) -> list[str]:
@@ -111,17 +116,17 @@ def _place_in_words(target: Json, result: Json) -> str:
     return f"{name} at {at}, half axes of its 95\u00a0% ellipsoid {axes}"
 
 
-def _words(scene: Json, places: list[str], result: Json) -> Json:
-    """What is said about the picture, as `scene.turnable` wants it."""
-    shots = scene["postures"]
+def _words(scene: Scene3D, places: list[str], result: Json) -> SceneWords:
+    """What is said about the picture."""
+    shots = scene.postures
     count, all_shots = len(shots), len(result["shots"])
-    laser = shots[0]["beam"] is not None
+    laser = shots[0].end is not None
     what = "with its beams as fitted" if laser else "with the tip of the probe as fitted"
     more = "" if len(places) <= _MOST_TOLD else f"; and {len(places) - _MOST_TOLD} more"
     caption = (
-        f"The arm at the recorded joints with the fitted offsets, {counted(count, 'shot')}"
+        f"The arm at the recorded joints with the fitted offsets, {counted(count, 'measurement')}"
         f"{'' if count == all_shots else f' of {all_shots}'}. Grid of"
-        f" {numbers.exact(scene['grid']['step'], 'mm')} at z = 0; x, y and z are the base frame."
+        f" {numbers.exact(scene.grid_step, 'mm')} at z = 0; x, y and z are the base frame."
     )
     open_ = [
         label(row["name"])
@@ -131,16 +136,16 @@ def _words(scene: Json, places: list[str], result: Json) -> Json:
     if open_:
         caption += (
             f" {listed(open_)} {'is' if len(open_) == 1 else 'are'} {NOT_DETERMINED}: the picture has"
-            f" {'it' if len(open_) == 1 else 'them'} at what was supposed before any shot."
+            f" {'it' if len(open_) == 1 else 'them'} at the nominal values."
         )
-    paper = f"On paper: shot {result['scene']['shots'][0]['shot']} in black, the others in grey"
-    if scene["factor"] is not None:
-        paper += f"; an ellipsoid is drawn {exaggerated(scene['factor'])}"
-    return {
-        "alt": f"The arm as a line through its joints in {counted(count, 'shot')}, {what}, above a floor"
+    paper = f"On paper: measurement {result['scene']['shots'][0]['shot']} in black, the others in grey"
+    if scene.factor is not None:
+        paper += f"; an ellipsoid is drawn {exaggerated(scene.factor)}"
+    return SceneWords(
+        alt=f"The arm as a line through its joints in {counted(count, 'measurement')}, {what}, above a floor"
         f" grid. Targets (x, y, z in the base frame): {'; '.join(places[:_MOST_TOLD])}{more}.",
-        "caption": caption,
-        "paper": f"{paper}.",
-        "one": "shot",
-        "laser": laser,
-    }
+        caption=caption,
+        paper=f"{paper}.",
+        one="measurement",
+        laser=laser,
+    )

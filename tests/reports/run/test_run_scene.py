@@ -36,8 +36,8 @@ from zerobeam.analysis.solution import judge
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.problem import Problem
 from zerobeam.reports.output.template import style, template
-from zerobeam.reports.scenes.run_scene import half_axes, run_scene, run_turnable, scene_section
-from zerobeam.reports.scenes.scene import Placed, Posed, scene_json
+from zerobeam.reports.run.run_scene import half_axes, run_scene, run_turnable, scene_section
+from zerobeam.reports.scenes.scene import Placed, Posed, Scene3D
 
 Json = dict[str, Any]
 
@@ -207,8 +207,8 @@ def test_a_laser_that_points_away_is_told_and_its_beam_shown() -> None:
     shown, good = run_turnable(answer), run_turnable(good_answer())
     assert shown is not None
     assert good is not None
-    assert shown.words["misses"]
-    assert not good.words["misses"]
+    assert shown.misses
+    assert not good.misses
 
 
 # ── what the picture shows ────────────────────────────────────────────────────────────────────
@@ -225,9 +225,9 @@ def test_ellipsoids_are_exaggerated_by_a_power_of_ten_that_can_be_seen() -> None
     arm = np.array([[0.0, 0, 0], [0, 0, 500], [500, 0, 500]])
     posed = Posed("one", arm, arm[-1], None, True)
     for size, factor in ((0.001, 1000), (0.3, 100), (3.0, 10), (400.0, 1)):
-        told = Placed("psd", np.zeros(3), "told", size * np.eye(3))
-        assert scene_json([posed], [told])["factor"] == factor
-    assert scene_json([posed], [Placed("psd", np.zeros(3), "untold")])["factor"] is None
+        told = Placed("psd", np.zeros(3), "estimated", size * np.eye(3))
+        assert Scene3D([posed], [told]).factor == factor
+    assert Scene3D([posed], [Placed("psd", np.zeros(3), "undetermined")]).factor is None
 
 
 def test_an_undetermined_target_is_a_cross_with_words_and_no_number() -> None:
@@ -235,14 +235,14 @@ def test_an_undetermined_target_is_a_cross_with_words_and_no_number() -> None:
     picture, shown = run_scene(answer), run_turnable(answer)
     assert picture is not None
     assert shown is not None
-    assert [target["state"] for target in picture["targets"]] == ["untold"]
-    assert [target["axes"] for target in picture["targets"]] == [None]
+    assert [target.state for target in picture.targets] == ["undetermined"]
+    assert [target.axes for target in picture.targets] == [None]
     assert "psd: not determined" in shown.drawing
-    assert '<path class="untold"' in shown.drawing
+    assert '<path class="undetermined"' in shown.drawing
     assert "<ellipse" not in shown.drawing
-    assert shown.words["untold"]
-    assert shown.words["factor"] is None
-    assert "δ2 is not determined by these data" in shown.words["caption"]
+    assert shown.undetermined
+    assert shown.factor is None
+    assert "δ2 is not determined by these data" in shown.caption
     section = scene_section(answer)
     assert section is not None
     assert section.blocks[0].text == "In the base frame (x, y, z): psd not determined by these data."
@@ -250,9 +250,9 @@ def test_an_undetermined_target_is_a_cross_with_words_and_no_number() -> None:
     good = run_turnable(good_answer())
     assert good is not None
     assert good.drawing.count("<ellipse") == 1
-    assert "not determined" not in good.drawing + good.words["caption"] + good.words["alt"]
-    assert re.search(r"psd at 899\.\d\d, 0\.\d\d, 0\.\d\d\u00a0mm, half axes", good.words["alt"])
-    assert "an ellipsoid is drawn 100 times its true size" in good.words["paper"]
+    assert "not determined" not in good.drawing + good.caption + good.alt
+    assert re.search(r"psd at 899\.\d\d, 0\.\d\d, 0\.\d\d\u00a0mm, half axes", good.alt)
+    assert "an ellipsoid is drawn 100 times its true size" in good.paper
 
 
 def test_an_open_tool_is_named() -> None:
@@ -260,9 +260,7 @@ def test_an_open_tool_is_named() -> None:
     tool = [{"name": f"tool.{axis}", "group": "tool", "status": "unidentifiable"} for axis in "xy"]
     shown = run_turnable({**answer, "parameters": answer["parameters"] + tool})
     assert shown is not None
-    assert (
-        "tool.x and tool.y are not determined by these data: the picture has them" in shown.words["caption"]
-    )
+    assert "tool.x and tool.y are not determined by these data: the picture has them" in shown.caption
 
 
 def page_of(answer: Json) -> str:
@@ -317,7 +315,7 @@ def test_sliders_and_keys_say_in_words_what_they_do(file: Path) -> None:
     pixels = "document.querySelector('canvas').toDataURL()"
     with chromium().opened(file) as tab:
         assert tab.value(said("factor")) == "drawn 100 times its true size"
-        assert tab.value(said("posture")) == "shot 0 at psd (1 of 10)"
+        assert tab.value(said("posture")) == "measurement 0 at psd (1 of 10)"
         before = tab.value(pixels)
         tab.value(slide("factor", 3))
         assert tab.value(said("factor")) == "drawn 1000 times its true size"
@@ -327,11 +325,11 @@ def test_sliders_and_keys_say_in_words_what_they_do(file: Path) -> None:
             "drawn at its true size"
         )
         tab.value(slide("posture", 4))
-        assert tab.value(said("posture")) == "shot 4 at psd (5 of 10)"
+        assert tab.value(said("posture")) == "measurement 4 at psd (5 of 10)"
         tab.value("document.querySelector('canvas').focus()")
         for key in ("n", "ArrowLeft", "]"):
             tab.key(key)
-        assert tab.value(said("posture")) == "shot 5 at psd (6 of 10)"
+        assert tab.value(said("posture")) == "measurement 5 at psd (6 of 10)"
         assert tab.value(said("factor")) == "drawn 2 times its true size"
         drawn = f"new Promise((then) => requestAnimationFrame(() => then({pixels})))"
         assert tab.value(drawn) != before

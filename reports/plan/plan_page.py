@@ -18,11 +18,13 @@ from ..output.template import TEMPLATES, style, template
 from ..run.view import VERDICT_WORDS
 from ..run.view_parameters import STATUS_WORDS, legend, reasons, unit_of
 from ..run.view_unknown import advice_words, over_target_words, unknown
+from ..scenes.drawing import MOST_DRAWN
+from ..scenes.scene import Scene3D
+from ..scenes.turnable import SceneWords, turnable
 from ..style.blocks import Cell, Facts, Legend, Row, Table, Verdict, row_of, table_of
 from ..words import numbers
 from ..words.wording import clipped, counted, label, listed, sentence, shown
 from .plan_scene import Postures, plan_scene, postures_of
-from .scene import MOST_DRAWN, turnable
 
 Json = dict[str, Any]
 
@@ -137,8 +139,8 @@ def _outlook(answer: Json) -> list[str]:
     return words if answer["over_target"] is None else [*words, over_target_words(answer["over_target"])]
 
 
-def _scene_words(plan: Plan, seen: Postures, scene: Json) -> Json:
-    """What is said about the picture, as `scene.turnable` wants it."""
+def _scene_words(plan: Plan, seen: Postures, scene: Scene3D) -> SceneWords:
+    """What is said about the picture."""
     count = len(plan.postures)
     places = [
         f"{clipped(name, 24)} at {', '.join(numbers.fixed(value, 0) for value in place)}\u00a0mm"
@@ -152,17 +154,12 @@ def _scene_words(plan: Plan, seen: Postures, scene: Json) -> Json:
         "The table of postures on this page says the same in numbers."
     )
     caption = (
-        f"Grid of {numbers.exact(scene['grid']['step'], 'mm')} at z = 0; x, y and z are the base frame. "
-        "No joint offsets; a target stands where it is supposed to be before any shot."
+        f"Grid of {numbers.exact(scene.grid_step, 'mm')} at z = 0; x, y and z are the base frame. "
+        "No joint offsets; targets at their nominal places."
     )
     few = f" Drawn on paper: the first {MOST_DRAWN} postures." if count > MOST_DRAWN else ""
-    return {
-        "alt": alt,
-        "caption": caption,
-        "paper": "On paper: posture 0 in black, the others in grey." + few,
-        "one": "posture",
-        "laser": laser,
-    }
+    paper = "On paper: posture 0 in black, the others in grey." + few
+    return SceneWords(alt, caption, paper, "posture", laser)
 
 
 def _predicted(parameters: list[Json]) -> Table:

@@ -32,8 +32,8 @@ from zerobeam.analysis.observability.check import check
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.problem import Problem
-from zerobeam.reports.scenes.plan_page import NOT_TOLD, plan_page, write_plan_page
-from zerobeam.reports.scenes.plan_scene import plan_scene, postures_of
+from zerobeam.reports.plan.plan_page import NOT_TOLD, plan_page, write_plan_page
+from zerobeam.reports.plan.plan_scene import plan_scene, postures_of
 from zerobeam.reports.words import numbers
 from zerobeam.reports.words.result_json import check_json
 
@@ -215,7 +215,7 @@ def test_many_postures_are_all_in_the_scene_and_the_first_on_paper() -> None:
     assert len(page.scene["postures"]) == 100
     assert text.count('class="arm') == 2 * 60
     assert "the first 60 postures" in page.words
-    assert len(plan_scene(many, postures_of(aim_plan(many)))["postures"]) == 100
+    assert len(plan_scene(many, postures_of(aim_plan(many))).postures) == 100
 
 
 # ── one file that does nothing else ───────────────────────────────────────────────────────────

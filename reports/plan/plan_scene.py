@@ -1,8 +1,8 @@
-"""A plan as a scene: the postures as the servo will leave them, targets where they are supposed to be."""
+"""A plan in 3D: the postures as the servo will leave them, targets at their nominal places."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +11,7 @@ from threadpoolctl import threadpool_limits
 from ...analysis.observability.aim import AimedPlan
 from ...model.files.plan import Plan
 from ...model.robot import Matrix
-from .scene import Placed, Posed, scene_json
-
-Json = dict[str, Any]
+from ..scenes.scene import Placed, Posed, Scene3D
 
 
 class Postures(NamedTuple):
@@ -36,7 +34,7 @@ class Postures(NamedTuple):
 
 
 def postures_of(aimed_plan: AimedPlan) -> Postures:
-    """What `check` judges: no offsets, targets where they are supposed. A beam that does not reach its target
+    """What `check` judges: no offsets, targets at their nominal places. A beam that does not reach its target
     is as long as that is far."""
     problem, x, aimed = aimed_plan.problem, aimed_plan.x, aimed_plan.aimed
     joints = np.where(aimed.hit[:, None], aimed.problem.joints, problem.joints)
@@ -52,10 +50,10 @@ def postures_of(aimed_plan: AimedPlan) -> Postures:
     return Postures(joints, aimed.hit, points.transpose(0, 2, 1), origin, end, parts.targets, along, reaches)
 
 
-def plan_scene(plan: Plan, seen: Postures) -> Json:
-    """The scene of a plan, `scene.scene_json`; there is no beam for a probe."""
+def plan_scene(plan: Plan, seen: Postures) -> Scene3D:
+    """The scene of a plan; there is no beam for a probe."""
     laser, count = plan.header.tool.kind == "laser", len(plan.postures)
-    return scene_json(
+    return Scene3D(
         [
             Posed(
                 name=f"posture {i} (of 0 to {count - 1})",
@@ -66,5 +64,5 @@ def plan_scene(plan: Plan, seen: Postures) -> Json:
             )
             for i in range(count)
         ],
-        [Placed(name, at, "supposed") for name, at in zip(plan.target_names, seen.targets, strict=True)],
+        [Placed(name, at, "nominal") for name, at in zip(plan.target_names, seen.targets, strict=True)],
     )

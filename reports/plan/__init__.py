@@ -1,0 +1,1 @@
+"""The page of a plan, with its postures in 3D."""

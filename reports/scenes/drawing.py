@@ -1,0 +1,134 @@
+"""A scene as a still drawing (SVG): for paper, and where no script runs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+from markupsafe import Markup, escape
+
+from ...model.robot import Matrix
+from .scene import AZIMUTH, ELEVATION, Placed, Scene3D
+
+MOST_DRAWN = 60  # postures: more than that are a blot
+_SIZE = (720.0, 470.0)
+
+
+def still(scene: Scene3D, alt: str) -> Markup:
+    """The scene from its first side without perspective, as SVG in the palette's variables."""
+    width, height = _SIZE
+    postures = scene.postures[:MOST_DRAWN]
+    flat = _Flat(scene, width, height)
+    parts = [_grid(scene, flat), _axes(scene, flat)]
+    for posture in reversed(postures):
+        selected = posture is postures[0]
+        kind = "arm first" if selected else "arm"
+        if posture.beam is not None:
+            state = "beam" if posture.reaches else "beam missing"
+            parts.append(flat.line(posture.beam, state))
+        parts.append(flat.line(posture.tool_line, f"{kind} tool"))
+        parts.append(flat.line(posture.arm, kind))
+        if selected:
+            for own in posture.labels:
+                parts.append(flat.dot(own.at, 4, "joint"))
+                parts.append(flat.text(own.at, own.text, 9, -7))
+    for target in scene.targets:
+        parts += _target(target, scene.factor, flat)
+    return Markup('<svg class="still" viewBox="0 0 {} {}" role="img" aria-label="{}">{}</svg>').format(
+        round(width), round(height), alt, Markup("").join(parts)
+    )
+
+
+# What is not determined is a cross, what is held a square: told by shape and word, not by colour alone.
+_CROSS = ((-6, -6, 6, 6), (-6, 6, 6, -6))
+_SQUARE = ((-5, -5, 5, -5), (5, -5, 5, 5), (5, 5, -5, 5), (-5, 5, -5, -5))
+_HAIRS = ((-8, 0, 8, 0), (0, -8, 0, 8))
+
+
+def _target(target: Placed, factor: float | None, flat: _Flat) -> list[Markup]:
+    at, name, axes = target.at, target.short_name, target.axes
+    if target.state == "undetermined":
+        parts = [flat.strokes(at, _CROSS, "undetermined")]
+        name += ": not determined"
+    elif target.state == "held":
+        parts = [flat.strokes(at, _SQUARE, "held")]
+        name += ": held"
+    elif axes is not None and factor is not None:
+        parts = [flat.ellipsoid(at, axes, factor), flat.strokes(at, _HAIRS, "target")]
+    else:
+        parts = [flat.dot(at, 5, "target")]
+    return [*parts, flat.text(at, name, 10, 14)]
+
+
+class _Flat:
+    """Base frame (mm) to the drawing (px), fitted to what the scene holds."""
+
+    def __init__(self, scene: Scene3D, width: float, height: float) -> None:
+        azimuth, elevation = np.radians([AZIMUTH, ELEVATION])
+        right = [-math.sin(azimuth), math.cos(azimuth), 0.0]
+        down = [math.sin(elevation) * math.cos(azimuth), math.sin(elevation) * math.sin(azimuth)]
+        self._turn = np.array([right, [*down, -math.cos(elevation)]])
+        points = [np.array([0.0, 0.0, scene.axis]), *(target.at for target in scene.targets)]
+        for posture in scene.postures[:MOST_DRAWN]:
+            points += [*posture.arm, posture.tool, *(() if posture.end is None else (posture.end,))]
+        for target in scene.targets:
+            if target.axes is not None and scene.factor is not None:
+                points += [
+                    target.at + by * axis for axis in target.axes for by in (-scene.factor, scene.factor)
+                ]
+        seen = np.array(points) @ self._turn.T
+        low, high = seen.min(axis=0), seen.max(axis=0)
+        room = np.array([width - 100, height - 60])
+        self._scale = float((room / np.maximum(high - low, 1e-6)).min())
+        self._shift = np.array([width, height]) / 2 - self._scale * (low + high) / 2
+
+    def _at(self, point: Matrix) -> tuple[float, float]:
+        x, y = self._scale * (self._turn @ point) + self._shift
+        return round(float(x), 1), round(float(y), 1)
+
+    def line(self, points: Matrix, kind: str) -> Markup:
+        path = " ".join(f"{x:g},{y:g}" for x, y in map(self._at, points))
+        return Markup('<polyline class="{}" points="{}"/>').format(kind, path)
+
+    def dot(self, point: Matrix, size: float, kind: str) -> Markup:
+        x, y = self._at(point)
+        return Markup('<circle class="{}" cx="{:g}" cy="{:g}" r="{:g}"/>').format(kind, x, y, size)
+
+    def strokes(self, point: Matrix, lines: Iterable[tuple[int, int, int, int]], kind: str) -> Markup:
+        """Lines (x, y to x, y in px) about a point."""
+        x, y = self._at(point)
+        path = "".join(f"M{x + a:g} {y + b:g}L{x + c:g} {y + d:g}" for a, b, c, d in lines)
+        return Markup('<path class="{}" d="{}"/>').format(kind, path)
+
+    def ellipsoid(self, centre: Matrix, axes: Matrix, factor: float) -> Markup:
+        """Its outline, A'u over all unit u seen from one side: the ellipse of the matrix P A' A P'."""
+        seen = self._scale * factor * self._turn @ axes.T
+        size, across = np.linalg.eigh(seen @ seen.T)
+        half = np.sqrt(np.maximum(size, 0.0))
+        x, y = self._at(centre)
+        turn = math.degrees(math.atan2(across[1, 1], across[0, 1]))
+        return Markup(
+            '<ellipse class="ellipsoid" cx="{:g}" cy="{:g}" rx="{:.4g}" ry="{:.4g}" '
+            'transform="rotate({:.1f} {:g} {:g})"/>'
+        ).format(x, y, half[1], half[0], turn, x, y)
+
+    def text(self, point: Matrix, text: str, right: float, down: float) -> Markup:
+        x, y = self._at(point)
+        return Markup('<text x="{:g}" y="{:g}">{}</text>').format(x + right, y + down, escape(text))
+
+
+def _grid(scene: Scene3D, flat: _Flat) -> Markup:
+    (x0, x1, y0, y1), step = scene.grid_bounds, scene.grid_step
+    lines = [[[x, y0, 0.0], [x, y1, 0.0]] for x in np.arange(x0, x1 + step / 2, step)]
+    lines += [[[x0, y, 0.0], [x1, y, 0.0]] for y in np.arange(y0, y1 + step / 2, step)]
+    return Markup("").join(flat.line(np.array(line), "grid") for line in lines)
+
+
+def _axes(scene: Scene3D, flat: _Flat) -> Markup:
+    parts = []
+    for i, name in enumerate("xyz"):
+        end = np.zeros(3)
+        end[i] = scene.axis
+        parts += [flat.line(np.array([np.zeros(3), end]), "axis"), flat.text(end, name, 4, -3)]
+    return Markup("").join(parts)
