@@ -66,11 +66,11 @@ class SoFar:
 def so_far(problem: Problem) -> SoFar:
     """What the measurements of `problem` (one at least) determine."""
     judged = problem
-    if not problem.tells_noise:
+    if not problem.noise_estimable:
         # Nothing is known while the noise cannot be estimated; the stated one serves to aim the next posture.
-        judged, _ = problem.with_noise_of(problem.supposed())
+        judged, _ = problem.with_noise_of(problem.nominal())
     solution = judge(fit_likelihood(judged, starts=0), trusted=judged is problem)
-    x = problem.parameters.with_values(problem.supposed(), judged.parameters, solution.fit.x)
+    x = problem.parameters.with_values(problem.nominal(), judged.parameters, solution.fit.x)
     return SoFar(
         shots=problem.shots,
         x=x,

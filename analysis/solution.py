@@ -333,7 +333,7 @@ def judge(fit: LikelihoodFit, *, trusted: bool = True) -> Solution:
 
 def require_noise_data(problem: Problem) -> None:
     """Raise BadInput where the noise scale is to be estimated from no more numbers than unknowns."""
-    if not problem.tells_noise:
+    if not problem.noise_estimable:
         free = int(problem.parameters.free.sum())
         raise BadInput(
             "the noise scale cannot be estimated from so few measurements",

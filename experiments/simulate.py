@@ -29,7 +29,7 @@ class Truth:
         them, an uncalibrated tool off by what its header says; what is held is as it is held."""
         problem = Problem.from_plan(plan)
         parameters = problem.parameters
-        x = problem.supposed()
+        x = problem.nominal()
         drawn = rng.normal(size=len(x))
         offsets, tool = parameters.group("offset"), parameters.group("tool")
         x = x + np.where(offsets, drawn * offset_deg / parameters.display, 0.0)
@@ -40,7 +40,7 @@ class Truth:
     def stated(cls, plan: Plan, values: dict[str, float]) -> Truth:
         """As `drawn` without any error, with the named parameters at the stated values (deg, mm)."""
         problem = Problem.from_plan(plan)
-        x = problem.supposed()
+        x = problem.nominal()
         for name, value in values.items():
             i = problem.parameters.index(name)
             x[i] = value / problem.parameters.items[i].display

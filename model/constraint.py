@@ -1,4 +1,4 @@
-"""The misses, as symbolic functions of one shot, and the paper's midpoints of beam pairs.
+"""The residuals, as symbolic functions of one shot, and the paper's midpoints of beam pairs.
 
 One shot has the inputs
 
@@ -6,9 +6,9 @@ One shot has the inputs
     spot   (d,)   recorded position of the target across the beam, mm (zero for a probe)
     delta  (n,)   joint offsets
     target (3,)   target in the base frame, mm
-    tool   (k,)   what is open of the tool (k = 0 if it is calibrated)
+    tool   (k,)   the free tool parameters (k = 0 if it is calibrated)
 
-and the miss m (d,), kept in the flange frame: there the turn of base and target about joint 1
+and the residual m (d,), kept in the flange frame: there the turn of base and target about joint 1
 cancels exactly, whatever the residual. Since q and delta enter only as q + delta, the Jacobian
 by delta is the Jacobian by q as well.
 """
@@ -55,11 +55,11 @@ class ShotFunctions:
     `turns` (2n,) are the recorded positions as `Robot.recorded_turns`, `variances` (n + 1,) those of the
     joints and of the spot, `stated` (n + 1,) what the header says of them.
 
-    `log_det` says which determinant goes with the misses. The recorded joints are the data; the miss is made
-    of them with the parameters, and log det S alone would change with what the miss is measured in (mm, or
-    the angle seen from the laser), favouring parameters that make the beams short. What does not change
-    is log det S "relative" to the S of the stated noise: it is needed where the noise is free, and 0 where it
-    is known ("none"). "whole" is log det S itself, for comparison (docs/mathematics.md).
+    `log_det` says which determinant goes with the residuals. The recorded joints are the data; the residual
+    is made of them with the parameters, and log det S alone would change with what the residual is measured
+    in (mm, or the angle seen from the laser), favouring parameters that make the beams short. What does not
+    change is log det S "relative" to the S of the stated noise: it is needed where the noise is free, and 0
+    where it is known ("none"). "whole" is log det S itself, for comparison (docs/mathematics.md).
     """
 
     robot: Robot
@@ -107,7 +107,7 @@ def shot_functions(
 
 
 class _Shot:
-    """The symbols of one shot, its miss and the miss's Jacobian (section 1 of the conventions)."""
+    """The symbols of one shot, its residual and the residual's Jacobian (section 1 of the conventions)."""
 
     def __init__(self, functions: ShotFunctions, turned: Callable[[ca.SX], list[Turn]]) -> None:
         robot, tool = functions.robot, functions.tool
@@ -142,7 +142,7 @@ def _linear(functions: ShotFunctions) -> ca.Function:
 
 
 class _Weighted(_Shot):
-    """A shot with its noise: covariance of the miss, and the two terms of the log-likelihood."""
+    """A shot with its noise: covariance of the residual, and the two terms of the log-likelihood."""
 
     def __init__(self, functions: ShotFunctions) -> None:
         robot, n = functions.robot, functions.robot.n
@@ -161,7 +161,7 @@ class _Weighted(_Shot):
             self.logdet -= self.weight * _log_det(stated)
 
     def _covariances(self, variances: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """What the joints' noise and the spot's add to the covariance of the miss."""
+        """What the joints' noise and the spot's add to the covariance of the residual."""
         n = self.by_joints.size2()
         by_joints = self.by_joints @ ca.diag(variances[:n]) @ self.by_joints.T
         return by_joints, variances[n] * ca.SX.eye(self.by_joints.size1())

@@ -18,7 +18,7 @@ from .robot import Matrix
 
 class Slopes(NamedTuple):
     """`value` (W,) log-posterior, `gradient` (W, f) and `information` (W, f, f), by the scaled free
-    parameters z. The gradient is exact; the information is Fisher's of the misses (J' S^-1 J), with the
+    parameters z. The gradient is exact; the information is Fisher's of the residuals (J' S^-1 J), with the
     priors' and the distances' (of no rows where it was not asked for)."""
 
     value: Matrix
@@ -73,7 +73,7 @@ class Density:
         """(W,) log-likelihood of parameter vectors (W, p): -m' S^-1 m / 2 summed over the shots, with the S
         of those parameters, and the log det of `ShotFunctions`.
 
-        With an estimated noise scale the common factor is integrated out (a Student-t in the misses).
+        With an estimated noise scale the common factor is integrated out (a Student-t in the residuals).
         Values are up to a constant; where a number is not finite the result is -inf.
         """
         # What overflows or is no number is told by -inf, not by numpy's warnings.
@@ -112,7 +112,7 @@ class Density:
         return self.numbers(of) / quad
 
     def numbers(self, of: Index | None = None) -> Matrix:
-        """(W,) or (1,): how many misses' components the data sets have, those left out not counted."""
+        """(W,) or (1,): how many residuals' components the data sets have, those left out not counted."""
         count = self.weights.sum(axis=1) * self.problem.tool.miss_size
         return np.asarray(count if of is None or len(count) == 1 else count[of])
 

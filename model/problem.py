@@ -1,4 +1,4 @@
-"""The heart: shots, unknowns and noise together, as misses and exact Jacobians.
+"""The heart: shots, unknowns and noise together, as residuals and exact Jacobians.
 
 A parameter vector x (p,) is in internal units (rad, mm) and in the order of `Parameters`. The
 scaled Jacobian is by z = (x - prior mean) / prior std, so that it changes neither with units nor
@@ -53,7 +53,7 @@ class Parts:
 
 
 class Whitened(NamedTuple):
-    """Misses and distances in their own standard deviations at one x.
+    """Residuals and distances in their own standard deviations at one x.
 
     `residual` (M,) and `jacobian` (M, p) by scaled parameters, the shots first (d rows each), then the
     distances; `miss` (N, d) mm; `factor` (N, d, d) the lower Cholesky factors of the S_i.
@@ -165,7 +165,7 @@ class Problem:
         return self.shots * self.tool.miss_size + len(self.distances)
 
     @property
-    def tells_noise(self) -> bool:
+    def noise_estimable(self) -> bool:
         """Whether the noise is known, or there are more numbers than unknowns to estimate it from."""
         return self.noise.known or self.data_size > int(self.parameters.free.sum())
 
@@ -191,7 +191,7 @@ class Problem:
         return np.concatenate([joints, factors[..., 1:]], axis=-1) * self.noise.variances
 
     def noise_information(self, x: Matrix, jacobian: Matrix, factor: Matrix) -> Matrix:
-        """(2, 2) what the scatter of the misses tells of the logarithms of the two noise factors at x.
+        """(2, 2) what the scatter of the residuals tells of the logarithms of the two noise factors at x.
 
         Of a normal's covariance: tr(S^-1 dS_a S^-1 dS_b) / 2 (`jacobian` and `factor` as of `linearise`
         and `factors`).
@@ -206,7 +206,7 @@ class Problem:
             halves.append(np.linalg.solve(factor, half.transpose(0, 2, 1)))
         return np.array([[np.einsum("iab,iab->", a, b) / 2 for b in halves] for a in halves])
 
-    # Misses and Jacobians at one x
+    # Residuals and Jacobians at one x
 
     def by_joints(self, jacobian: Matrix) -> Matrix:
         """(N, d, n) the columns by the joint positions of the shots' own Jacobians (N, d, c).
@@ -218,7 +218,7 @@ class Problem:
     def linearise(
         self, x: Matrix, joints: Matrix | None = None, rows: Index | slice = slice(None)
     ) -> tuple[Matrix, Matrix]:
-        """Misses (N, d) mm and each shot's own Jacobian (N, d, c) by what it depends on (`columns`).
+        """Residuals (N, d) mm and each shot's own Jacobian (N, d, c) by what it depends on (`columns`).
 
         `x` is (p,), or (shots, p) with parameters of its own for every shot of the problem. `joints` takes
         the place of the recorded ones, `rows` chooses some of the shots.
@@ -302,7 +302,7 @@ class Problem:
             result[:, k] = np.linalg.solve(weight, pull)[..., 0]
         return result
 
-    def supposed(self) -> Matrix:
+    def nominal(self) -> Matrix:
         """(p,) the nominal parameters, before any shot: no offsets, the nominal tool, each target at its
         guess or, without one, at the point nearest to its beams."""
         x = self.parameters.prior_mean.copy()
@@ -331,7 +331,7 @@ class Problem:
 
 
 def rms_length(miss: Matrix) -> float:
-    """Root mean square length of misses (N, d), mm."""
+    """Root mean square length of residuals (N, d), mm."""
     return float(np.sqrt((miss**2).sum(axis=1).mean()))
 
 

@@ -49,7 +49,7 @@ class Tool:
 
     @property
     def miss_size(self) -> int:
-        """Components of one miss: 2 across a beam, 3 for a probe."""
+        """Components of one residual: 2 across a beam, 3 for a probe."""
         return 2 if self.kind == "laser" else 3
 
     @property

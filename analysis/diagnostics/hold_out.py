@@ -72,7 +72,7 @@ def hold_out(problem: Problem, patterns: Sequence[str], seed: int = 0) -> HoldOu
     if not fit.converged:
         return HoldOut(tuple(names), unseen.shots, seen.shots, *(None,) * 6, fit.reason)
     moved = problem.parameters.targets(names)
-    before = _settled(unseen, problem.supposed(), moved)
+    before = _settled(unseen, problem.nominal(), moved)
     after = _settled(unseen, fit.x, moved)
     rows = unseen.shots * unseen.tool.miss_size
     whitened = unseen.whiten(after)

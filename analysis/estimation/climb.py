@@ -27,7 +27,7 @@ _STILL = 3e-3  # posterior stds: after a shorter way the curvature is as it was
 
 
 @dataclass(frozen=True, eq=False)
-class Summits:
+class Optima:
     """Where the rows ended, in the coordinates v: `v` (W, f), `covariance` (W, f, f) from the curvature,
     `value` (W,) the log-posterior, `gradient` (W,) its size in posterior stds."""
 
@@ -60,7 +60,7 @@ class Climb:
     def up(self, v: Matrix) -> Minima:
         """From v (W, f) to where no step promises more than rounding of the log-posterior."""
         if self._noise.any() and self._held is None:
-            # Far from the mode the misses ask for any noise: first the rest, at the noise of the start.
+            # Far from the mode the residuals ask for any noise: first the rest, at the noise of the start.
             v = Climb(self._density, self.of, len(v), np.tile(self._noise, (len(v), 1))).up(v).x
         return levenberg_marquardt(self._model, v, absolute=_CLIMBED, longest=self._longest)
 
@@ -78,10 +78,10 @@ class Climb:
             information[row, own, own] = 1.0
         return Quadratic(-value, -gradient, information)
 
-    def polished(self, found: Minima) -> Summits:
+    def polished(self, found: Minima) -> Optima:
         """Newton's steps on the exact log-posterior, log det included, in whitened coordinates."""
         v, iterations, converged = found.x.copy(), found.iterations.copy(), found.converged.copy()
-        told = list(found.reason)
+        reason = list(found.reason)
         sound = np.isfinite(found.cost)
         curvature = np.tile(np.eye(v.shape[1]), (len(v), 1, 1))
         information = np.where(sound[:, None, None], found.curvature, curvature)
@@ -113,18 +113,18 @@ class Climb:
         size = np.linalg.norm(slope, axis=1)
         for row in range(len(v)):
             if size[row] < _CONVERGED:
-                converged[row], told[row] = (
+                converged[row], reason[row] = (
                     True,
                     f"the gradient is {size[row]:.1e} posterior standard deviations",
                 )
             elif converged[row]:
                 converged[row] = False
-                told[row] = f"the gradient stays at {size[row]:.1e} posterior standard deviations"
+                reason[row] = f"the gradient stays at {size[row]:.1e} posterior standard deviations"
         # Where there is no maximum Fisher's information stands in.
         curvature[np.linalg.eigvalsh(curvature)[:, 0] <= _FLAT] = np.eye(v.shape[1])
         covariance = root @ np.linalg.inv(curvature) @ root.transpose(0, 2, 1)
         covariance[~sound] = np.nan
-        return Summits(v, covariance, value, size, iterations, converged, tuple(told))
+        return Optima(v, covariance, value, size, iterations, converged, tuple(reason))
 
     def _search(
         self, v: Matrix, value: Matrix, slope: Matrix, active: Index, root: Matrix, step: Matrix

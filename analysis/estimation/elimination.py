@@ -1,7 +1,7 @@
 """The targets eliminated from the fit: for given offsets and tool the best targets are in closed form.
 
-A miss is linear in its target. With the weights S^-1 kept, the targets that go with given offsets and tool
-are the solution of a linear least-squares problem, and only offsets and tool are left to be searched
+A residual is linear in its target. With the weights S^-1 kept, the targets that go with given offsets and
+tool are the solution of a linear least-squares problem, and only offsets and tool are left to be searched
 (variable projection: Golub & Pereyra 1973, with Kaufman's Jacobian). The weights are refreshed until they
 settle. It is exact while the weights are kept: a stated distance between two targets is not linear in them.
 """
@@ -52,7 +52,7 @@ def _projected(problem: Problem, x: Matrix, targets: Mask, rest: Mask) -> Matrix
     count = int(targets.sum())
 
     def at(own: Matrix) -> tuple[Whitened, Matrix, Matrix]:
-        """What is at x = own (p,): misses and the targets' columns, both with the targets' priors below."""
+        """At x = own (p,): residuals and the targets' columns, both with the targets' priors below."""
         whitened = problem.whiten(own, factor)
         misses = np.append(whitened.residual * root, (own - mean)[targets] / scale[targets])
         return whitened, misses, np.vstack([whitened.jacobian[:, targets] * root, np.eye(count)])

@@ -23,7 +23,7 @@ from .levenberg_marquardt import Minima
 from .noise_factors import marginal_noise
 
 _SAME_BASIN = 0.5  # posterior stds: two modes nearer than this are one
-CONTRADICTED = 1e-4  # a chance below which misses and priors together are no chance
+CONTRADICTED = 1e-4  # a chance below which residuals and priors together are no chance
 MANY_STARTS = 64
 _FEW_NUMBERS = 3.0  # to each unknown: below that a wrong basin can pass for a fit
 _WORTH_TELLING = 12.0  # log-posterior units: a basin further down carries less than 1e-5 of the mass
@@ -92,7 +92,7 @@ class LikelihoodFit:
 
     @property
     def chance(self) -> float | None:
-        """That misses and scaled parameters are as large together, where the noise is known: at the mode
+        """That residuals and scaled parameters are as large together, where the noise is known: at the mode
         their squares have the chi-squared of as many degrees of freedom as there are numbers. Unlike
         `against_noise` it tells of a wrong basin even if no number is left over."""
         if not self.problem.noise.known:
@@ -108,7 +108,7 @@ class LikelihoodFit:
 
 
 def chance(residual: Matrix, z: Matrix) -> float:
-    """That whitened misses (M,) and scaled parameters (f,) are as large at a mode, their noise known."""
+    """That whitened residuals (M,) and scaled parameters (f,) are as large at a mode, their noise known."""
     return float(chdtrc(len(residual), float(residual @ residual + z @ z)))
 
 

@@ -1,6 +1,6 @@
-"""Two noise factors beside many other unknowns: found from what the other unknowns leave of the misses.
+"""Two noise factors beside many other unknowns: found from what the other unknowns leave of the residuals.
 
-At the common mode of all parameters the misses are as small as the fit can make them, and a noise that is
+At the common mode of all parameters the residuals are as small as the fit can make them, and a noise that is
 taken from them is too small: with f unknowns of M numbers by about sqrt(1 - f / M). So the factors are
 those of highest probability once the other unknowns are integrated out by Laplace's formula (restricted
 maximum likelihood: Patterson & Thompson 1971), and all else is found there.

@@ -1,7 +1,7 @@
 """Profile likelihood: how far a parameter may go while all others do their best to keep the fit.
 
-Where the misses are far from linear (weak directions) the interval from the curvature at the mode is not to
-be trusted; this one follows the ridge (Venzon & Moolgavkar 1988). It is the profile of the posterior: the
+Where the residuals are far from linear (weak directions) the interval from the curvature at the mode is not
+to be trusted; this one follows the ridge (Venzon & Moolgavkar 1988). It is the profile of the posterior: the
 priors of all parameters take part, as in the other intervals.
 """
 

@@ -1,9 +1,9 @@
-"""Robust fits: Huber's or Student's loss on the misses, with a sandwich covariance.
+"""Robust fits: Huber's or Student's loss on the residuals, with a sandwich covariance.
 
-A shot that is far off (someone leaned on the bench) pulls the likelihood fit with the square of its miss.
-Here its weight falls with the length of its miss. What is left is judged by the misses as they are, not by
-the stated noise: the sandwich of White (1980), each miss divided by what its shot leaves open (HC3 of
-MacKinnon & White 1985), for there are few shots.
+A shot that is far off (someone leaned on the bench) pulls the likelihood fit with the square of its residual.
+Here its weight falls with the length of its residual. What is left is judged by the residuals as they are,
+not by the stated noise: the sandwich of White (1980), each residual divided by what its shot leaves open (HC3
+of MacKinnon & White 1985), for there are few shots.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from .fit import LikelihoodFit, modes
 Loss = Literal["huber", "student"]
 
 STUDENT_NU = 4.0
-_HUBER_SHARE = 0.95  # of normal misses are shorter than Huber's bend
+_HUBER_SHARE = 0.95  # of normal residuals are shorter than Huber's bend
 _ROUNDS = 200
 _SETTLED = 1e-6  # change of the largest weight
 _DETERMINES_ITSELF = 1.0 - 1e-4  # leverage from which on a measurement determines something alone
@@ -32,9 +32,9 @@ _DETERMINES_ITSELF = 1.0 - 1e-4  # leverage from which on a measurement determin
 
 @dataclass(frozen=True, eq=False)
 class RobustFit:
-    """`x` internal units, without noise factors; `weights` (N,) of the shots, 1 for a miss of no length
-    (Student: at most (nu + d) / nu); `whitened` (N,) their misses in their own stds; `covariance` (f, f) of
-    the scaled free parameters, None where a shot decides something alone; `scale` of the noise."""
+    """`x` internal units, without noise factors; `weights` (N,) of the shots, 1 for a residual of no length
+    (Student: at most (nu + d) / nu); `whitened` (N,) their residuals in their own stds; `covariance` (f, f)
+    of the scaled free parameters, None where a shot decides something alone; `scale` of the noise."""
 
     loss: Loss
     tuning: float
@@ -51,8 +51,8 @@ def fit_robust(problem: Problem, fit: LikelihoodFit, loss: Loss) -> RobustFit:
     """Iteratively reweighted from the likelihood fit; Student's starts from Huber's, which has one minimum,
     and keeps its scale (as the MM-estimators of Yohai 1987 keep that of their first stage).
 
-    An estimated noise scale is taken from the median miss, which outliers hardly move; noise factors are kept
-    as they were fitted, and x is without them.
+    An estimated noise scale is taken from the median residual, which outliers hardly move; noise factors are
+    kept as they were fitted, and x is without them.
     """
     d = problem.tool.miss_size
     known, x = problem.with_noise_of(fit.x)
@@ -60,7 +60,7 @@ def fit_robust(problem: Problem, fit: LikelihoodFit, loss: Loss) -> RobustFit:
     density, weights = Density(known), np.ones(problem.shots)
     first = fit_robust(problem, fit, "huber") if loss == "student" else None
     x = x if first is None else first.x
-    # The misses are what the fit has left of the errors.
+    # The residuals are what the fit has left of the errors.
     left = max(1 - density.size / (problem.shots * d), 1e-3)
 
     def scale_of(quads: Matrix) -> float:
@@ -98,7 +98,7 @@ def fit_robust(problem: Problem, fit: LikelihoodFit, loss: Loss) -> RobustFit:
 
 
 def _weights(length: Matrix, d: int, loss: Loss, tuning: float) -> Matrix:
-    """(N,) weights of misses of these whitened lengths: rho'(r) / r of each loss."""
+    """(N,) weights of residuals of these whitened lengths: rho'(r) / r of each loss."""
     if loss == "huber":
         return np.asarray(np.minimum(1.0, tuning / np.maximum(length, 1e-300)))
     return np.asarray((tuning + d) / (tuning + length**2))
@@ -116,8 +116,8 @@ def _sandwich(
 ) -> Matrix | None:
     """(f, f), or None where a shot decides something alone or the loss has no minimum here.
 
-    The bread is the curvature of the loss and not the weights': a far miss pulls less the farther it is, and
-    Student's even less than before (Huber & Ronchetti 2009, section 7.6).
+    The bread is the curvature of the loss and not the weights': a far residual pulls less the farther it is,
+    and Student's even less than before (Huber & Ronchetti 2009, section 7.6).
     """
     d, rows = problem.tool.miss_size, problem.shots * problem.tool.miss_size
     whitened = problem.whiten(x)
@@ -139,8 +139,8 @@ def _sandwich(
 
 
 def outlying(length: Matrix, d: int, chance: float, dof: int | None = None) -> Index:
-    """Shots whose whitened misses are longer than one of N normal misses is with probability `chance`, the
-    longest first. `dof` are those of an estimated noise scale: the squares are then F's, not chi-square's."""
+    """Shots whose whitened residuals are longer than one of N normal residuals is with probability `chance`,
+    the longest first. `dof` are those of an estimated noise scale: the squares are then F's."""
     share = chance / max(len(length), 1)
     limit = np.sqrt(chdtri(d, share) if dof is None else d * fdtri(d, dof, 1 - share))
     order = np.argsort(-length)

@@ -54,7 +54,7 @@ def aim_plan(plan: Plan) -> AimedPlan:
     """Turn every posture of a plan onto its target; BadInput where the plan makes no problem."""
     with threadpool_limits(limits=1, user_api="blas"):
         problem = Problem.from_plan(plan)
-        x = problem.supposed()
+        x = problem.nominal()
         return AimedPlan(plan, problem, x, aim(problem, x, servo_joints(problem)))
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...model.robot import Matrix
 from .moves import DifferentialMove, IndependenceMove, IndependenceProposal
-from .triangular_map import Bend
+from .triangular_map import TriangularMap
 
 ENSEMBLES = 4
 RHAT_GATE = 1.01
@@ -88,7 +88,7 @@ class _Run:
     ) -> None:
         self._log_density, self._pool, self._judged = log_density, pool, judged
         self._first = self._proposal = proposal
-        self._bend: Bend | None = None
+        self._bend: TriangularMap | None = None
         self.randoms = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(ENSEMBLES)]
         self.evaluations = 0
         self.acceptance = self._independent = 0.0
@@ -184,7 +184,7 @@ class _Run:
             self._proposal = self._proposal.refitted(draws)
             return
         size = draws.shape[1]
-        self._bend = Bend(self.randoms[0].permutation(draws)[:_FITTED], self._first.factor)
+        self._bend = TriangularMap(self.randoms[0].permutation(draws)[:_FITTED], self._first.factor)
         self._proposal = IndependenceProposal(np.zeros(size), np.eye(size), self._first.nu)
 
     def grow(self, starts: Matrix, ess: float, limit: int, progress: Progress) -> _Grown:

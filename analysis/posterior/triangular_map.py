@@ -1,7 +1,7 @@
 """Bent coordinates: a polynomial change of coordinates that straightens a curved cloud of draws.
 
-A lost direction that is a turn drags the well known ones along an arc: the cloud is a thin curved sheet on
-which no normal and no difference of two draws fits. Here each coordinate's mean is a cubic in those before
+A null-space direction that is a turn drags the well known ones along an arc: the cloud is a thin curved sheet
+on which no normal and no difference of two draws fits. Here each coordinate's mean is a cubic in those before
 it (a triangular map, Marzouk et al. 2016, with constant diagonal), so that what is left is nearly normal.
 The volume factor is constant, and drops out.
 """
@@ -18,7 +18,7 @@ _RIDGE = 1e-6
 _BLOCK = 256  # rows whose terms a core keeps near
 
 
-class Bend:
+class TriangularMap:
     """u (W, f) nearly unit normal, w (W, f) like the draws it is fitted to (N, f)."""
 
     def __init__(self, draws: Matrix, base: Matrix) -> None:

@@ -126,7 +126,7 @@ class Adaptive:
         return state.worst * float(stdtrit(state.dof, 0.975) / ndtri(0.975))
 
     def _chosen_together(self, count: int) -> list[int]:
-        roots = self._roots(self._problem.supposed())
+        roots = self._roots(self._problem.nominal())
         chosen = design(Candidates(roots, self._offsets), count, "A", seed=0, starts=_STARTS)
         return [int(row) for row in chosen.rows]
 

@@ -80,7 +80,7 @@ class Procedure:
 
     def __post_init__(self) -> None:
         self._problem = Problem.from_plan(self.plan)
-        self._supposed = self._problem.supposed()
+        self._supposed = self._problem.nominal()
         self._near = _near_supposed(self._problem, self._supposed)
         self._refused: dict[int, RefusedPosture] = {}
 

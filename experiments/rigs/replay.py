@@ -47,7 +47,7 @@ class ReplayRig:
         problem = Problem.from_plan(plan)
         _require_planned(plan, run, kept=servo_joints(problem) == 0)
         self._shots = {shot.shot: shot for shot in run.shots}
-        self._supposed = Belief(problem.select(np.array([0])), problem.supposed())
+        self._supposed = Belief(problem.select(np.array([0])), problem.nominal())
         self._on, self._time = False, 0.0
         self._shot = run.shots[0]
         # Each face looks at its beam: what was recorded is across the beam.

@@ -135,7 +135,7 @@ def _needed_in_turn(plan: Plan) -> int | None:
     offsets = problem.parameters.free & problem.parameters.group("offset")
     for count in range(2, problem.shots + 1):
         some = problem.select(np.arange(count))
-        if np.degrees(identify(some, some.supposed()).data_std[offsets].max()) <= _TOLERANCE_DEG:
+        if np.degrees(identify(some, some.nominal()).data_std[offsets].max()) <= _TOLERANCE_DEG:
             return count
     return None
 
@@ -232,7 +232,7 @@ def _told(plan: StudiedPlan, runs: Sequence[CellRun], states: Sequence[SoFar | N
     """One plan of the study; `states` is what each run said, in the order of `runs`."""
     carried = plan.repeated.plan
     problem = Problem.from_plan(carried)
-    status = identify(problem, problem.supposed()).status
+    status = identify(problem, problem.nominal()).status
     ended = [run for run in runs if run.state is not None]
     free = np.flatnonzero(problem.parameters.free & problem.parameters.group("offset"))
     rows: list[dict[str, Any]] = []

@@ -375,7 +375,7 @@ def _studied(plan: StudiedPlan, count: int, seed: int, tell: Callable[[float], N
     rng = np.random.default_rng([seed, *plan.name.encode()])
     parameters = problem.parameters
     which = np.flatnonzero(parameters.free & parameters.group("offset"))
-    status = identify(problem, problem.supposed()).status
+    status = identify(problem, problem.nominal()).status
     known = np.array([status[i] in ("identified", "weak") for i in which])
     data = drawn(problem, count, rng)
     tell(0.1)

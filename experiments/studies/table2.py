@@ -63,7 +63,7 @@ class Prediction:
 
     def __post_init__(self) -> None:
         problem = Problem.from_plan(self.plan)
-        x = problem.supposed()
+        x = problem.nominal()
         for name, value in self.truth.items():
             i = problem.parameters.index(name)
             x[i] = value / problem.parameters.items[i].display

@@ -73,7 +73,7 @@ def _unique(value: object) -> object:
     if isinstance(value, list | tuple):
         for i, item in enumerate(value):
             if item in value[:i]:
-                raise refusal("a name stands twice", key=(i,), found=shown(item), allowed="each name once")
+                raise refusal("duplicate name", key=(i,), found=shown(item), allowed="each name once")
     return as_tuple(value)
 
 
@@ -200,7 +200,7 @@ class StatedNoise(FileModel):
     def _agree(self) -> Self:
         if isinstance(self.joint_deg, tuple) and self.joint_mm is not None:
             raise refusal(
-                "noise.joint_mm is stated beside a list for every joint",
+                "noise.joint_mm is stated together with a list for every joint",
                 key=("joint_mm",),
                 found=f"joint_mm: {self.joint_mm:g}",
                 remedy="remove it: the list holds the prismatic joints too, in mm",
@@ -251,9 +251,7 @@ class StatedPrior(FileModel):
 class StatedTarget(FileModel):
     """What is known of a target before the shots."""
 
-    guess_mm: Point | None = Field(
-        default=None, description="where it is thought to stand, base frame, millimetres"
-    )
+    guess_mm: Point | None = Field(default=None, description="approximate position, base frame, millimetres")
     sigma_mm: Positive = Field(
         default=10_000.0, description="standard deviation of that, each direction, millimetres"
     )

@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import BadInput
 from ..robot import Matrix, Robot
 
-# Values recorded at a limit may miss it by what one conversion between degrees and radians rounds off.
+# Values recorded at a limit may differ from it by what one conversion between degrees and radians rounds off.
 ROUNDING = 1e-6
 ONE_TURN = 6.3  # rad, a little more than 2 pi
 WIDE = 90.0  # degrees: a joint that can go this far is seldom used within a few degrees of zero only

@@ -175,7 +175,7 @@ def _plain(node: Node, place: Place, file: Path, lines: dict[Place, int]) -> Any
             )
         if key in mapping:
             raise BadInput(
-                f"the key {key!r} stands twice",
+                f"duplicate key {key!r}",
                 found=f"first on line {lines[(*place, key)]}",
                 allowed="each key once",
                 remedy="remove one of them",
@@ -224,7 +224,7 @@ def _not_finite(text: str, file: Path, line: int | None) -> BadInput:
 def parse_json(text: str, *, file: Path, line: int) -> Any:
     """Value of one line of JSON; `json.JSONDecodeError` if it is no JSON (a torn line, perhaps).
 
-    BadInput for what is JSON to lenient readers only: a key that stands twice, NaN, Infinity,
+    BadInput for what is JSON to lenient readers only: a duplicate key, NaN, Infinity,
     a number too large for a float.
     """
 
@@ -233,7 +233,7 @@ def parse_json(text: str, *, file: Path, line: int) -> Any:
         for key, value in pairs:
             if key in result:
                 raise BadInput(
-                    f"the key {key!r} stands twice",
+                    f"duplicate key {key!r}",
                     allowed="each key once",
                     remedy="remove one of them",
                     file=file,

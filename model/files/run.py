@@ -200,7 +200,7 @@ class Run:
         if len(self.shots) < 2:
             tool = "a calibrated" if self.header.tool.calibrated else "an uncalibrated"
             raise BadInput(
-                "a run of one shot tells nothing about the offsets",
+                "one measurement cannot determine any offset",
                 found="1 shot",
                 allowed=f"at least {enough} shots with {tool} tool, in varied postures",
                 remedy="record more shots of the same target",
@@ -209,7 +209,7 @@ class Run:
             )
         if not np.ptp(self.joints, axis=0).any():
             raise BadInput(
-                "all shots are one and the same posture: they tell nothing but where the beam is",
+                "all measurements are of one posture: no offset is identifiable",
                 found=f"{len(self.shots)} shots with equal joint positions",
                 allowed=f"at least {enough} varied postures",
                 remedy="record shots in varied postures, or check which columns were imported",
@@ -222,7 +222,7 @@ class Run:
                 others = [other for other in self.target_names if other != name]
                 near = did_you_mean(name, others)
                 raise BadInput(
-                    f"the target {name!r} is seen once only: one shot says nothing but where it stands",
+                    f"the target {name!r} is measured only once: that determines its position at most",
                     found=f"shot {self.shots[rows[0]].shot}",
                     allowed="at least two shots of each target",
                     remedy=near or "record more shots of it, or take this shot out",

@@ -106,7 +106,7 @@ def check_shots(
         check_shot(header, robot, shot, file=file, line=line)
         if shot.shot in first_line:
             raise BadInput(
-                f"the shot number {shot.shot} stands twice",
+                f"duplicate shot number {shot.shot}",
                 found=f"first on line {first_line[shot.shot]}",
                 allowed="each number once",
                 remedy="remove the shot that is not meant, or number it on",

@@ -134,7 +134,7 @@ class _Reader:
             )
         if len(set(self.links)) != len(self.links):
             twice = next(link for link in self.links if self.links.count(link) > 1)
-            raise self._bad("a link stands twice", root, found=twice)
+            raise self._bad("duplicate link", root, found=twice)
         parents: dict[str, str] = {}
         for edge in self.edges:
             if edge.child in parents:
@@ -241,7 +241,7 @@ class _Reader:
             (lower,), (upper,) = self._numbers(limit, "lower", 1), self._numbers(limit, "upper", 1)
             if not lower < upper:
                 raise self._bad(
-                    f"the limits of joint {edge.name!r} leave it no room",
+                    f"lower limit ≥ upper limit for joint {edge.name!r}",
                     limit,
                     found=f"lower {lower:g}, upper {upper:g}",
                     allowed="lower < upper",

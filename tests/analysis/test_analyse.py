@@ -184,7 +184,7 @@ def test_the_x_pattern_claims_nothing_of_delta2(noise):
     assert draws.from_prior[draws.names.index("delta2")]
     # Negative control: from the same misses a truncated pseudo-inverse claims a std below the tolerance.
     problem = Problem.from_plan(plan)
-    jacobian = problem.whiten(problem.supposed()).jacobian[:, problem.parameters.free]
+    jacobian = problem.whiten(problem.nominal()).jacobian[:, problem.parameters.free]
     inverse = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-10, hermitian=True)
     assert 5.0 * math.sqrt(inverse[0, 0]) < 0.1
 
@@ -327,10 +327,10 @@ def test_distances_beside_what_the_fit_makes_of_them():
 def test_one_shot_and_a_target_seen_once_are_refused(refused):
     plan = good_plan()
     _, run = simulated(plan, TABLE_2)
-    assert "one shot" in str(refused(analyse, run_of(plan.header, run.shots[:1])))
+    assert "one measurement" in str(refused(analyse, run_of(plan.header, run.shots[:1])))
     shots = [*run.shots[:9], run.shots[9].model_copy(update={"target": "b"})]
     error = refused(analyse, run_of(header(target=None), shots))
-    assert "seen once only" in str(error)
+    assert "measured only once" in str(error)
     assert error.line == 11
 
 

@@ -25,7 +25,7 @@ def test_without_noise_every_shot_hits():
     # Joints are recorded to 1e-9 degrees: 2e-11 rad over some 2 m.
     assert np.linalg.norm(miss, axis=1).max() < 1e-6
     assert (problem.spots == 0).all()
-    nominal, _ = problem.linearise(problem.supposed())
+    nominal, _ = problem.linearise(problem.nominal())
     assert np.linalg.norm(nominal, axis=1).min() > 1.0
 
 

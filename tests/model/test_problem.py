@@ -411,11 +411,11 @@ def test_what_is_supposed_before_any_shot(mast):
     targets = {"b": {"guess_mm": [1, 2, 3]}, "c": {"sigma_mm": 5}}
     problem = Problem.build(header(tool, targets=targets), mast, np.array(joints) / mast.display, seen)
     np.testing.assert_array_equal(problem.guessed, [False, True, False])
-    supposed = problem.supposed()
+    supposed = problem.nominal()
     expected = [0, 0, 0, 50, -30, 100, 1, 2, 3, 0, 0, 7, 0, 0, 0, 0]
     np.testing.assert_allclose(supposed, expected, atol=1e-5)
     np.testing.assert_array_equal(supposed[6:9], [1, 2, 3])  # to the last digit
     supposed[:] = 0  # a copy: the priors do not move
     np.testing.assert_array_equal(problem.parameters.prior_mean[6:9], [1, 2, 3])
     probe = Problem.build(header(OPEN_PROBE), mast, np.array(joints) / mast.display, seen)
-    np.testing.assert_array_equal(probe.supposed()[-3:], [10, 20, 100])
+    np.testing.assert_array_equal(probe.nominal()[-3:], [10, 20, 100])

@@ -108,7 +108,7 @@ def start(
     rng = np.random.default_rng([seed, 77])
     joints, belief = (
         plan().postures[number],
-        Belief(problem().select(np.array([number])), problem().supposed()),
+        Belief(problem().select(np.array([number])), problem().nominal()),
     )
     _, direction = belief.beam(joints)
     aside, tilt = (np.cross(direction, rng.normal(size=3)) for _ in range(2))

@@ -447,10 +447,10 @@ BAD_RUNS: dict[str, tuple[str | bytes, list[str]]] = {
     ),
     "empty file": (b"", ["run.jsonl", "the file is empty"]),
     "no shots": (run_text(None, []), ["run.jsonl", "the run has no shots"]),
-    "one shot": (run_text(None, SHOTS[:1]), ["line 2:", "one shot tells nothing", "at least 4"]),
+    "one shot": (run_text(None, SHOTS[:1]), ["line 2:", "one measurement cannot determine", "at least 4"]),
     "one shot and a torn line": (
         run_text(None, SHOTS[:1]) + '{"shot":1,"tar',
-        ["line 2:", "one shot tells nothing"],
+        ["line 2:", "one measurement cannot determine"],
     ),
     "torn line amid the shots": (
         run_text(None, SHOTS[:2]) + '{"shot":7,"tar\n' + json.dumps(SHOTS[2]) + "\n",
@@ -458,7 +458,7 @@ BAD_RUNS: dict[str, tuple[str | bytes, list[str]]] = {
     ),
     "target seen once": (
         run_text(None, one_changed(5, target="pds")),
-        ["line 7:", "'pds' is seen once", "found: shot 5", "did you mean 'psd'?"],
+        ["line 7:", "'pds' is measured only once", "found: shot 5", "did you mean 'psd'?"],
     ),
     "distance to an unknown target": (
         run_text(changed(distances=[{"between": ["psd", "b"], "mm": 50, "sigma_mm": 0.1}])),
@@ -486,7 +486,7 @@ BAD_RUNS: dict[str, tuple[str | bytes, list[str]]] = {
         run_text(changed(noise={**HEADER["noise"], "scale": "estimated"}), SHOTS[:4]),
         ["run.jsonl, line 1:", "noise scale cannot be estimated", "8 numbers from 4 shots for 8 unknowns"],
     ),
-    "shot number twice": (run_text(None, one_changed(6, shot=0)), ["line 8:", "number 0 stands twice"]),
+    "shot number twice": (run_text(None, one_changed(6, shot=0)), ["line 8:", "duplicate shot number 0"]),
 }
 
 

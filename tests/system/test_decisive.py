@@ -244,7 +244,7 @@ def with_pseudo_inverse(answer: Any, chosen: Case) -> Any:
 def pseudo_inverse_std(problem: Problem) -> np.ndarray:
     """(p,) internal units, of the truncated pseudo-inverse of the normal matrix; 0 where held."""
     parameters = problem.parameters
-    jacobian = problem.whiten(problem.supposed()).jacobian[:, parameters.free]
+    jacobian = problem.whiten(problem.nominal()).jacobian[:, parameters.free]
     _, singular, right = np.linalg.svd(jacobian, full_matrices=False)
     kept = singular > 1.0
     variance = ((right[kept].T / singular[kept]) ** 2).sum(axis=1)

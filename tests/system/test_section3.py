@@ -81,7 +81,7 @@ def straight_ahead(height: float, jitter_deg: float, seed: int = 1) -> Plan:
     own = header(target=(900.0, 0.0, height))
     problem = Problem.from_plan(plan_of(own, postures))
     only_wrist = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 0.0])
-    aimed = aim(problem, problem.supposed(), only_wrist)
+    aimed = aim(problem, problem.nominal(), only_wrist)
     assert aimed.hit.all()
     postures = aimed.problem.joints.copy()
     postures[:, 0] += np.radians(jitter_deg) * np.array([1, -1, 0.5, 0.2, -0.7, 0.9, -0.4])
@@ -198,7 +198,7 @@ def test_eq_12_is_one_point_for_all_shots() -> None:
     """The spot, as far before each laser as the target, is the same point in the base frame."""
     plan = good_plan()
     problem = Problem.from_plan(plan)
-    x = problem.supposed()
+    x = problem.nominal()
     origin, direction = problem.beams(x)
     targets = problem.split(x).targets
     along = ((targets[0] - origin) * direction).sum(axis=1)

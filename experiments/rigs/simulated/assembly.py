@@ -67,8 +67,8 @@ def assemble(plan: Plan, cell: Cell, rng: np.random.Generator) -> Parts:
     tool = _tool(cell, np.zeros(4) if problem.tool.calibrated else drawn.x[block("tool")])
     if not problem.tool.calibrated:
         x[block("tool")] = tool
-    aimed = aim(problem, problem.supposed(), servo_joints(problem)).problem
-    _, directions = aimed.beams(problem.supposed())
+    aimed = aim(problem, problem.nominal(), servo_joints(problem)).problem
+    _, directions = aimed.beams(problem.nominal())
     noise = NoiseModel.from_header(plan.header, plan.robot)
     robot = geometry_errors(plan.robot, _geometry(cell))
     return Parts(
@@ -215,7 +215,7 @@ def _centre(plan: Plan, cell: Cell, problem: Problem, name: str, rng: np.random.
     placed = cell.placed(name)
     if placed.centre_mm is not None:
         return np.array(placed.centre_mm)
-    targets = problem.split(problem.supposed()).targets
+    targets = problem.split(problem.nominal()).targets
     stated = plan.header.targets.get(name)
     spread = _PLACED_BY_HAND if stated is None else min(stated.sigma_mm, _PLACED_BY_HAND)
     return np.asarray(targets[problem.targets.index(name)] + spread * by_hand)

@@ -153,7 +153,7 @@ def studied_case(case: Case, seed: int) -> GridCase:
         problem = _planned(case, seed)
     except BadInput as error:
         return GridCase(case.at, case.words, reason=_reason(error))
-    x = problem.supposed()
+    x = problem.nominal()
     identified = identify(problem, x)
     parameters = problem.parameters
     std = parameters.unscaled(predicted_std(problem, x))
@@ -207,7 +207,7 @@ def _planned(case: Case, seed: int) -> Problem:
     else:
         postures = pattern(header, robot, target, made.kind, made.shots, name=TARGET, span=made.span)
     problem = Problem.build(header, robot, postures, [TARGET] * len(postures))
-    return aim(problem, problem.supposed(), servo_joints(problem)).problem
+    return aim(problem, problem.nominal(), servo_joints(problem)).problem
 
 
 def _reason(error: BadInput) -> str:

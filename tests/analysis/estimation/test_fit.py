@@ -454,7 +454,7 @@ def test_a_probe_on_an_arm_with_a_slide():
 def test_a_fit_in_a_wrong_basin_contradicts_noise_and_priors_and_is_tried_again():
     """Four shots leave no number to spare: chi-squared cannot warn, misses and priors together can."""
     plan = Problem.from_plan(pattern_plan("y", shots=4))
-    problem = aim(plan, plan.supposed(), servo_joints(plan)).problem
+    problem = aim(plan, plan.nominal(), servo_joints(plan)).problem
     data = drawn(problem, 12, np.random.default_rng(1))
     lost = wrong = 0
     for joints, spots, truth in zip(data.joints, data.spots, data.truths, strict=True):

@@ -24,7 +24,7 @@ def rho(length, loss, d=2):
 
 def knocked(problem, shot, sigmas):
     """The same problem with joint 4 of one shot off, by so much that its miss moves `sigmas` stds."""
-    x, push = problem.supposed(), np.zeros_like(problem.joints)
+    x, push = problem.nominal(), np.zeros_like(problem.joints)
     push[shot, 3] = 1e-6
     one = problem.whiten(x).residual.reshape(-1, 2)
     two = problem.moved(problem.joints + push).whiten(x).residual.reshape(-1, 2)

@@ -70,7 +70,7 @@ def test_how_far_each_posture_is_off():
     answer = check(plan_of(plan.header, postures))
     off = [posture.off_mm for posture in answer.postures]
     problem = Problem.from_plan(plan_of(plan.header, postures))
-    miss, _ = problem.linearise(problem.supposed())
+    miss, _ = problem.linearise(problem.nominal())
     np.testing.assert_allclose(off, np.linalg.norm(miss, axis=1), atol=1e-9)
     assert off[3] > 5
     assert max(off[:3] + off[4:]) < 1e-6
@@ -122,7 +122,7 @@ def test_a_joint_turned_beyond_its_limits_is_noted():
     answer = check(plan_of(own, plan.postures))
     beyond = [note for note in answer.notes if "outside" in note]
     problem = Problem.from_plan(plan_of(own, plan.postures))
-    turned = aim(problem, problem.supposed(), servo_joints(problem)).problem.joints
+    turned = aim(problem, problem.nominal(), servo_joints(problem)).problem.joints
     outside = (turned < plan.robot.lower) | (turned > plan.robot.upper)
     assert outside.any()
     assert len(beyond) == outside.sum()

@@ -308,8 +308,8 @@ def truth(arm: Cell, problem: Problem, seed: int) -> tuple[int, list[bool]] | No
     size = np.full(len(parameters), 20.0)
     size[:n] = np.where(revolute, np.radians(2.0), 3.0)
     size[[".tilt" in name for name in parameters.names]] = np.radians(2.0)
-    x = problem.supposed() + rng.normal(size=len(size)) * size
-    x = np.where(parameters.free, x, problem.supposed())
+    x = problem.nominal() + rng.normal(size=len(size)) * size
+    x = np.where(parameters.free, x, problem.nominal())
     near = aim(problem, x, arm.moving)
     if not near.hit.all():
         return None
@@ -344,7 +344,7 @@ def compare(kind: Kind) -> bool:
         return False
     dimension = min(size for size, _ in found)
     part = np.any([own for size, own in found if size == dimension], axis=0)
-    told = identify(problem, problem.supposed())
+    told = identify(problem, problem.nominal())
     free = problem.parameters.free
     names = np.array(problem.parameters.names)[free]
     status = [own for own, item in zip(told.status, problem.parameters.items, strict=True) if not item.held]
@@ -408,7 +408,7 @@ def test_the_judge_and_the_package_have_the_same_model() -> None:
         arm = cell(Kind(5, 6, True, False, calibrated, False, 0, 3, True))
         assert arm is not None
         problem = Problem.build(arm.own, arm.robot, arm.joints, ["psd"] * 3)
-        x = problem.supposed()
+        x = problem.nominal()
         _, own = problem.linearise(x)
         metres = np.array([1.0 if item.unit == "deg" else 0.001 for item in problem.parameters.items])
         values = exact(x * metres)

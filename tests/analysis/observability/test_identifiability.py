@@ -33,7 +33,7 @@ from zerobeam.model.robot import rotation_about
 
 def judged(plan):
     problem = Problem.from_plan(plan)
-    return problem, identify(problem, problem.supposed())
+    return problem, identify(problem, problem.nominal())
 
 
 def by_name(problem, identified):
@@ -71,7 +71,7 @@ def test_a_good_plan_passes():
 def test_data_std_is_that_of_the_data_alone():
     """Against the inverse of the plain normal matrix, without any prior."""
     problem, identified = judged(good_plan())
-    jacobian = problem.whiten(problem.supposed()).jacobian[:, problem.parameters.free]
+    jacobian = problem.whiten(problem.nominal()).jacobian[:, problem.parameters.free]
     plain = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
     free = problem.parameters.free
     np.testing.assert_allclose(
@@ -88,7 +88,7 @@ def monte_carlo(draws, seed, plan=None, *, eigenvectors=True):
     plan = plan or good_plan()
     problem = Problem.from_plan(plan)
     free = problem.parameters.free
-    jacobian = problem.whiten(problem.supposed()).jacobian[:, free]
+    jacobian = problem.whiten(problem.nominal()).jacobian[:, free]
     data = jacobian.T @ jacobian
     both = np.linalg.inv(data + np.eye(len(data)))
     values, vectors = np.linalg.eigh(both @ data @ both)
@@ -183,7 +183,7 @@ def test_x_pattern_straight_ahead():
 def test_the_named_combination_is_null():
     """The weights are in prior stds: moved along them, the arm's misses stay."""
     problem, identified = judged(pattern_plan("x"))
-    x = problem.supposed()
+    x = problem.nominal()
     weights = direction_of(identified, "delta2").combination
     move = np.zeros(len(x))
     for name, weight in weights.items():
@@ -244,7 +244,7 @@ def test_x_pattern_as_it_is_recorded():
 def test_the_pseudo_inverse_claims_what_nobody_can_know():
     """Negative control for the rule above all others: pinv gives the unknown joint a tiny std."""
     problem, identified = judged(pattern_plan("x"))
-    jacobian = problem.whiten(problem.supposed()).jacobian[:, problem.parameters.free]
+    jacobian = problem.whiten(problem.nominal()).jacobian[:, problem.parameters.free]
     inverse = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12, hermitian=True)
     claimed = np.degrees(np.sqrt(np.diag(inverse))[:5] * problem.parameters.prior_std[1])
     assert claimed[0] < 0.1
@@ -417,7 +417,7 @@ def test_more_noise_less_data():
     four = plan_of(plan.header, np.tile(plan.postures, (4, 1)))
     np.testing.assert_allclose(judged(four)[1].data_std[1:], std / 2, rtol=1e-6)
     problem = Problem.from_plan(plan)
-    weighted = identify(problem, problem.supposed(), weight=0.25)
+    weighted = identify(problem, problem.nominal(), weight=0.25)
     np.testing.assert_allclose(weighted.data_std[1:], 2 * std, rtol=1e-6)
 
 

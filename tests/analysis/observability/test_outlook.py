@@ -16,7 +16,7 @@ from zerobeam.model.problem import Problem
 def worst(plan: Plan) -> float:
     """The largest std (deg) of a free offset, priors included, from the plain normal matrix."""
     problem = Problem.from_plan(plan)
-    x = problem.supposed()
+    x = problem.nominal()
     free = problem.parameters.free
     shots = aim(problem, x, servo_joints(problem)).problem
     jacobian = shots.whiten(x).jacobian[:, free]
@@ -81,10 +81,10 @@ def test_over_where_the_target_may_stand() -> None:
 def test_targets_out_of_reach_are_told() -> None:
     problem = Problem.from_plan(good_plan())
     spread = np.where(problem.parameters.group("target"), 1e-9, 0.0)
-    whole = over_target(problem, problem.supposed(), spread)
+    whole = over_target(problem, problem.nominal(), spread)
     assert whole is not None
     assert whole.hit == 1.0
-    assert over_target(problem, problem.supposed(), np.zeros(len(spread))) is None
+    assert over_target(problem, problem.nominal(), np.zeros(len(spread))) is None
 
 
 def changed(plan: Plan, answer: Check) -> Plan:
@@ -92,7 +92,7 @@ def changed(plan: Plan, answer: Check) -> Plan:
     advice = answer.advice
     assert advice is not None
     problem = Problem.from_plan(plan)
-    joints = aim(problem, problem.supposed(), servo_joints(problem)).problem.joints
+    joints = aim(problem, problem.nominal(), servo_joints(problem)).problem.joints
     new = joints[advice.posture].copy()
     new[advice.joint - 1] += np.radians(advice.change_deg)
     kept = joints if advice.add else np.delete(joints, advice.posture, axis=0)

@@ -10,7 +10,7 @@ from zerobeam.reports.words.findings import verdict_sentence
 
 def judged(plan):
     problem = Problem.from_plan(plan)
-    return problem, identify(problem, problem.supposed())
+    return problem, identify(problem, problem.nominal())
 
 
 def test_pass_weak_degenerate():

@@ -12,7 +12,7 @@ from zerobeam.analysis.posterior.moves import (
     degrees_of_freedom,
 )
 from zerobeam.analysis.posterior.sampler import diagnostics, drift, sample_density
-from zerobeam.analysis.posterior.triangular_map import Bend
+from zerobeam.analysis.posterior.triangular_map import TriangularMap
 
 
 def t_at_zero(size, nu=6.0, scale=1.0):
@@ -114,7 +114,7 @@ def bananas(count, rng):
 
 def test_a_bend_straightens_bananas():
     rng = np.random.default_rng(1)
-    bend = Bend(bananas(8000, rng), np.diag([1, 1, 0.1, 0.1]))
+    bend = TriangularMap(bananas(8000, rng), np.diag([1, 1, 0.1, 0.1]))
     u = bend.back(bananas(8000, rng))
     inside = u[(np.abs(u) < 4).all(axis=1)]
     assert len(inside) > 7800
@@ -123,7 +123,7 @@ def test_a_bend_straightens_bananas():
 
 def test_a_bend_goes_back_and_keeps_volume():
     rng = np.random.default_rng(2)
-    bend = Bend(bananas(2000, rng), np.eye(4))
+    bend = TriangularMap(bananas(2000, rng), np.eye(4))
     u = 2 * rng.normal(size=(300, 4))
     np.testing.assert_allclose(bend.back(bend.forth(u)), u, atol=1e-7)
     step = 1e-6

@@ -60,7 +60,7 @@ def test_every_choice_is_the_best_of_those_left(pool: Plan) -> None:
     """Against the std that the problem itself promises with each candidate added, one by one."""
     order = Adaptive(pool, 1e-9)
     problem = Problem.from_plan(pool)
-    x = problem.supposed()
+    x = problem.nominal()
     done = [0, 3, 5, 8, 11]
     left = [number for number in range(POOL) if number not in done]
     free = problem.parameters.free

@@ -86,7 +86,7 @@ def test_the_recorded_spot_is_where_the_target_stands_across_the_beam(tmp_path: 
     done = carried(plan, tmp_path / "run.jsonl", rig=rig)
     run = read_run(tmp_path / "run.jsonl")
     problem = Problem.from_run(run)
-    x = problem.supposed()
+    x = problem.nominal()
     x[6:9] = [905.0, 3.0, -4.0]
     miss, _ = problem.linearise(x)
     spots = np.array([shot.spot_mm for shot in done.shots])

@@ -71,7 +71,7 @@ def test_it_is_the_run_of_a_file_that_says_the_same(tmp_path):
     np.testing.assert_array_equal(run.spots, spots)
     one, other = Problem.from_run(run), Problem.from_run(read)
     assert one.parameters == other.parameters
-    for mine, its in zip(one.linearise(one.supposed()), other.linearise(other.supposed()), strict=True):
+    for mine, its in zip(one.linearise(one.nominal()), other.linearise(other.nominal()), strict=True):
         np.testing.assert_array_equal(mine, its)
 
 
@@ -132,7 +132,7 @@ def test_it_is_analysed_as_a_file_is(tmp_path):
 def test_what_is_wrong_only_for_the_analysis_names_the_run():
     with pytest.raises(zb.BadInput, match=r"^arrays: held names a parameter that is not there"):
         zb.analyse(made(held=["nope"]))
-    with pytest.raises(zb.BadInput, match=r"^arrays: a run of one shot"):
+    with pytest.raises(zb.BadInput, match=r"^arrays: one measurement cannot"):
         zb.analyse(made(joints=POSTURES[:1]))
 
 

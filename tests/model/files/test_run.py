@@ -134,10 +134,10 @@ def test_a_broken_line_in_the_middle_is_an_error(run_file, refused):
         ([shot(0), text(header=shot(1, joints_deg=[float("nan")] * 6))], "not finite", 3),
         ([shot(0, spot_mm=[1, 2, 3])], "spot_mm is not a pair", 2),
         ([shot(0, spot_mm=[1, "2"])], "item 2 of spot_mm", 2),
-        ([shot(0), shot(1), shot(0)], "the shot number 0 stands twice", 4),
+        ([shot(0), shot(1), shot(0)], "duplicate shot number 0", 4),
         ([shot(0), HEADER, shot(1)], "a second header", 3),
         ([shot(0), [1, 2], shot(1)], "is not keys and values", 3),
-        ([shot(0), '{"shot":1,"shot":2}\n'], "stands twice", 3),
+        ([shot(0), '{"shot":1,"shot":2}\n'], "duplicate", 3),
         ([shot(0, joints_deg=[190.0, *JOINTS[1:]])], "joint 1 is outside its limits", 2),
         ([], "no shots", None),
         (['{"shot":0,"tar'], "no shots", None),
@@ -254,7 +254,7 @@ def test_degrees_that_were_converted_twice_are_asked_about(run_file, refused):
 
 def test_a_run_of_one_shot_tells_nothing(run_file, refused):
     error = refused(read_run(run_file(text(shot(0)))).require_analysable)
-    assert "one shot tells nothing" in error.what
+    assert "one measurement cannot determine" in error.what
     assert "at least 4" in error.allowed
     assert error.line == 2
     tool = {**HEADER["tool"], "calibrated": False}
@@ -265,7 +265,7 @@ def test_a_run_of_one_shot_tells_nothing(run_file, refused):
 def test_a_target_seen_once(run_file, refused):
     rows = [shot(0), shot(1), shot(2, target="pds"), shot(3)]
     error = refused(read_run(run_file(text(*rows))).require_analysable)
-    assert "'pds' is seen once" in error.what
+    assert "'pds' is measured only once" in error.what
     assert error.found == "shot 2"
     assert error.line == 4
     assert "did you mean 'psd'?" in error.remedy
@@ -314,7 +314,7 @@ def test_nothing_is_overwritten_and_nothing_unsound_is_written(tmp_path, refused
     assert "exists already" in refused(write_run, path, model(), SHOTS).what
     assert path.read_text() == "mine"
     other = tmp_path / "other.jsonl"
-    assert "stands twice" in refused(write_run, other, model(), [SHOTS[0], SHOTS[0]]).what
+    assert "duplicate" in refused(write_run, other, model(), [SHOTS[0], SHOTS[0]]).what
     assert "no shots" in refused(write_run, other, model(), []).what
     assert "no robot" in refused(write_run, other, model(robot="nobody"), SHOTS).what
     assert "does not exist" in refused(write_run, tmp_path / "no" / "r.jsonl", model(), SHOTS).what
@@ -333,7 +333,7 @@ def test_a_write_that_fails_leaves_nothing(tmp_path, refused, monkeypatch):
 def test_shots_of_one_and_the_same_posture_are_refused(run_file):
     """Nothing can be fitted to them; one posture that differs is enough to be let through."""
     same = [shot(number, joints_deg=JOINTS) for number in range(5)]
-    with pytest.raises(BadInput, match="one and the same posture") as refused:
+    with pytest.raises(BadInput, match="are of one posture") as refused:
         read_run(run_file(text(*same))).require_analysable()
     assert "5 shots" in str(refused.value)
     read_run(run_file(text(*same, shot(5)))).require_analysable()

@@ -99,7 +99,7 @@ def test_roll_pitch_yaw_turn_about_fixed_axes():
         ('type="revolute"', 'type="planar"', "of a kind that a serial arm cannot have", 10),
         ('<limit lower="-2" upper="1" effort="0" velocity="1.5"/>', "", "'turn' has no limits", 10),
         ('<limit lower="-2" upper="1"', "<limit", "'turn' has no limits", 14),
-        ('lower="-2"', 'lower="2"', "leave it no room", 14),
+        ('lower="-2"', 'lower="2"', "lower limit ≥ upper limit", 14),
         ('lower="-2"', 'lower="nan"', "'lower' of <limit> cannot be read", 14),
         ('xyz="0 0 0.4"', 'xyz="0 0,4"', "'xyz' of <origin> cannot be read", 12),
         ('xyz="0 0 0.4"', 'xyz="0 0 0 0.4"', "'xyz' of <origin> cannot be read", 12),
@@ -108,7 +108,7 @@ def test_roll_pitch_yaw_turn_about_fixed_axes():
         ('<parent link="slide"/>', '<parent link="slid"/>', "names a link that is not there", 22),
         ('<child link="hand"/>', '<child link="upper"/>', "hangs on two joints", 21),
         ('<link name="finger"/>', '<link name="finger"/><link name="loose"/>', "do not form one tree", 2),
-        ('<link name="finger"/>', '<link name="finger"/><link name="hand"/>', "a link stands twice", 2),
+        ('<link name="finger"/>', '<link name="finger"/><link name="hand"/>', "duplicate link", 2),
         ("</robot>", "", "not valid XML", None),
         ("<robot ", "<!DOCTYPE robot>\n<robot ", "no document type", 2),
         (

@@ -99,8 +99,8 @@ def test_a_psd_stands_near_the_plans_guess_or_where_it_is_said_to() -> None:
 def test_a_face_looks_at_its_beams_where_one_way_serves_them_all() -> None:
     plan = good_plan(5)
     problem = Problem.from_plan(plan)
-    aimed = aim(problem, problem.supposed(), servo_joints(problem)).problem
-    _, directions = aimed.beams(problem.supposed())
+    aimed = aim(problem, problem.nominal(), servo_joints(problem)).problem
+    _, directions = aimed.beams(problem.nominal())
     normal = parts(plan).psds["psd"].normal
     assert normal is not None
     assert np.linalg.norm(normal) == pytest.approx(1.0)
