@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, TypeAdapter
 
-from ....analysis.status import Status, UnsoundResult, Verdict
+from ....analysis.status import Status, UnsoundResult, Verdict, known, require_no_more_than
 from ....model.parameters import Group
 from .case_settings import Settings
 
@@ -64,13 +64,13 @@ class CaseParameter:
     midpoint: RunErrors | None = None
 
     def __post_init__(self) -> None:
-        numbers = (self.std, self.likelihood, self.midpoint)
-        if not self.is_known and any(number is not None for number in numbers):
-            raise UnsoundResult(f"the study is unsound: {self.name!r} is {self.status}, but has numbers")
+        require_no_more_than(
+            self.name, self.status, std=self.std, likelihood=self.likelihood, midpoint=self.midpoint
+        )
 
     @property
     def is_known(self) -> bool:
-        return self.status in ("identified", "weak")
+        return known(self.status)
 
     @property
     def is_angular_offset(self) -> bool:
@@ -112,8 +112,8 @@ class GridCase:
         """The offset that `worst_std` is of."""
         if self.worst_std is None:
             return None
-        known = [(one.std, one) for one in self.parameters if one.is_angular_offset and one.std is not None]
-        return max(known, key=lambda pair: pair[0])[1] if known else None
+        stds = [(one.std, one) for one in self.parameters if one.is_angular_offset and one.std is not None]
+        return max(stds, key=lambda pair: pair[0])[1] if stds else None
 
     @property
     def unidentifiable(self) -> tuple[CaseParameter, ...]:

@@ -21,6 +21,7 @@ from ....analysis.estimation.fit import CONTRADICTED, MANY_STARTS, Fits, chance,
 from ....analysis.observability.aim import aim, servo_joints
 from ....analysis.observability.identifiability import identify
 from ....analysis.observability.outlook import predicted_std
+from ....analysis.status import known as is_known
 from ....analysis.status import verdict_of, versions
 from ....model.errors import BadInput
 from ....model.kernel import Index
@@ -158,7 +159,7 @@ def studied_case(case: Case, seed: int) -> GridCase:
     parameters = problem.parameters
     std = parameters.unscaled(predicted_std(problem, x))
     which = np.flatnonzero(parameters.free & (parameters.group("offset") | parameters.group("tool")))
-    known = np.array([i for i in which if identified.status[i] in ("identified", "weak")], dtype=np.intp)
+    known = np.array([i for i in which if is_known(identified.status[i])], dtype=np.intp)
     runs = _simulated(case, seed, problem, known)
     rows = []
     for i in which:

@@ -54,7 +54,7 @@ def ratio_picture(study: GridStudy) -> Picture | None:
 
 
 def _ratios(study: GridStudy, fit: Fit, status: Status | None) -> Matrix:
-    """Rows (n, 4) of parameters of a status (None: any): predicted std, RMSE over it, its 95 % interval."""
+    """Rows (n, 4) of parameters of a status (None: any): predicted u, RMSE over it, its 95 % interval."""
     rows = [
         (one.std, errors.rmse / one.std, low / one.std, high / one.std)
         for one in study.parameters
