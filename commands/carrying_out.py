@@ -7,7 +7,7 @@ import sys
 from contextlib import ExitStack
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -89,6 +89,7 @@ def run(
     ] = False,
 ) -> None:
     """Carry a plan out: bring the beam to the target from each posture, record, identify."""
+    from ..experiments.procedure.events import Event, event_json
     from ..experiments.recording import RunRequest, record
     from ..model.files.plan import read_plan
     from ..reports.run.live import live_view
@@ -120,10 +121,10 @@ def run(
         opened.enter_context(stoppable())
         seen = opened.enter_context(live_view(err))
 
-        def told(event: dict[str, Any]) -> None:
+        def told(event: Event) -> None:
             seen(event)
             if json_lines:
-                sys.stdout.write(json.dumps(event, ensure_ascii=False, allow_nan=False) + "\n")
+                sys.stdout.write(json.dumps(event_json(event), ensure_ascii=False, allow_nan=False) + "\n")
                 sys.stdout.flush()
 
         try:
@@ -136,11 +137,11 @@ def run(
             )
             raise typer.Exit(INTERRUPTED) from None
     if as_json:
-        print_json(answer)
+        print_json(event_json(answer))
     elif not json_lines:
         print_carried(out, answer)
         out.print(f"Run: {file}", soft_wrap=True, markup=False)
-    raise typer.Exit(EXIT_STATUS[answer["verdict"]])
+    raise typer.Exit(EXIT_STATUS[answer.verdict])
 
 
 def controller(

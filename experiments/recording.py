@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -17,8 +17,9 @@ from ..model.files.robot_file import rebased
 from ..model.files.run import read_run
 from ..model.files.shot import Shot
 from ..reports.words.findings import finding_sentence, headline
+from .procedure.events import Begun, Ended, KnownOffset, Told
 from .procedure.order import Adaptive, Closing, InTurn, Order
-from .procedure.session import Carried, Procedure, Told, recorded_event, told_by
+from .procedure.session import Carried, Procedure, recorded_event, told_by
 from .rigs.abb.access import Access
 from .rigs.abb.caution import Caution
 from .rigs.abb.driver import AbbRig
@@ -57,7 +58,7 @@ class RunRequest:
     controller: Controller | None = None
 
 
-def record(plan: Plan, file: Path, request: RunRequest, told: Told) -> dict[str, Any]:
+def record(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
     """Carry the plan out into the run file `file`; the answer is the last event (docs/files.md).
 
     Raises BadInput before anything moves, RigFault where the rig stops: the shots so far are in the file.
@@ -80,7 +81,7 @@ def record(plan: Plan, file: Path, request: RunRequest, told: Told) -> dict[str,
     return answer
 
 
-def _by_hand(plan: Plan, file: Path, request: RunRequest, told: Told) -> dict[str, Any]:
+def _by_hand(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
     """A probe is led into its socket by hand: no servo, no sensors; only the simulated rig can do that."""
     _refuse(
         {"--cell": request.cell, "--recorded": request.recording, "--adaptive": request.tolerance},
@@ -164,41 +165,36 @@ def _journal(file: Path, header: Header, request: RunRequest) -> RunJournal:
     return RunJournal.resumed(file, header) if request.resume else RunJournal(file, header)
 
 
-def _begin(plan: Plan, journal: RunJournal, request: RunRequest) -> dict[str, Any]:
-    return {
-        "event": "begin",
-        "rig": request.rig,
-        "file": journal.path.name,
-        "postures": len(plan.postures),
-        "recorded": [shot.shot for shot in journal.shots],
-        "tolerance": request.tolerance,
-    }
+def _begin(plan: Plan, journal: RunJournal, request: RunRequest) -> Begun:
+    return Begun(
+        rig=request.rig,
+        file=journal.path.name,
+        postures=len(plan.postures),
+        recorded=tuple(shot.shot for shot in journal.shots),
+        tolerance=request.tolerance,
+    )
 
 
-_TOLD = ("name", "unit", "status", "estimate", "std")
-
-
-def _answer(plan: Plan, file: Path, carried: Carried, torn: str | None, why: str | None) -> dict[str, Any]:
-    """`zerobeam/carried/1`."""
+def _answer(plan: Plan, file: Path, carried: Carried, torn: str | None, why: str | None) -> Ended:
     state = carried.state
     if state is None:
         why_not = dict.fromkeys(f"{refused.reason}: {refused.found}" for refused in carried.refused)
-        raise RigFault(f"no shot could be recorded: {'; '.join(why_not)}")
-    notes = [f"Shot {r.shot} was refused ({r.reason}): {r.found}" for r in carried.refused]
+        raise RigFault(f"no measurement could be recorded: {'; '.join(why_not)}")
+    notes = [f"Measurement {r.shot} was refused ({r.reason}): {r.found}" for r in carried.refused]
     notes += [torn] if torn else []
-    return {
-        "event": "end",
-        "schema": "zerobeam/carried/1",
-        "file": file.name,
-        "verdict": state.verdict,
-        "headline": headline(state),
-        "parameters": [{key: getattr(row, key) for key in _TOLD} for row in state.offsets],
-        "p_value": state.p_value,
-        "consistent": state.consistent,
-        "shots": [shot.shot for shot in carried.shots],
-        "refused": [{"shot": r.shot, "reason": r.reason.value, "found": r.found} for r in carried.refused],
-        "saved": None if why is None else len(plan.postures) - len(carried.shots) - len(carried.refused),
-        "why": why,
-        "seconds": {name: round(value, 3) for name, value in carried.seconds.items()},
-        "notes": [*notes, *(finding_sentence(finding) for finding in state.findings)],
-    }
+    return Ended(
+        file=file.name,
+        verdict=state.verdict,
+        headline=headline(state),
+        parameters=tuple(
+            KnownOffset(row.name, row.unit, row.status, row.estimate, row.std) for row in state.offsets
+        ),
+        p_value=state.p_value,
+        consistent=state.consistent,
+        shots=tuple(shot.shot for shot in carried.shots),
+        refused=carried.refused,
+        saved=None if why is None else len(plan.postures) - len(carried.shots) - len(carried.refused),
+        why=why,
+        seconds={name: round(value, 3) for name, value in carried.seconds.items()},
+        notes=(*notes, *(finding_sentence(finding) for finding in state.findings)),
+    )

@@ -6,11 +6,11 @@ there before the arm moves on, and a run that is resumed goes on as if it had ne
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -25,6 +25,7 @@ from ...model.problem import Problem
 from ...model.robot import Matrix
 from ..sensors.psd import WEAKEST
 from .centring import centre
+from .events import Attempted, GivenUp, PhaseBegun, Recorded, Retried, SpotSeen, Stopped, Told
 from .order import Order
 from .readings import Spot, read_dark, read_joints, read_spot
 from .refusal import MeasurementRefused, Reason, RefusedPosture
@@ -40,8 +41,6 @@ _DRIFTS = 6.0  # stds by which the spot may move while it is averaged, and so ma
 _DRIFTS_MM = 0.02
 _NEAR = {"mm": 100.0, "deg": np.radians(1.5)}  # std of what is supposed, for aiming
 _READ_ALIKE = 6.0  # stds of a joint reading
-
-Told = Callable[[dict[str, Any]], None]
 
 
 class Journal(Protocol):
@@ -90,7 +89,7 @@ class Procedure:
             with threadpool_limits(limits=1, user_api="blas"):
                 return self._carry_out()
         except (RigFault, KeyboardInterrupt) as stopped:
-            self.told({"event": "stopped", "why": str(stopped) or "interrupted"})
+            self.told(Stopped(str(stopped) or "interrupted"))
             raise
         finally:
             self.rig.stop()
@@ -106,7 +105,7 @@ class Procedure:
             state = self.state()
             assert state is not None
             seconds = round(sum(self.seconds.values()) - began, 3)
-            self.told({**recorded_event(shot, len(self.journal.shots), state), "seconds": seconds})
+            self.told(recorded_event(shot, len(self.journal.shots), state, seconds))
         return Carried(self.journal.shots, tuple(self._refused.values()), state, self.seconds)
 
     def state(self) -> SoFar | None:
@@ -122,16 +121,15 @@ class Procedure:
         last = self.journal.shots[-1] if self.journal.shots else None
         self.rig.begin(number, self.plan.targets[self._posture(number)], last)
         for attempt in range(1, ATTEMPTS + 1):
-            self.told({"event": "shot", "shot": number, "attempt": attempt, "time_s": self._now()})
+            self.told(Attempted(number, attempt, self._now()))
             try:
                 return self._shoot(number, belief)
             except MeasurementRefused as refused:
-                why = {"shot": number, "reason": refused.reason.value, "found": refused.found}
                 if attempt < ATTEMPTS:
-                    self.told({"event": "retry", "attempt": attempt, **why})
+                    self.told(Retried(attempt, number, refused.reason, refused.found))
                 else:
                     self._refused[number] = RefusedPosture(number, refused.reason, refused.found)
-                    self.told({"event": "refused", **why})
+                    self.told(GivenUp(number, refused.reason, refused.found))
         return None
 
     def _belief(self, number: int) -> Belief:
@@ -215,12 +213,12 @@ class Procedure:
         return round(self.rig.now(), 6)
 
     def _tell_off(self, number: int, off: float) -> None:
-        self.told({"event": "spot", "shot": number, "off_mm": round(off, 4), "time_s": self._now()})
+        self.told(SpotSeen(number, round(off, 4), self._now()))
 
     @contextmanager
     def _phase(self, name: str) -> Iterator[None]:
         began = self.rig.now()
-        self.told({"event": "phase", "phase": name, "time_s": self._now()})
+        self.told(PhaseBegun(name, self._now()))
         try:
             yield
         finally:
@@ -242,20 +240,20 @@ def _near_supposed(problem: Problem, x: Matrix) -> Problem:
     return replace(problem, parameters=Parameters(items)).with_noise_of(x)[0]
 
 
-def recorded_event(shot: Shot, recorded: int, state: SoFar) -> dict[str, Any]:
-    """The event of a shot that is on the disk, with what is known after it."""
-    return {
-        "event": "recorded",
-        "shot": shot.shot,
-        "target": shot.target,
-        "spot_mm": None if shot.spot_mm is None else list(shot.spot_mm),
-        "time_s": shot.time_s,
-        "recorded": recorded,
-        "std": state.std,
-        "worst_std": state.worst,
-        "p_value": state.p_value,
-        "consistent": state.consistent,
-    }
+def recorded_event(shot: Shot, recorded: int, state: SoFar, seconds: float | None = None) -> Recorded:
+    """The event of a measurement that is on the disk, with what is known after it."""
+    return Recorded(
+        shot=shot.shot,
+        target=shot.target,
+        spot_mm=shot.spot_mm,
+        time_s=shot.time_s,
+        recorded=recorded,
+        std=state.std,
+        worst_std=state.worst,
+        p_value=state.p_value,
+        consistent=state.consistent,
+        seconds=seconds,
+    )
 
 
 def told_by(problem: Problem, shots: Sequence[Shot]) -> SoFar | None:

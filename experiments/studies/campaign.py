@@ -9,7 +9,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from ...analysis.so_far import SoFar
 from ...model.errors import ZerobeamError
 from ...model.files.plan import Plan
 from ...model.files.shot import Shot
+from ..procedure.events import Event
 from ..procedure.order import Adaptive, InTurn, Order
 from ..procedure.refusal import RefusedPosture
 from ..procedure.session import Procedure
@@ -127,5 +127,5 @@ def _truth(rig: SimulatedRig) -> dict[str, float]:
     return {name: float(value) for (_, name, _), value in told.items()}
 
 
-def _silent(event: dict[str, Any]) -> None:
+def _silent(event: Event) -> None:
     pass

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 from rich.columns import Columns
 from rich.console import Console, Group, RenderableType
@@ -14,11 +13,21 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from ...experiments.procedure.events import (
+    Attempted,
+    Begun,
+    Event,
+    GivenUp,
+    PhaseBegun,
+    Recorded,
+    Retried,
+    SpotSeen,
+    Stopped,
+    Told,
+)
 from ..words import numbers
 from ..words.wording import clipped, label, sentence, shown
 from .terminal import STYLE, contradicted
-
-Json = dict[str, Any]
 
 _REDRAWN = 8  # times a second
 _STEPS = 4
@@ -28,7 +37,7 @@ _CLOCK = {"simulated": "simulated", "replay": "as recorded"}
 
 
 @contextmanager
-def live_view(console: Console) -> Iterator[Callable[[Json], None]]:
+def live_view(console: Console) -> Iterator[Told]:
     """Hears the events of a run (docs/files.md) and shows where it stands; nothing remains on the screen.
 
     Nothing is written where `console` is no terminal on which a line can be drawn anew.
@@ -38,7 +47,7 @@ def live_view(console: Console) -> Iterator[Callable[[Json], None]]:
         return
     now = UnderWay()
 
-    def hear(event: Json) -> None:
+    def hear(event: Event) -> None:
         nonlocal now
         now = now.after(event)
 
@@ -56,8 +65,8 @@ def live_view(console: Console) -> Iterator[Callable[[Json], None]]:
 
 @dataclass(frozen=True)
 class UnderWay:
-    """Where a run stands. `off_mm`: the last servo steps; `seconds`: of each shot of this session; `std`
-    by offset (deg; mm), None where the data cannot tell it, and empty before the first shot."""
+    """Where a run stands. `off_mm`: the last servo steps; `seconds`: of each measurement of this session;
+    `std` by offset (deg; mm), None where it is unidentifiable, and empty before the first measurement."""
 
     file: str = ""
     rig: str = ""
@@ -71,62 +80,64 @@ class UnderWay:
     phase: str = ""
     off_mm: tuple[float, ...] = ()
     time_s: float | None = None
-    std: dict[str, float | None] = field(default_factory=dict)
+    std: Mapping[str, float | None] = field(default_factory=dict)
     worst: float | None = None
     p_value: float | None = None
     consistent: bool = True
     trouble: str = ""
 
-    def after(self, event: Json) -> UnderWay:
-        """The same run after one more event; those of an unknown kind change nothing."""
-        time_s = event.get("time_s")
-        now = self if time_s is None else replace(self, time_s=time_s)
+    def after(self, event: Event) -> UnderWay:
+        """The same run after one more event; the last one changes nothing."""
+        now = self
         match event:
-            case {"event": "begin", "file": file, "rig": rig, "postures": postures, "recorded": recorded}:
+            case Attempted() | PhaseBegun() | SpotSeen() | Recorded():
+                now = self if event.time_s is None else replace(self, time_s=event.time_s)
+        match event:
+            case Begun():
                 return replace(
                     now,
-                    file=file,
-                    rig=rig,
-                    postures=postures,
-                    recorded=len(recorded),
-                    tolerance=event.get("tolerance"),
+                    file=event.file,
+                    rig=event.rig,
+                    postures=event.postures,
+                    recorded=len(event.recorded),
+                    tolerance=event.tolerance,
                 )
-            case {"event": "shot", "shot": shot, "attempt": attempt}:
-                return replace(now, shot=shot, attempt=attempt, phase="", off_mm=())
-            case {"event": "phase", "phase": phase}:
-                return replace(now, phase=phase)
-            case {"event": "spot", "off_mm": off}:
-                return replace(now, off_mm=(*now.off_mm, off)[-_STEPS:])
-            case {"event": "retry", "shot": shot, "attempt": attempt, "reason": reason, "found": found}:
-                return replace(now, trouble=f"shot {shot}, attempt {attempt} refused ({reason}): {found}")
-            case {"event": "refused", "shot": shot, "reason": reason, "found": found}:
-                trouble = f"shot {shot} given up ({reason}): {found}"
+            case Attempted():
+                return replace(now, shot=event.shot, attempt=event.attempt, phase="", off_mm=())
+            case PhaseBegun():
+                return replace(now, phase=event.phase)
+            case SpotSeen():
+                return replace(now, off_mm=(*now.off_mm, event.off_mm)[-_STEPS:])
+            case Retried(attempt, shot, reason, found):
+                trouble = f"measurement {shot}, attempt {attempt} refused ({reason}): {found}"
+                return replace(now, trouble=trouble)
+            case GivenUp(shot, reason, found):
+                trouble = f"measurement {shot} given up ({reason}): {found}"
                 return replace(now, shot=None, refused=now.refused + 1, trouble=trouble)
-            case {"event": "recorded", "recorded": recorded, "std": std}:
-                seconds = event.get("seconds")
+            case Recorded():
                 return replace(
                     now,
                     shot=None,
-                    recorded=recorded,
-                    seconds=now.seconds if seconds is None else (*now.seconds, seconds),
-                    std=std,
-                    worst=event.get("worst_std"),
-                    p_value=event.get("p_value"),
-                    consistent=event.get("consistent", True),
+                    recorded=event.recorded,
+                    seconds=now.seconds if event.seconds is None else (*now.seconds, event.seconds),
+                    std=event.std,
+                    worst=event.worst_std,
+                    p_value=event.p_value,
+                    consistent=event.consistent,
                 )
-            case {"event": "stopped", "why": why}:
+            case Stopped(why):
                 return replace(now, shot=None, trouble=f"stopped: {why}")
             case _:
                 return self
 
     @property
     def left(self) -> int:
-        """Postures from which a shot is still to come, the one under way included."""
+        """Postures of which a measurement is still to come, the one under way included."""
         return max(self.postures - self.recorded - self.refused, 0)
 
     @property
     def seconds_left(self) -> float | None:
-        """By the mean of the shots of this session; None before the first."""
+        """By the mean of the measurements of this session; None before the first."""
         return self.left * sum(self.seconds) / len(self.seconds) if self.seconds else None
 
 
@@ -140,7 +151,7 @@ def drawn(now: UnderWay) -> RenderableType:
     grid.add_row("run", Text(clipped(now.file)))
     grid.add_row("now", _now(now))
     grid.add_row("spot off", Text(_steps(now.off_mm)))
-    grid.add_row("shots", Text(f"{now.recorded} recorded, {now.refused} refused, {now.left} to come"))
+    grid.add_row("measurements", Text(f"{now.recorded} recorded, {now.refused} refused, {now.left} to come"))
     grid.add_row("time", Text(_time(now)))
     grid.add_row("std, ° or mm", _stds(now.std))
     grid.add_row("worst std", Text(_worst(now)))
@@ -155,8 +166,8 @@ def drawn(now: UnderWay) -> RenderableType:
 def _now(now: UnderWay) -> Text:
     if now.shot is None:
         return Text(_NOT_TOLD)
-    # A shot has its posture's number, from 0, in whatever order they come.
-    text = Text(f"shot {now.shot} ({now.recorded + now.refused + 1} of {now.postures})")
+    # A measurement has its posture's number, from 0, in whatever order they come.
+    text = Text(f"measurement {now.shot} ({now.recorded + now.refused + 1} of {now.postures})")
     if now.attempt > 1:
         text.append(f", attempt {now.attempt}", style="yellow")
     return text.append(f": {shown(now.phase)}") if now.phase else text
@@ -182,9 +193,9 @@ def _duration(seconds: float) -> str:
     return f"{minutes}{numbers.NO_BREAK}min {unit}" if minutes else unit
 
 
-def _stds(std: dict[str, float | None]) -> RenderableType:
+def _stds(std: Mapping[str, float | None]) -> RenderableType:
     if not std:
-        return Text("not told yet")
+        return Text("not known yet")
     return Columns([_std(name, value) for name, value in std.items()], padding=(0, 2), equal=True)
 
 
@@ -195,5 +206,5 @@ def _std(name: str, value: float | None) -> Text:
 
 
 def _worst(now: UnderWay) -> str:
-    worst = "not told yet" if now.worst is None else numbers.spread(now.worst)
+    worst = "not known yet" if now.worst is None else numbers.spread(now.worst)
     return worst if now.tolerance is None else f"{worst} (wanted {numbers.exact(now.tolerance)})"

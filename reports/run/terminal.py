@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich.console import Console
@@ -10,6 +10,8 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from ...analysis.status import Verdict
+from ...experiments.procedure.events import Ended, KnownOffset
 from ..style import blocks
 from ..words import numbers
 from ..words.wording import clipped, counted, label, listed, sentence, shown
@@ -113,31 +115,30 @@ def print_proposal(console: Console, answer: Json) -> None:
         console.print(Text(answer["removed"] + ".", style="dim"))
 
 
-def print_carried(console: Console, answer: Json) -> None:
-    """The end of `run`: verdict, notes, offsets, what was shot and how long it took, what to do next."""
-    print_verdict(console, answer)
-    if not answer["consistent"]:
-        console.print(contradicted(answer["p_value"]))
-    for note in answer["notes"]:
+def print_carried(console: Console, answer: Ended) -> None:
+    """The end of `run`: verdict, notes, offsets, what was measured and how long it took, what to do next."""
+    _print_verdict(console, answer.verdict, answer.headline)
+    if not answer.consistent:
+        console.print(contradicted(answer.p_value))
+    for note in answer.notes:
         console.print(Text("! ", style="bold yellow") + Text(sentence(note)))
-    if answer["parameters"]:
+    if answer.parameters:
         console.print(Text("Joint offsets, to be added to the recorded joint positions", style="italic"))
         table = Table(box=None, pad_edge=False)
         for name in ("name", "estimate", "std", "status"):
             table.add_column(name, justify="left" if name in ("name", "status") else "right")
-        for row in answer["parameters"]:
-            table.add_row(label(row["name"]), *_estimate_and_std(row), _status(row["status"]))
+        for row in answer.parameters:
+            table.add_row(label(row.name), *_estimate_and_std(row), _status(row.status))
         console.print(table)
-    if answer["consistent"] and answer["p_value"] is not None:
-        chance = numbers.p_value(answer["p_value"])
-        console.print(Text(f"Misses as large as these have p {chance} under the stated noise."))
-    console.print(Text(_shots_line(answer)))
-    if answer["saved"] is not None:
-        console.print(
-            Text(f"Adaptive: {counted(answer['saved'], 'shot')} saved; {sentence(answer['why'] or '')}.")
-        )
-    if any(answer["seconds"].values()):
-        console.print(Text(_seconds_line(answer["seconds"])))
+    if answer.consistent and answer.p_value is not None:
+        chance = numbers.p_value(answer.p_value)
+        console.print(Text(f"p-value of the residuals under the stated noise: {chance}."))
+    console.print(Text(_measured(answer)))
+    if answer.saved is not None:
+        saved = counted(answer.saved, "measurement")
+        console.print(Text(f"Adaptive: {saved} saved; {sentence(answer.why or '')}."))
+    if any(answer.seconds.values()):
+        console.print(Text(_seconds_line(answer.seconds)))
     console.print(Text("Intervals from the posterior: zerobeam report RUN -o DIR"))
 
 
@@ -149,21 +150,20 @@ def contradicted(p_value: float | None) -> Text:
     )
 
 
-def _estimate_and_std(row: Json) -> tuple[str, str]:
-    if row["status"] == "unidentifiable" or row["estimate"] is None or row["std"] is None:
+def _estimate_and_std(row: KnownOffset) -> tuple[str, str]:
+    if row.status == "unidentifiable" or row.estimate is None or row.std is None:
         return "—", "—"
-    unit = unit_of(row)
-    return numbers.estimate(row["estimate"], row["std"], unit), numbers.spread(row["std"], unit)
+    return numbers.estimate(row.estimate, row.std, row.unit), numbers.spread(row.std, row.unit)
 
 
-def _shots_line(answer: Json) -> str:
-    """What was found at a refused shot stands in the notes."""
-    line = f"{counted(len(answer['shots']), 'shot')} recorded"
-    refused = [f"{item['shot']} ({shown(item['reason'])})" for item in answer["refused"]]
+def _measured(answer: Ended) -> str:
+    """What was found at a refused measurement stands in the notes."""
+    line = f"{counted(len(answer.shots), 'measurement')} recorded"
+    refused = [f"{item.shot} ({shown(item.reason.value)})" for item in answer.refused]
     return f"{line}; refused: {listed(refused)}." if refused else f"{line}, none refused."
 
 
-def _seconds_line(seconds: dict[str, float]) -> str:
+def _seconds_line(seconds: Mapping[str, float]) -> str:
     phases = ", ".join(f"{name} {numbers.significant(value, 2)}" for name, value in seconds.items())
     return f"This session took {numbers.significant(sum(seconds.values()), 2, 's')}: {phases}."
 
@@ -209,10 +209,12 @@ def _compared(result: Json, name: str) -> Text:
 
 def print_verdict(console: Console, answer: Json) -> None:
     """The verdict of a result or a check with its sentence, and the remedy where it is not a pass."""
-    key = answer["verdict"]
-    console.print(
-        Text(_VERDICT_WORD[key] + ". ", style=_VERDICT_STYLE[key]) + Text(sentence(answer["headline"]))
-    )
+    _print_verdict(console, answer["verdict"], answer["headline"])
+
+
+def _print_verdict(console: Console, verdict: Verdict, headline: str) -> None:
+    text = Text(_VERDICT_WORD[verdict] + ". ", style=_VERDICT_STYLE[verdict])
+    console.print(text + Text(sentence(headline)))
 
 
 def _print_table(console: Console, told: blocks.Table) -> None:

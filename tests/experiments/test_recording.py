@@ -16,8 +16,11 @@ import numpy as np
 import pytest
 from cells import PROBE, good_plan
 from command_line import plan_file
+from run_events import as_json
 
-from zerobeam.experiments.recording import RunRequest, record
+from zerobeam.experiments import recording
+from zerobeam.experiments.procedure.events import Event, Told
+from zerobeam.experiments.recording import RunRequest
 from zerobeam.model.errors import BadInput, RigFault
 from zerobeam.model.files.plan import Plan, read_plan
 from zerobeam.model.files.run import read_run
@@ -48,8 +51,8 @@ for kill in range(kills):
     child = os.fork()
     if child == 0:
         def told(event):
-            if event["event"] == "recorded":
-                os.write(writing, bytes([event["shot"]]))
+            if event.event == "recorded":
+                os.write(writing, bytes([event.shot]))
         record(plan, file, request, told)
         os._exit(0)
     time.sleep(lasted * 1.1 * (kill + draws.random()) / kills)
@@ -76,7 +79,12 @@ def short_plan(tmp_path: Path) -> Plan:
     return read_plan(plan_file(tmp_path / "short.yaml", good_plan(5)))
 
 
-def silent(event: dict[str, Any]) -> None:
+def record(plan: Plan, file: Path, request: RunRequest, told: Told) -> dict[str, Any]:
+    """The answer as it is printed."""
+    return as_json(recording.record(plan, file, request, told))
+
+
+def silent(event: Event) -> None:
     pass
 
 
@@ -226,7 +234,7 @@ def test_another_plan_seed_or_cell_cannot_go_on_with_a_run(tmp_path: Path, plan:
 def test_a_file_that_exists_is_refused_before_anything_moves(tmp_path: Path, plan: Plan) -> None:
     file = tmp_path / "run.jsonl"
     file.write_text("mine")
-    events: list[dict[str, Any]] = []
+    events: list[Event] = []
     with pytest.raises(BadInput, match="exists already") as refused:
         record(plan, file, QUICK, events.append)
     assert "--resume" in str(refused.value)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from cells import OPEN_LASER, good_plan, header, irb1600, plan_of
 from command_line import plan_file
+from run_events import as_json
 
 from zerobeam.experiments.procedure.order import InTurn
 from zerobeam.experiments.procedure.session import ATTEMPTS, PHASES, Carried, Procedure
@@ -22,7 +23,7 @@ from zerobeam.model.files.run import read_run
 from zerobeam.model.problem import Problem
 from zerobeam.model.robot import Matrix
 
-Event = dict[str, Any]
+Event = dict[str, Any]  # as it is printed
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +42,9 @@ def carried(
 ) -> Carried:
     rig = rig or SimulatedRig(plan, Cell.model_validate({"camera": None, **cell}), seed)
     with RunJournal(file, plan.header) as journal:
-        return Procedure(plan, rig, journal, InTurn(len(plan.postures)), told).carry_out()
+        return Procedure(
+            plan, rig, journal, InTurn(len(plan.postures)), lambda event: told(as_json(event))
+        ).carry_out()
 
 
 def events_of(kind: str, events: list[Event]) -> list[int]:

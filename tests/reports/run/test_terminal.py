@@ -10,8 +10,10 @@ from command_line import WIDTH
 from example_results import EXAMPLES, FORBIDDEN, good, hostile, separate, uncalibrated, x_pattern
 from golden_files import assert_golden
 from rich.console import Console
+from run_events import event_of
 
 from zerobeam.analysis.result import Result
+from zerobeam.experiments.procedure.events import Ended
 from zerobeam.reports.run.terminal import print_carried, print_check, print_result, print_side_by_side
 from zerobeam.reports.words.result_json import to_json
 
@@ -171,8 +173,8 @@ def carried_badly() -> dict[str, Any]:
         saved=0,
         why="all postures of the plan are shot",
         notes=[
-            "Shot 1 was refused (no signal): no sample of the PSD arrives",
-            "Shot 4 was refused (too weak): 12% of the laser's light arrives",
+            "Measurement 1 was refused (no signal): no sample of the PSD arrives",
+            "Measurement 4 was refused (too weak): 12% of the laser's light arrives",
         ],
     )
     answer["parameters"][0] |= {"status": "unidentifiable", "estimate": None, "std": None}
@@ -182,7 +184,9 @@ def carried_badly() -> dict[str, Any]:
 
 def end_of(answer: dict[str, Any], colours: bool = False) -> str:
     to, text = console(colours)
-    print_carried(to, answer)
+    ended = event_of(answer)
+    assert isinstance(ended, Ended)
+    print_carried(to, ended)
     return text.getvalue()
 
 
@@ -203,7 +207,7 @@ def test_the_end_of_a_run_has_no_number_for_what_is_not_determined() -> None:
 
 def test_the_end_of_a_run_warns_where_the_shots_contradict_the_model() -> None:
     assert "contradict" not in end_of(carried())
-    assert "have p 0.18 under the stated noise" in end_of(carried())
+    assert "under the stated noise: 0.18." in end_of(carried())
     for p_value, told in ((1e-9, "the model (p below 0.001): no"), (None, "the model: no")):
         text = end_of(carried(consistent=False, p_value=p_value))
         assert f"! The shots contradict {told} estimate or std can be relied on." in " ".join(text.split())

@@ -20,10 +20,12 @@ import numpy as np
 import pytest
 from cells import good_plan
 from controllers import UNLIMITED, Watched, quick, unhurried
+from run_events import as_json
 
 from zerobeam.experiments.controller.egm_server import PacketFaults
 from zerobeam.experiments.controller.sensor_server import CellSensors
 from zerobeam.experiments.controller.service import SimulatedController
+from zerobeam.experiments.procedure.events import Event
 from zerobeam.experiments.recording import Controller, RunRequest, record
 from zerobeam.experiments.rigs.abb import rws_client as abb_rws
 from zerobeam.experiments.rigs.abb.access import PASSWORD, find_access
@@ -105,7 +107,8 @@ class Session:
             self.stopped = str(fault)
         return self
 
-    def told(self, event: dict[str, Any]) -> None:
+    def told(self, happened: Event) -> None:
+        event = as_json(happened)
         self.shot = event.get("shot", self.shot)
         self.phase = event.get("phase", self.phase)
         if event["event"] == "phase":

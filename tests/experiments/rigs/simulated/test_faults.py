@@ -18,7 +18,9 @@ import numpy as np
 import pytest
 from cells import good_plan, plan_of
 from command_line import plan_file
+from run_events import as_json
 
+from zerobeam.experiments.procedure.events import Event
 from zerobeam.experiments.procedure.order import InTurn
 from zerobeam.experiments.procedure.session import Carried, Procedure
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
@@ -136,7 +138,8 @@ def session(plan: Plan, cell: Cell, file: Path, *, resumed: bool = False) -> Ses
     rig = SimulatedRig(plan, cell, SEED, resumed=resumed)
     seen = Session(file)
 
-    def told(event: dict[str, Any]) -> None:
+    def told(happened: Event) -> None:
+        event = as_json(happened)
         seen.events.append(event)
         if event["event"] == "recorded":
             shot = read_run(file).shots[-1]

@@ -1,0 +1,154 @@
+"""What happens in a run, as events: heard by the live view, printed as JSON lines (docs/files.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, ClassVar
+
+from ...analysis.status import Status, Verdict
+from .refusal import Reason, RefusedPosture
+
+
+@dataclass(frozen=True)
+class Event:
+    """`event` is the kind of it in JSON; times are seconds since the start of the run."""
+
+    event: ClassVar[str]
+
+
+@dataclass(frozen=True)
+class Begun(Event):
+    """The run file is open. `recorded` are the measurements in it, `tolerance` is of an adaptive run."""
+
+    event: ClassVar[str] = "begin"
+    rig: str
+    file: str
+    postures: int
+    recorded: tuple[int, ...]
+    tolerance: float | None
+
+
+@dataclass(frozen=True)
+class Attempted(Event):
+    """An attempt (from 1) at a measurement begins."""
+
+    event: ClassVar[str] = "shot"
+    shot: int
+    attempt: int
+    time_s: float
+
+
+@dataclass(frozen=True)
+class PhaseBegun(Event):
+    """Move, search, servo or settle begins."""
+
+    event: ClassVar[str] = "phase"
+    phase: str
+    time_s: float
+
+
+@dataclass(frozen=True)
+class SpotSeen(Event):
+    """The distance of the spot from the PSD's centre after a step of the servo."""
+
+    event: ClassVar[str] = "spot"
+    shot: int
+    off_mm: float
+    time_s: float
+
+
+@dataclass(frozen=True)
+class Retried(Event):
+    """An attempt was refused, and another one follows."""
+
+    event: ClassVar[str] = "retry"
+    attempt: int
+    shot: int
+    reason: Reason
+    found: str
+
+
+@dataclass(frozen=True)
+class GivenUp(Event):
+    """The last attempt was refused."""
+
+    event: ClassVar[str] = "refused"
+    shot: int
+    reason: Reason
+    found: str
+
+
+@dataclass(frozen=True)
+class Recorded(Event):
+    """A measurement is on the disk, `recorded` with it; `std` by offset (deg; mm), None where unidentifiable.
+
+    `seconds` is what it took; None for a probe, which is led by hand.
+    """
+
+    event: ClassVar[str] = "recorded"
+    shot: int
+    target: str
+    spot_mm: tuple[float, ...] | None
+    time_s: float | None
+    recorded: int
+    std: Mapping[str, float | None]
+    worst_std: float | None
+    p_value: float | None
+    consistent: bool
+    seconds: float | None = None
+
+
+@dataclass(frozen=True)
+class Stopped(Event):
+    """A fault of the rig, or an interruption, ended the run."""
+
+    event: ClassVar[str] = "stopped"
+    why: str
+
+
+@dataclass(frozen=True)
+class KnownOffset:
+    """What is known of an offset, deg or mm; neither estimate nor std where it is unidentifiable."""
+
+    name: str
+    unit: str
+    status: Status
+    estimate: float | None
+    std: float | None
+
+
+@dataclass(frozen=True)
+class Ended(Event):
+    """The answer of `zerobeam run`, `zerobeam/carried/1`.
+
+    `saved` postures were not needed, and `why` an adaptive run ended; None in any other. `seconds` by phase.
+    """
+
+    event: ClassVar[str] = "end"
+    file: str
+    verdict: Verdict
+    headline: str
+    parameters: tuple[KnownOffset, ...]
+    p_value: float | None
+    consistent: bool
+    shots: tuple[int, ...]
+    refused: tuple[RefusedPosture, ...]
+    saved: int | None
+    why: str | None
+    seconds: Mapping[str, float]
+    notes: tuple[str, ...]
+
+
+Told = Callable[[Event], None]
+
+
+def event_json(event: Event) -> dict[str, Any]:
+    """Plain JSON types, keys in the order of the fields."""
+    content = {"event": event.event}
+    if isinstance(event, Ended):
+        content["schema"] = "zerobeam/carried/1"
+    content |= asdict(event)
+    if isinstance(event, Recorded) and event.seconds is None:
+        del content["seconds"]
+    return content

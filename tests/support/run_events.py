@@ -1,0 +1,35 @@
+"""Events of a run between the values that the program passes on and the JSON that people see."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from zerobeam.experiments.procedure import events
+from zerobeam.experiments.procedure.events import Event, event_json
+from zerobeam.experiments.procedure.refusal import Reason, RefusedPosture
+
+Json = dict[str, Any]
+_KINDS: dict[str, Any] = {kind.event: kind for kind in Event.__subclasses__()}
+
+
+def as_json(event: Event) -> Json:
+    """As it is printed."""
+    return dict(json.loads(json.dumps(event_json(event), allow_nan=False)))
+
+
+def event_of(content: Json) -> Event:
+    """The event that is printed so."""
+    stated = {key: value for key, value in content.items() if key not in ("event", "schema")}
+    if "reason" in stated:
+        stated["reason"] = Reason(stated["reason"])
+    if content["event"] == events.Ended.event:
+        stated["parameters"] = tuple(events.KnownOffset(**row) for row in stated["parameters"])
+        stated["refused"] = tuple(
+            RefusedPosture(**{**row, "reason": Reason(row["reason"])}) for row in stated["refused"]
+        )
+    return _KINDS[content["event"]](**{key: _frozen(value) for key, value in stated.items()})  # type: ignore[no-any-return]
+
+
+def _frozen(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
