@@ -1,4 +1,4 @@
-"""The commands that move an arm, or stand in for one: run, controller."""
+"""The commands that move an arm, or simulate one: run, controller."""
 
 from __future__ import annotations
 
@@ -45,13 +45,15 @@ def run(
     adaptive: Annotated[
         bool,
         typer.Option(
-            "--adaptive", help="Choose the next posture by the shots so far; end when it is enough."
+            "--adaptive",
+            help="Choose the next posture by the measurements so far; end when the tolerance is reached.",
         ),
     ] = False,
     tolerance: Annotated[
         float | None,
         typer.Option(
-            help="With --adaptive: the std that is enough (deg; mm). Default: the plan's.", show_default=False
+            help="With --adaptive: the standard uncertainty that is enough (deg; mm). Default: the plan's.",
+            show_default=False,
         ),
     ] = None,
     host: Annotated[
@@ -80,7 +82,7 @@ def run(
     yes: Annotated[bool, typer.Option("--yes", help="ABB: move without asking first.")] = False,
     closing: Annotated[
         bool,
-        typer.Option("--closing", help="Shoot the first posture again at the end: has the PSD moved?"),
+        typer.Option("--closing", help="Measure the first posture again at the end: has the PSD moved?"),
     ] = False,
     seed: Seed = 0,
     as_json: Json = False,
@@ -104,7 +106,7 @@ def run(
     with ExitStack() as opened:
         reached: Controller | None = None
         if rig is RigName.ABB:
-            # Access, then caution, then sensors: what is stated wrongly is said before a port is opened.
+            # Access, then caution, then sensors: errors are reported before a port is opened.
             access, caution = _access(host, port, user, password), _caution(speed, egm_port, laser, yes)
             reached = _controller(opened, planned, access, sensors, sensor_port, caution)
         request = RunRequest(
@@ -164,12 +166,12 @@ def controller(
     client: Annotated[str, typer.Option(help="Address of the client that EGM goes to.")] = "127.0.0.1",
     lost: Annotated[float, typer.Option(min=0, max=1, help="Share of EGM packets that are lost.")] = 0.0,
     late: Annotated[float, typer.Option(min=0, max=1, help="Share that comes 20 ms late.")] = 0.0,
-    duplicated: Annotated[float, typer.Option(min=0, max=1, help="Share that comes twice.")] = 0.0,
-    reordered: Annotated[float, typer.Option(min=0, max=1, help="Share that comes behind the next.")] = 0.0,
+    duplicated: Annotated[float, typer.Option(min=0, max=1, help="Share that is duplicated.")] = 0.0,
+    reordered: Annotated[float, typer.Option(min=0, max=1, help="Share that is reordered.")] = 0.0,
     amplifier: Annotated[
         Path | None,
         typer.Option(
-            help="PSD calibration file (.yaml): the PSDs also stand at serial ports, to try a sensors file.",
+            help="PSD calibration file (.yaml): the PSDs are also at serial ports, to try a sensors file.",
             show_default=False,
         ),
     ] = None,

@@ -31,7 +31,7 @@ AllowDisplaced = Annotated[
 Without = Annotated[
     list[str] | None,
     typer.Option(
-        help="Leave this offset out (delta4): it counts as 0. Repeatable.",
+        help="Exclude this offset (delta4): it counts as 0. Repeatable.",
         metavar="NAME",
         show_default=False,
     ),
@@ -88,7 +88,7 @@ def export_moc(
     ratio: Annotated[
         str | None,
         typer.Option(
-            help="Motor turns for one turn of each joint: R1,R2,…, negative if against each other.",
+            help="Motor turns for one turn of each joint: R1,R2,…, negative if in opposite directions.",
             show_default=False,
         ),
     ] = None,

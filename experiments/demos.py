@@ -27,16 +27,16 @@ def demo_runs() -> tuple[DemoRun, ...]:
         DemoRun(
             "good",
             "good run",
-            "seven varied shots; the true offsets are the means of Table 2 of the paper.",
+            "seven varied measurements; the true offsets are the means of Table 2 of the paper.",
         ),
         DemoRun(
             "x-pattern",
             "X-Pattern",
-            "the paper's section 3.2: seven shots in a row from back to front, joint 1 at rest.",
+            "the paper's section 3.2: seven measurements in a row from back to front, joint 1 at rest.",
         ),
         DemoRun(
             "uncalibrated",
             "uncalibrated tool",
-            "section 3.1: twelve shots with a laser that is roughly along x; its last joint is held.",
+            "section 3.1: twelve measurements with a laser that is roughly along x; its last joint is held.",
         ),
     )

@@ -45,7 +45,8 @@ class Controller:
 @dataclass(frozen=True)
 class RunRequest:
     """How a plan is to be carried out. `tolerance` (deg; mm) asks for an adaptive run, `closing` for closing
-    shots; `cell` and `camera` are of the simulated rig, `recording` of the replay, `controller` of ABB's."""
+    measurements; `cell` and `camera` are of the simulated rig, `recording` of the replay, `controller` of
+    ABB's."""
 
     rig: RigName
     seed: int = 0
@@ -61,7 +62,8 @@ class RunRequest:
 def record(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
     """Carry the plan out into the run file `file`; the answer is the last event (docs/files.md).
 
-    Raises BadInput before anything moves, RigFault where the rig stops: the shots so far are in the file.
+    Raises BadInput before anything moves, RigFault where the rig stops: the measurements so far are in the
+    file.
     """
     if plan.header.tool.kind == "probe":
         return _by_hand(plan, file, request, told)

@@ -34,10 +34,10 @@ SCHEMA_NAMES = tuple(_MODELS)
 
 
 def json_schema(name: str) -> dict[str, Any]:
-    """JSON Schema (draft 2020-12) of a kind of file, or of a line of a run; units stand in the descriptions.
+    """JSON Schema (draft 2020-12) of a kind of file, or of a line of a run; units are in the descriptions.
 
-    It states what one value may be. What several say together (limits of the robot, a laser's
-    direction, unique shot numbers) is checked on reading only.
+    It states what one value may be. What several mean together (limits of the robot, a laser's
+    direction, unique measurement numbers) is checked on reading only.
     """
     if name not in _MODELS:
         raise BadInput(

@@ -1,4 +1,4 @@
-"""Simulated shots: an arm with true offsets, servoed until the true beam hits, read with noise."""
+"""Simulated measurements: an arm with true offsets, servoed until the true beam hits, read with noise."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Truth:
     @classmethod
     def drawn(cls, plan: Plan, rng: np.random.Generator, offset_deg: float = 1.0) -> Truth:
         """Offsets of about `offset_deg` (mm for prismatic joints), the targets where the plan supposes
-        them, an uncalibrated tool off by what its header says; what is held is as it is held."""
+        them, an uncalibrated tool off by random errors of the header's sigma; held parameters stay held."""
         problem = Problem.from_plan(plan)
         parameters = problem.parameters
         x = problem.nominal()
@@ -57,7 +57,7 @@ class Truth:
 
 
 def simulated_shots(truth: Truth, rng: np.random.Generator) -> Iterator[Shot]:
-    """The plan's shots as the simulated cell records them, one by one.
+    """The plan's measurements as the simulated cell records them, one by one.
 
     Each posture's wrist is turned until the true beam is on the true target (a probe is led into its
     socket by all joints); then the joints are read with the stated joint noise and the spot with the
@@ -92,7 +92,7 @@ def simulated_shots(truth: Truth, rng: np.random.Generator) -> Iterator[Shot]:
 @dataclass(frozen=True, eq=False)
 class Readings:
     """What W simulated runs of one plan recorded: `joints` (W, N, n), `spots` (W, N, d); `met` (W,) where
-    every shot could be brought onto its target."""
+    every measurement could be brought onto its target."""
 
     joints: Matrix
     spots: Matrix

@@ -1,4 +1,4 @@
-"""The simulated cell as it stands behind a controller that moves its arm little by little."""
+"""The simulated cell behind a controller that moves its arm little by little."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ _AXES = 6
 class CellBehind(SimulatedRig):
     """The cell of a plan, whose arm, laser and clock are the controller's; its sensors see it as it is now.
 
-    The same seed draws the same truth as for the simulated rig. It knows of no shots: the beam's wander is
-    drawn anew with each new posture, and a PSD whose face is turned towards the laser is so while the laser
-    is off.
+    The same seed draws the same truth as for the simulated rig. It knows of no measurements: the beam's
+    wander is drawn again with each new posture, and a PSD whose face is turned towards the laser is so while
+    the laser is off.
     """
 
     def __init__(self, plan: Plan, cell: Cell, seed: int) -> None:
         if cell.faults:
             raise BadInput(
-                "the faults of a cell are tied to shots, of which a controller knows nothing",
+                "the faults of a cell are tied to measurements, of which a controller knows nothing",
                 found=", ".join(fault.kind for fault in cell.faults),
                 remedy="take `faults` out of the cell file, or run it by --rig simulated",
             )
@@ -46,12 +46,12 @@ class CellBehind(SimulatedRig):
     def drive(self, joints: Matrix, seconds: float) -> None:
         """The arm's counts go to the joints (n,) at that time of the controller's clock."""
         self._time = seconds
-        if joints is not self._driven:  # a drive that stands gives the very same, 250 times a second
+        if joints is not self._driven:  # a drive at rest gives the very same, 250 times a second
             self._driven = joints
             self._arm.move(joints)
 
     def counts(self) -> Matrix:
-        """(n,) where the encoders say that the joints are, rad."""
+        """(n,) by the encoders, rad."""
         return self._arm.read()
 
     def sent(self, joints: Matrix) -> None:
@@ -66,7 +66,7 @@ class CellBehind(SimulatedRig):
         self._on = on
 
     def before(self, target: str) -> SimulatedRig:
-        """The cell as it stands at this moment, before that target's PSD: for its `currents` and its `image`,
+        """The cell at this moment, before that target's PSD: for its `currents` and its `image`,
         which take longer than the arm can wait."""
         if target not in self.psds:
             raise BadInput("there is no such PSD", found=target, allowed=", ".join(self.psds))

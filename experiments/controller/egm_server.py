@@ -48,7 +48,7 @@ class Egm:
         return str(host), int(port)
 
     def begin(self, now: float) -> None:
-        """EGMActJoint and EGMRunJoint: from now on it is told where the arm is, and tells where to go."""
+        """EGMActJoint and EGMRunJoint: from now on it sends where the arm is, and receives where to go."""
         self.end()
         self.active, self._heard, self.mci = True, now, "MCI_RUNNING"
 
@@ -86,7 +86,7 @@ class Egm:
         running: bool,
         met: bool,
     ) -> None:
-        """Send an EgmRobot, if guidance is under way; `met` where the arm stands at the last reference."""
+        """Send an EgmRobot, if guidance is under way; `met` where the arm is at the last reference."""
         if self.active:
             message = self._robot(now, joints_deg, planned_deg, motors_on, running)
             message.mciConvergenceMet = met

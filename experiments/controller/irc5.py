@@ -37,7 +37,7 @@ _CRAWL = 1e-9  # share of the top speeds at a speed ratio of 0: the drive has no
 
 
 class Irc5:
-    """A controller with the program of `zerobeam_egm` in it; attributes are what its panel says.
+    """A controller with the program of `zerobeam_egm` in it; attributes are its panel.
 
     Every use takes its `lock`: `turn` and what a person does take it themselves, what a client asks for is
     called with it held.
@@ -92,7 +92,7 @@ class Irc5:
         self.cell.drive(self._drive.at, self.seconds)
 
     def joints_deg(self) -> Matrix:
-        """(6,) as the encoders say."""
+        """(6,) by the encoders."""
         with self.lock:
             return self.cell.counts() * self._display
 

@@ -126,7 +126,7 @@ def _require(fine: bool, found: str) -> None:
 
 
 def _symbol(controller: Irc5, path: str) -> str:
-    """RAPID does not tell capitals from small letters."""
+    """RAPID ignores case."""
     parts = path.removeprefix(_SYMBOL).lower().split("/")
     if parts[:-1] != [TASK.lower(), MODULE] or parts[-1] not in controller.data:
         raise RequestRefused(NO_SUCH_SYMBOL)

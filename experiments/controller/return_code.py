@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Code:
-    """`status` is HTTP's; the name that the manual gives to the number stands beside each."""
+    """`status` is HTTP's; the name that the manual gives to the number is beside each."""
 
     status: int
     number: int

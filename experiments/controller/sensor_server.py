@@ -8,8 +8,8 @@ line, each answered by one line.
     {"ask": "currents", "target": NAME, "samples": N} → {"currents": [[x+, x-, y+, y-], …]}, null: lost
     {"ask": "image", "target": NAME} → {"width": W, "height": H, "grey": base64, row by row}
 
-What cannot be answered is {"error": "…"}. Currents take N / rate seconds before they are told, an image none.
-The fields of the sheets are those of `Psd` and `Camera` (mm, rad, pixels).
+What cannot be answered is {"error": "…"}. Currents take N / rate seconds before they are answered, an image
+none. The fields of the sheets are those of `Psd` and `Camera` (mm, rad, pixels).
 """
 
 from __future__ import annotations

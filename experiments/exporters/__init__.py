@@ -1,1 +1,1 @@
-"""The answer of a run in the files that people apply it by: only what the shots tell leaves in them."""
+"""The offsets of a run in the files by which they are applied: only identifiable ones."""

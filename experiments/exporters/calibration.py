@@ -86,11 +86,11 @@ class Offset:
         if self.status == "held":
             told = f"HELD at 0, not estimated: {self.reason}"
         elif self.estimate is None:
-            told = f"UNIDENTIFIABLE, left out: {self.reason}"
+            told = f"UNIDENTIFIABLE, excluded: {self.reason}"
         else:
             told = f"{self.estimate:+.6f} {self.unit}, std {self.std:.2g} {self.unit}, "
             told += self.status if self.status == "identified" else "WEAK: weakly observable"
-            told += ", LEFT OUT on request" if self.left_out else ""
+            told += ", EXCLUDED on request" if self.left_out else ""
         return one_line(f"{self.name} ({self.joint}): {told}")
 
 
@@ -114,7 +114,7 @@ class Calibration:
             one_line(f"from the run {self.run}, {self.shots} shots"),
             f"sha256 of the run: {self.sha256}",
             "applied by, on: ______________________",
-            f"{MEANING}. An offset that is held or left out counts as 0.",
+            f"{MEANING}. An offset that is held or excluded counts as 0.",
             *(offset.sentence for offset in self.offsets),
             *(one_line(f"note: {sentence}") for sentence in self.warnings),
         ]
@@ -211,7 +211,7 @@ def _displaced(solution: Solution, allowed: bool) -> tuple[str, ...]:
         raise BadInput(
             "the measurements contradict the model, so no offset can be relied on",
             found=displacement_sentence(moved),
-            remedy="give the target another name in the measurements after it was moved, or record anew; or"
+            remedy="give the target another name in the measurements after it was moved, or record again; or"
             " --allow-displaced, if it was not moved: the file then says so",
         )
     return (displacement_sentence(moved),)
@@ -239,7 +239,7 @@ def _require_known(offsets: Sequence[Offset], allow_weak: bool) -> None:
             f"{listed([offset.name for offset in unknown])} cannot be exported: the data do not determine it",
             found="; ".join(f"{offset.name}: {offset.reason}" for offset in unknown),
             allowed="identified offsets, and weak ones with --allow-weak",
-            remedy=f"record measurements that determine it, or leave out by name: {_leaving_out(unknown)}",
+            remedy=f"record measurements that determine it, or exclude by name: {_leaving_out(unknown)}",
         )
     if weak and not allow_weak:
         raise BadInput(
@@ -248,11 +248,11 @@ def _require_known(offsets: Sequence[Offset], allow_weak: bool) -> None:
                 f"{offset.name}: std {offset.std:.2g} {offset.unit} ({offset.reason})" for offset in weak
             ),
             allowed="identified offsets, and weak ones with --allow-weak",
-            remedy=f"record more measurements; or --allow-weak; or leave out by name: {_leaving_out(weak)}",
+            remedy=f"record more measurements; or --allow-weak; or exclude by name: {_leaving_out(weak)}",
         )
     if not any(offset.exported for offset in offsets):
         raise BadInput(
-            "there is nothing to export: every offset is held or left out",
+            "there is nothing to export: every offset is held or excluded",
             found="; ".join(offset.sentence for offset in offsets),
         )
 

@@ -37,14 +37,15 @@ _NUMBER = r"\s+(-?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?![\w.])"
 @dataclass(frozen=True)
 class Gears:
     """What is stated of the motors, joint 1 first: `ratios` are motor turns for one turn of the joint,
-    negative where they turn against each other; `signs` as in the formula above. None where not stated."""
+    negative where they rotate in opposite directions; `signs` as in the formula above. None where not
+    stated."""
 
     ratios: Sequence[float] | None = None
     signs: Sequence[Sign] | None = None
 
     @classmethod
     def stated(cls, ratios: str | None, signs: str | None, n: int) -> Gears:
-        """As on the command line, for n joints: numbers separated by commas; one sign may stand for all."""
+        """As on the command line, for n joints: numbers separated by commas; one sign may serve for all."""
         told = None if signs is None else _numbers(signs, "--motor-sign")
         if told is not None and (len(told) not in (1, n) or not set(told) <= {1.0, -1.0}):
             raise BadInput(
@@ -61,13 +62,13 @@ class Gears:
                 "--ratio is not understood",
                 found=ratios,
                 allowed=f"{n} numbers other than 0: motor turns for one turn of each joint, negative if they"
-                " turn against each other",
+                " rotate in opposite directions",
             )
         return cls(numbers, each)
 
 
 class _Value(NamedTuple):
-    """A number in the file, and where its text stands."""
+    """A number in the file, and the position of its text."""
 
     number: float
     start: int
@@ -122,7 +123,7 @@ def _require_turning(calibration: Calibration) -> None:
     sliding = [o.name for o in calibration.offsets if o.exported and o.kind == "prismatic"]
     if sliding:
         raise BadInput(
-            "the offset of a prismatic joint is not an angle of its motor that could be told here",
+            "the offset of a prismatic joint has no motor angle known here",
             found=", ".join(sliding),
             allowed="offsets of revolute joints",
             remedy="leave it out: " + " ".join(f"--without {name}" for name in sliding),
@@ -156,7 +157,7 @@ def _ratio(text: str, path: Path, motor: str, joint: int, gears: Gears) -> float
     stated = None if gears.ratios is None else gears.ratios[joint]
     if written is not None and stated is not None and not math.isclose(written, stated, rel_tol=1e-6):
         raise BadInput(
-            f"the gear ratio of {motor} is stated otherwise than it stands in the file",
+            f"the gear ratio of {motor} differs between option and file",
             found=f"--ratio {stated:g}, transm_joint {written:g}",
             file=path,
             remedy="leave out --ratio, or correct it",
@@ -168,8 +169,8 @@ def _ratio(text: str, path: Path, motor: str, joint: int, gears: Gears) -> float
             found="no TRANSMISSION entry of it in the file"
             if written is None
             else f"transm_joint {written:g}",
-            allowed="--ratio R1,R2,…: motor turns for one turn of each joint, negative if they turn against"
-            " each other",
+            allowed="--ratio R1,R2,…: motor turns for one turn of each joint, negative if they rotate in"
+            " opposite directions",
             file=path,
             remedy="state them; they are in the arm's documentation, or ask the manufacturer",
         )
@@ -188,7 +189,7 @@ def _entries(text: str, path: Path, section: str) -> dict[str, tuple[int, int]]:
         for j, entry in enumerate(starts):
             name = entry.group(1)
             if name in found:
-                raise BadInput(f"an entry stands twice in {section}", found=shown(name), file=path)
+                raise BadInput(f"duplicate entry in {section}", found=shown(name), file=path)
             found[name] = entry.end(), starts[j + 1].start() if j + 1 < len(starts) else end
     return found
 
@@ -225,7 +226,7 @@ def _number(text: str, path: Path, section: str, name: str, key: str) -> _Value:
         raise BadInput(
             f"the calibration offset of {name} is not valid by the file itself",
             found="no -valid_cal_offset",
-            remedy="calibrate the motor first, and record the shots after that",
+            remedy="calibrate the motor first, and record the measurements after that",
             file=path,
             line=line,
         )
@@ -239,9 +240,9 @@ def _head(calibration: Calibration) -> list[str]:
         "",
         "cal_offset (MOC.cfg, type MOTOR_CALIB) is an angle of the motor's shaft in rad. The joint's",
         "reading is to rise by the offset:  change of cal_offset = sign * ratio * offset",
-        "  ratio: motor turns for one turn of the joint, negative if they turn against each other",
+        "  ratio: motor turns for one turn of the joint, negative if they rotate in opposite directions",
         "  sign: +1 if the reading rises with cal_offset at a positive ratio, -1 if it falls. No public",
-        "  source is known that tells it: it is as stated by the person who made this file.",
+        "  source is known: it is as stated by the person who made this file.",
     ]
 
 

@@ -25,7 +25,7 @@ from .calibration import Calibration, Offset
 _START_TAG = re.compile(rb"<[^\s/>]+(?:\s+[^\s=]+\s*=\s*(?:\"[^\"]*\"|'[^']*'))*\s*/?>")
 _ATTRIBUTE = re.compile(rb"\s+([^\s=]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
 _BOM = b"\xef\xbb\xbf"
-_Edit = tuple[int, int, bytes]  # from, to, what stands there instead
+_Edit = tuple[int, int, bytes]  # from, to, replacement
 
 
 @dataclass
@@ -69,7 +69,7 @@ def urdf_text(run: Run, calibration: Calibration) -> str:
         same = [pair for pair in found.joints if pair[0].attributes.get("name") == joint.name]
         if len(same) != 1:
             raise BadInput(
-                f"the URDF file has {len(same)} joints of one name: which is meant cannot be told",
+                f"the URDF file has {len(same)} joints of the same name",
                 found=shown(joint.name),
                 file=path,
                 remedy="give every joint a name of its own, in the URDF file of the run",

@@ -138,7 +138,7 @@ def _messages(reader: AnyReader, connections: list[Connection], path: Path) -> I
             "the bag is incomplete",
             found=f"{count} messages on {connections[0].topic}",
             allowed=f"{promised}, as the bag itself says",
-            remedy="repair it with the tools of ROS, or record anew",
+            remedy="repair it with the tools of ROS, or record again",
             file=path,
         )
 

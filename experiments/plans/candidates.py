@@ -25,7 +25,7 @@ _LEAST_DRAWN = 60_000
 
 @dataclass(frozen=True)
 class View:
-    """What a shot must satisfy. Lengths mm, angles rad.
+    """What a measurement must satisfy. Lengths mm, angles rad.
 
     `facing` is the outward normal of the PSD's face in the base frame (None: any side); `acceptance` the
     largest angle between beam and normal; `beam` the shortest and longest beam; `margin` is kept to every
@@ -111,7 +111,8 @@ def _fit(
     clearance: Clearance | None,
     removed: dict[str, int],
 ) -> Matrix:
-    """The joints of the shots that satisfy everything; `removed` counts the others by their first fault."""
+    """The joints of the measurements that satisfy everything; `removed` counts the others by their first
+    fault."""
     origin, direction = problem.beams(x)
     targets = problem.split(x).targets
     left = np.ones(problem.shots, dtype=bool)

@@ -55,7 +55,7 @@ class PlanRequest:
 class MadePlan:
     """A plan and the verdict of `check` on it; `proposal` is None for a pattern.
 
-    `file` and `checked` are None where no number of shots reaches the tolerance: nothing was written.
+    `file` and `checked` are None where no number of measurements reaches the tolerance: nothing was written.
     """
 
     kind: Literal["x", "y", "optimal"]
@@ -94,7 +94,7 @@ class MadePlan:
 
 
 def make_plan(request: PlanRequest, file: Path, told: Progress) -> MadePlan:
-    """Make the plan, write it to a new file and check it. BadInput says which constraint is in the way."""
+    """Make the plan, write it to a new file and check it. BadInput names the constraint that prevents it."""
     refuse_existing(file)
     robot = load_robot(request.header.robot, request.header_folder)
     header = _with_target(request, robot, file)
@@ -116,7 +116,7 @@ def make_plan(request: PlanRequest, file: Path, told: Progress) -> MadePlan:
         wanted = request.shots if request.tolerance is None else 2
         if len(found.postures) < wanted:
             raise BadInput(
-                f"there are too few postures to choose {wanted} shots from",
+                f"there are too few postures to choose {wanted} measurements from",
                 found=removed,
                 remedy="loosen what removes most of them, or put the target elsewhere",
             )
@@ -147,7 +147,7 @@ def _with_target(request: PlanRequest, robot: Robot, file: Path) -> Header:
             "the header states other targets than the plan is made for",
             found=", ".join(stated),
             allowed=f"none, or {TARGET}",
-            remedy="remove `targets` from the header; --target says where the target stands",
+            remedy="remove `targets` from the header; --target says where the target is",
         )
     guess = {"guess_mm": tuple(request.target)}
     stated[TARGET] = stated[TARGET].model_copy(update=guess) if stated else StatedTarget(**guess)  # type: ignore[arg-type]

@@ -22,7 +22,7 @@ _DEFAULT_THICKNESS = 0.05  # of the stretched arm
 class Box(FileModel):
     """A box along the axes of the base frame."""
 
-    name: Name = Field(description="what stands there")
+    name: Name = Field(description="name of the obstacle")
     min_mm: Point = Field(description="its lowest corner, base frame, millimetres")
     max_mm: Point = Field(description="its highest corner, base frame, millimetres")
 
@@ -39,12 +39,12 @@ class Box(FileModel):
 
 
 class Obstacles(FileModel):
-    """The content of an obstacles file: what stands in the cell and how thick the arm is."""
+    """The content of an obstacles file: boxes and floor in the cell, and the thickness of the arm."""
 
     floor_mm: float | None = Field(
         default=0.0, description="height of the floor, base frame, millimetres; null: none"
     )
-    boxes: list[Box] = Field(default=[], description="boxes that stand in the cell")
+    boxes: list[Box] = Field(default=[], description="boxes in the cell")
     thickness_mm: Positive | None = Field(
         default=None,
         description="radius of the arm's links, millimetres; default 5 % of the stretched arm's length",
@@ -92,7 +92,7 @@ class Clearance:
         points = self._points(joints)
         floor = self._obstacles.floor_mm
         result = np.zeros(len(joints), dtype=bool)
-        # The first link is the base's column, which stands on the floor.
+        # The first link is the base's column, which is fixed to the floor.
         moving = _links(_lengths(points))[1:]
         if floor is not None:
             for i in moving:
@@ -103,9 +103,9 @@ class Clearance:
         return result
 
     def beam_blocked(self, origins: Matrix, target: Matrix) -> Mask:
-        """(N,) True where a box stands between the laser (N, 3) and the target (3,).
+        """(N,) True where a box is between the laser (N, 3) and the target (3,).
 
-        A box that holds the target is what the target stands on: it does not count.
+        A box that contains the target is its support: it does not count.
         """
         result = np.zeros(len(origins), dtype=bool)
         ends = np.broadcast_to(target, origins.shape)
@@ -115,7 +115,7 @@ class Clearance:
         return result
 
     def _points(self, joints: Matrix) -> Matrix:
-        """(N, n + 3, 3): the skeleton and the tool's point."""
+        """(N, n + 3, 3): the skeleton and the TCP."""
         delta = np.zeros(self._problem.robot.n)
         (skeleton,) = self._kernel(joints, delta)
         tool = self._problem.split(self._problem.parameters.prior_mean).tool

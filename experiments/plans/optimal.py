@@ -17,9 +17,9 @@ from ...model.robot import Matrix, Robot
 from .candidates import CandidatePostures
 
 _UNTOLD = 0.5  # of its prior: an offset that all candidates leave beyond this is not planned for
-_EXACT_ORDER = 9  # shots up to which the shortest order is found for certain
+_EXACT_ORDER = 9  # measurements up to which the shortest order is found for certain
 _LOOSEN = "loosen what removes most, move the target, or ask for more candidates"
-_FEW_STARTS = 4  # tell which numbers of shots are out of the question
+_FEW_STARTS = 4  # show which numbers of measurements cannot do
 _SPEED = 1.0  # rad/s (m/s) where the robot file states none
 
 
@@ -27,7 +27,7 @@ _SPEED = 1.0  # rad/s (m/s) where the robot file states none
 class Proposal:
     """An optimal plan. `postures` (k, n) rad or mm in travel order; `std` of each offset that is not
     held, by name, in degrees (mm), the prior included: one that is near its prior is not told by the
-    shots; `travel_s` from the first posture to the last at full joint speed, None where the robot file
+    measurements; `travel_s` from the first posture to the last at full joint speed, None where the robot file
     states no speeds; `candidates` how many there were to choose from."""
 
     postures: Matrix
@@ -47,8 +47,8 @@ class Proposal:
 
 @dataclass(frozen=True, eq=False)
 class Fewest:
-    """The answer to "how many shots?". `proposal` is None where no number up to `most` is enough;
-    `curve` lists (shots, worst predicted std), `limit` says in words what stands in the way."""
+    """The answer to "how many measurements?". `proposal` is None where no number up to `most` is enough;
+    `curve` lists (measurements, worst predicted std), `limit` names the limit in words."""
 
     tolerance: float
     most: int
@@ -58,7 +58,7 @@ class Fewest:
 
 
 class Planner:
-    """Chooses shots for one header, robot and target from candidate postures."""
+    """Chooses measurements for one header, robot and target from candidate postures."""
 
     def __init__(
         self, header: Header, robot: Robot, target: Matrix, found: CandidatePostures, *, name: str = "psd"
@@ -78,15 +78,15 @@ class Planner:
         if not self._offsets:
             raise BadInput("there is nothing to plan for: every offset is held", remedy="free some in `held`")
         self._columns = np.flatnonzero(parameters.group("offset")[free])
-        # What all candidates together cannot tell would swamp the criterion with its prior.
+        # What all candidates together leave unidentifiable would swamp the criterion with its prior.
         information = np.einsum("cdf,cdg->fg", roots, roots) + np.eye(roots.shape[2])
         told = np.sqrt(np.diag(np.linalg.inv(information))) < _UNTOLD
         offsets = parameters.group("offset")[free] & told
         if not offsets.any():
             raise BadInput(
-                "no shot at this target tells any offset",
-                found=f"all {len(found.postures)} candidates together say next to nothing",
-                remedy="hold what cannot be told (`held`), or calibrate the tool",
+                "no measurement at this target makes any offset identifiable",
+                found=f"all {len(found.postures)} candidates together carry almost no information",
+                remedy="hold what is unidentifiable (`held`), or calibrate the tool",
             )
         self._all_told = bool(told[self._columns].all())
         self.candidates = Candidates(roots, offsets)
@@ -94,33 +94,35 @@ class Planner:
     def optimal(
         self, shots: int, criterion: Criterion = "A", *, seed: int = 0, starts: int = STARTS
     ) -> Proposal:
-        """The best plan of that many shots that was found, with its certified efficiency."""
+        """The best plan of that many measurements that was found, with its certified efficiency."""
         return self._proposal(self._design(shots, criterion, seed, starts))
 
     def _design(self, shots: int, criterion: Criterion, seed: int, starts: int) -> Design:
         if shots < 1:
-            raise BadInput("a plan has at least one shot", found=shots)
+            raise BadInput("a plan has at least one measurement", found=shots)
         if shots > len(self._postures):
             raise BadInput(
-                "there are fewer candidates than shots",
-                found=f"{shots} shots; {self._told}",
+                "there are fewer candidates than measurements",
+                found=f"{shots} measurements; {self._told}",
                 remedy=_LOOSEN,
             )
         with threadpool_limits(limits=1, user_api="blas"):
             return design(self.candidates, shots, criterion, seed, starts)
 
     def fewest(self, tolerance: float, most: int, criterion: Criterion = "A", *, seed: int = 0) -> Fewest:
-        """The fewest shots whose worst predicted std (deg; mm) is within `tolerance`, up to `most`."""
+        """The fewest measurements whose worst predicted std (deg; mm) is within `tolerance`, up to `most`."""
         if not tolerance > 0:
             raise BadInput("the tolerance is not above 0", found=tolerance)
         least = max(2, -(-int(self._problem.parameters.free.sum()) // self._problem.tool.miss_size))
         if most < least:
             raise BadInput(
-                "so few shots cannot tell the offsets", found=most, allowed=f"{least} shots or more"
+                "too few measurements to identify the offsets",
+                found=most,
+                allowed=f"{least} measurements or more",
             )
         curve: list[tuple[int, float]] = []
         best = np.inf
-        # An offset that no shots tell keeps every number from the tolerance: one is enough to say so.
+        # An unidentifiable offset keeps every number from the tolerance: one is enough to show it.
         for shots in range(least if self._all_told else most, most + 1):
             chosen = self._design(shots, criterion, seed, _FEW_STARTS)
             proposal = self._proposal(chosen)
@@ -128,7 +130,7 @@ class Planner:
                 chosen = self._design(shots, criterion, seed, STARTS)
                 proposal = self._proposal(chosen)
             # The criterion is not the worst std, which may rise a little from one number to the next;
-            # the plan of one shot less with any shot more is no worse than it was.
+            # the plan of one measurement less with any measurement more is no worse than it was.
             best = min(best, proposal.worst)
             curve.append((shots, best))
             if proposal.worst <= tolerance:
@@ -140,7 +142,8 @@ class Planner:
         worst, variance, prior, spot = self._parts(chosen.rows)
         if prior > 0.5:
             return (
-                f"the shots tell next to nothing about {worst}: {prior:.0%} of what would be known of it is"
+                f"the measurements carry almost no information about {worst}: {prior:.0%} of what would be"
+                " known of it is"
                 " the prior (`zerobeam check` on a plan of this kind says why)"
             )
         joint = 1 - prior - spot
@@ -148,7 +151,7 @@ class Planner:
         needed = int(np.ceil(len(chosen.rows) * variance / tolerance**2))
         return (
             f"{source} (it makes {share:.0%} of the variance of {worst}, the worst); the std falls with the"
-            f" root of the number of shots, so some {needed} would be needed"
+            f" root of the number of measurements, so some {needed} would be needed"
         )
 
     def _parts(self, rows: Index) -> tuple[str, float, float, float]:

@@ -38,7 +38,7 @@ def pattern(
     name: str = "psd",
     span: float | None = None,
 ) -> Matrix:
-    """(shots, n) postures, rad or mm, whose beams start on a straight line and pass `target` (3,) mm.
+    """(measurements, n) postures, rad or mm, whose beams start on a straight line and pass `target` (3,) mm.
 
     The line runs along the base's x axis (at y = 0) or y axis, as far before the base and over the target
     as `_LINES` says; `span` is its length as a share of the arm's reach. Raises BadInput where a posture

@@ -26,7 +26,7 @@ _STEPS = 30
 _PATIENCE = 4  # steps without getting nearer
 _NEARER = 0.8  # of the way that was left, or less, is nearer
 _LARGEST = np.radians(2.0)
-_TELLING_MM = 0.5  # a way of this length tells whether the spot follows
+_TELLING_MM = 0.5  # a step of this length shows whether the spot follows
 _FOLLOWS = 0.4  # share of such a step that it does at least: a tetra-lateral PSD falls short at its edge
 _CLEAR = 3.0  # stds of what the joints' noise makes of the spot
 _STRIKES = 2  # times in a row that it does not: the light is not the beam's
@@ -34,7 +34,8 @@ _STRIKES = 2  # times in a row that it does not: the light is not the beam's
 
 @dataclass(frozen=True, eq=False)
 class Centred:
-    """`joints` (n,) where the arm was sent last, `off_mm` how far off the spot was at each stand."""
+    """`joints` (n,) where the arm was sent last, `off_mm` the distance of the spot from the centre after
+    each step."""
 
     joints: Matrix
     off_mm: tuple[float, ...]
@@ -57,7 +58,7 @@ def centre(
     spot, follows = _on_face(rig, psd, dark), np.eye(2)
     off = [_length(spot.position)]
     told(off[0])
-    # The first stand does not count, however near: it was not come to from below.
+    # The first position does not count, however near: it was not approached from below.
     nearest, waited = np.inf, 0
     asked, seen, idle = 0.0, 0.0, 0  # mm since the light was known to follow; short steps are added up
     while nearest > ENOUGH_MM and waited < _PATIENCE and len(off) <= _STEPS:
@@ -81,7 +82,7 @@ def centre(
                 f"sent by {asked:.1f} mm, the light on the PSD moved by {seen:.1f} mm: a reflection, or"
                 " another light",
             )
-        # A step that is long beside the joints' noise, and followed, tells how the spot follows.
+        # A step that is long compared with the joints' noise, and followed, shows how the spot follows.
         if _length(sent) >= max(_TELLING_MM, _CLEAR * scatter) and idle == 0:
             follows = follows + np.outer(moved - follows @ sent, sent) / (sent @ sent)
         waited = 0 if off[-1] < _NEARER * nearest else waited + 1

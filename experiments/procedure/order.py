@@ -28,7 +28,7 @@ class Order(Protocol):
     def following(
         self, recorded: Sequence[Shot], refused: Collection[int], state: SoFar | None
     ) -> int | None:
-        """The number of the next shot, that of its posture in the plan; None: it is enough.
+        """The number of the next measurement, that of its posture in the plan; None: it is enough.
 
         Decided from what is recorded, and from which postures were refused, alone.
         """
@@ -49,8 +49,9 @@ class InTurn:
 
 
 class Closing:
-    """What `order` says, and in the end the first recorded posture of each target once more: the shot that
-    tells most of whether a target has moved. Its number is that of the posture plus `count`, the plan's."""
+    """What `order` says, and in the end the first recorded posture of each target once more: the measurement
+    that is the best test of whether a target has moved. Its number is that of the posture plus `count`, the
+    plan's."""
 
     def __init__(self, order: Order, count: int) -> None:
         self._order, self._count = order, count
@@ -70,12 +71,12 @@ class Closing:
 
 @dataclass(eq=False)
 class Adaptive:
-    """The plan's postures are the candidates, each shot once at the most.
+    """The plan's postures are the candidates, each measured once at most.
 
     As many as the method needs at least come first, chosen together (A-optimal); then always the one that
     lowers the largest predicted std of the offsets most, until that is within `tolerance` (deg; mm). Where
-    the shots contradict the model (lack of fit, a target that has moved) no std can be relied on: then
-    nothing is saved and all postures are shot; `reason` says why it ended.
+    the measurements contradict the model (lack of fit, a target that has moved) no std can be relied on: then
+    nothing is saved and all postures are measured; `reason` says why it ended.
     """
 
     plan: Plan
@@ -101,7 +102,7 @@ class Adaptive:
         done = {*made, *refused}
         left = [number for number in range(self._problem.shots) if number not in done]
         if not left:
-            self.reason = self.reason or "all postures of the plan are shot"
+            self.reason = self.reason or "all postures of the plan are measured"
             return None
         first = [number for number in self._first if number in left]
         if first:
@@ -109,16 +110,16 @@ class Adaptive:
         if state is None:
             return left[0]
         if not state.consistent:
-            self.reason = "the shots contradict the model: none is saved"
+            self.reason = "the measurements contradict the model: none is saved"
             return left[0]
         # Without a number to spare nothing could contradict it.
         if state.worst is not None and state.dof > 0 and self._wide(state) <= self.tolerance:
-            self.reason = f"the worst std is {state.worst:.3g}, within {self.tolerance:g}"
+            self.reason = f"the largest standard uncertainty is {state.worst:.3g}, within {self.tolerance:g}"
             return None
         return self._best(left, made, state.x)
 
     def _wide(self, state: SoFar) -> float:
-        """The largest std; where the noise is estimated from few numbers, by chance too small, widened as
+        """The largest std; where the noise is estimated from few numbers, possibly too small, widened as
         Student's t widens an interval."""
         assert state.worst is not None
         if self._problem.noise.known:

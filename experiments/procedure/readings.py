@@ -78,10 +78,12 @@ def read_joints(rig: Rig, sent: Matrix, tolerance: Matrix) -> Matrix:
     if (apart > tolerance).any():
         joint = int(np.argmax(apart / tolerance))
         raise MeasurementRefused(
-            Reason.READING, f"joint {joint + 1} was read differently while the arm stood still"
+            Reason.READING, f"joint {joint + 1} was read differently while the arm was at rest"
         )
     off = np.abs(middle - sent)
     if (off > tolerance).any():
         joint = int(np.argmax(off / tolerance))
-        raise MeasurementRefused(Reason.READING, f"joint {joint + 1} is not read where it was sent to")
+        raise MeasurementRefused(
+            Reason.READING, f"joint {joint + 1} does not read the position it was sent to"
+        )
     return np.asarray(middle)

@@ -1,4 +1,4 @@
-"""Why a shot is refused: what the procedure found, in one word and in a sentence."""
+"""Why a measurement is refused: what the procedure found, in one word and in a sentence."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from enum import StrEnum
 
 
 class Reason(StrEnum):
-    """What can keep a shot from being recorded."""
+    """What can keep a measurement from being recorded."""
 
     OUT_OF_VIEW = "marker out of view"
     CAMERA = "camera"
@@ -24,7 +24,7 @@ class Reason(StrEnum):
 
 
 class MeasurementRefused(Exception):
-    """A shot cannot be made from here; the next attempt, or the next posture, may do better."""
+    """A measurement cannot be made from here; the next attempt, or the next posture, may do better."""
 
     def __init__(self, reason: Reason, found: str) -> None:
         self.reason = reason
@@ -34,7 +34,7 @@ class MeasurementRefused(Exception):
 
 @dataclass(frozen=True)
 class RefusedPosture:
-    """A posture from which no shot was recorded, and why."""
+    """A posture from which no measurement was recorded, and why."""
 
     shot: int
     reason: Reason

@@ -12,7 +12,7 @@ from ..sensors.psd import Psd
 
 
 class Rig(Protocol):
-    """What the procedure may do with a rig, and what it is told of its sensors.
+    """What the procedure may do with a rig, and what it knows of its sensors.
 
     `psds` are the PSDs by the name of the target that each one is, `camera` is None where there is none,
     `steerable` is False where the arm cannot be led (a recorded run). Joint positions are (n,) rad or mm as
@@ -32,11 +32,11 @@ class Rig(Protocol):
         ...
 
     def begin(self, shot: int, target: str, last: Shot | None) -> None:
-        """Say which shot is coming, at which target, and which was recorded last (None: none yet)."""
+        """Say which measurement is coming, at which target, and which was recorded last (None: none yet)."""
         ...
 
     def move(self, joints: Matrix) -> None:
-        """Drive all joints there at the cell's speed; returns when the arm stands."""
+        """Drive all joints there at the cell's speed; returns when the arm is at rest."""
         ...
 
     def joints(self) -> Matrix:

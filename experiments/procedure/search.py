@@ -33,8 +33,8 @@ _SLANT = 0.3  # cosine of the incidence up to which the spiral is drawn out
 
 
 class Search:
-    """The search of one shot, to begin with the laser off. `joints` (n,) is where the arm was sent last,
-    `belief` knows the target better after pictures, `left` is why pictures could not help (None if they
+    """The search of one measurement, to begin with the laser off. `joints` (n,) is where the arm was sent
+    last, `belief` knows the target better after pictures, `left` is why pictures could not help (None if they
     did)."""
 
     def __init__(self, rig: Rig, belief: Belief, psd: Psd, joints: Matrix, dark: Matrix) -> None:
@@ -118,7 +118,7 @@ class Search:
         raise MeasurementRefused(Reason.CAMERA, "its pictures are black")
 
     def _markers(self, camera: Camera, picture: Image) -> Pair | NoPair:
-        """The two LEDs. Where they are the only lights, they need not be as the PSD is thought to stand."""
+        """The two LEDs. Where they are the only lights, they need not match the believed pose of the PSD."""
         seen = blobs(picture)
         expected = self._pixels(camera, self.belief.target + self._leds())
         found = marker_pair(seen, expected if np.isfinite(expected).all() else None)
@@ -127,16 +127,16 @@ class Search:
         return found
 
     def _leds(self) -> Matrix:
-        """(2, 3) mm from the PSD's centre to its markers in the base frame, as it is thought to stand."""
+        """(2, 3) mm from the PSD's centre to its markers in the base frame, by the believed pose."""
         return np.asarray(self._psd.markers @ self.frame().T)
 
     def _place(self, camera: Camera, pixels: Matrix) -> None:
-        """Believe the PSD's centre and its turn about the normal by the pixels (2, 2) of its markers.
+        """Believe the PSD's centre and its rotation about the normal by the pixels (2, 2) of its markers.
 
         Two rays, four equations for the four unknowns. First the turn t: the line a of the markers lies in
         the plane of both rays, whose normal is w, and turned about n it is cos t a + sin t n x a (+ what a
-        has along n, which is nothing); of its two solutions the one that is less of a turn. Then the centre,
-        which is linear.
+        has along n, which is nothing); of its two solutions the one that is the smaller rotation. Then the
+        centre, which is linear.
         """
         rotation, place = self.belief.flange(self.joints)
         eye = place + rotation @ camera.mount[:3, 3]

@@ -1,7 +1,8 @@
 """The procedure of Fig. 5 of the paper: from each initial posture bring the beam to the target and record.
 
-It knows a rig by its interface alone, and nothing of a run but what the journal has on the disk: each shot is
-there before the arm moves on, and a run that is resumed goes on as if it had never been stopped.
+It knows a rig by its interface alone, and nothing of a run but what the journal has on the disk: each
+measurement is there before the arm moves on, and a run that is resumed goes on as if it had never been
+stopped.
 """
 
 from __future__ import annotations
@@ -39,12 +40,12 @@ _SETTLE_S = 0.5
 _SAMPLES = 100
 _DRIFTS = 6.0  # stds by which the spot may move while it is averaged, and so many mm more
 _DRIFTS_MM = 0.02
-_NEAR = {"mm": 100.0, "deg": np.radians(1.5)}  # std of what is supposed, for aiming
+_NEAR = {"mm": 100.0, "deg": np.radians(1.5)}  # std of the nominal values, for aiming
 _READ_ALIKE = 6.0  # stds of a joint reading
 
 
 class Journal(Protocol):
-    """Where shots are kept: `RunJournal`, on the disk, or a list of simulated ones."""
+    """Where measurements are kept: `RunJournal`, on the disk, or a list of simulated ones."""
 
     @property
     def shots(self) -> tuple[Shot, ...]:
@@ -84,7 +85,7 @@ class Procedure:
         self._refused: dict[int, RefusedPosture] = {}
 
     def carry_out(self) -> Carried:
-        """Make the shots that are not in the journal yet. The rig is stopped however this ends."""
+        """Make the measurements that are not in the journal yet. The rig is stopped however this ends."""
         try:
             with threadpool_limits(limits=1, user_api="blas"):
                 return self._carry_out()
@@ -109,14 +110,14 @@ class Procedure:
         return Carried(self.journal.shots, tuple(self._refused.values()), state, self.seconds)
 
     def state(self) -> SoFar | None:
-        """What the journal's shots tell; None while there are none."""
+        """What follows from the measurements of the journal; None while there are none."""
         return told_by(self._problem, self.journal.shots)
 
     def _following(self, state: SoFar | None) -> int | None:
         return self.order.following(self.journal.shots, self._refused, state)
 
     def _attempts(self, number: int) -> Shot | None:
-        """The shot of a posture, or None where every attempt was refused."""
+        """The measurement of a posture, or None where every attempt was refused."""
         belief = self._belief(number)
         last = self.journal.shots[-1] if self.journal.shots else None
         self.rig.begin(number, self.plan.targets[self._posture(number)], last)
@@ -133,13 +134,13 @@ class Procedure:
         return None
 
     def _belief(self, number: int) -> Belief:
-        """Offsets and places by the shots so far; what they say nothing about as supposed."""
+        """Offsets and places by the measurements so far; what they carry no information about as nominal."""
         return Belief(self._problem.select(np.array([self._posture(number)])), self._believed())
 
     def _believed(self) -> Matrix:
-        """(p,) where shots are aimed: the mode of the shots so far, by `_near_supposed`."""
+        """(p,) where measurements are aimed: the mode of the measurements so far, by `_near_supposed`."""
         x, shots = self._supposed.copy(), self.journal.shots
-        # A replay is read as it was recorded: in the axes of what was supposed then, as it does itself.
+        # A replay is read as it was recorded: in the axes of what was nominal then, as it does itself.
         if not shots or not self.rig.steerable:
             return x
         found = fit_likelihood(with_shots(self._near, shots), starts=0).x
@@ -150,7 +151,7 @@ class Procedure:
         return np.where(told, x, self._supposed)
 
     def _posture(self, number: int) -> int:
-        """The posture of a shot; a closing shot repeats one."""
+        """The posture of a measurement; a closing measurement repeats one."""
         return number % len(self.plan.postures)
 
     def _shoot(self, number: int, belief: Belief) -> Shot:
@@ -201,7 +202,7 @@ class Procedure:
         if spot.light < WEAKEST:
             raise MeasurementRefused(
                 Reason.TOO_WEAK,
-                f"{spot.light:.0%} of the laser's light arrives; at least {WEAKEST:.0%} are wanted",
+                f"{spot.light:.0%} of the laser's light arrives; at least {WEAKEST:.0%} are required",
             )
         if (np.abs(spot.drift) > _DRIFTS * 2 * spot.std + _DRIFTS_MM).any():
             raise MeasurementRefused(
@@ -226,10 +227,10 @@ class Procedure:
 
 
 def _near_supposed(problem: Problem, x: Matrix) -> Problem:
-    """The problem for aiming: the noise as stated, offsets and targets near what is supposed, x (p,).
+    """The problem for aiming: the noise as stated, offsets and targets near the nominal values, x (p,).
 
-    Few shots can be explained by targets far away or by offsets of many degrees, as wide priors allow; the
-    next shots would then be aimed far aside.
+    Few measurements can be explained by targets far away or by offsets of many degrees, as wide priors allow;
+    the next measurements would then be aimed far off the target.
     """
     items = tuple(
         replace(item, prior_mean=float(mean), prior_std=min(item.prior_std, _NEAR[item.unit]))
@@ -257,12 +258,12 @@ def recorded_event(shot: Shot, recorded: int, state: SoFar, seconds: float | Non
 
 
 def told_by(problem: Problem, shots: Sequence[Shot]) -> SoFar | None:
-    """What shots tell of the unknowns of a plan's problem; None without any."""
+    """What follows from measurements for the unknowns of a plan's problem; None without any."""
     return so_far(with_shots(problem, shots)) if shots else None
 
 
 def with_shots(problem: Problem, shots: Sequence[Shot]) -> Problem:
-    """The unknowns of a plan's problem, with these shots in place of its postures."""
+    """The unknowns of a plan's problem, with these measurements in place of its postures."""
     return replace(
         problem,
         joints=np.array([shot.joints_deg for shot in shots]) / problem.robot.display,

@@ -12,14 +12,14 @@ from ...model.robot import Matrix
 from .refusal import MeasurementRefused, Reason
 from .rig import Rig
 
-FROM_BELOW = 0.05  # deg (mm): more than the play of a sound gear
+FROM_BELOW = 0.05  # deg (mm): more than the the backlash of sound gears
 _DAMPING = 1e-6  # of the largest eigenvalue: keeps a step across a singular direction short
 
 
 @dataclass(frozen=True, eq=False)
 class Belief:
-    """What the procedure takes to be so for one shot: `problem` (of that one shot), offsets, tool and the
-    target at `x` (p,), internal units."""
+    """What the procedure takes to be so for one measurement: `problem` (of that one measurement), offsets,
+    tool and the target at `x` (p,), internal units."""
 
     problem: Problem
     x: Matrix
@@ -39,7 +39,7 @@ class Belief:
 
     @property
     def wrist(self) -> Matrix:
-        """(n,) weights of the joints that are turned."""
+        """(n,) weights of the joints that the servo turns."""
         return servo_joints(self.problem)
 
     def with_target(self, target: Matrix) -> Belief:
@@ -49,7 +49,8 @@ class Belief:
         return replace(self, x=x)
 
     def call(self, name: str, joints: Matrix, *inputs: Matrix) -> list[Matrix]:
-        """A function of the shot at `joints` (n,) and the believed offsets, without the axis of rows."""
+        """A function of the measurement at `joints` (n,) and the believed offsets, without the axis of
+        rows."""
         outputs = self.problem.functions.kernel(name)(joints, self.delta, *inputs)
         return [np.asarray(value[0]) for value in outputs]
 
@@ -84,8 +85,8 @@ class Belief:
 def come_to(rig: Rig, belief: Belief, joints: Matrix) -> None:
     """Drive there so that every joint comes from below.
 
-    The play of the gears is then taken up on the same side in every shot: a part of the offsets, not a
-    scatter (unidirectional approach, as ISO 9283 has it for its poses).
+    The backlash of the gears is then taken up on the same side in every measurement: a part of the offsets,
+    not a scatter (unidirectional approach, as ISO 9283 has it for its poses).
     """
     robot = belief.problem.robot
     rig.move(np.maximum(joints - FROM_BELOW / robot.display, robot.lower))
@@ -93,7 +94,8 @@ def come_to(rig: Rig, belief: Belief, joints: Matrix) -> None:
 
 
 def step(belief: Belief, joints: Matrix, jacobian: Matrix, error: Matrix, largest: float) -> Matrix:
-    """(n,) the joints after a damped step that takes `error` (2,) away, with the smallest turn of the wrist.
+    """(n,) the joints after a damped step that takes `error` (2,) away, with the smallest rotation of the
+    wrist.
 
     `jacobian` (2, n) is that of the error by the joints; no joint turns by more than `largest` (rad; of a
     prismatic one as a share of a metre). A joint at its limit is left there and the others do its part;

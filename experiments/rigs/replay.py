@@ -1,4 +1,4 @@
-"""A recorded run as a rig: the procedure goes through it again, shot by shot, without an arm."""
+"""A recorded run as a rig: the procedure goes through it again, without an arm."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from ..sensors.psd import Psd
 
 _SIZE = 200.0  # mm: a spot that was recorded is on it
 _NOISE = 1e-6  # mm: a recorded spot is a mean already
-_SAME_POSTURE = 5.0  # deg (mm): joints that are not turned onto the target stand as planned
+_SAME_POSTURE = 5.0  # deg (mm): joints that are not turned onto the target are as planned
 
 
 class ReplayRig:
-    """It gives joints and spot of each shot as they were recorded.
+    """It gives joints and spot of each measurement as they were recorded.
 
     BadInput for a run that is not of this plan: of another arm or tool, at other targets, in other postures.
     """
@@ -66,7 +66,7 @@ class ReplayRig:
 
     def begin(self, shot: int, target: str, last: Shot | None) -> None:
         if shot not in self._shots:
-            raise RigFault(f"{self._name} has no shot {shot}: the replay ends here")
+            raise RigFault(f"{self._name} has no measurement {shot}: the replay ends here")
         self._shot, self._on = self._shots[shot], False
 
     def move(self, joints: Matrix) -> None:
@@ -102,20 +102,25 @@ class ReplayRig:
 
 
 def _require_planned(plan: Plan, run: Run, kept: NDArray[np.bool_]) -> None:
-    """BadInput for the first shot that is none of the plan's: the joints (n,) that no servo turns tell it."""
+    """BadInput for the first measurement that is not of the plan, by the joints that no servo turns (n,)."""
     for shot, joints, line in zip(run.shots, run.joints, run.lines, strict=True):
         count = len(plan.postures)
-        number = shot.shot % count  # a closing shot is in the posture of the first
+        number = shot.shot % count  # a closing measurement is in the posture of the first
         if shot.shot >= 2 * count:
-            found, allowed = f"shot {shot.shot}", f"shots 0 to {count - 1}, and closing shots"
+            found, allowed = (
+                f"measurement {shot.shot}",
+                f"measurements 0 to {count - 1}, and closing measurements",
+            )
         elif shot.target != plan.targets[number]:
-            found = f"shot {shot.shot} at target {shot.target}"
+            found = f"measurement {shot.shot} at target {shot.target}"
             allowed = f"target {plan.targets[number]}, as the plan's posture {number}"
         else:
             off = (np.abs(joints - plan.postures[number]) * plan.robot.display)[kept]
             if off.max(initial=0.0) <= _SAME_POSTURE:
                 continue
-            found = f"shot {shot.shot}, whose joint {np.argmax(off) + 1} is {off.max():.1f} deg (mm) off"
+            found = (
+                f"measurement {shot.shot}, whose joint {np.argmax(off) + 1} is {off.max():.1f} deg (mm) off"
+            )
             allowed = f"the plan's posture {number}, but for the joints that the servo turns"
         raise BadInput(
             "the recording was not made with this plan",

@@ -70,14 +70,14 @@ class Amplifier:
                 if body.startswith("I "):
                     return body[2:]
         raise RigFault(
-            f"{self._called} does not say who it is: is it on, is it set to {baud} baud, is it this port?"
+            f"{self._called} does not identify itself: is it on, is it set to {baud} baud, is it this port?"
         )
 
     def _send(self, line: bytes) -> None:
         self._tried(lambda: self._port.write(line))
 
     def _bodies(self, seconds: float) -> Iterator[str]:
-        """What it says in the time to come; lines that are torn or changed are left out."""
+        """Its lines in the time to come; torn or corrupted ones are ignored."""
         ends = time.monotonic() + seconds
         while time.monotonic() < ends:
             self._rest += self._tried(lambda: self._port.read(self._port.in_waiting or 1))

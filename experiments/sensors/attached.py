@@ -78,7 +78,7 @@ class RealSensors:
                 ("psds", target, "calibration"),
                 f"the calibration of {target} is of another amplifier",
                 found=f"the amplifier calls itself {name}",
-                allowed=f"{own}, as the calibration file says",
+                allowed=f"{own}, as in the calibration file",
                 remedy="name the calibration of this amplifier, or the port of that one",
             )
 

@@ -38,7 +38,8 @@ class PsdCalibration(SourcedModel):
     )
     lowest_counts: int = Field(description="the ADC's lowest count; a reading there is cut off")
     saturation_counts: Annotated[tuple[int, int, int, int], tuple_of(4)] = Field(
-        description="highest count that each electrode can tell, of the ADC or of the amplifier before it, "
+        description="highest count that each electrode can measure, of the ADC or of the amplifier before"
+        " it, "
         f"{_ELECTRODES}"
     )
 
@@ -64,13 +65,13 @@ class PsdCalibration(SourcedModel):
         return np.asarray((counts - self.dark_counts) * np.multiply(self.gains, share))
 
     def counts(self, currents: Matrix, kind: PsdKind) -> Matrix:
-        """(..., 4) whole counts that the amplifier would tell for currents (..., 4): `currents` backwards."""
+        """(..., 4) whole counts that the amplifier would send for currents (..., 4): `currents` backwards."""
         share = 2 * PAIR_LIGHT[kind] / self.full_light_counts
         counts = np.rint(currents / np.multiply(self.gains, share) + self.dark_counts)
         return np.clip(counts, self.lowest_counts, self.saturation_counts)
 
     def saturation(self, kind: PsdKind) -> float:
-        """The largest current that every electrode can tell: one that is saturated tells no less."""
+        """The largest current that every electrode can measure: a saturated one reads no less."""
         return float(self.currents(np.array(self.saturation_counts), kind).min())
 
 

@@ -1,4 +1,4 @@
-"""What a rig asks of the sensors beside its controller."""
+"""What a rig asks of the sensors that come with its controller."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .psd import Psd
 
 
 class Sensors(Protocol):
-    """What stands beside the controller: PSDs by target, and a camera or none."""
+    """The sensors beside the controller: PSDs by target, and a camera or none."""
 
     psds: Mapping[str, Psd]
     camera: Camera | None

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...model.robot import Matrix
 from .camera import Image
 
-# A pixel is lit where it stands so many standard deviations above the background: one pixel of noise in 10⁹,
+# A pixel is lit where it is so many standard deviations above the background: one pixel of noise in 10⁹,
 # and three of them side by side never. The standard deviation is that of normal noise with the same median
 # and 95 % quantile: lights may fill a twentieth of the picture, and noise that is cut off below, at black,
 # does not look smaller than it is (its median absolute deviation does).
@@ -28,7 +28,8 @@ _LARGEST_SHARE = 0.02
 _REACH = 3.5
 _RING = 2
 _NARROWEST = 0.8
-# The centroid stands when it moves less, px: after three steps or so, and more where a blob is saturated.
+# The centroid has converged when it moves less, px: after three steps or so, and more where a blob is
+# saturated.
 _STANDS = 1e-4
 _STEPS = 50
 _FULL = 255
@@ -47,7 +48,7 @@ class Blob:
 
     `area` pixels are lit, the brightest by `peak` grey values above the local background; `light` is the sum
     above the background and `saturated` the share of the area at full scale. A blob that is `cut` goes on
-    beyond the edge of the picture, which cannot tell then where its centre is.
+    beyond the edge of the picture, so that its centre is unknown.
     """
 
     x: float
@@ -143,7 +144,7 @@ def _strangeness(first: Blob, second: Blob, expected: Matrix | None) -> float:
 
 def _background(grey: NDArray[np.int16]) -> tuple[float, float]:
     """The background of a picture, and how far above it a pixel is lit, in grey values."""
-    middle, high = np.quantile(grey[::3, ::3], _QUANTILES)  # a ninth of the pixels tells it as well
+    middle, high = np.quantile(grey[::3, ::3], _QUANTILES)  # a ninth of the pixels suffices
     # Grey values are whole: a deviation may be larger by half of one than it looks.
     return float(middle), _FACTOR * float(high - middle + 0.5) / _NORMAL
 

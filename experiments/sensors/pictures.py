@@ -1,4 +1,4 @@
-"""Pictures by OpenCV: of a camera of this computer, of a stream, or of files that stand in for one."""
+"""Pictures by OpenCV: of a camera of this computer, of a stream, or of files that simulate one."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ class _Folder:
 def open_camera(stated: CameraBeside, sheet: Camera, folder: Path) -> Pictures:
     """The camera of a sensors file, whose paths are relative to `folder`; RigFault where it does not open.
 
-    A camera that stands there is asked for a picture at once, so that a wrong size is known before anything
+    A camera is asked for a picture at once, so that a wrong size is known before anything
     moves; files would be one picture short after that.
     """
     if stated.folder is not None:

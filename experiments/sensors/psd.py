@@ -45,7 +45,7 @@ def face_normal(value: object) -> object:
         return value
     if not isinstance(value, list | tuple) or len(value) != 3 or not any(value):
         raise refusal(
-            "this is no normal of a PSD's face",
+            "this is not a normal of a PSD's face",
             found=shown(value),
             allowed="[x, y, z] of any length but zero, or beam",
         )
@@ -57,7 +57,7 @@ class Psd:
     """What is known of one PSD.
 
     `size` mm is the side of its square active face, `rate` its samples a second, `noise` mm the std of one
-    sample at full light at the centre, `saturation` the largest current that an electrode can tell.
+    sample at full light at the centre, `saturation` the largest current that an electrode can measure.
     `markers` (2, 3) mm are the two LEDs in the PSD's frame. `normal` (3,) is its outward unit normal in the
     base frame; None: its face is turned towards each beam. `turn` rad is how far its x axis is turned about
     the normal from where `frame` has it by default.
@@ -107,5 +107,5 @@ class Psd:
         return GAIN[self.kind] * self.size / 2 * (plus - minus) / pair
 
     def saturated(self, currents: Matrix) -> NDArray[np.bool_]:
-        """(...) True where a current of the row (..., 4) is the largest that an electrode can tell."""
+        """(...) True where a current of the row (..., 4) is the largest that an electrode can measure."""
         return np.asarray(np.any(currents >= self.saturation * (1 - 1e-9), axis=-1))

@@ -1,4 +1,4 @@
-"""What stands beside a controller (YAML, `zerobeam/sensors/1`): PSDs at serial ports, a camera or none.
+"""The sensors beside a controller (YAML, `zerobeam/sensors/1`): PSDs at serial ports, a camera or none.
 
 Nothing that a reading depends on has a default.
 """
@@ -64,7 +64,7 @@ class Mount(FileModel):
     """The pose of the camera's frame (z forward, x right, y down in the picture) in the flange frame."""
 
     xyz_mm: Point = Field(description="its origin, millimetres")
-    rpy_deg: Point = Field(description="its turn about fixed x, y, z of the flange, degrees")
+    rpy_deg: Point = Field(description="its rotation about fixed x, y, z of the flange, degrees")
 
 
 class CameraBeside(FileModel):
@@ -107,7 +107,7 @@ class CameraBeside(FileModel):
         for i, focal in enumerate(self.focal_px):
             if focal <= 0:
                 raise refusal(
-                    "this is no focal length", key=("focal_px", i), found=f"{focal:g}", allowed="above 0"
+                    "this is not a focal length", key=("focal_px", i), found=f"{focal:g}", allowed="above 0"
                 )
         return self
 

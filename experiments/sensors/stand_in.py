@@ -130,7 +130,7 @@ class AmplifierStandIn:
 
 
 def stand_ins(opened: ExitStack, sensors: Sensors, calibration: Path) -> dict[str, str]:
-    """By target: the serial port at which an amplifier of this calibration tells what its PSD reads."""
+    """By target: the serial port at which an amplifier of this calibration sends what its PSD reads."""
     own = read_calibration(calibration)
 
     def counts(target: str) -> Callable[[int], Matrix]:

@@ -24,10 +24,10 @@ class Signal:
     def __post_init__(self) -> None:
         if not all(_IO_NAME.fullmatch(part) for part in (self.network, self.unit, self.name)):
             raise BadInput(
-                "this is no digital output of the controller",
+                "this is not a digital output of the controller",
                 found=shown(str(self)),
                 allowed="NETWORK/UNIT/NAME, each a letter and then letters, digits and _, 32 in all",
-                remedy=f"state it as it stands under /rw/iosystem/signals, such as --laser {Signal()}",
+                remedy=f"state it as listed under /rw/iosystem/signals, such as --laser {Signal()}",
             )
 
     @classmethod

@@ -152,7 +152,7 @@ class AbbRig:
         self._lit = on
 
     def stop(self) -> None:
-        """RAPID stops, the laser goes off, nothing more is said by EGM; RigFault if that could not be told
+        """RAPID stops, the laser goes off, nothing more is sent by EGM; RigFault if that could not be sent
         and no other fault has been."""
         if self._guidance is not None:
             self._guidance.close()
@@ -234,9 +234,11 @@ class AbbRig:
         self.stop()
         if self._running:
             shines = ", and the laser may shine" if self._lit else ""
-            return RigFault(f"{why}. RAPID could not be told to stop{shines}: press the emergency stop")
+            return RigFault(
+                f"{why}. The command to stop RAPID did not arrive{shines}: press the emergency stop"
+            )
         if guided:
-            # EGM tells that the motors are off; why they are is known to the panel.
+            # EGM reports that the motors are off; the panel knows why.
             with contextlib.suppress(RigFault):
                 why = self._motors_off() or why
             self._session.close()
@@ -304,7 +306,7 @@ class AbbRig:
             try:
                 at = self._guidance.first()
             except RigFault:
-                self._require_running()  # what stopped the program tells more
+                self._require_running()  # what stopped the program explains more
                 raise
             read = self._read_deg()
             if np.abs(at - read).max() > _SAME_DEG:
@@ -373,7 +375,7 @@ class AbbRig:
 
 
 class _Progress:
-    """RigFault once joints have stood still for too long on their way."""
+    """RigFault once joints have been at rest for too long on their way."""
 
     def __init__(self) -> None:
         self._at: Matrix | None = None
@@ -385,7 +387,8 @@ class _Progress:
             self._at, self._since = at, now
         elif now - self._since > _STALL_S:
             raise RigFault(
-                f"the arm has stood still on its way for {_STALL_S:g} s: is the speed on the FlexPendant 0 %?"
+                f"the arm has been at rest on its way for {_STALL_S:g} s: is the speed on the FlexPendant 0"
+                " %?"
             )
 
 

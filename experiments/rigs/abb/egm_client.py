@@ -18,14 +18,14 @@ import numpy as np
 from ....model.errors import RigFault, missing_extra
 from ....model.robot import Matrix
 
-DEAD_MAN_S = 0.1  # without feedback, and the arm is told nothing more
+DEAD_MAN_S = 0.1  # without feedback, and no more references are sent
 _LOOK_S = 0.05  # at a time, for feedback: how soon the end is noticed
 _FIRST_S = 5.0  # until the first EgmRobot
 _ARRIVE_S = 5.0  # behind the end of the profile
 _LONGEST_STEP_S = 0.012  # of the profile at a time: where packets were lost it waits, and does not jump
 _ACCELERATION = 60.0  # deg/s^2
 _ARRIVED_DEG = 0.02
-_STILL_DEG, _STILL_S = 0.002, 0.1  # feedback of an arm that stands
+_STILL_DEG, _STILL_S = 0.002, 0.1  # feedback of an arm at rest
 _LARGEST = 65536
 
 
@@ -81,12 +81,12 @@ class Guidance:
                 raise RigFault(
                     self._fault
                     or f"no EGM came for {_FIRST_S:g} s: does the controller's UdpUc device ZEROBEAM name "
-                    "this computer's address and --egm-port, and does no firewall stand between?"
+                    "this computer's address and --egm-port, and is no firewall in between?"
                 )
             return self._at
 
     def go(self, goal: Matrix) -> None:
-        """Lead the arm to the joints (n,) and wait until it stands there."""
+        """Lead the arm to the joints (n,) and wait until it is at rest there."""
         with self._changed:
             if not self._fault:
                 self._start = self._reference()
@@ -136,7 +136,7 @@ class Guidance:
                     continue
                 if self._at is not None:
                     self._fail(
-                        f"no feedback by EGM for {DEAD_MAN_S * 1000:.0f} ms: the arm was told nothing more. "
+                        f"no feedback by EGM for {DEAD_MAN_S * 1000:.0f} ms: no more references were sent. "
                         "Look at the cable, then go on with --resume"
                     )
                 return

@@ -1,4 +1,4 @@
-"""The simulated arm: what stands between the controller's counts and where the links truly are."""
+"""The simulated arm: the difference between the controller's counts and the true joints."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _TOP_SPEED = {"revolute": 1.0, "prismatic": 1000.0}  # rad/s, mm/s
 
 @dataclass(eq=False)
 class SimulatedArm:
-    """An arm whose joints stand off their counts by offset, backlash and a static error.
+    """An arm whose true joints differ from their counts by offset, backlash and a static error.
 
     The controller drives its count to the commanded position, to the nearest step of the encoder; then
 
@@ -23,7 +23,7 @@ class SimulatedArm:
 
     which is the run's model (true = recorded + delta) where error and backlash are 0. The error of each
     joint, of std `repeatability`, is friction, gravity and cables: it stays while the arm moves little, so
-    that a servo can take it out, and is drawn anew once the arm has travelled more than `redraw`.
+    that a servo can take it out, and is drawn again once the arm has travelled more than `redraw`.
 
     All (n,) are rad or mm (a second, a second squared): `offsets`, `backlash` (full width), `resolution` of
     the encoders (0: none), `repeatability`, `acceleration`. `speed` is a share of the joints' top speeds.
@@ -95,7 +95,7 @@ class SimulatedArm:
 
 
 def geometry_errors(robot: Robot, errors: Mapping[int, Matrix]) -> Robot:
-    """The robot with links that are not as drawn.
+    """The robot with links that deviate from nominal geometry.
 
     `errors` has small transforms (4, 4) by the index (from 0) of the joint behind the link; each goes after
     the link's fixed transform: it is stated in that joint's frame.

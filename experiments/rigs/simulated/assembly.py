@@ -99,7 +99,7 @@ def same_arm(one: Robot, other: Robot) -> bool:
 
 
 def turned(rpy_deg: Sequence[float]) -> Matrix:
-    """(3, 3) a turn about fixed x, then y, then z."""
+    """(3, 3) a rotation about fixed x, then y, then z."""
     return roll_pitch_yaw(*np.radians(rpy_deg))[:3, :3]
 
 
@@ -108,7 +108,7 @@ def _require_fit(plan: Plan, cell: Cell) -> None:
         raise BadInput(
             "a simulated cell has a laser and PSDs, the plan's tool is a probe",
             found=f"tool.kind: {plan.header.tool.kind}",
-            remedy="run the plan without --cell: its shots are then led by hand",
+            remedy="run the plan without --cell: its measurements are then led by hand",
         )
     own = cell.own_robot()
     if own is not None and not same_arm(own, plan.robot):
@@ -147,7 +147,7 @@ def _require_fit(plan: Plan, cell: Cell) -> None:
 
 
 def _offsets(cell: Cell, problem: Problem, drawn: Matrix) -> Matrix:
-    """(n,) internal units: as drawn, or as stated."""
+    """(n,) internal units: random, or as stated."""
     if cell.arm.offsets_deg is None:
         return drawn
     known = [item.name for item in problem.parameters.items if item.group == "offset"]
@@ -166,7 +166,7 @@ def _offsets(cell: Cell, problem: Problem, drawn: Matrix) -> Matrix:
 
 
 def _tool(cell: Cell, drawn: Matrix) -> Matrix:
-    """(4,) tilts, rad, and shifts, mm: as drawn, or as stated."""
+    """(4,) tilts, rad, and shifts, mm: random, or as stated."""
     tilt, shift_mm = cell.laser.tilt_deg, cell.laser.shift_mm
     return np.concatenate(
         [

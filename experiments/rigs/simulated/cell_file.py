@@ -1,4 +1,4 @@
-"""The simulated cell in a file (YAML, `zerobeam/cell/1`): what stands in it, and what is wrong with it.
+"""The simulated cell in a file (YAML, `zerobeam/cell/1`): its parts, and what is wrong with them.
 
 Every key has a default, so that a plan needs no cell file. What is said here is the truth of the simulation;
 the procedure knows of it what a person would: data sheets, and about which way a PSD faces.
@@ -38,7 +38,7 @@ def _each_joint(value: object) -> object:
     for i, item in enumerate(values):
         if isinstance(item, bool) or not isinstance(item, int | float) or not item >= 0:
             raise refusal(
-                "this cannot be said of a joint",
+                "not a valid value for a joint",
                 key=(i,) if isinstance(value, list | tuple) else (),
                 found=shown(item),
                 allowed="one number, 0 or more, or a list of them, one for each joint",
@@ -51,33 +51,33 @@ EachJoint = Annotated[NotNegative | tuple[NotNegative, ...], BeforeValidator(_ea
 
 
 class GeometryError(FileModel):
-    """How far one link of the true arm is from its drawing."""
+    """How far one link of the true arm deviates from nominal geometry."""
 
     joint: Count = Field(description="the joint behind that link, from 1")
     xyz_mm: Point = Field(default=(0.0, 0.0, 0.0), description="shift, millimetres")
-    rpy_deg: Point = Field(default=(0.0, 0.0, 0.0), description="turn about fixed x, y, z, degrees")
+    rpy_deg: Point = Field(default=(0.0, 0.0, 0.0), description="rotation about fixed x, y, z, degrees")
 
 
 class ArmInCell(FileModel):
-    """The true arm: its offsets, and how well it stands where it is sent."""
+    """The true arm: its offsets, and how well it reaches where it is sent."""
 
     offsets_deg: dict[Name, float] | None = Field(
         default=None,
         description="true offsets by name (delta2), degrees (mm if prismatic), 0 where not named; without it "
-        "they are drawn from the seed",
+        "they are random, from the seed",
     )
-    drawn_deg: Positive = Field(default=1.0, description="std of offsets that are drawn, degrees (mm)")
+    drawn_deg: Positive = Field(default=1.0, description="std of random offsets, degrees (mm)")
     repeatability_deg: EachJoint | None = Field(
         default=None,
-        description="std of the error with which a joint stands, anew after each way, degrees (mm); default: "
+        description="std of the error of a joint, again after each move, degrees (mm); default: "
         "the plan's noise",
     )
     resolution_deg: EachJoint = Field(
         default=0.0002, description="step of the joints' encoders, degrees (mm)"
     )
-    backlash_deg: EachJoint = Field(default=0.0, description="play of the gears, degrees (mm)")
+    backlash_deg: EachJoint = Field(default=0.0, description="backlash of the gears, degrees (mm)")
     geometry: Annotated[tuple[GeometryError, ...], BeforeValidator(as_tuple)] = Field(
-        default=(), description="links that are not as drawn"
+        default=(), description="links that deviate from nominal geometry"
     )
     speed: Share = Field(default=0.25, description="share of the joints' top speeds")
     acceleration_deg_s2: Positive = Field(default=300.0, description="of every joint, degrees (mm) / s^2")
@@ -103,13 +103,13 @@ class LaserInCell(FileModel):
     tilt_deg: Pair | None = Field(
         default=None,
         description="true tilt1, tilt2 from what the plan states, degrees; default: none for a calibrated "
-        "tool, drawn from the stated sigma for another",
+        "tool, random with the stated sigma for another",
     )
     shift_mm: Pair | None = Field(default=None, description="true shift1, shift2, millimetres; likewise")
     drift_deg_min: Pair = Field(default=(0.0, 0.0), description="drift of both tilts, degrees a minute")
     wander_mm: NotNegative | None = Field(
         default=None,
-        description="std across the beam of its centre of light, anew for each shot (speckle, air), "
+        description="std across the beam of its centre of light, again for each measurement (speckle, air), "
         "millimetres; default: the plan's spot noise",
     )
     light: NotNegative = Field(default=1.0, description="power as a share of what the PSD is set up for")
@@ -117,7 +117,7 @@ class LaserInCell(FileModel):
 
 
 class PlacedPsd(FileModel):
-    """Where a PSD stands."""
+    """Pose of a PSD."""
 
     centre_mm: Point | None = Field(
         default=None,
@@ -125,13 +125,13 @@ class PlacedPsd(FileModel):
     )
     normal: Annotated[Point | Literal["beam"] | None, BeforeValidator(face_normal)] = Field(
         default=None,
-        description="outward normal of its face as a person would state it, base frame; beam: it is turned "
+        description="outward normal of its face as it would be stated, base frame; beam: it is turned "
         "towards each beam about its centre; default: as suits the plan's beams",
     )
-    turn_deg: float = Field(default=0.0, description="turn about that normal, degrees")
+    turn_deg: float = Field(default=0.0, description="rotation about that normal, degrees")
     misturned_deg: Point = Field(
         default=(1.0, -1.0, 2.0),
-        description="how far it is truly turned from what is stated, about its x, y, z, degrees",
+        description="its true rotation from what is stated, about its x, y, z, degrees",
     )
 
 
@@ -142,7 +142,7 @@ class PsdInCell(FileModel):
     size_mm: Positive = Field(default=20.0, description="side of the active square, millimetres")
     surround_mm: Positive = Field(
         default=400.0,
-        description="side of the square about it, its housing and what it stands on, where the laser's spot "
+        description="side of the square about it, its housing and its support, where the laser's spot "
         "can be seen, millimetres",
     )
     leds_mm: Positive = Field(default=70.0, description="distance of the two LEDs, along x, millimetres")
@@ -157,7 +157,7 @@ class PsdInCell(FileModel):
     lost: Annotated[float, Field(ge=0, lt=1)] = Field(
         default=0.01, description="share of the samples that the wireless link loses"
     )
-    placed: dict[TargetName, PlacedPsd] = Field(default={}, description="where each stands, by target")
+    placed: dict[TargetName, PlacedPsd] = Field(default={}, description="pose of each, by target")
 
 
 class CameraInCell(FileModel):
@@ -172,9 +172,9 @@ class CameraInCell(FileModel):
     beside_mm: Pair = Field(
         default=(60.0, 0.0), description="where it sits beside the beam, along b1 and b2, millimetres"
     )
-    behind_mm: float = Field(default=0.0, description="how far behind the tool's point, millimetres")
+    behind_mm: float = Field(default=0.0, description="how far behind the TCP, millimetres")
     misturned_deg: Point = Field(
-        default=(0.2, -0.2, 0.3), description="how far it is truly turned from its mount, degrees"
+        default=(0.2, -0.2, 0.3), description="its true rotation from its mount, degrees"
     )
     exposure: Positive = Field(default=1.0, description="exposure, share of the usual")
     noise_grey: NotNegative = Field(default=1.5, description="std of the reading noise, grey values")
@@ -186,7 +186,7 @@ class CameraInCell(FileModel):
 
 
 class Cell(SourcedModel):
-    """The content of a cell file; one that was read from a file knows where its keys stand there."""
+    """The content of a cell file; one that was read from a file knows where its keys are."""
 
     schema_: Literal["zerobeam/cell/1"] = Field(
         default=CELL_SCHEMA, alias="schema", description="kind and version of the file"
@@ -212,12 +212,12 @@ class Cell(SourcedModel):
                     raise refusal(
                         f"a fault of the camera ({fault.kind}) in a cell without one",
                         key=("faults", i),
-                        remedy="take out camera: null, or the fault",
+                        remedy="remove camera: null, or the fault",
                     )
         return self
 
     def placed(self, target: str) -> PlacedPsd:
-        """How the PSD that is this target stands."""
+        """Pose of the PSD that is this target."""
         return self.psd.placed.get(target, PlacedPsd())
 
     def own_robot(self) -> Robot | None:

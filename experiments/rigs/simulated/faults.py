@@ -18,15 +18,16 @@ from ....model.robot import Matrix
 
 
 class _AtShot(FileModel):
-    """What happens on purpose, and in which shot."""
+    """What happens on purpose, and in which measurement."""
 
-    shot: int = Field(ge=0, description="number of the shot")
+    shot: int = Field(ge=0, description="number of the measurement")
 
 
 class _ForCalls(_AtShot):
     lasts: Count | None = Field(
         default=None,
-        description="for how many readings or images from the shot's first on; default: the whole shot, "
+        description="for how many readings or images from the measurement's first on; default: the whole"
+        " measurement, "
         "every attempt at it",
     )
 
@@ -75,9 +76,10 @@ class RobotStop(_AtShot):
 
 
 class PsdBump(_AtShot):
-    """Someone bumps the PSDs before this shot: in it, and in all of higher numbers, they stand elsewhere."""
+    """Someone bumps the PSDs before this measurement: in it, and in all of higher numbers, they are
+    elsewhere."""
 
-    kind: Literal["psd-bump"] = Field(description="the PSDs are moved between two shots")
+    kind: Literal["psd-bump"] = Field(description="the PSDs are moved between two measurements")
     shift_mm: Point = Field(description="by how much, base frame, millimetres")
 
 
@@ -85,7 +87,7 @@ class ProcessKilled(_AtShot):
     """The program is killed (SIGKILL)."""
 
     kind: Literal["process-killed"] = Field(description="the program is killed")
-    call: Count = Field(description="at which use of the rig since the shot began")
+    call: Count = Field(description="at which use of the rig since the measurement began")
 
 
 AnyFault = (
@@ -104,7 +106,7 @@ def _of_a_kind(value: object) -> object:
     kind = value.get("kind")
     if kind not in FAULT_KINDS:
         raise refusal(
-            "there is no fault of this kind",
+            "unknown kind of fault",
             key=("kind",),
             found=shown(kind),
             allowed=", ".join(FAULT_KINDS),
@@ -134,8 +136,8 @@ class Faults:
     """The schedule of one run.
 
     One that is `resumed` does not meet again what stopped it, a stop of the robot or the end of the process:
-    until a shot has been recorded there are none. (The shot that was stopped need not be the first: those
-    that were refused before it are tried again.)
+    until a measurement has been recorded there are none. (The measurement that was stopped need not be the
+    first: those that were refused before it are tried again.)
     """
 
     def __init__(self, schedule: Sequence[AnyFault], *, resumed: bool = False) -> None:
@@ -148,7 +150,8 @@ class Faults:
         self._met: list[int] = []
 
     def begin(self, shot: int, last: int | None) -> None:
-        """Faults of this shot begin; `last` is the number of the shot that was recorded last (None: none)."""
+        """Faults of this measurement begin; `last` is the number of the measurement that was recorded last
+        (None: none)."""
         self._first = self._first or (last,)
         stopped_before = self._resumed and self._first == (last,)
         self._shot, self._calls = shot, 0
@@ -176,6 +179,6 @@ class Faults:
         return None
 
     def bumped(self) -> Matrix:
-        """(3,) mm by which the PSDs have been moved up to this shot."""
+        """(3,) mm by which the PSDs have been moved up to this measurement."""
         shifts = [f.shift_mm for f in self._schedule if isinstance(f, PsdBump) and f.shot <= self._shot]
         return np.asarray(np.reshape(shifts, (-1, 3)).sum(axis=0))

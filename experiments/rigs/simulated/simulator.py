@@ -1,7 +1,7 @@
 """The simulated cell: an arm with true offsets, a laser, PSDs and a camera, on a clock of their own.
 
-What follows a `begin` depends on the seed, the shot and what was recorded before it alone: a run that is
-resumed makes the same shots as one that was never stopped.
+What follows a `begin` depends on the seed, the measurement and what was recorded before it alone: a run that
+is resumed makes the same measurements as one that was never stopped.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from .rendering import Scene, render
 
 _LED_MM = 2.5
 _SWITCHING = 0.05  # s
-_IN_SIGHT = np.radians(35.0)  # between the supposed beam and the way to the PSD: as far as is looked around
+_IN_SIGHT = np.radians(35.0)  # between the nominal beam and the way to the PSD: as far as is looked around
 
 
 class SimulatedRig:
@@ -190,7 +190,7 @@ class SimulatedRig:
         return np.asarray(self._parts.centres[self._target] + self._faults.bumped())
 
     def _turn_face(self) -> None:
-        """How the PSD's face stands: fixed, or turned towards the laser about its centre."""
+        """Orientation of the PSD's face: fixed, or turned towards the laser about its centre."""
         link = self._arm.link()
         _, direction = self._functions.kernel("beam")(link, np.zeros_like(link), self._beam_tool())
         misturned = turned(self._cell.placed(self._target).misturned_deg)
