@@ -244,7 +244,7 @@ def plan(
         if made.file is not None:
             out.print(f"Plan: {made.file}", soft_wrap=True, markup=False)
     # No plan within the tolerance is an answer, as a weak verdict is.
-    raise typer.Exit(1 if made.checked is None else EXIT_STATUS[made.checked["verdict"]])
+    raise typer.Exit(1 if made.checked is None else EXIT_STATUS[made.checked.verdict])
 
 
 def compare(

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ...analysis.design.exact_design import Criterion
-from ...analysis.observability.check import check
+from ...analysis.observability.check import Check, check
 from ...model.errors import BadInput
 from ...model.files.header import Header, StatedTarget
 from ...model.files.plan import read_plan, write_plan
@@ -60,36 +60,31 @@ class MadePlan:
 
     kind: Literal["x", "y", "optimal"]
     file: Path | None
-    checked: dict[str, Any] | None
+    checked: Check | None
     proposal: Proposal | None
     fewest: Fewest | None
     removed: str | None
 
     def as_json(self) -> dict[str, Any]:
         """`zerobeam/proposal/1`: plain JSON types; null where a pattern has no such figure."""
-        made, fewest = self.proposal, self.fewest
-        rows = [] if self.checked is None else self.checked["parameters"]
+        made, fewest, checked = self.proposal, self.fewest, self.checked
+        offsets = [] if checked is None else [row for row in checked.parameters if row.group == "offset"]
+        figures = ("criterion", "value", "bound", "efficiency", "support", "travel_s", "candidates")
         return {
             "schema": "zerobeam/proposal/1",
             "kind": self.kind,
             "plan": None if self.file is None else self.file.name,
-            "verdict": None if self.checked is None else self.checked["verdict"],
-            "shots": None if self.checked is None else len(self.checked["postures"]),
-            "predicted_std": {row["name"]: row["std"] for row in rows if row["group"] == "offset"},
-            "units": {row["name"]: row["unit"] for row in rows if row["group"] == "offset"},
-            "criterion": None if made is None else made.criterion,
-            "value": None if made is None else made.value,
-            "bound": None if made is None else made.bound,
-            "efficiency": None if made is None else made.efficiency,
-            "support": None if made is None else made.support,
-            "travel_s": None if made is None else made.travel_s,
-            "candidates": None if made is None else made.candidates,
+            "verdict": None if checked is None else checked.verdict,
+            "shots": None if checked is None else len(checked.postures),
+            "predicted_std": {row.name: row.std for row in offsets},
+            "units": {row.name: row.unit for row in offsets},
+            **{name: None if made is None else getattr(made, name) for name in figures},
             "removed": self.removed,
             "tolerance": None if fewest is None else fewest.tolerance,
             "max_shots": None if fewest is None else fewest.most,
             "curve": [] if fewest is None else [{"shots": k, "worst_std": std} for k, std in fewest.curve],
             "limit": None if fewest is None else fewest.limit,
-            "check": self.checked,
+            "check": None if checked is None else check_json(checked),
         }
 
 
@@ -135,7 +130,7 @@ def make_plan(request: PlanRequest, file: Path, told: Progress) -> MadePlan:
         postures = pattern(header, robot, target, request.kind, request.shots, name=TARGET)
     write_plan(file, header, np.round(postures * robot.display, _DECIMALS), [TARGET] * len(postures))
     told("check", 0.0)
-    checked = check_json(check(read_plan(file)))
+    checked = check(read_plan(file))
     return MadePlan(request.kind, file, checked, proposal, fewest, removed)
 
 
