@@ -106,7 +106,7 @@ def test_an_offset_that_is_not_exported_leaves_its_origin(tmp_path: Path) -> Non
     text = urdf_text(run, calibration(run, without=["delta2"]))
     assert "rpy = '0 0.1 0'" in text
     assert "delta2 (j2)" in text
-    assert "LEFT OUT" in text
+    assert "EXCLUDED" in text
 
 
 def test_a_weak_one_is_marked(tmp_path: Path) -> None:
@@ -148,7 +148,7 @@ def test_two_joints_of_one_name_cannot_be_told_apart(
     answer = calibration(run)
     path = urdf_file(tmp_path)
     path.write_text(path.read_text().replace('name="branch"', 'name="j2"'))
-    assert "2 joints of one name" in refused(urdf_text, run, answer).what
+    assert "2 joints of the same name" in refused(urdf_text, run, answer).what
 
 
 def test_any_rotation_comes_back() -> None:

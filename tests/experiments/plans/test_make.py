@@ -107,7 +107,7 @@ def test_no_file_is_written_over(tmp_path: Path) -> None:
         ({"acceptance_deg": 0.0}, "--acceptance is out of range"),
         ({"beam_mm": (500.0, 400.0)}, "--beam is out of order"),
         ({"facing": (0.0, 0.0, 0.0)}, "--facing has no length"),
-        ({"shots": 20, "candidates": 10}, r"too few postures to choose 20 shots from"),
+        ({"shots": 20, "candidates": 10}, r"too few postures to choose 20 measurements from"),
         ({"kind": "x", "target": (5000.0, 0.0, 0.0)}, "X-Pattern cannot be made"),
     ],
 )
@@ -162,7 +162,7 @@ def test_a_gauge_is_the_limit(tmp_path: Path) -> None:
     own = header(LASER, target=None, held=[])
     answer = made(tmp_path / "plan.yaml", header=own, tolerance=0.02, max_shots=6).as_json()
     assert "delta1" in answer["limit"]
-    assert "next to nothing" in answer["limit"]
+    assert "almost no information" in answer["limit"]
 
 
 def test_a_header_with_another_target_is_refused(tmp_path: Path) -> None:

@@ -161,7 +161,7 @@ def test_more_shots_are_never_worse_and_the_first_that_will_do_is_taken():
     [
         ({"joint_deg": 0.01, "spot_mm": 0.001}, "the joint noise"),
         ({"joint_deg": 0.001, "spot_mm": 5.0}, "the spot noise"),
-        ({"held": ["delta2"]}, "the shots tell next to nothing about delta1"),
+        ({"held": ["delta2"]}, "the measurements carry almost no information about delta1"),
     ],
 )
 def test_what_limits(changes, limit):
@@ -269,18 +269,18 @@ def test_too_few_candidates_say_what_removed_the_others(refused):
     own = header(target=tuple(TARGET))
     few = CandidatePostures(some().postures[:5], 100, {"come too near to a joint limit": 95})
     error = refused(Planner(own, irb1600(), TARGET, few).optimal, 7)
-    assert "fewer candidates than shots" in str(error)
-    assert "7 shots; 5 of 100 postures are left; 95 come too near to a joint limit" in str(error)
+    assert "fewer candidates than measurements" in str(error)
+    assert "7 measurements; 5 of 100 postures are left; 95 come too near to a joint limit" in str(error)
     none = CandidatePostures(np.empty((0, 6)), 100, {"make the arm hit itself": 100})
     assert "100 make the arm hit itself" in str(refused(Planner, own, irb1600(), TARGET, none))
 
 
 def test_questions_without_an_answer(refused):
     own_planner, own = planner(count=50)
-    assert "at least one shot" in str(refused(own_planner.optimal, 0))
+    assert "at least one measurement" in str(refused(own_planner.optimal, 0))
     assert "tolerance" in str(refused(own_planner.fewest, 0.0, 8))
     assert "tolerance" in str(refused(own_planner.fewest, math.nan, 8))
-    assert "4 shots or more" in str(refused(own_planner.fewest, 0.01, 3))
+    assert "4 measurements or more" in str(refused(own_planner.fewest, 0.01, 3))
     held = Header.model_validate(
         {**own.model_dump(exclude_unset=True), "held": [f"delta{i}" for i in range(1, 7)]}
     )

@@ -41,7 +41,7 @@ def test_it_ends_within_the_tolerance_and_not_a_shot_later(tmp_path: Path, pool:
     assert done.state.worst is not None
     assert done.state.worst <= 0.04
     assert order.reason is not None
-    assert order.reason.startswith("the worst std is 0.0")
+    assert order.reason.startswith("the largest standard uncertainty is 0.0")
     before = told_by(Problem.from_plan(pool), done.shots[:-1])
     assert before is not None
     assert before.worst is None or before.worst > 0.04 or before.p_value is None
@@ -104,7 +104,7 @@ def test_what_cannot_be_told_is_never_enough(tmp_path: Path) -> None:
     order = Adaptive(plan, 5.0)
     done = carried(plan, order, tmp_path / "run.jsonl")
     assert len(done.shots) == 9
-    assert order.reason == "all postures of the plan are shot"
+    assert order.reason == "all postures of the plan are measured"
     assert done.state is not None
     assert done.state.std["delta2"] is None
     assert done.state.worst is None

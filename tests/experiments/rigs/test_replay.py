@@ -79,7 +79,7 @@ def test_a_run_without_spots_is_replayed_as_on_the_centre(plan: Plan, recorded: 
 
 def test_a_shot_that_is_missing_ends_the_replay(plan: Plan, recorded: Run, tmp_path: Path) -> None:
     kept = [shot for shot in recorded.shots if shot.shot != 2]
-    with pytest.raises(RigFault, match=r"run\.jsonl has no shot 2"):
+    with pytest.raises(RigFault, match=r"run\.jsonl has no measurement 2"):
         carried_out(plan, ReplayRig(plan, with_shots(recorded, *kept)), tmp_path / "again.jsonl")
     assert [shot.shot for shot in read_run(tmp_path / "again.jsonl").shots] == [0, 1]
 

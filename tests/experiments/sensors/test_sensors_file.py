@@ -61,7 +61,7 @@ def test_a_file_is_read(tmp_path: Path) -> None:
         ({"camera": CAMERA}, "one of device, video, folder"),
         ({"camera": {**DEVICE, "folder": "x"}}, "device and folder"),
         ({"camera": {**DEVICE, "focal_px": [700, 0]}}, "no focal length"),
-        ({"camera": {**DEVICE, "distortion": [0, 0, 0, 0]}}, "5 numbers"),
+        ({"camera": {**DEVICE, "distortion": [0, 0, 0, 0]}}, "5 values"),
         ({"camera": {**DEVICE, "mount": {"xyz_mm": [0, 0, 0]}}}, "rpy_deg"),
     ],
 )

@@ -171,7 +171,7 @@ def carried_badly() -> dict[str, Any]:
             {"shot": 4, "reason": "too weak", "found": "12% of the laser's light arrives"},
         ],
         saved=0,
-        why="all postures of the plan are shot",
+        why="all postures of the plan are measured",
         notes=[
             "Measurement 1 was refused (no signal): no sample of the PSD arrives",
             "Measurement 4 was refused (too weak): 12% of the laser's light arrives",
@@ -217,9 +217,10 @@ def test_the_end_of_a_run_warns_where_the_shots_contradict_the_model() -> None:
 
 def test_the_end_of_an_adaptive_run_says_what_it_saved_and_why_it_ended() -> None:
     assert "Adaptive" not in end_of(carried())
-    text = end_of(carried(saved=1, why="the worst std is 0.0188, within 0.05"))
-    assert "Adaptive: 1 shot saved; the worst std is 0.0188, within 0.05." in text
-    assert "Adaptive: 0 shots saved; all postures of the plan are shot." in end_of(carried_badly())
+    text = end_of(carried(saved=1, why="the largest standard uncertainty is 0.0188, within 0.05"))
+    told = "Adaptive: 1 measurement saved; the largest standard uncertainty is 0.0188, within 0.05."
+    assert told in " ".join(text.split())
+    assert "Adaptive: 0 measurements saved; all postures of the plan are measured." in end_of(carried_badly())
 
 
 def test_the_end_of_a_run_accounts_for_its_time_where_there_is_any() -> None:
@@ -230,9 +231,9 @@ def test_the_end_of_a_run_accounts_for_its_time_where_there_is_any() -> None:
 
 def test_names_at_the_end_of_a_run_give_the_terminal_no_commands() -> None:
     hostile = "[bold red]beware[/bold red] \x1b[2J\u202e"
-    refused = [{"shot": 0, "reason": hostile, "found": hostile}]
+    refused = [{"shot": 0, "reason": "camera", "found": hostile}]
     text = end_of(carried(notes=[hostile], headline=hostile, why=hostile, saved=1, refused=refused))
-    assert text.count("[bold red]beware[/bold red] \\x1b[2J\\u202e") == 4
+    assert text.count("[bold red]beware[/bold red] \\x1b[2J\\u202e") == 3
     assert "\x1b" not in text
     assert "\u202e" not in text
 

@@ -222,7 +222,7 @@ def test_top_speeds_that_the_robot_file_does_not_state() -> None:
     assert own.duration(only(1, 2.0, 4)) == pytest.approx(2.0 / 0.5, rel=1e-5)
 
 
-# Links that are not as drawn.
+# Links that deviate from nominal geometry.
 
 
 def pose(robot: Robot, joints: np.ndarray) -> np.ndarray:

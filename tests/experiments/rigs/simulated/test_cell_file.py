@@ -115,7 +115,7 @@ def test_every_key_has_a_default(tmp_path: Path) -> None:
         ("  speed: 0.5", "  speeed: 0.5", 11, "did you mean 'speed'?"),
         ("  speed: 0.5", "  speed: .nan", 11, "not finite"),
         ("  speed: 0.5", "  speed: fast", 11, "arm.speed is not a number"),
-        ("  backlash_deg: 0.01", "  backlash_deg: -0.01", 8, "this cannot be said of a joint"),
+        ("  backlash_deg: 0.01", "  backlash_deg: -0.01", 8, "not a valid value for a joint"),
         ("  backlash_deg: 0.01", "  backlash_deg: [0, -0.01]", 8, "0 or more"),
         ("  backlash_deg: 0.01", "  backlash_deg: [0, true]", 8, "found:   true"),
         ("{joint: 3,", "{joint: 0,", 10, "joint"),

@@ -123,7 +123,7 @@ def test_a_shifted_beam_is_read_as_shifted() -> None:
 
 
 def test_a_tilted_beam_is_read_by_its_angle() -> None:
-    """tan of the tilt times the way from the tool's point to the PSD."""
+    """tan of the tilt times the way from the TCP to the PSD."""
     rig = exact()
     position, _ = spot(exact(laser={"tilt_deg": [0.1, 0]}))
     origin, _ = Belief(rig._parts.truth.problem.select(np.array([0])), rig._parts.truth.x).beam(
