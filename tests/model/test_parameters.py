@@ -2,10 +2,12 @@ import numpy as np
 import pytest
 from plain_model import arm
 
+from zerobeam.analysis.observability.causes import Held
 from zerobeam.model.files.header import Header
 from zerobeam.model.noise import NoiseModel
 from zerobeam.model.parameters import IN_RESIDUAL, ORDER, Parameters
 from zerobeam.model.tool import Tool
+from zerobeam.reports.words.causes import reason
 
 LASER = {"kind": "laser", "point_mm": [0, 0, 65], "direction": [1, 0, 0]}
 PROBE = {"kind": "probe", "point_mm": [1, 2, 100]}
@@ -196,11 +198,11 @@ def test_what_the_method_holds(irb1600, tool, wanted):
     parameters = build(irb1600, tool)
     assert held(parameters) == wanted
     np.testing.assert_array_equal(parameters.free, [name not in wanted for name in parameters.names])
-    reasons = {item.name: item.held_reason for item in parameters.items}
-    assert "base frame" in reasons["delta1"]
-    assert "section 3.3" in reasons["delta1"]
+    reasons = {item.name: item.held_by for item in parameters.items}
+    assert reasons["delta1"] == "base frame"
+    assert "section 3.3" in reason(Held("base frame"))
     if "delta6" in wanted:
-        assert "section 3.1" in reasons["delta6"]
+        assert reasons["delta6"] == "tool rotation"
     assert all((reasons[name] is not None) == (name in wanted) for name in parameters.names)
 
 
@@ -211,9 +213,11 @@ def test_the_last_joint_is_that_of_the_arm(scara):
 def test_a_stated_list_takes_the_place_of_the_methods(irb1600):
     parameters = build(irb1600, {**LASER, "calibrated": False}, held=["delta6", "psd.z", "tool.tilt1"])
     assert held(parameters) == ["delta6", "psd.z", "tool.tilt1"]  # delta1 is free now
-    reasons = {item.name: item.held_reason for item in parameters.items}
-    assert "section 3.1" in reasons["delta6"]  # the method's reason holds, whoever states it
-    assert reasons["psd.z"] == "held by the header"
+    reasons = {item.name: item.held_by for item in parameters.items}
+    assert reasons["delta6"] == "tool rotation"  # the method's reason holds, whoever states it
+    assert "section 3.1" in reason(Held("tool rotation"))
+    assert reasons["psd.z"] == "header"
+    assert reason(Held("header")) == "held by the header"
     assert reasons["delta1"] is None
     assert held(build(irb1600, LASER, held=[])) == []
 

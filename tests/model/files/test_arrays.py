@@ -121,7 +121,7 @@ def test_it_is_analysed_as_a_file_is(tmp_path):
             for name, stated in header.targets.items()
         },
     )
-    (mine, _), (its, _) = zb.analyse(run, ess=400), zb.analyse(demo, ess=400)
+    mine, its = zb.analyse(run, ess=400).result, zb.analyse(demo, ess=400).result
     assert mine.parameters == its.parameters
     assert mine.inputs.run == "arrays"
     assert mine.inputs.sha256 == run.sha256
