@@ -50,7 +50,7 @@ def html(
 ) -> str:
     """A page (`blocks.py`) as HTML; `attached`, the text of result.json, goes with it if under 200 kB.
 
-    `turnable` stands where a block `scene` is; its script is the only one that the page allows.
+    `turnable` is shown where a block `scene` is; its script is the only one that the page allows.
     """
     from markupsafe import Markup
 

@@ -80,7 +80,7 @@ def write_posterior(path: Path | str, result: Result, draws: Draws) -> None:
 def _about(result: Result, draws: Draws) -> dict[str, str | int | float]:
     """The attributes: what the draws are of, by what they were made, and whether they may be used."""
     inputs, summary = result.inputs, result.posterior
-    told: dict[str, str | int | float | None] = {
+    found: dict[str, str | int | float | None] = {
         "title": "Posterior draws of a zerobeam run",
         "converged": "yes" if draws.converged else "no: do not use these draws as a posterior",
         "verdict": result.verdict,
@@ -101,7 +101,7 @@ def _about(result: Result, draws: Draws) -> dict[str, str | int | float]:
         "inference_library_version": shown(inputs.versions.get("emcee", "")),
         "sampling_time": summary.seconds,
     }
-    return {key: value for key, value in told.items() if value is not None}
+    return {key: value for key, value in found.items() if value is not None}
 
 
 def _variable(name: str, taken: set[str]) -> str:

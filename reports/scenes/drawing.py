@@ -40,7 +40,7 @@ def still(scene: Scene3D, alt: str) -> Markup:
     )
 
 
-# What is not determined is a cross, what is held a square: told by shape and word, not by colour alone.
+# What is not determined is a cross, what is held a square: a shape and a word, not a colour alone.
 _CROSS = ((-6, -6, 6, 6), (-6, 6, 6, -6))
 _SQUARE = ((-5, -5, 5, -5), (5, -5, 5, 5), (5, 5, -5, 5), (-5, 5, -5, -5))
 _HAIRS = ((-8, 0, 8, 0), (0, -8, 0, 8))

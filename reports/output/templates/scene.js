@@ -26,7 +26,7 @@
   }
   const along = (axis, p) =>
     axis[0] * (p[0] - scene.centre[0]) + axis[1] * (p[1] - scene.centre[1]) + axis[2] * (p[2] - scene.centre[2]);
-  // A mild perspective: the eye stands five radii away.
+  // A mild perspective: the eye is five radii away.
   function seen(p) {
     const near = along(basis.towards, p), eye = 5 * scene.radius;
     const size = eye / (eye - near);
@@ -94,7 +94,7 @@
     for (let i = 0; i + 1 < arm.length; i++) {
       const [a, b] = [arm[i], arm[i + 1]];
       if (Math.hypot(a[0] - b[0], a[1] - b[1]) < 0.5) continue;
-      // Thinner towards the wrist; a halo tells which of two crossing links is in front.
+      // Thinner towards the wrist; a halo shows which of two crossing links is in front.
       const width = thick * (1 - (0.45 * i) / arm.length);
       link(a, b, () => {
         pen.globalAlpha = shown;
@@ -132,7 +132,7 @@
     const [x, y] = at(number.at);
     disc(x, y, wide < 560 ? 3 : 4.5, colours.ink);
   }
-  // What is not determined is a cross, what is held a square: told by shape and word, not by colour alone.
+  // What is not determined is a cross, what is held a square: a shape and a word, not a colour alone.
   const tone = (place) => colours[{ undetermined: "unidentifiable", held: "held" }[place.state] || "identified"];
   function target(place) {
     const [x, y] = at(place.at), colour = tone(place);
