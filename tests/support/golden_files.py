@@ -17,7 +17,7 @@ def assert_golden(name: str, text: str) -> None:
     # Spaces at the ends of lines are no part of what a person sees, and editors take them away.
     text = "\n".join(line.rstrip() for line in text.splitlines()).rstrip() + "\n"
     if os.environ.get("ZEROBEAM_WRITE_GOLDEN"):
-        FOLDER.mkdir(exist_ok=True)
+        file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(text, encoding="utf-8")
     assert file.is_file(), f"there is no golden file {name}; ZEROBEAM_WRITE_GOLDEN=1 writes it"
     assert text == file.read_text(encoding="utf-8"), f"{name} is not what was printed"
