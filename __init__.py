@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from .model.files.robot_file import load_robot
     from .model.files.run import Run, read_run
     from .model.robot import Robot
-    from .reports.run.folder import write_report
+    from .reports.run.report_folder import write_report
 
 __version__ = "0.1.0"
 
@@ -63,7 +63,7 @@ _HOME = {
     "load_robot": "model.files.robot_file",
     "read_plan": "model.files.plan",
     "read_run": "model.files.run",
-    "write_report": "reports.run.folder",
+    "write_report": "reports.run.report_folder",
 }
 
 

@@ -7,6 +7,7 @@ answer is None, and every None has one stated meaning.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from .diagnostics.accuracy import Accuracy
 from .diagnostics.budget import Budget
@@ -88,6 +89,25 @@ class Inputs:
     seed: int
     versions: dict[str, str]
     header: dict[str, object]
+
+    @property
+    def tool(self) -> Literal["laser", "probe"]:
+        """The kind of the tool."""
+        return "laser" if self._of("tool").get("kind", "laser") == "laser" else "probe"
+
+    @property
+    def calibrated(self) -> bool:
+        """Whether the tool was taken as known."""
+        return bool(self._of("tool").get("calibrated", True))
+
+    @property
+    def provenance(self) -> dict[str, object]:
+        """What the run says of its origin."""
+        return self._of("provenance")
+
+    def _of(self, key: str) -> dict[str, object]:
+        value = self.header.get(key)
+        return value if isinstance(value, dict) else {}
 
 
 @dataclass(frozen=True)

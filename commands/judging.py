@@ -70,9 +70,10 @@ def demo(
     """The main job on three built-in runs: a good one, an X-Pattern, an uncalibrated tool."""
     from ..experiments.demos import demo_runs
     from ..model.files.run import read_run
-    from ..reports.run.folder import check_target, write_report
+    from ..reports.run.parameters import person
+    from ..reports.run.report_folder import check_target, write_report
     from ..reports.run.terminal import print_side_by_side, print_verdict
-    from ..reports.words.result_json import to_json
+    from ..reports.words.findings import headline
 
     cases = demo_runs()
     for case in cases:
@@ -82,11 +83,11 @@ def demo(
         with progress(case.title) as told:
             found = _analysed(read_run(case.path), 0, 1000.0, told)
         write_report(folder / case.name, found.result, found.draws)
-        answers.append(to_json(found.result))
+        answers.append(found.result)
     print_side_by_side(out, [case.title for case in cases], answers)
     for case, answer in zip(cases, answers, strict=True):
         out.print(f"\n[bold]{case.title}[/bold]: {case.about}")
-        print_verdict(out, answer)
+        print_verdict(out, answer.verdict, headline(answer, person))
         out.print(f"Report: {folder / case.name / 'report.html'}", soft_wrap=True)
 
 
@@ -100,16 +101,16 @@ def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> Non
 
     planned = read_plan(plan)
     turned = aim_plan(planned)
-    answer = check_json(judge(planned, turned))
+    found = judge(planned, turned)
     if picture is not None:
-        from ..reports.plan.plan_page import write_plan_page
+        from ..reports.plan.plan_file import write_plan_page
 
-        write_plan_page(picture, turned, answer)
+        write_plan_page(picture, turned, found)
     if as_json:
-        print_json(answer)
+        print_json(check_json(found))
     else:
-        print_check(out, answer)
-    raise typer.Exit(EXIT_STATUS[answer["verdict"]])
+        print_check(out, found)
+    raise typer.Exit(EXIT_STATUS[found.verdict])
 
 
 def analyse(
@@ -128,11 +129,10 @@ def analyse(
     recorded = read_run(run)
     with progress("analyse") as told:
         found = _analysed(recorded, seed, ess, told, robust, hold_out)
-    answer = to_json(found.result)
     if as_json:
-        print_json(answer)
+        print_json(to_json(found.result))
     else:
-        print_result(out, answer)
+        print_result(out, found.result)
     raise typer.Exit(_status(found))
 
 
@@ -147,7 +147,7 @@ def report(
 ) -> None:
     """The report of a run: report.html, report.pdf, result.json, posterior.nc and the figures."""
     from ..model.files.run import read_run
-    from ..reports.run.folder import check_target, write_report
+    from ..reports.run.report_folder import check_target, write_report
     from ..reports.run.terminal import print_result
     from ..reports.words.result_json import to_json
 
@@ -161,7 +161,7 @@ def report(
     if as_json:
         print_json(to_json(found.result))
     else:
-        print_result(out, to_json(found.result))
+        print_result(out, found.result)
         out.print(f"Report: {paths.html}", soft_wrap=True)
     raise typer.Exit(_status(found))
 
@@ -228,19 +228,17 @@ def plan(
     )
     with progress("plan") as told:
         made = make_plan(request, file, told)
-    answer = made.as_json()
     if picture is not None and made.file is not None:
         from ..analysis.observability.aim import aim_plan
         from ..analysis.observability.check import check as judge
-        from ..reports.plan.plan_page import write_plan_page
-        from ..reports.words.result_json import check_json
+        from ..reports.plan.plan_file import write_plan_page
 
         turned = aim_plan(read_plan(made.file))
-        write_plan_page(picture, turned, check_json(judge(turned.plan, turned)))
+        write_plan_page(picture, turned, judge(turned.plan, turned))
     if as_json:
-        print_json(answer)
+        print_json(made.as_json())
     else:
-        print_proposal(out, answer)
+        print_proposal(out, made)
         if made.file is not None:
             out.print(f"Plan: {made.file}", soft_wrap=True, markup=False)
     # No plan within the tolerance is an answer, as a weak verdict is.

@@ -1,108 +1,69 @@
-"""The report of a run as a page: the parts of `view` as sections of blocks (`blocks.py`), in their order."""
+"""The report of a run as a page of sections, in their order, and its figures."""
 
 from __future__ import annotations
 
-from typing import Any
-
-from ..style.blocks import FigureBlock, Legend, Page, Paragraph, Section, section_of
+from ...analysis.posterior.posterior import Draws
+from ...analysis.result import Result
+from ..style.blocks import Page, Verdict
+from ..style.canvas import Picture
+from ..words.findings import VERDICT_WORDS, finding_sentence, headline
+from ..words.wording import clipped, counted, sentence
+from .fit_quality import fit_section, not_converged
+from .inputs import inputs_sections
+from .offsets_figure import offsets_picture
+from .parameters import offsets_section, person
+from .posterior_figure import posterior_picture
+from .posterior_summary import posterior_section
+from .residuals import residuals_section
+from .residuals_figure import residuals_picture
 from .run_scene import scene_section
-from .view import view
-from .view_accuracy import accuracy_section
-from .view_budget import budget_section
-from .view_traceability import traceability_section
+from .second_opinions import hold_out_section, intervals_section, robust_section
+from .traceability import traceability_section
+from .uncertainty_budget import budget_section
+from .unobservable import unobservable_section
+from .workspace import workspace_section
+from .workspace_figure import workspace_picture
 
-Json = dict[str, Any]
 
-
-def report_page(result: Json) -> Page:
-    """All that a report shows, from the dict of a `result.json`."""
-    told = view(result)
+def report_page(result: Result) -> Page:
+    """All that a report shows."""
+    inputs = result.inputs
     sections = [
-        _offsets(told),
-        _unknown(told["unknown"]),
+        offsets_section(result.parameters, inputs.header),
+        unobservable_section(result.parameters, result.identifiability),
         scene_section(result),
-        accuracy_section(result),
+        workspace_section(result),
         budget_section(result),
-        _fit(told),
-        _robust(told["robust"]),
-        _hold_out(told["hold_out"]),
-        _posterior(told["posterior"]),
-        _intervals(told["intervals"]),
-        _shots(told["shots"]),
-        *_inputs(told["inputs"]),
+        fit_section(result),
+        robust_section(result),
+        hold_out_section(result),
+        posterior_section(result),
+        intervals_section(result),
+        residuals_section(result),
+        *inputs_sections(inputs),
         traceability_section(result),
     ]
     return Page(
-        told["title"],
-        told["subtitle"],
-        told["verdict"],
-        told["notes"],
+        f"Joint offsets of {clipped(inputs.robot)}",
+        f"from {counted(inputs.shots, 'measurement')} in {clipped(inputs.run, 60)}",
+        Verdict(result.verdict, VERDICT_WORDS[result.verdict], sentence(headline(result, person))),
+        report_notes(result),
         [section for section in sections if section is not None],
     )
 
 
-def _offsets(told: Json) -> Section:
-    return section_of(
-        "Offsets",
-        told["offsets"],
-        Legend(told["legend"], told["reasons"]),
-        FigureBlock("offsets"),
+def report_notes(result: Result) -> list[str]:
+    """What a reader must not miss, the gravest first."""
+    notes = [sentence(finding_sentence(finding)) for finding in result.findings]
+    return not_converged(result.likelihood) + notes
+
+
+def pictures(result: Result, draws: Draws | None) -> dict[str, Picture]:
+    """The figures of a report by name; one that may not be drawn is left out."""
+    drawn = (
+        offsets_picture(result),
+        workspace_picture(result),
+        posterior_picture(result, draws),
+        residuals_picture(result),
     )
-
-
-def _unknown(part: Json) -> Section:
-    return section_of(
-        "What cannot be known",
-        Paragraph(part["sentence"]),
-        part["directions"],
-        part["facts"],
-    )
-
-
-def _fit(told: Json) -> Section:
-    part = told["fit"]
-    tables = [part["table"], part["estimates"], told["distances"], *told["others"]]
-    return section_of("Fit quality", *map(Paragraph, part["sentences"]), *tables)
-
-
-def _robust(part: Json | None) -> Section | None:
-    if part is None:
-        return None
-    return section_of(
-        "Robust fit",
-        *map(Paragraph, part["sentences"]),
-        part["table"],
-    )
-
-
-def _hold_out(part: Json | None) -> Section | None:
-    if part is None:
-        return None
-    return section_of("Held-out targets", *map(Paragraph, part["sentences"]), part["facts"])
-
-
-def _posterior(part: Json) -> Section:
-    return section_of(
-        "Posterior",
-        Paragraph(part["sentence"]),
-        FigureBlock("posterior"),
-        part["table"],
-        part["facts"],
-    )
-
-
-def _intervals(part: Json | None) -> Section | None:
-    if part is None:
-        return None
-    return section_of("Intervals by three ways", Paragraph(part["sentence"]), part["table"])
-
-
-def _shots(part: Json) -> Section:
-    return section_of("Misses", Paragraph(part["sentence"]), FigureBlock("misses"), part["table"])
-
-
-def _inputs(part: Json) -> list[Section]:
-    sections = [section_of("Inputs", part["facts"])]
-    if part["provenance"].rows:
-        sections.append(section_of("Provenance", part["provenance"], level=2))
-    return [*sections, section_of("Settings of the run", part["header"], level=2)]
+    return {picture.name: picture for picture in drawn if picture is not None}

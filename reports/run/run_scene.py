@@ -5,42 +5,39 @@ All of it comes from the part `scene` of `result.json`.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from ...analysis.diagnostics.scene import Scene, SceneTarget
+from ...analysis.result import Result
 from ...model.robot import Matrix
 from ..output.html import Turnable
 from ..scenes.scene import Placed, Posed, Scene3D
 from ..scenes.turnable import SceneWords, exaggerated, turnable
 from ..style.blocks import Paragraph, SceneBlock, Section, section_of
 from ..words import numbers
-from ..words.wording import clipped, counted, label, listed
-from .view_parameters import NOT_DETERMINED
-
-Json = dict[str, Any]
+from ..words.wording import NOT_DETERMINED, clipped, counted, label, listed
 
 _MOST_TOLD = 6  # targets in the words beside the picture: more are in the report's tables
 
 
-def run_scene(result: Json) -> Scene3D | None:
+def run_scene(result: Result) -> Scene3D | None:
     """The scene of a result; None where the fit did not converge."""
-    seen = result["scene"]
+    seen = result.scene
     if seen is None:
         return None
-    count = len(seen["shots"])
+    count = len(seen.shots)
     return Scene3D(
         [
             Posed(
-                name=f"measurement {shot['shot']} at {clipped(shot['target'], 24)} ({i} of {count})",
-                arm=np.array(shot["links"][:-1]),
-                tool=np.array(shot["links"][-1]),
-                end=None if shot["beam_to"] is None else np.array(shot["beam_to"]),
-                reaches=shot["ahead"],
+                name=f"measurement {shot.shot} at {clipped(shot.target, 24)} ({i} of {count})",
+                arm=np.array(shot.links[:-1]),
+                tool=np.array(shot.links[-1]),
+                end=None if shot.beam_to is None else np.array(shot.beam_to),
+                reaches=shot.ahead,
             )
-            for i, shot in enumerate(seen["shots"], start=1)
+            for i, shot in enumerate(seen.shots, start=1)
         ],
-        [_placed(target, seen) for target in seen["targets"]],
+        [_placed(target, seen) for target in seen.targets],
     )
 
 
@@ -50,50 +47,46 @@ def half_axes(covariance: Matrix, radius2: float) -> Matrix:
     return np.asarray((across * np.sqrt(radius2 * np.maximum(size, 0.0))).T)
 
 
-def _placed(target: Json, seen: Json) -> Placed:
-    if target["at_mm"] is None:
+def _placed(target: SceneTarget, seen: Scene) -> Placed:
+    if target.at_mm is None:
         # It has no place: the cross stands where the beams end that are meant for it.
-        ends = [
-            shot["beam_to"] or shot["links"][-1] for shot in seen["shots"] if shot["target"] == target["name"]
-        ]
+        ends = [shot.beam_to or shot.links[-1] for shot in seen.shots if shot.target == target.name]
         at = np.mean(ends, axis=0) if ends else np.zeros(3)
-        return Placed(target["name"], at, "undetermined")
-    at = np.array(target["at_mm"])
-    if target["covariance_mm2"] is None:
-        return Placed(target["name"], at, "held")
-    return Placed(
-        target["name"], at, "estimated", half_axes(np.array(target["covariance_mm2"]), seen["radius2"])
-    )
+        return Placed(target.name, at, "undetermined")
+    at = np.array(target.at_mm)
+    if target.covariance_mm2 is None:
+        return Placed(target.name, at, "held")
+    return Placed(target.name, at, "estimated", half_axes(np.array(target.covariance_mm2), seen.radius2))
 
 
 # ── the words beside it ───────────────────────────────────────────────────────────────────────
 
 
-def run_turnable(result: Json) -> Turnable | None:
+def run_turnable(result: Result) -> Turnable | None:
     """The scene made ready for the report's page; None where there is none."""
-    scene = run_scene(result)
-    return None if scene is None else turnable(scene, _words(scene, _places(result), result))
-
-
-def scene_section(result: Json) -> Section | None:
-    """The section of the report: a paragraph on the targets' places, which paper has too, and the picture."""
-    if result["scene"] is None:
+    seen, scene = result.scene, run_scene(result)
+    if seen is None or scene is None:
         return None
-    return section_of(
-        "Positions of the targets", Paragraph(_sentences(_places(result), result)), SceneBlock()
-    )
+    return turnable(scene, _words(scene, seen, _places(seen), result))
 
 
-def _places(result: Json) -> list[str]:
-    return [_place_in_words(target, result) for target in result["scene"]["targets"]]
+def scene_section(result: Result) -> Section | None:
+    """The section of the report: a paragraph on the targets' places, which paper has too, and the picture."""
+    seen = result.scene
+    if seen is None:
+        return None
+    return section_of("Positions of the targets", Paragraph(_sentences(_places(seen), seen)), SceneBlock())
 
 
-def _sentences(places: list[str], result: Json) -> str:
-    told = [target for target in result["scene"]["targets"] if target["covariance_mm2"] is not None]
+def _places(seen: Scene) -> list[str]:
+    return [_place_in_words(target, seen.radius2) for target in seen.targets]
+
+
+def _sentences(places: list[str], seen: Scene) -> str:
     said = f"In the base frame (x, y, z): {'; '.join(places[:_MOST_TOLD])}."
     if len(places) > _MOST_TOLD:
         said += f" The other {len(places) - _MOST_TOLD} are in the picture and in result.json."
-    if told:
+    if any(target.covariance_mm2 is not None for target in seen.targets):
         said += (
             " The ellipsoid holds the place at 95\u00a0%, its three coordinates taken together: it is wider"
             " than the intervals of the single ones."
@@ -101,25 +94,25 @@ def _sentences(places: list[str], result: Json) -> str:
     return said
 
 
-def _place_in_words(target: Json, result: Json) -> str:
-    name = clipped(target["name"], 24)
-    if target["at_mm"] is None:
+def _place_in_words(target: SceneTarget, radius2: float) -> str:
+    name = clipped(target.name, 24)
+    if target.at_mm is None:
         return f"{name} {NOT_DETERMINED}"
-    if target["covariance_mm2"] is None:
+    if target.covariance_mm2 is None:
         return f"{name} held in at least one coordinate"
-    covariance = np.array(target["covariance_mm2"])
+    covariance = np.array(target.covariance_mm2)
     std = np.sqrt(np.diag(covariance)).tolist()
-    place = [numbers.estimate(value, own) for value, own in zip(target["at_mm"], std, strict=True)]
-    sizes = np.linalg.norm(half_axes(covariance, result["scene"]["radius2"]), axis=1)
+    place = [numbers.estimate(value, own) for value, own in zip(target.at_mm, std, strict=True)]
+    sizes = np.linalg.norm(half_axes(covariance, radius2), axis=1)
     axes = numbers.with_unit(listed([numbers.spread(float(size)) for size in sizes[::-1]]), "mm")
     at = numbers.with_unit(", ".join(place), "mm")
     return f"{name} at {at}, half axes of its 95\u00a0% ellipsoid {axes}"
 
 
-def _words(scene: Scene3D, places: list[str], result: Json) -> SceneWords:
+def _words(scene: Scene3D, seen: Scene, places: list[str], result: Result) -> SceneWords:
     """What is said about the picture."""
     shots = scene.postures
-    count, all_shots = len(shots), len(result["shots"])
+    count, all_shots = len(shots), len(result.shots)
     laser = shots[0].end is not None
     what = "with its beams as fitted" if laser else "with the tip of the probe as fitted"
     more = "" if len(places) <= _MOST_TOLD else f"; and {len(places) - _MOST_TOLD} more"
@@ -129,16 +122,16 @@ def _words(scene: Scene3D, places: list[str], result: Json) -> SceneWords:
         f" {numbers.exact(scene.grid_step, 'mm')} at z = 0; x, y and z are the base frame."
     )
     open_ = [
-        label(row["name"])
-        for row in result["parameters"]
-        if row["status"] == "unidentifiable" and row["group"] in ("offset", "tool")
+        label(row.name)
+        for row in result.parameters
+        if row.status == "unidentifiable" and row.group in ("offset", "tool")
     ]
     if open_:
         caption += (
             f" {listed(open_)} {'is' if len(open_) == 1 else 'are'} {NOT_DETERMINED}: the picture has"
             f" {'it' if len(open_) == 1 else 'them'} at the nominal values."
         )
-    paper = f"On paper: measurement {result['scene']['shots'][0]['shot']} in black, the others in grey"
+    paper = f"On paper: measurement {seen.shots[0].shot} in black, the others in grey"
     if scene.factor is not None:
         paper += f"; an ellipsoid is drawn {exaggerated(scene.factor)}"
     return SceneWords(

@@ -2,130 +2,141 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
 
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from ...analysis.observability.causes import NullDirection
+from ...analysis.observability.check import Check
+from ...analysis.result import LikelihoodSummary, Result
+from ...analysis.solution import ParameterResult
 from ...analysis.status import Verdict
+from ...experiments.plans.make import MadePlan
 from ...experiments.procedure.events import Ended, KnownOffset
 from ..style import blocks
 from ..words import numbers
-from ..words.wording import clipped, counted, label, listed, sentence, shown
-from .view import view
-from .view_parameters import unit_of
-from .view_unknown import advice_words, direction_kind, over_target_words
-
-Json = dict[str, Any]
+from ..words.findings import VERDICT_WORDS, check_notes, headline
+from ..words.observability import advice_sentence, over_target_sentence
+from ..words.wording import counted, label, listed, sentence, shown
+from .parameters import OFFSETS, other_tables, parameter_table, person, unit_of
+from .posterior_summary import posterior_sentence
+from .report_page import report_notes
+from .second_opinions import hold_out_section, intervals_section, robust_section
+from .unobservable import direction_words
 
 STYLE = {"identified": "blue", "weak": "yellow", "unidentifiable": "magenta", "held": "dim"}
 MARK = {"identified": "●", "weak": "◆", "unidentifiable": "✕", "held": "■"}
 _VERDICT_STYLE = {"pass": "bold blue", "weak": "bold yellow", "degenerate": "bold magenta"}
-_VERDICT_WORD = {"pass": "Pass", "weak": "Weak", "degenerate": "Degenerate"}
 _MOST_ROWS = 40
 
 
-def print_result(console: Console, result: Json) -> None:
-    """The answer of `analyse`: verdict, notes, parameters, what cannot be known, fit, second opinions."""
-    told = view(result)
-    print_verdict(console, result)
-    for note in told["notes"]:
-        console.print(Text("! ", style="bold yellow") + Text(note))
-    for table in (told["offsets"], *told["others"]):
+def print_result(console: Console, result: Result) -> None:
+    """The answer of `analyse`: verdict, notes, parameters, what cannot be determined, fit, second
+    opinions."""
+    print_verdict(console, result.verdict, headline(result, person))
+    _print_notes(console, report_notes(result))
+    offsets = [row for row in result.parameters if row.group == "offset"]
+    _print_table(
+        console, parameter_table("Joint offsets, to be added to the recorded joint positions", offsets)
+    )
+    for table in other_tables(result.parameters):
         _print_table(console, table)
-    _print_directions(console, result["identifiability"]["null_space"])
-    console.print(Text(_fit_line(result["fits"])))
-    if told["robust"] is not None:
-        console.print(Text("Robust fit: " + " ".join(told["robust"]["sentences"])))
-        if told["robust"]["table"] is not None:
-            _print_table(console, told["robust"]["table"])
-    if told["hold_out"] is not None:
-        console.print(Text(_held_out_line(result["hold_out"], told["hold_out"]["sentences"])))
-    if told["intervals"] is not None:
-        _print_table(console, told["intervals"]["table"])
-        console.print(Text(told["intervals"]["sentence"], style="dim"))
-    console.print(Text("Posterior: " + sentence(result["posterior"]["message"]).rstrip(".") + "."))
+    _print_directions(console, result.identifiability.null_space)
+    console.print(Text(_fit_line(result.likelihood)))
+    for section in (robust_section(result), hold_out_section(result), intervals_section(result)):
+        if section is not None:
+            _print_section(console, section)
+    console.print(Text(f"Posterior: {posterior_sentence(result)}."))
 
 
-def print_check(console: Console, answer: Json) -> None:
-    """The answer of `check`: verdict, predicted standard deviations, null directions, notes."""
-    print_verdict(console, answer)
-    for note in answer["notes"]:
-        console.print(Text("! ", style="bold yellow") + Text(sentence(note)))
-    console.print(Text("What this plan will tell", style="italic"))
+def print_check(console: Console, check: Check) -> None:
+    """The answer of `check`: verdict, predicted standard uncertainties, null-space directions, notes."""
+    print_verdict(console, check.verdict, headline(check, person))
+    _print_notes(console, [sentence(note) for note in check_notes(check)])
+    console.print(Text("What this plan will determine", style="italic"))
     table = Table(box=None, pad_edge=False)
-    for name in ("name", "predicted std", "from the data alone", "known before", "status"):
+    for name in ("name", "predicted u", "without prior", "prior", "status"):
         table.add_column(name, justify="left" if name in ("name", "status") else "right")
-    for row in answer["parameters"]:
+    for row in check.parameters:
+        unit = unit_of(row.unit)
+        alone = "infinite" if row.data_std is None else numbers.spread(row.data_std, unit)
         table.add_row(
-            label(row["name"]),
-            "—" if row["std"] is None else numbers.spread(row["std"], unit_of(row)),
-            _data_std(row),
-            numbers.spread(row["prior_std"], unit_of(row)),
-            _status(row["status"]),
+            label(row.name),
+            "—" if row.std is None else numbers.spread(row.std, unit),
+            "—" if row.held else alone,
+            numbers.spread(row.prior_std, unit),
+            _status(row.status),
         )
     console.print(table)
-    _print_directions(console, answer["identifiability"]["null_space"])
-    if answer["advice"] is not None:
-        console.print(Text(advice_words(answer["advice"])))
-    if answer["over_target"] is not None:
-        console.print(Text(over_target_words(answer["over_target"])))
-    off = [posture["off_mm"] for posture in answer["postures"]]
-    if max(off) > 0.05:
+    _print_directions(console, check.identifiability.null_space)
+    if check.advice is not None:
+        console.print(Text(advice_sentence(check.advice)))
+    if check.over_target is not None:
         console.print(
             Text(
-                f"The postures point up to {numbers.significant(max(off), 2, 'mm')} beside the target;"
+                over_target_sentence(
+                    check.over_target, {row.name: unit_of(row.unit) for row in check.parameters}
+                )
+            )
+        )
+    off = max(posture.off_mm for posture in check.postures)
+    if off > 0.05:
+        console.print(
+            Text(
+                f"The postures point up to {numbers.significant(off, 2, 'mm')} away from the target;"
                 " the plan is judged with the wrist turned onto it."
             )
         )
 
 
-def print_proposal(console: Console, answer: Json) -> None:
-    """The answer of `plan`: verdict, predicted stds, efficiency, travel, what removed candidates."""
-    if answer["check"] is None:
+def print_proposal(console: Console, made: MadePlan) -> None:
+    """The answer of `plan`: verdict, predicted uncertainties, efficiency, travel, what removed candidates."""
+    fewest, check = made.fewest, made.checked
+    if check is None:
+        assert fewest is not None  # a plan that was not made is one for which no number of measurements did
+        most, worst = fewest.curve[-1]
         console.print(
             Text(
-                f"No plan of up to {answer['max_shots']} shots brings every standard deviation within"
-                f" {numbers.exact(answer['tolerance'])}; with {answer['curve'][-1]['shots']} shots the worst"
-                f" is {numbers.spread(answer['curve'][-1]['worst_std'])}. What limits is {answer['limit']}."
+                f"No plan of up to {fewest.most} measurements brings every standard uncertainty within"
+                f" {numbers.exact(fewest.tolerance)}; with {most} measurements the largest is"
+                f" {numbers.spread(worst)}. The limit is {fewest.limit}."
             )
         )
         return
-    print_verdict(console, answer["check"])
+    print_verdict(console, check.verdict, headline(check, person))
     table = Table(box=None, pad_edge=False)
     table.add_column("name")
-    table.add_column("predicted std", justify="right")
-    for name, std in answer["predicted_std"].items():
-        table.add_row(label(name), "—" if std is None else numbers.spread(std, answer["units"][name]))
+    table.add_column("predicted u", justify="right")
+    for row in check.parameters:
+        if row.group == "offset":
+            table.add_row(label(row.name), "—" if row.std is None else numbers.spread(row.std, row.unit))
     console.print(table)
-    if answer["efficiency"] is not None:
-        travel = (
-            "" if answer["travel_s"] is None else f"; travel {numbers.significant(answer['travel_s'], 2)} s"
-        )
+    if made.proposal is not None:
+        travel = made.proposal.travel_s
+        seconds = "" if travel is None else f"; travel {numbers.significant(travel, 2)} s"
         console.print(
             Text(
-                f"{answer['shots']} shots by the {answer['criterion']}-criterion: at least"
-                f" {answer['efficiency']:.1%} as good as the best choice from {answer['candidates']}"
-                f" candidates{travel}."
+                f"{len(check.postures)} measurements by the {made.proposal.criterion}-criterion: at least"
+                f" {made.proposal.efficiency:.1%} as good as the best choice from {made.proposal.candidates}"
+                f" candidates{seconds}."
             )
         )
-        console.print(Text(answer["removed"] + ".", style="dim"))
+        console.print(Text(f"{made.removed}.", style="dim"))
 
 
 def print_carried(console: Console, answer: Ended) -> None:
     """The end of `run`: verdict, notes, offsets, what was measured and how long it took, what to do next."""
-    _print_verdict(console, answer.verdict, answer.headline)
+    print_verdict(console, answer.verdict, answer.headline)
     if not answer.consistent:
         console.print(contradicted(answer.p_value))
-    for note in answer.notes:
-        console.print(Text("! ", style="bold yellow") + Text(sentence(note)))
+    _print_notes(console, map(sentence, answer.notes))
     if answer.parameters:
-        console.print(Text("Joint offsets, to be added to the recorded joint positions", style="italic"))
+        console.print(Text(OFFSETS, style="italic"))
         table = Table(box=None, pad_edge=False)
-        for name in ("name", "estimate", "std", "status"):
+        for name in ("name", "estimate", "u", "status"):
             table.add_column(name, justify="left" if name in ("name", "status") else "right")
         for row in answer.parameters:
             table.add_row(label(row.name), *_estimate_and_std(row), _status(row.status))
@@ -146,7 +157,7 @@ def contradicted(p_value: float | None) -> Text:
     """The warning that shots do not agree with the model, or a target with itself."""
     chance = "" if p_value is None else f" (p {numbers.p_value(p_value)})"
     return Text("! ", style="bold yellow") + Text(
-        f"The shots contradict the model{chance}: no estimate or std can be relied on."
+        f"The shots contradict the model{chance}: no estimate or uncertainty can be relied on."
     )
 
 
@@ -168,53 +179,63 @@ def _seconds_line(seconds: Mapping[str, float]) -> str:
     return f"This session took {numbers.significant(sum(seconds.values()), 2, 's')}: {phases}."
 
 
-def print_side_by_side(console: Console, titles: Sequence[str], results: Sequence[Json]) -> None:
+def print_side_by_side(console: Console, titles: Sequence[str], results: Sequence[Result]) -> None:
     """Several results next to each other, with the true values where a simulation states them."""
-    console.print(Text("Offsets and tool: estimate ± standard deviation, and the true value", style="italic"))
+    console.print(
+        Text("Offsets and tool: estimate ± standard uncertainty, and the true value", style="italic")
+    )
     table = Table()
     table.add_column("")
     for title in titles:
         table.add_column(title)
-    names = list(
-        dict.fromkeys(r["name"] for result in results for r in result["parameters"] if r["group"] != "target")
-    )
-    for name in names:
-        cells = [_compared(result, name) for result in results]
-        table.add_row(label(name), *cells)
-    verdicts = [Text(result["verdict"], style=_VERDICT_STYLE[result["verdict"]]) for result in results]
+    rows = [{row.name: row for row in result.parameters if row.group != "target"} for result in results]
+    for name in dict.fromkeys(name for own in rows for name in own):
+        table.add_row(
+            label(name),
+            *(_compared(own.get(name), result) for own, result in zip(rows, results, strict=True)),
+        )
+    verdicts = [Text(result.verdict, style=_VERDICT_STYLE[result.verdict]) for result in results]
     table.add_section()
     table.add_row("verdict", *verdicts)
     console.print(table)
 
 
-def _compared(result: Json, name: str) -> Text:
-    row = next((r for r in result["parameters"] if r["name"] == name), None)
+def _compared(row: ParameterResult | None, result: Result) -> Text:
     if row is None:
         return Text("")
-    provenance = result["inputs"]["header"].get("provenance", {})
-    true = provenance.get(f"true {name} ({row['unit']})")
-    told = Text("" if true is None else f"\ntrue {numbers.exact(true, row['unit'])}", style="dim")
-    if row["status"] == "unidentifiable":
-        return Text("✕ not determined", style=STYLE["unidentifiable"]) + told
-    if row["status"] == "held":
-        return Text(f"■ held at {numbers.exact(row['estimate'], row['unit'])}", style=STYLE["held"]) + told
-    if row["estimate"] is None:
-        return Text("no estimate") + told
-    text = (
-        f"{MARK[row['status']]} {numbers.estimate(row['estimate'], row['std'])}"
-        f" ± {numbers.spread(row['std'], row['unit'])}"
-    )
-    return Text(text, style=STYLE[row["status"]]) + told
+    true = result.inputs.provenance.get(f"true {row.name} ({row.unit})")
+    known = isinstance(true, int | float)
+    truth = Text(f"\ntrue {numbers.exact(float(str(true)), row.unit)}" if known else "", style="dim")
+    style = STYLE[row.status]
+    if row.estimate is None:
+        return Text(f"{MARK[row.status]} not determined", style=style) + truth
+    if row.std is None:
+        return (
+            Text(f"{MARK[row.status]} held at {numbers.exact(row.estimate, row.unit)}", style=style) + truth
+        )
+    text = f"{numbers.estimate(row.estimate, row.std)} ± {numbers.spread(row.std, row.unit)}"
+    return Text(f"{MARK[row.status]} {text}", style=style) + truth
 
 
-def print_verdict(console: Console, answer: Json) -> None:
-    """The verdict of a result or a check with its sentence, and the remedy where it is not a pass."""
-    _print_verdict(console, answer["verdict"], answer["headline"])
+def print_verdict(console: Console, verdict: Verdict, said: str) -> None:
+    """A verdict with its sentence."""
+    console.print(Text(f"{VERDICT_WORDS[verdict]}. ", style=_VERDICT_STYLE[verdict]) + Text(sentence(said)))
 
 
-def _print_verdict(console: Console, verdict: Verdict, headline: str) -> None:
-    text = Text(_VERDICT_WORD[verdict] + ". ", style=_VERDICT_STYLE[verdict])
-    console.print(text + Text(sentence(headline)))
+def _print_notes(console: Console, notes: Iterable[str]) -> None:
+    for note in notes:
+        console.print(Text("! ", style="bold yellow") + Text(note))
+
+
+def _print_section(console: Console, section: blocks.Section) -> None:
+    """A section of the report in the terminal: its paragraphs after its title, then its table."""
+    paragraphs = [block.text for block in section.all if isinstance(block, blocks.Paragraph)]
+    console.print(Text(f"{section.title}: {' '.join(paragraphs)}"))
+    for block in section.all:
+        if isinstance(block, blocks.Table):
+            _print_table(console, block)
+        elif isinstance(block, blocks.Facts):
+            console.print(Text("; ".join(f"{name} {text}" for name, text in block.rows), style="dim"))
 
 
 def _print_table(console: Console, told: blocks.Table) -> None:
@@ -243,50 +264,26 @@ def _status(status: str) -> Text:
     return Text(f"{MARK[status]} {status}", style=STYLE[status])
 
 
-def _data_std(row: Json) -> str:
-    if row["held"]:
-        return "—"
-    return "infinite" if row["data_std"] is None else numbers.spread(row["data_std"], unit_of(row))
-
-
-def _print_directions(console: Console, directions: Sequence[Json]) -> None:
+def _print_directions(console: Console, directions: Sequence[NullDirection]) -> None:
     for direction in directions:
-        terms = list(direction["combination"].items())
-        shown = ", ".join(f"{label(name)} {numbers.significant(weight, 2)}" for name, weight in terms[:4])
-        more = f" and {len(terms) - 4} more" if len(terms) > 4 else ""
+        words = direction_words(direction)
         console.print(
-            Text("✕ " if direction["kind"] == "exact" else "◆ ", style="bold")
-            + Text(f"{shown}{more}: {direction_kind(direction)}")
+            Text("✕ " if direction.kind == "exact" else "◆ ", style="bold")
+            + Text(f"{words.combination}: {words.kind}")
         )
         facts = Table.grid(padding=(0, 1))
-        facts.add_row("  why:", Text(sentence(direction["reason"])))
-        facts.add_row("  to do:", Text(sentence(direction["remedy"])))
+        facts.add_row("  why:", Text(words.reason))
+        facts.add_row("  to do:", Text(words.remedy))
         console.print(facts)
 
 
-def _held_out_line(held_out: Json, sentences: Sequence[str]) -> str:
-    misses = ""
-    if held_out["rms_mm"] is not None:
-        misses = (
-            f"misses {numbers.significant(held_out['rms_mm'], 3)} mm rms"
-            f" (without offsets: {numbers.significant(held_out['rms_before_mm'], 3)} mm). "
-        )
-    names = listed([clipped(name, 24) for name in held_out["targets"]])
-    # The first sentence says what holding out is, for those who did not ask for it.
-    return f"Held out, {names}: {misses}{' '.join(sentences[1:])}"
-
-
-def _fit_line(fits: Json) -> str:
-    fit = fits["likelihood"]
+def _fit_line(fit: LikelihoodSummary) -> str:
     line = (
-        f"Fit: misses {numbers.significant(fit['rms_mm'], 3)} mm rms"
-        f" (before: {numbers.significant(fit['rms_before_mm'], 3)} mm)"
+        f"Fit: residuals {numbers.significant(fit.rms_mm, 3)} mm rms"
+        f" (before: {numbers.significant(fit.rms_before_mm, 3)} mm)"
     )
-    if fit["p_value"] is not None:
-        line += (
-            f", chi-squared {numbers.significant(fit['chi2'], 3)} for {fit['dof']} degrees of freedom"
-            f" (p {numbers.p_value(fit['p_value'])})"
-        )
-    if fit["noise_scale"] is not None:
-        line += f", noise {numbers.significant(fit['noise_scale'], 3)} times the stated one"
+    if fit.p_value is not None:
+        line += f", χ² {numbers.significant(fit.chi2, 3)}, {fit.dof} dof (p {numbers.p_value(fit.p_value)})"
+    if fit.noise_scale is not None:
+        line += f", noise {numbers.significant(fit.noise_scale, 3)} times the stated"
     return line + "."

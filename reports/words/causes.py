@@ -20,6 +20,7 @@ from ...analysis.observability.causes import (
     Unexplained,
 )
 from ...model.tool import ToolKind
+from .wording import Namer
 
 _BASE_FRAME = (
     "joint 1 defines the base frame: a rotation of it together with every target changes no measurement"
@@ -28,8 +29,8 @@ _BASE_FRAME = (
 _TOOL_ROTATION = "a rotation of the last joint is equivalent to one of the uncalibrated laser (section 3.1)"
 
 
-def reason(cause: Cause) -> str:
-    """Why, as what can follow a colon."""
+def reason(cause: Cause, name: Namer = str) -> str:
+    """Why, as what can follow a colon; `name` writes names of parameters and targets."""
     match cause:
         case Held(by="base frame") | BaseFrame():
             return _BASE_FRAME
@@ -42,9 +43,9 @@ def reason(cause: Cause) -> str:
         case NotResolvable():
             return "not resolvable at this noise level"
         case TargetUnseen(target, 1):
-            return f"the target {target} has one measurement only"
+            return f"the target {name(target)} has one measurement only"
         case TargetUnseen(target, _):
-            return f"the target {target} is measured from too few directions to locate it"
+            return f"the target {name(target)} is measured from too few directions to locate it"
         case NoiseSplit():
             return (
                 "the scatter of these residuals does not separate the noise of the joints from that of the"
@@ -75,28 +76,28 @@ def reason(cause: Cause) -> str:
             return "no known mechanism"
 
 
-def remedy(cause: Cause) -> str:
+def remedy(cause: Cause, name: Namer = str) -> str:
     """What to do, as an imperative without a full stop."""
     match cause:
         case Held(by="base frame") | BaseFrame():
-            return "hold delta1 (the default): it is a choice of base frame and costs no accuracy"
+            return f"hold {name('delta1')} (the default): it is a choice of base frame and costs no accuracy"
         case Held(by="header"):
             return "leave it out of `held` to estimate it"
         case Held() | ToolRotation():
-            joint = f"delta{cause.joint}" if isinstance(cause, ToolRotation) else "the last offset"
+            joint = name(f"delta{cause.joint}") if isinstance(cause, ToolRotation) else "the last offset"
             return f"hold {joint}, or calibrate the tool separately and state it as calibrated"
         case Unconverged():
             return "look for a wrong measurement, or state a better guess of target and tool"
         case NotResolvable():
             return "add measurements, or measure with less noise"
         case TargetUnseen(target, _):
-            return f"add measurements of {target} from other directions"
+            return f"add measurements of {name(target)} from other directions"
         case NoiseSplit():
             return "state one of the two, or add measurements with shorter and longer beams"
         case OnAxis(tool, joint):
             return (
                 f"mount the tool so that the {_tool(tool)} is off the axis of joint {joint}, or hold"
-                f" delta{joint}"
+                f" {name(f'delta{joint}')}"
             )
         case CommonMotion():
             return _vary(cause)

@@ -27,10 +27,11 @@ from ...analysis.observability.verdict import worst_direction
 from ...analysis.posterior.posterior import PosteriorSummary
 from ...analysis.result import LikelihoodSummary, Result
 from ...analysis.so_far import SoFar
-from ...analysis.status import Status
+from ...analysis.status import Status, Verdict
 from .causes import reason
-from .wording import listed
+from .wording import Namer, listed
 
+VERDICT_WORDS: dict[Verdict, str] = {"pass": "Pass", "weak": "Weak", "degenerate": "Degenerate"}
 MOST_NAMED = 10
 _NEVER = 1e-12  # a p-value below this says nothing more: no noise is so normal
 _MOST_EXPLANATIONS = 3
@@ -47,13 +48,13 @@ class _Row(Protocol):
     def status(self) -> Status: ...
 
 
-def headline(answer: Result | Check | SoFar) -> str:
-    """The verdict in one or two sentences, with the reason where it is not a pass."""
+def headline(answer: Result | Check | SoFar, name: Namer = str) -> str:
+    """The verdict in one or two sentences, with the reason where it is not a pass; `name` writes names."""
     if isinstance(answer, SoFar):
         if not answer.judged:
             return "These measurements determine no offset yet."
-        return verdict_sentence(answer.offsets, answer.null_space)
-    sentence = verdict_sentence(answer.parameters, answer.identifiability.null_space)
+        return verdict_sentence(answer.offsets, answer.null_space, name)
+    sentence = verdict_sentence(answer.parameters, answer.identifiability.null_space, name)
     if isinstance(answer, Check):
         return sentence
     if not answer.likelihood.converged:
@@ -66,7 +67,9 @@ def headline(answer: Result | Check | SoFar) -> str:
     return sentence
 
 
-def verdict_sentence(parameters: Sequence[_Row], null_space: Sequence[NullDirection]) -> str:
+def verdict_sentence(
+    parameters: Sequence[_Row], null_space: Sequence[NullDirection], name: Namer = str
+) -> str:
     """What can be said of the offsets, the gravest first."""
 
     def offsets(status: Status) -> list[str]:
@@ -75,17 +78,19 @@ def verdict_sentence(parameters: Sequence[_Row], null_space: Sequence[NullDirect
     unknown, weak, identified = offsets("unidentifiable"), offsets("weak"), offsets("identified")
     sentences = []
     if unknown:
-        reasons = dict.fromkeys(reason(worst_direction(null_space, name).cause) for name in unknown)
-        sentences.append(f"{_are(unknown)} unidentifiable from these measurements: {'; '.join(reasons)}.")
+        reasons = dict.fromkeys(reason(worst_direction(null_space, own).cause, name) for own in unknown)
+        sentences.append(
+            f"{_are(unknown, name)} unidentifiable from these measurements: {'; '.join(reasons)}."
+        )
     if weak:
-        sentences.append(f"{_are(weak)} only weakly observable in these measurements.")
+        sentences.append(f"{_are(weak, name)} only weakly observable in these measurements.")
     if identified:
-        sentences.append(f"{_are(identified)} identified.")
+        sentences.append(f"{_are(identified, name)} identified.")
     return " ".join(sentences) or "No offset is estimated: all are held."
 
 
-def _are(names: list[str]) -> str:
-    return f"{listed(names)} {'is' if len(names) == 1 else 'are'}"
+def _are(names: list[str], name: Namer) -> str:
+    return f"{listed([name(own) for own in names])} {'is' if len(names) == 1 else 'are'}"
 
 
 def notes(result: Result) -> tuple[str, ...]:
@@ -269,7 +274,7 @@ def robust_message(robust: Robust) -> str:
     )
 
 
-def place(accuracy: Accuracy) -> str:
+def place(accuracy: Accuracy, name: Namer = str) -> str:
     """What the point is whose accuracy is stated."""
     match accuracy.place:
         case "stated point":
@@ -279,22 +284,22 @@ def place(accuracy: Accuracy) -> str:
         case "last axis":
             n = accuracy.joints
             return (
-                f"the point of the axis of joint {n} nearest to the TCP as stated, as delta{n} is not"
+                f"the point of the axis of joint {n} nearest to the TCP as stated, as {name(f'delta{n}')}"
+                " is not"
                 " determined"
             )
 
 
-def accuracy_reason(accuracy: Accuracy) -> str | None:
+def accuracy_reason(accuracy: Accuracy, name: Namer = str) -> str | None:
     """Why no accuracy is claimed; None where it is."""
     if not accuracy.converged:
         return "the fit did not converge"
     parts: dict[tuple[str, Cause | None], list[str]] = {}
-    for name, held, cause in zip(accuracy.undetermined, accuracy.held, accuracy.causes, strict=True):
-        parts.setdefault(("held" if held else "unidentifiable", cause), []).append(name)
+    for own, held, cause in zip(accuracy.undetermined, accuracy.held, accuracy.causes, strict=True):
+        parts.setdefault(("held" if held else "unidentifiable", cause), []).append(own)
     said = []
     for (state, cause), names in parts.items():
-        why = "" if cause is None else f": {reason(cause)}"
-        said.append(
-            f"the TCP depends on {listed(names)}, which {'is' if len(names) == 1 else 'are'} {state}{why}"
-        )
+        why = "" if cause is None else f": {reason(cause, name)}"
+        verb = "is" if len(names) == 1 else "are"
+        said.append(f"the TCP depends on {listed([name(own) for own in names])}, which {verb} {state}{why}")
     return "; ".join(said) or None

@@ -87,6 +87,6 @@ def with_unit(text: str, unit: str) -> str:
     return text if not unit else text + _UNITS.get(unit, f"{NO_BREAK}{unit}")
 
 
-def or_words(value: float | None, words: str, unit: str = "") -> str:
+def or_words(value: float | None, words: str, unit: str = "", digits: int = 3) -> str:
     """A number as `significant`, or the words for what there is instead."""
-    return words if value is None else significant(value, unit=unit)
+    return words if value is None else significant(value, digits, unit)

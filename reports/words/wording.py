@@ -10,8 +10,11 @@ from __future__ import annotations
 import functools
 import re
 import unicodedata
+from collections.abc import Callable
 
 from ..style.typeface import font_file
+
+Namer = Callable[[str], str]  # writes the name of a parameter or target: `str` in files, `label` for people
 
 NAME_WIDTH = 32
 LONGEST_WORD = 60
@@ -19,6 +22,9 @@ LONGEST_WORD = 60
 # Cc control, Cs lone surrogates, Cn unassigned, Zl and Zp separators: nothing to see in any font.
 _UNSEEN = {"Cc", "Cs", "Cn", "Zl", "Zp"}
 _TURNING = frozenset("\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")
+
+
+NOT_DETERMINED = "not determined by these data"
 
 
 def shown(text: str) -> str:
@@ -40,18 +46,17 @@ def clipped(name: str, width: int = NAME_WIDTH) -> str:
 
 
 def label(name: str, width: int = NAME_WIDTH) -> str:
-    """A parameter's name as people write it: `delta2` is δ2, others stay as they are."""
+    """A parameter's name as people write it: `delta2` is J2 (δ2), others stay as they are."""
     found = re.fullmatch(r"delta(\d+)", name)
-    return f"δ{found.group(1)}" if found else clipped(name, width)
+    return f"J{found.group(1)} (δ{found.group(1)})" if found else clipped(name, width)
 
 
 def sentence(text: str) -> str:
-    """A sentence of the analysis, offsets written as in the tables (δ2), endless words clipped."""
+    """A sentence that holds foreign text, made fit to be shown; endless words clipped."""
     words = re.sub(
         rf"\S{{{LONGEST_WORD + 1},}}", lambda word: clipped(word.group(), LONGEST_WORD), shown(text)
     )
-    words = re.sub(r"(?<=\d) %", "\u00a0%", words)
-    return re.sub(r"\bdelta(\d+)\b(?!\.\w)", r"δ\1", words)
+    return re.sub(r"(?<=\d) %", "\u00a0%", words)
 
 
 def counted(number: int, noun: str) -> str:

@@ -21,8 +21,8 @@ from zerobeam.analysis.diagnostics.hold_out import hold_out
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.model.files.run import read_run
 from zerobeam.model.problem import Problem
+from zerobeam.reports.run.second_opinions import hold_out_part
 from zerobeam.reports.run.view import view
-from zerobeam.reports.run.view_opinions import hold_out_part
 from zerobeam.reports.words.result_json import to_json
 
 Row = dict[str, Any]

@@ -28,11 +28,12 @@ from pages import DATA, Page, assert_fetches_nothing
 from ruamel.yaml import YAML
 
 from zerobeam.analysis.observability.aim import AimedPlan, aim_plan
-from zerobeam.analysis.observability.check import check
+from zerobeam.analysis.observability.check import Check, check
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.problem import Problem
-from zerobeam.reports.plan.plan_page import NOT_TOLD, plan_page, write_plan_page
+from zerobeam.reports.plan.plan_file import write_plan_page
+from zerobeam.reports.plan.plan_page import NOT_DETERMINED, plan_page
 from zerobeam.reports.plan.plan_scene import plan_scene, postures_of
 from zerobeam.reports.words import numbers
 from zerobeam.reports.words.result_json import check_json
@@ -41,13 +42,14 @@ Refused = Callable[..., BadInput]
 
 
 def made(plan: Plan) -> tuple[str, dict[str, Any]]:
-    turned, answer = judged(plan)
-    return plan_page(turned, answer), answer
+    """The page, and the answer of `check --json`."""
+    turned, found = judged(plan)
+    return plan_page(turned, found), check_json(found)
 
 
-def judged(plan: Plan) -> tuple[AimedPlan, dict[str, Any]]:
+def judged(plan: Plan) -> tuple[AimedPlan, Check]:
     turned = aim_plan(plan)
-    return turned, check_json(check(plan, turned))
+    return turned, check(plan, turned)
 
 
 def hostile_plan() -> Plan:
@@ -90,7 +92,7 @@ def test_what_cannot_be_known_has_no_number_but_a_reason_and_a_remedy() -> None:
     untold = [row for row in answer["parameters"] if row["status"] == "unidentifiable"]
     assert [row["name"] for row in untold] == ["delta2", "psd.x", "psd.z"]
     for row in untold:
-        assert page.row(row["name"].replace("delta", "δ"))[1:] == ["unidentifiable", NOT_TOLD]
+        assert page.row(row["name"].replace("delta", "δ"))[1:] == ["unidentifiable", NOT_DETERMINED]
     assert page.row("δ1")[1:] == ["held", "not estimated"]
     # Negative control: a row that is told does have numbers.
     assert re.search(r"\d", page.row("δ4")[2])
@@ -107,7 +109,7 @@ def test_a_direction_lost_in_the_noise_gives_its_parameters_no_number_either() -
     (row,) = [row for row in answer["parameters"] if row["name"] == "delta2"]
     assert row["status"] == "unidentifiable"
     assert row["data_std"] is not None
-    assert Page(text).row("δ2")[1:] == ["unidentifiable", NOT_TOLD]
+    assert Page(text).row("δ2")[1:] == ["unidentifiable", NOT_DETERMINED]
 
 
 def test_the_joints_to_copy_are_the_aimed_postures() -> None:
@@ -119,7 +121,7 @@ def test_the_joints_to_copy_are_the_aimed_postures() -> None:
     again = check_json(check(dataclasses.replace(plan, postures=np.radians(copied))))
     assert min(posture["off_mm"] for posture in answer["postures"]) > 1
     assert max(posture["off_mm"] for posture in again["postures"]) < 1e-3
-    assert "point up to" in page.words
+    assert "they miss it by up to" in page.words
     first = page.row("0")
     assert first[2:8] == [numbers.with_unit(numbers.fixed(value, 2), "deg") for value in copied[0]]
     assert first[-1] == numbers.significant(answer["postures"][0]["off_mm"], 2, "mm")
@@ -186,10 +188,10 @@ def test_a_posture_that_cannot_hit_stays_as_planned_and_says_so() -> None:
     wrist, _ = Problem.from_plan(plan_of(header(AXIS_LASER), plan.postures[2:3])).beams(np.zeros(9))
     beside = {"kind": "laser", "point_mm": [0, 400, 0], "direction": [1, 0, 0]}
     near = plan_of(header(beside, target=(wrist[0] + [30.0, 0.0, 40.0]).tolist()), plan.postures)
-    answer = check_json(check(near))
-    missed = [posture["posture"] for posture in answer["postures"] if not posture["hit"]]
+    found = check(near)
+    missed = [posture.posture for posture in found.postures if not posture.hit]
     assert 2 in missed
-    page = Page(plan_page(aim_plan(near), answer))
+    page = Page(plan_page(aim_plan(near), found))
     beams = page.scene["postures"]
     assert all(not beams[i]["reaches"] for i in missed)
     np.testing.assert_array_equal(postures_of(aim_plan(near)).joints[2], plan.postures[2])
@@ -291,7 +293,7 @@ def test_it_is_small_and_serves_paper_dark_and_screen_readers() -> None:
 
 def test_the_page_is_written_and_replaces_only_a_page_of_its_kind(tmp_path: Path, refused: Refused) -> None:
     path = tmp_path / "plan.html"
-    write_plan_page(path, *judged(pattern_plan("x")))
+    write_plan_page(str(path), *judged(pattern_plan("x")))
     write_plan_page(path, *judged(good_plan()))
     assert "Pass" in Page(path.read_text(encoding="utf-8")).words
     assert [file.name for file in tmp_path.iterdir()] == ["plan.html"]

@@ -14,8 +14,8 @@ from made_fit import by_hand
 from numpy import diag, radians
 
 from zerobeam.analysis.diagnostics.accuracy import accuracy
-from zerobeam.reports.run.figure_tool_accuracy import class_of, tool_accuracy_picture
-from zerobeam.reports.run.view_accuracy import accuracy_section
+from zerobeam.reports.run.workspace import accuracy_section
+from zerobeam.reports.run.workspace_figure import class_of, tool_accuracy_picture
 from zerobeam.reports.style.canvas import themed
 from zerobeam.reports.style.palette import PALETTE
 

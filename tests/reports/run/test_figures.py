@@ -11,8 +11,8 @@ import pytest
 from example_results import EXAMPLES, drawn, draws, good, hostile, misfit, unconverged, x_pattern
 
 from zerobeam.analysis.result import Result
-from zerobeam.reports.run.figure_offsets import offsets_picture
-from zerobeam.reports.run.figure_posterior import posterior_picture
+from zerobeam.reports.run.offsets_figure import offsets_picture
+from zerobeam.reports.run.posterior_figure import posterior_picture
 from zerobeam.reports.style.canvas import themed
 from zerobeam.reports.style.palette import PALETTE
 from zerobeam.reports.words.result_json import to_json

@@ -15,7 +15,7 @@ from example_results import draws, good, hostile, unconverged, x_pattern
 from zerobeam.analysis.status import UnsoundResult
 from zerobeam.model.errors import BadInput
 from zerobeam.reports.output import whole_folder
-from zerobeam.reports.run.folder import write_report
+from zerobeam.reports.run.report_folder import write_report
 from zerobeam.reports.words.result_json import to_json
 
 Refused = Callable[..., BadInput]

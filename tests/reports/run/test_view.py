@@ -25,8 +25,8 @@ from example_results import (
 )
 
 from zerobeam.analysis.result import Result
+from zerobeam.reports.run.parameters import NOT_DETERMINED
 from zerobeam.reports.run.view import view
-from zerobeam.reports.run.view_parameters import NOT_DETERMINED
 from zerobeam.reports.words.result_json import to_json
 
 

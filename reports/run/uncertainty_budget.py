@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Sequence
 
+from ...analysis.diagnostics.budget import Budget, BudgetRow
+from ...analysis.result import Result
+from ...analysis.solution import ParameterResult
 from ..style.blocks import Block, Cell, Legend, Paragraph, Section, Table, row_of, section_of, table_of
 from ..words import numbers
 from ..words.wording import label, listed
-from .view_fit import times_the_noise
-from .view_parameters import reasons
-
-Json = dict[str, Any]
+from .fit_quality import misfit_factor
+from .parameters import reasons
 
 MINOR = 0.01  # share of every variance in a table below which a source is told with others
 MOST_SOURCES = 12
@@ -21,20 +22,19 @@ _NAME = 20
 _SAME = 1.02  # by less no two significant digits differ
 
 
-def budget_section(result: Json) -> Section | None:
+def budget_section(result: Result) -> Section | None:
     """None where the fit did not converge: there is no estimate whose uncertainty could be told."""
-    if not result["fits"]["likelihood"]["converged"]:
+    if not result.likelihood.converged:
         return None
-    groups = {row["name"]: row["group"] for row in result["parameters"]}
     blocks: list[Block | None] = [Paragraph(_lead(result))]
     for what, group in (("offsets", "offset"), ("tool", "tool")):
-        budgets = [budget for budget in result["budget"] if groups[budget["name"]] == group]
+        budgets = [budget for budget in result.budget if result.parameters.named(budget.name).group == group]
         for first in range(0, len(budgets), MOST_COLUMNS):
             blocks += _tables(result, what, budgets[first : first + MOST_COLUMNS])
     untold = [
         row
-        for row in result["parameters"]
-        if row["group"] in ("offset", "tool") and row["status"] in ("unidentifiable", "held")
+        for row in result.parameters
+        if row.group in ("offset", "tool") and row.status in ("unidentifiable", "held")
     ]
     if untold:
         blocks += [
@@ -45,46 +45,47 @@ def budget_section(result: Json) -> Section | None:
     return section_of("Uncertainty budget", *blocks)
 
 
-def _lead(result: Json) -> str:
-    held = [label(row["name"]) for row in result["parameters"] if row["held"]]
+def _lead(result: Result) -> str:
+    held = [label(row.name) for row in result.parameters if row.held]
     exact = ["the robot’s geometry"]
-    if result["inputs"]["header"]["tool"].get("calibrated", True):
+    if result.inputs.calibrated:
         exact.append("the calibrated tool")
     said = (
-        "By the GUM (JCGM 100:2008). A contribution is the standard deviation that its source alone gives the"
-        " estimate, negative if it lowers the variance; in brackets stands its share of the variance. Of a"
-        " joint and of the spot it is the noise of the reading. Type A was evaluated from this run’s misses,"
+        "By the GUM (JCGM 100:2008). A contribution is the standard uncertainty that its source alone"
+        " gives the"
+        " estimate, negative if it lowers the variance; in brackets is its share of the variance. Of a"
+        " joint and of the spot it is the noise of the reading. Type A was evaluated from this run’s"
+        " residuals,"
         " type B was stated. Taken as exact, and so in no budget:"
         f" {listed([*exact, *held])}."
     )
-    if any(_wider(result, budget) for budget in result["budget"]):
+    if any(_wider(result, budget) for budget in result.budget):
         said += (
             " U is larger than half the 95 % interval in the table of estimates: that takes the noise as it"
             " was found, k allows for how well it is known."
         )
-    fit = result["fits"]["likelihood"]
-    if times := times_the_noise(fit):
+    if times := misfit_factor(result):
         said += (
-            f" The misses are some {times} times as large as the stated noise explains: the budget does not"
-            " contain what makes them so, and is too small."
+            f" The residuals are {times} times the stated noise: the budget does not contain what makes"
+            " them so,"
+            " and is too small."
         )
     return said
 
 
-def _wider(result: Json, budget: Json) -> bool:
-    low, high = _parameter(result, budget)["interval95"]
-    return bool(budget["expanded"] > _SAME * (high - low) / 2)
+def _wider(result: Result, budget: Budget) -> bool:
+    interval = _parameter(result, budget).interval95
+    return interval is not None and bool(budget.expanded > _SAME * (interval[1] - interval[0]) / 2)
 
 
-def _parameter(result: Json, budget: Json) -> Json:
-    found: Json = next(row for row in result["parameters"] if row["name"] == budget["name"])
-    return found
+def _parameter(result: Result, budget: Budget) -> ParameterResult:
+    return result.parameters.named(budget.name)
 
 
-def source_words(row: Json, tool: str) -> str:
+def source_words(row: BudgetRow, tool: str) -> str:
     """A source in words; `tool` is the tool's kind."""
-    names = [label(name, _NAME) for name in row["of"]]
-    match row["kind"]:
+    names = [label(name, _NAME) for name in row.of]
+    match row.kind:
         case "joint":
             return f"joint {names[0]}"
         case "spot":
@@ -99,24 +100,23 @@ def source_words(row: Json, tool: str) -> str:
             return "curvature of the posterior"
 
 
-def _tables(result: Json, what: str, budgets: list[Json]) -> list[Block | None]:
+def _tables(result: Result, what: str, budgets: Sequence[Budget]) -> list[Block | None]:
     """Contributions and results, then sensitivities; a source a row, a parameter a column."""
-    rows = [budget["rows"] for budget in budgets]
-    largest = [max(abs(own[i]["share"]) for own in rows) for i in range(len(rows[0]))]
+    rows = [budget.rows for budget in budgets]
+    largest = [max(abs(own[i].share) for own in rows) for i in range(len(rows[0]))]
     ranked = sorted(range(len(largest)), key=lambda i: -largest[i])
     kept = {i for i in ranked[:MOST_SOURCES] if largest[i] >= MINOR}
     if len(ranked) - len(kept) == 1:
         kept = set(ranked)
     others = [i for i in ranked if i not in kept]
-    tool = result["inputs"]["header"]["tool"]["kind"]
-    heads = [(f"{label(budget['name'])} ({_unit(budget['unit'])})", "right") for budget in budgets]
+    tool = result.inputs.tool
+    heads = [(f"{label(budget.name)} ({_unit(budget.unit)})", "right") for budget in budgets]
     shown = []
     for i in sorted(kept):
         source = rows[0][i]
         std = _std(source)
         cells = [
-            _contribution(own[i]["contribution"], own[i]["share"], b)
-            for own, b in zip(rows, budgets, strict=True)
+            _contribution(own[i].contribution, own[i].share, b) for own, b in zip(rows, budgets, strict=True)
         ]
         shown.append(row_of(source_words(source, tool), std, *cells))
     said = None
@@ -127,13 +127,13 @@ def _tables(result: Json, what: str, budgets: list[Json]) -> list[Block | None]:
         shown.append(row_of(name, "", *cells))
         said = Paragraph(f"The others: {listed([source_words(rows[0][i], tool) for i in others], 6)}.")
     shown += [
-        row_of("combined u", "", *(numbers.spread(b["std"]) for b in budgets)),
-        row_of("ν effective", "", *(_dof(b["dof"]) for b in budgets)),
-        row_of("k for 95 %", "", *(numbers.fixed(b["coverage_factor"], 2) for b in budgets)),
-        row_of("expanded U = k u", "", *(numbers.spread(b["expanded"]) for b in budgets)),
+        row_of("combined u", "", *(numbers.spread(b.std) for b in budgets)),
+        row_of("ν effective", "", *(_dof(b.dof) for b in budgets)),
+        row_of("k for 95 %", "", *(numbers.fixed(b.coverage_factor, 2) for b in budgets)),
+        row_of("expanded U = k u", "", *(numbers.spread(b.expanded) for b in budgets)),
         row_of("result", "", *(_result(result, b) for b in budgets)),
     ]
-    columns = [("source", "left"), ("its std, type", "right"), *heads]
+    columns = [("source", "left"), ("its u, type", "right"), *heads]
     of = "the offsets" if what == "offsets" else "the tool"
     return [
         table_of(f"Contributions to the uncertainty of {of}", columns, shown),
@@ -143,37 +143,37 @@ def _tables(result: Json, what: str, budgets: list[Json]) -> list[Block | None]:
 
 
 def _sensitivities(
-    of: str, tool: str, rows: list[list[Json]], kept: list[int], heads: list[tuple[str, str]]
+    of: str, tool: str, rows: Sequence[Sequence[BudgetRow]], kept: list[int], heads: list[tuple[str, str]]
 ) -> Table | None:
     shown = [
         row_of(
             source_words(rows[0][i], tool),
-            f"per {_unit(rows[0][i]['unit'])}",
-            *(numbers.significant(own[i]["sensitivity"], 2) for own in rows),
+            f"per {_unit(rows[0][i].unit)}",
+            *(numbers.or_words(own[i].sensitivity, "", digits=2) for own in rows),
         )
         for i in kept
-        if rows[0][i]["sensitivity"] is not None
+        if rows[0][i].sensitivity is not None
     ]
     columns = [("source", "left"), ("sensitivity", "left"), *heads]
-    caption = f"Sensitivities of {of}: contribution per unit of the source’s std, all its readings together"
+    caption = f"Sensitivities of {of}: contribution per unit of the source’s u, all its readings together"
     return table_of(caption, columns, shown) if shown else None
 
 
-def _std(source: Json) -> str:
-    if source["std"] is None:
+def _std(source: BudgetRow) -> str:
+    if source.std is None:
         return ""
-    stated = source["dof"] is None
-    std = (numbers.exact if stated else numbers.spread)(source["std"], source["unit"])
-    return f"{std}, {source['type']}"
+    stated = source.dof is None
+    std = (numbers.exact if stated else numbers.spread)(source.std, source.unit or "")
+    return f"{std}, {source.type}"
 
 
-def _unit(unit: str) -> str:
-    return _DEGREE.get(unit, unit)
+def _unit(unit: str | None) -> str:
+    return _DEGREE.get(unit or "", unit or "")
 
 
-def _contribution(contribution: float, share: float, budget: Json) -> str:
+def _contribution(contribution: float, share: float, budget: Budget) -> str:
     """With one digit more than the combined uncertainty has, and its share of the variance."""
-    digits = numbers.decimals(budget["std"]) + 1
+    digits = numbers.decimals(budget.std) + 1
     least = 10.0**-digits
     if abs(contribution) < least / 2:
         return f"<{numbers.NO_BREAK}{numbers.fixed(least / 2, digits + 1)}"
@@ -181,46 +181,47 @@ def _contribution(contribution: float, share: float, budget: Json) -> str:
     return f"{numbers.fixed(contribution, digits)} ({percent}{numbers.NO_BREAK}%)"
 
 
-def _together(rows: list[Json], budget: Json) -> str:
+def _together(rows: Sequence[BudgetRow], budget: Budget) -> str:
     """Of several sources: their variances added."""
-    variance = sum(math.copysign(row["contribution"] ** 2, row["contribution"]) for row in rows)
+    variance = sum(math.copysign(row.contribution**2, row.contribution) for row in rows)
     root = math.copysign(math.sqrt(abs(variance)), variance)
-    return _contribution(root, sum(row["share"] for row in rows), budget)
+    return _contribution(root, sum(row.share for row in rows), budget)
 
 
 def _dof(dof: float | None) -> str:
     return "∞" if dof is None else str(math.floor(dof)) if dof >= 1 else numbers.significant(dof, 2)
 
 
-def _result(result: Json, budget: Json) -> str:
-    estimate = _parameter(result, budget)["estimate"]
-    return f"{numbers.estimate(estimate, budget['expanded'])} ± {numbers.spread(budget['expanded'])}"
+def _result(result: Result, budget: Budget) -> str:
+    estimate = _parameter(result, budget).estimate
+    assert estimate is not None  # a budget is of what the data determine
+    return f"{numbers.estimate(estimate, budget.expanded)} ± {numbers.spread(budget.expanded)}"
 
 
 # ── the linear intervals against the posterior ────────────────────────────────────────────────
 
 
-def _check(result: Json) -> list[Block | None]:
-    checked = [budget for budget in result["budget"] if budget["check"] is not None]
-    if not result["budget"]:
+def _check(result: Result) -> list[Block | None]:
+    checked = [(budget, budget.check) for budget in result.budget if budget.check is not None]
+    if not result.budget:
         return []
     if not checked:
         return [Paragraph("The intervals were not checked against the posterior: it has not converged.")]
     rows = []
-    for budget in checked:
-        check, unit = budget["check"], budget["unit"]
-        digits = f"to {check['digits']} digit{'s' if check['digits'] > 1 else ''}"
+    for budget, check in checked:
+        unit = budget.unit
+        digits = f"to {check.digits} digit{'s' if check.digits > 1 else ''}"
         word, mark = {
             True: (f"yes, {digits}", "identified"),
             False: (f"no, not {digits}", "weak"),
-            None: ("the draws do not tell", ""),
-        }[check["validated"]]
-        told = (check[key] for key in ("d_low", "d_high", "tolerance"))
+            None: ("inconclusive: Monte Carlo error too large", ""),
+        }[check.validated]
+        ends = (check.d_low, check.d_high, check.tolerance)
         rows.append(
             row_of(
-                label(budget["name"]),
-                *(numbers.significant(value, 2, unit) for value in told),
-                numbers.significant(2 * check["ends_std"], 2, unit),
+                label(budget.name),
+                *(numbers.significant(value, 2, unit) for value in ends),
+                numbers.significant(2 * check.ends_std, 2, unit),
                 Cell(word, mark=mark),
                 tone=mark,
             )
@@ -230,16 +231,16 @@ def _check(result: Json) -> list[Block | None]:
         ("lower ends apart", "right"),
         ("upper ends apart", "right"),
         ("tolerance δ", "right"),
-        ("draws tell ends to", "right"),
+        ("Monte Carlo error of the ends", "right"),
         ("validated", "left"),
     ]
     said = (
         "Estimate ± U against the 95 % interval of the posterior’s draws (JCGM 101:2008, clause 8): validated"
         " if the ends agree to δ, half a unit in the last of two significant digits of u, or of one where the"
-        " draws cannot tell two."
+        " draws cannot decide by two."
     )
-    if any(budget["check"]["validated"] is False for budget in checked):
+    if any(check.validated is False for _, check in checked):
         said += " Where the answer is no, use the posterior’s interval."
-    if any(budget["check"]["validated"] is None for budget in checked):
-        said += " Where the draws do not tell, more of them might (--ess 20000)."
+    if any(check.validated is None for _, check in checked):
+        said += " Where it is inconclusive, more draws might decide (--ess 20000)."
     return [Paragraph(said), table_of("Linear intervals against the posterior", columns, rows)]

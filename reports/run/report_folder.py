@@ -57,13 +57,11 @@ def check_target(folder: Path | str) -> None:
 def _write_files(folder: Path, result: Result, draws: Draws | None) -> list[str]:
     """All files of the report into an empty folder; the names of the figures."""
     # The heavy libraries (matplotlib, xarray) are loaded only once it is known that they are needed.
-    answer = to_json(result)
-    text = dumps(answer)
+    text = dumps(to_json(result))
 
     from ..output.page_files import write_page
     from ..output.posterior_file import write_posterior
-    from .figures import pictures
-    from .report_page import report_page
+    from .report_page import pictures, report_page
     from .run_scene import run_turnable
 
     if draws is not None:
@@ -71,9 +69,9 @@ def _write_files(folder: Path, result: Result, draws: Draws | None) -> list[str]
     return write_page(
         folder,
         "report",
-        report_page(answer),
-        pictures(answer, draws),
+        report_page(result),
+        pictures(result, draws),
         "report",
         answer=(RESULT, text),
-        turnable=run_turnable(answer),
+        turnable=run_turnable(result),
     )

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...analysis.diagnostics.influence import ShotResult
+from ...analysis.result import Result
 from ..style.canvas import Picture, new_figure, style, to_svg
 from ..style.palette import light
 from ..words.wording import clipped, in_font, shown
@@ -21,13 +23,13 @@ FEW_SHOTS = 60
 _FEW_TARGETS = 8
 
 
-def misses_picture(result: dict[str, Any]) -> Picture:
-    """Above the misses in mm, dots with the leave-one-out miss as a ring; below in their own σ.
+def residuals_picture(result: Result) -> Picture:
+    """Above the residuals in mm, dots with the leave-one-out residual as a ring; below in their own σ.
 
     Shots stand target by target, in the order of the run. For more than 60 the stems go and the
     dots shrink. The line in the lower panel is the 95 % limit that the stated noise leads one to expect.
     """
-    shots = result["shots"]
+    shots = result.shots
     order = sorted(shots, key=_rank(shots))
     few = len(order) <= FEW_SHOTS
     with style():
@@ -37,40 +39,42 @@ def misses_picture(result: dict[str, Any]) -> Picture:
         over = _sigmas(below, order, few)
         room = _targets(above, below, order)
         if few:
-            below.set_xticks(range(len(order)), [str(shot["shot"]) for shot in order])
+            below.set_xticks(range(len(order)), [str(shot.shot) for shot in order])
             below.tick_params(axis="x", labelsize=9 if len(order) <= 25 else 5.5)
         else:
             below.tick_params(axis="x", labelbottom=False, length=0)
-        below.set_xlabel("shot" if few else f"{len(order)} shots, target by target", labelpad=room)
+        below.set_xlabel(
+            "measurement" if few else f"{len(order)} measurements, target by target", labelpad=room
+        )
         below.set_xlim(-0.7, len(order) - 0.3)
         for axes in (above, below):
             axes.grid(visible=False, axis="x")
             axes.set_ylim(bottom=0)
         svg = to_svg(figure, "misses")
-    worst = max(order, key=lambda shot: float(shot["whitened"]))
+    worst = max(order, key=lambda shot: float(shot.whitened))
     alt = (
-        f"Misses of {len(order)} shots at {_targets_of(order)}. {over} lie beyond "
-        f"the 95 % limit of the noise; the largest is shot {worst['shot']}."
+        f"Residuals of {len(order)} measurements at {_targets_of(order)}. {over} lie beyond "
+        f"the 95 % limit of the noise; the largest is measurement {worst.shot}."
     )
-    return Picture("misses", "Misses shot by shot", alt, svg)
+    return Picture("misses", "Residuals, measurement by measurement", alt, svg)
 
 
-def _targets_of(shots: list[dict[str, Any]]) -> str:
-    count = len({shot["target"] for shot in shots})
+def _targets_of(shots: Sequence[ShotResult]) -> str:
+    count = len({shot.target for shot in shots})
     return "one target" if count == 1 else f"{count} targets"
 
 
-def _rank(shots: list[dict[str, Any]]) -> Callable[[dict[str, Any]], int]:
+def _rank(shots: Sequence[ShotResult]) -> Callable[[ShotResult], int]:
     first: dict[str, int] = {}
     for i, shot in enumerate(shots):
-        first.setdefault(shot["target"], i)
-    return lambda shot: first[shot["target"]]
+        first.setdefault(shot.target, i)
+    return lambda shot: first[shot.target]
 
 
-def _millimetres(axes: Axes, shots: list[dict[str, Any]], few: bool) -> None:
+def _millimetres(axes: Axes, shots: Sequence[ShotResult], few: bool) -> None:
     x = np.arange(len(shots))
-    miss = np.array([math.hypot(*shot["miss_mm"]) for shot in shots])
-    left = [shot["leave_one_out"] for shot in shots]
+    miss = np.array([math.hypot(*shot.miss_mm) for shot in shots])
+    left = [shot.leave_one_out for shot in shots]
     told = np.array([i for i, value in enumerate(left) if value is not None], dtype=int)
     ring = np.array([value for value in left if value is not None])
     if few:
@@ -81,10 +85,10 @@ def _millimetres(axes: Axes, shots: list[dict[str, Any]], few: bool) -> None:
         told, ring, "o", markersize=size, markerfacecolor="none", markeredgewidth=rim, color=light("weak")
     )
     axes.plot(x, miss, "o", markersize=size, markeredgewidth=0, color=light("identified"))
-    axes.set_ylabel("miss, mm")
+    axes.set_ylabel("residual, mm")
     handles = [_dot("identified", filled=True, words="at the fit")]
     if len(told):
-        handles.append(_dot("weak", filled=False, words="predicted by the other shots"))
+        handles.append(_dot("weak", filled=False, words="leave-one-out"))
     _key(axes, handles)
 
 
@@ -120,14 +124,14 @@ def _dot(role: str, *, filled: bool, words: str, shape: str = "o") -> Line2D:
     )
 
 
-def _sigmas(axes: Axes, shots: list[dict[str, Any]], few: bool) -> int:
+def _sigmas(axes: Axes, shots: Sequence[ShotResult], few: bool) -> int:
     """Draws the lower panel; how many shots lie beyond the 95 % limit."""
     from matplotlib.lines import Line2D
     from scipy.special import chdtri
 
     x = np.arange(len(shots))
-    whitened = np.array([shot["whitened"] for shot in shots])
-    limit = np.array([math.sqrt(chdtri(len(shot["miss_mm"]), 0.05)) for shot in shots])
+    whitened = np.array([shot.whitened for shot in shots])
+    limit = np.array([math.sqrt(chdtri(len(shot.miss_mm), 0.05)) for shot in shots])
     beyond = whitened > limit
     if few:
         axes.vlines(x, 0, whitened, color=light("line"), linewidth=1)
@@ -141,16 +145,16 @@ def _sigmas(axes: Axes, shots: list[dict[str, Any]], few: bool) -> int:
     expected = Line2D([], [], **dashes, label="95 % limit of the noise")
     outside = [_dot("weak", filled=True, words="beyond it", shape="^")] if beyond.any() else []
     _key(axes, [expected, *outside])
-    axes.set_ylabel("in its own σ")
+    axes.set_ylabel("normalised residual")
     return int(beyond.sum())
 
 
-def _targets(above: Axes, below: Axes, shots: list[dict[str, Any]]) -> float:
+def _targets(above: Axes, below: Axes, shots: Sequence[ShotResult]) -> float:
     """Several targets: a line between them and their names below, steep where there are many.
 
     Returns the room (points) that the axis label has to leave for the names.
     """
-    runs = [(name, len(list(group))) for name, group in groupby(shots, key=lambda shot: shot["target"])]
+    runs = [(name, len(list(group))) for name, group in groupby(shots, key=lambda shot: shot.target)]
     if len(runs) == 1:
         return 3.0
     few = len(runs) <= _FEW_TARGETS

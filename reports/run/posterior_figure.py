@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...analysis.posterior.posterior import Draws
+from ...analysis.result import Result
+from ...analysis.solution import ParameterResult
 from ..style.canvas import WIDTH, Picture, new_figure, style, to_svg
 from ..style.palette import light
 from ..words.wording import in_font, label
@@ -23,19 +25,20 @@ _LEFT, _RIGHT, _BOTTOM, _TOP = 0.68, 0.04, 0.62, 0.04  # inches about the panels
 _FLAT = 0.86  # height of a panel by its width
 
 
-def posterior_picture(result: dict[str, Any], draws: Draws | None) -> Picture | None:
-    """Marginals on the diagonal, 50 % and 95 % regions below it, for up to six told offsets.
+def posterior_picture(result: Result, draws: Draws | None) -> Picture | None:
+    """Marginals on the diagonal, 50 % and 95 % regions below it, for up to six offsets that the data
+    determine.
 
     None where there is nothing that may be drawn: no draws, a posterior that has not converged, or
-    no offset that the data tell. Directions drawn from the prior are never shown.
+    no offset that the data determine. Directions drawn from the prior are never shown.
     """
-    if draws is None or not draws.converged or not result["posterior"]["converged"]:
+    if draws is None or not draws.converged or not result.posterior.converged:
         return None
     told = _told_offsets(result, draws)
     if not told:
         return None
     chosen = told[:MOST_PARAMETERS]
-    values = _thinned(draws, [draws.names.index(row["name"]) for row in chosen])
+    values = _thinned(draws, [draws.names.index(row.name) for row in chosen])
     with style():
         height = _BOTTOM + _TOP + (WIDTH - _LEFT - _RIGHT) * _FLAT * len(chosen) / max(len(chosen), 3)
         figure = new_figure(height, fitted=False)
@@ -59,7 +62,7 @@ def posterior_picture(result: dict[str, Any], draws: Draws | None) -> Picture | 
                 _finish(axes, i, j, chosen)
         figure.align_labels()
         svg = to_svg(figure, "posterior")
-    names = ", ".join(label(row["name"]) for row in chosen)
+    names = ", ".join(label(row.name) for row in chosen)
     left_out = f" {len(told) - len(chosen)} more are in posterior.nc." if len(told) > len(chosen) else ""
     return Picture(
         "posterior",
@@ -69,15 +72,11 @@ def posterior_picture(result: dict[str, Any], draws: Draws | None) -> Picture | 
     )
 
 
-def _told_offsets(result: dict[str, Any], draws: Draws) -> list[dict[str, Any]]:
-    """Offsets that the data tell, the least certain first."""
-    told = [
-        row
-        for row in result["parameters"]
-        if row["group"] == "offset" and row["status"] in ("identified", "weak") and row["name"] in draws.names
-    ]
+def _told_offsets(result: Result, draws: Draws) -> list[ParameterResult]:
+    """Offsets that the data determine, the least certain first."""
+    told = [row for row in result.parameters if row.group == "offset" and row.name in draws.names]
     if len(told) > MOST_PARAMETERS:
-        widest = sorted(told, key=lambda row: -row["std"])[:MOST_PARAMETERS]
+        widest = sorted(told, key=lambda row: -(row.std or 0.0))[:MOST_PARAMETERS]
         told = [row for row in told if row in widest] + [row for row in told if row not in widest]
     return told
 
@@ -103,33 +102,34 @@ def _smooth(heights: NDArray[np.float64]) -> NDArray[np.float64]:
     return smooth
 
 
-def _marginal(axes: Axes, values: NDArray[np.float64], row: dict[str, Any]) -> None:
-    colour = light(row["status"])
+def _marginal(axes: Axes, values: NDArray[np.float64], row: ParameterResult) -> None:
+    colour = light(row.status)
     heights, edges = np.histogram(values, bins=40, range=_limits(values))
     smooth = _smooth(heights[:, None])[:, 0]
     middles = (edges[:-1] + edges[1:]) / 2
     axes.fill_between(middles, smooth, color=colour, alpha=0.2, linewidth=0)
     axes.plot(middles, smooth, color=colour, linewidth=1.2)
-    axes.axvline(row["estimate"], color=light("ink"), linewidth=0.8)
+    assert row.estimate is not None  # draws are of what the data determine
+    axes.axvline(row.estimate, color=light("ink"), linewidth=0.8)
     axes.set_ylim(0, float(smooth.max()) * 1.08)
     axes.set_xlim(*_limits(values))
     axes.set_yticks([])
-    axes.spines["left"].set_visible(False)
+    axes.spines.left.set_visible(False)
 
 
 def _pair(
     axes: Axes,
     x: NDArray[np.float64],
     y: NDArray[np.float64],
-    across: dict[str, Any],
-    up: dict[str, Any],
+    across: ParameterResult,
+    up: ParameterResult,
 ) -> None:
     heights, xs, ys = np.histogram2d(x, y, bins=32, range=(_limits(x), _limits(y)))
     heights = _smooth(_smooth(heights).T).T
     ranked = np.sort(heights, axis=None)[::-1]
     mass = np.cumsum(ranked) / ranked.sum()
     levels = [float(ranked[np.searchsorted(mass, level)]) for level in _LEVELS]
-    worst = "weak" if "weak" in (across["status"], up["status"]) else "identified"
+    worst = "weak" if "weak" in (across.status, up.status) else "identified"
     middles = (xs[:-1] + xs[1:]) / 2, (ys[:-1] + ys[1:]) / 2
     bounds = [*levels, float(heights.max()) * 1.01]
     if all(low < high for low, high in pairwise(bounds)):
@@ -138,12 +138,14 @@ def _pair(
                 *middles, heights.T, levels=[level, bounds[-1]], colors=[light(worst)], alpha=strength
             )
         axes.contour(*middles, heights.T, levels=levels, colors=[light(worst)], linewidths=0.8)
-    axes.plot([across["estimate"]], [up["estimate"]], "+", markersize=5, color=light("ink"))
+    assert across.estimate is not None
+    assert up.estimate is not None
+    axes.plot([across.estimate], [up.estimate], "+", markersize=5, color=light("ink"))
     axes.set_xlim(*_limits(x))
     axes.set_ylim(*_limits(y))
 
 
-def _finish(axes: Axes, i: int, j: int, chosen: list[dict[str, Any]]) -> None:
+def _finish(axes: Axes, i: int, j: int, chosen: list[ParameterResult]) -> None:
     """Labels on the left and the bottom edge only, two ticks an axis."""
     from matplotlib.ticker import MaxNLocator
 
@@ -163,5 +165,5 @@ def _finish(axes: Axes, i: int, j: int, chosen: list[dict[str, Any]]) -> None:
         axes.tick_params(labelleft=False)
 
 
-def _named(row: dict[str, Any]) -> str:
-    return in_font(f"{label(row['name'], 12)}, {'°' if row['unit'] == 'deg' else row['unit']}")
+def _named(row: ParameterResult) -> str:
+    return in_font(f"{label(row.name, 12)}, {'°' if row.unit == 'deg' else row.unit}")

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
+from ...analysis.result import Result
+from ...analysis.solution import ParameterResult
 from ..style.canvas import Picture, bare_y, new_figure, style, to_svg
 from ..style.palette import SHAPES, light
 from ..words import numbers
-from ..words.wording import in_font, label
+from ..words.wording import NOT_DETERMINED, in_font, label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -16,15 +19,15 @@ if TYPE_CHECKING:
 _UNIT = {"deg": "°"}
 
 
-def offsets_picture(result: dict[str, Any]) -> Picture:
+def offsets_picture(result: Result) -> Picture:
     """Left the estimates, right the half widths of their intervals on a logarithmic scale.
 
     Prismatic joints (mm) have a panel row of their own. A parameter without an estimate has a
     hatched band and no dot anywhere.
     """
-    offsets = [row for row in result["parameters"] if row["group"] == "offset"]
-    units = list(dict.fromkeys(row["unit"] for row in offsets))
-    groups = [[row for row in offsets if row["unit"] == unit] for unit in units]
+    offsets = [row for row in result.parameters if row.group == "offset"]
+    units = list(dict.fromkeys(row.unit for row in offsets))
+    groups = [[row for row in offsets if row.unit == unit] for unit in units]
     with style():
         figure = new_figure(0.5 * len(units) + 0.27 * len(offsets) + 0.1)
         panels = figure.subplots(
@@ -38,27 +41,27 @@ def offsets_picture(result: dict[str, Any]) -> Picture:
             _estimates(left, rows, _UNIT.get(unit, unit))
             _widths(right, rows, _UNIT.get(unit, unit))
         svg = to_svg(figure, "offsets")
-    return Picture("offsets", "Offsets and how sure they are", _alt(offsets), svg)
+    return Picture("offsets", "Offsets with their 95 % intervals", _alt(offsets), svg)
 
 
-def _rows(axes: Axes, rows: list[dict[str, Any]]) -> None:
+def _rows(axes: Axes, rows: Sequence[ParameterResult]) -> None:
     axes.set_ylim(len(rows) - 0.4, -0.6)
-    axes.set_yticks(range(len(rows)), [in_font(label(row["name"], 16)) for row in rows])
+    axes.set_yticks(range(len(rows)), [in_font(label(row.name, 16)) for row in rows])
     bare_y(axes)
 
 
-def _estimates(axes: Axes, rows: list[dict[str, Any]], unit: str) -> None:
+def _estimates(axes: Axes, rows: Sequence[ParameterResult], unit: str) -> None:
     _rows(axes, rows)
     axes.tick_params(axis="y", labelcolor=light("ink"), labelsize=10)
     for y, row in enumerate(rows):
-        colour, shape = light(row["status"]), SHAPES[row["status"]]
-        if row["status"] == "unidentifiable":
-            _band(axes, y, "not determined by these data")
-        elif row["status"] == "held":
-            axes.plot([row["estimate"]], [y], shape, markersize=5.5, markerfacecolor="none", color=colour)
+        colour, shape = light(row.status), SHAPES[row.status]
+        if row.estimate is None:
+            _band(axes, y, NOT_DETERMINED)
+        elif row.interval95 is None:
+            axes.plot([row.estimate], [y], shape, markersize=5.5, markerfacecolor="none", color=colour)
             axes.annotate(
                 "held",
-                (row["estimate"], y),
+                (row.estimate, y),
                 xytext=(7, 0),
                 textcoords="offset points",
                 va="center",
@@ -66,29 +69,29 @@ def _estimates(axes: Axes, rows: list[dict[str, Any]], unit: str) -> None:
                 fontsize=9,
             )
         else:
-            axes.plot(row["interval95"], [y, y], "-", linewidth=2, color=colour, solid_capstyle="round")
-            axes.plot([row["estimate"]], [y], shape, markersize=5, color=colour)
+            axes.plot(row.interval95, [y, y], "-", linewidth=2, color=colour, solid_capstyle="round")
+            axes.plot([row.estimate], [y], shape, markersize=5, color=colour)
     axes.axvline(0, color=light("muted"), linewidth=0.8)
     axes.margins(x=0.08)
     axes.set_xlabel(f"offset, {unit}, with 95 % interval")
 
 
-def _widths(axes: Axes, rows: list[dict[str, Any]], unit: str) -> None:
+def _widths(axes: Axes, rows: Sequence[ParameterResult], unit: str) -> None:
     _rows(axes, rows)
     axes.tick_params(axis="y", labelleft=False)
     axes.set_xscale("log")
     halves = []
     for y, row in enumerate(rows):
-        if row["status"] == "unidentifiable":
+        if row.estimate is None:
             _band(axes, y, "")
-        if row["std"] is None:
+        if row.interval95 is None:
             continue
-        low, high = row["interval95"]
+        low, high = row.interval95
         half = (high - low) / 2
         halves.append(half)
-        axes.plot([half], [y], SHAPES[row["status"]], markersize=5, color=light(row["status"]))
+        axes.plot([half], [y], SHAPES[row.status], markersize=5, color=light(row.status))
         axes.annotate(
-            numbers.spread(half, row["unit"]),
+            numbers.spread(half, row.unit),
             (half, y),
             xytext=(7, 0),
             textcoords="offset points",
@@ -103,7 +106,7 @@ def _widths(axes: Axes, rows: list[dict[str, Any]], unit: str) -> None:
         axes.set_xticks([])
     axes.minorticks_off()
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
-    axes.set_xlabel(f"half width of it, {unit}")
+    axes.set_xlabel(f"half width of the interval, {unit}")
 
 
 def _band(axes: Axes, y: float, words: str) -> None:
@@ -123,15 +126,15 @@ def _band(axes: Axes, y: float, words: str) -> None:
         )
 
 
-def _alt(rows: list[dict[str, Any]]) -> str:
+def _alt(rows: Sequence[ParameterResult]) -> str:
     parts = []
     for row in rows:
-        name = label(row["name"])
-        if row["status"] == "unidentifiable":
-            parts.append(f"{name} not determined by these data")
-        elif row["status"] == "held":
+        name = label(row.name)
+        if row.estimate is None:
+            parts.append(f"{name} {NOT_DETERMINED}")
+        elif row.interval95 is None or row.std is None:
             parts.append(f"{name} held")
         else:
-            told = numbers.interval(tuple(row["interval95"]), row["std"], row["unit"])
-            parts.append(f"{name} {told} ({row['status']})")
+            told = numbers.interval(row.interval95, row.std, row.unit)
+            parts.append(f"{name} {told} ({row.status})")
     return f"95 % intervals of the joint offsets: {'; '.join(parts)}."

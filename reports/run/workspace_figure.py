@@ -1,12 +1,15 @@
-"""Figure: how far the tool point is off over the workspace, without the offsets and with them."""
+"""Figure: how far the TCP is off over the workspace, without the offsets and with them."""
 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...analysis.diagnostics.accuracy import Accuracy, Grid, Level, LevelMap, Map
+from ...analysis.result import Result
 from ..style.canvas import WIDTH, Picture, new_figure, style, to_svg
 from ..style.palette import light
 from ..words import numbers
@@ -16,40 +19,41 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.path import Path
 
-Json = dict[str, Any]
-
 NAME = "tool_accuracy"
 _LIGHTEST, _DARKEST = 0.1, 1.0  # shares of the one hue
-_SIDES = (("before_mm", "without the offsets: error, mm"), ("after95_mm", "with them: 95 % within, mm"))
+_SIDES: tuple[tuple[Callable[[Map], LevelMap], str], ...] = (
+    (lambda own: own.before_mm, "without the offsets: error, mm"),
+    (lambda own: own.after95_mm, "with them: 95 % within, mm"),
+)
 # Inches: beside, below and between panels, above all of them.
 _LEFT, _BELOW, _BETWEEN, _RIGHT, _KEY = 0.7, 0.42, 0.38, 0.2, 0.85
 
 
-def tool_accuracy_picture(result: Json) -> Picture | None:
+def workspace_picture(result: Result) -> Picture | None:
     """A column before and one after the calibration, a row for each plane; the darker the farther off.
 
-    A cell shows the median of the postures whose tool point is there: in nearly every place seen from above
+    A cell shows the median of the postures whose TCP is there: in nearly every place seen from above
     some posture is as bad as any. The classes of a column are the same in both planes. None where no accuracy
     is claimed.
     """
-    accuracy = result["accuracy"]
-    if accuracy is None or not accuracy["maps"]:
+    accuracy = result.accuracy
+    if not accuracy.maps:
         return None
-    maps = accuracy["maps"]
+    maps = accuracy.maps
     # One scale of length for both planes. Panels are placed by hand: a fitted layout takes a second.
     width = (WIDTH - _LEFT - _BETWEEN - _RIGHT) / len(_SIDES)
-    inch = max(len(own["postures"][0]) * own["cell_mm"] for own in maps) / width
-    heights = [len(own["postures"]) * own["cell_mm"] / inch for own in maps]
+    inch = max(len(own.postures[0]) * own.cell_mm for own in maps) / width
+    heights = [len(own.postures) * own.cell_mm / inch for own in maps]
     whole = _KEY + sum(heights) + _BELOW * len(maps) + 0.1 * (len(maps) - 1)
     with style():
         figure = new_figure(whole, fitted=False)
-        for column, (key, words) in enumerate(_SIDES):
-            edges = _edges([value for own in maps for value in _told(own[key]["median"])])
+        for column, (of, words) in enumerate(_SIDES):
+            edges = _edges([value for own in maps for value in _told(of(own).median)])
             left, top = (_LEFT + column * (width + _BETWEEN)) / WIDTH, whole - _KEY
             for own, height in zip(maps, heights, strict=True):
-                across = len(own["postures"][0]) * own["cell_mm"] / inch
+                across = len(own.postures[0]) * own.cell_mm / inch
                 axes = figure.add_axes((left, (top - height) / whole, across / WIDTH, height / whole))
-                _panel(axes, own, own[key]["median"], edges)
+                _panel(axes, own, of(own).median, edges)
                 if column:
                     axes.set_ylabel("")
                     axes.tick_params(axis="y", labelleft=False)
@@ -59,7 +63,7 @@ def tool_accuracy_picture(result: Json) -> Picture | None:
     return Picture(NAME, _title(maps), _alt(accuracy), svg)
 
 
-def _told(grid: list[list[float | None]]) -> list[float]:
+def _told(grid: Grid) -> list[float]:
     return [value for row in grid for value in row if value is not None]
 
 
@@ -81,10 +85,10 @@ def _share(which: int, classes: int) -> float:
     return _DARKEST if classes == 1 else _LIGHTEST + which / (classes - 1) * (_DARKEST - _LIGHTEST)
 
 
-def _panel(axes: Axes, own: Json, grid: list[list[float | None]], edges: list[float]) -> None:
+def _panel(axes: Axes, own: Map, grid: Grid, edges: list[float]) -> None:
     from matplotlib.patches import PathPatch
 
-    size, (left, low) = own["cell_mm"], own["corner_mm"]
+    size, (left, low) = own.cell_mm, own.corner_mm
     classes = len(edges) - 1
     for which in range(classes):
         # All cells of a class are one shape: no seams between them, and a small file.
@@ -96,7 +100,7 @@ def _panel(axes: Axes, own: Json, grid: list[list[float | None]], edges: list[fl
     shots = [
         (left + (j + 0.5) * size, low + (i + 0.5) * size)
         for i, j in itertools.product(range(rows), range(columns))
-        if own["shots"][i][j]
+        if own.shots[i][j]
     ]
     rim: dict[str, Any] = {
         "markerfacecolor": light("ground"),
@@ -107,16 +111,14 @@ def _panel(axes: Axes, own: Json, grid: list[list[float | None]], edges: list[fl
     axes.set_xlim(left, left + columns * size)
     axes.set_ylim(low, low + rows * size)
     axes.grid(visible=False)
-    axes.set_xlabel(f"{own['axes'][0]}, mm")
-    axes.set_ylabel(f"{own['axes'][1]}, mm")
+    axes.set_xlabel(f"{own.axes[0]}, mm")
+    axes.set_ylabel(f"{own.axes[1]}, mm")
     axes.locator_params(axis="x", nbins=3)
     axes.locator_params(axis="y", nbins=4)
-    _base(axes, own["plane"])
+    _base(axes, own.plane)
 
 
-def _shape(
-    grid: list[list[float | None]], which: int, edges: list[float], size: float, left: float, low: float
-) -> Path | None:
+def _shape(grid: Grid, which: int, edges: list[float], size: float, left: float, low: float) -> Path | None:
     """The outline of all cells of a class, runs of neighbours in a row put together."""
     from matplotlib.path import Path
 
@@ -182,20 +184,20 @@ def _legend(figure: Figure, left: float, words: str, edges: list[float]) -> None
     )
 
 
-def _title(maps: list[Json]) -> str:
-    planes = " and ".join("from the side" if own["plane"] == "vertical" else "from above" for own in maps)
-    return f"How far the tool point is off, {planes}: the median posture of each place; rings: the shots"
+def _title(maps: Sequence[Map]) -> str:
+    planes = " and ".join("from the side" if own.plane == "vertical" else "from above" for own in maps)
+    return f"How far the TCP is off, {planes}: the median posture of each place; rings: the measurements"
 
 
-def _alt(accuracy: Json) -> str:
-    region = accuracy["workspace"]
+def _alt(accuracy: Accuracy) -> str:
+    region = accuracy.workspace
+    assert region is not None
 
-    def told(key: str) -> str:
-        level = region[key]
-        median, worst = (numbers.significant(level[which], 2, "mm") for which in ("median", "worst"))
+    def told(level: Level) -> str:
+        median, worst = (numbers.significant(value, 2, "mm") for value in (level.median, level.worst))
         return f"{median} in the median posture, {worst} in the worst"
 
     return (
-        "Maps of the workspace, from the side and from above. Without the offsets the tool point is off"
-        f" by {told('before_mm')}; with them 95 % of the error is within {told('after95_mm')}."
+        "Maps of the workspace, from the side and from above. Without the offsets the TCP is off"
+        f" by {told(region.before_mm)}; with them 95 % of the error is within {told(region.after95_mm)}."
     )

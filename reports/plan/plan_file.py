@@ -1,0 +1,69 @@
+"""The file of a plan's page: written whole, and over nothing but such a page."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+from ...analysis.observability.aim import AimedPlan
+from ...analysis.observability.check import Check
+from ...model.errors import BadInput
+from ...model.files.whole_file import sync_folder, write_whole
+from .plan_page import MARK, plan_page
+
+_HEAD = 1000  # bytes: where the mark is, before anything that comes from a plan
+
+
+def write_plan_page(path: Path | str, aimed: AimedPlan, check: Check) -> None:
+    """Write the page of a plan (`plan_page`) to `path`, replacing nothing but such a page.
+
+    Written aside, then renamed. BadInput if something else is there or the folder does not exist.
+    """
+    path = Path(path)
+    target = Path(os.path.realpath(path))
+    _check_target(path, target)
+    text = plan_page(aimed, check)
+    try:
+        with tempfile.TemporaryDirectory(prefix=".zerobeam-plan-", dir=target.parent) as aside:
+            whole = Path(aside) / target.name
+            write_whole(whole, text)
+            _check_target(path, target)
+            os.replace(whole, target)
+        sync_folder(target.parent)
+    except OSError as error:
+        raise BadInput(
+            "the picture of the plan cannot be written",
+            found=error.strerror or str(error),
+            remedy="name a file in a folder that may be written to",
+            file=path,
+        ) from error
+
+
+def _check_target(path: Path, target: Path) -> None:
+    allowed = "a file that does not exist, or a picture of a plan that zerobeam wrote"
+    if not target.parent.is_dir():
+        raise BadInput(
+            "the folder to write the picture into does not exist",
+            found=path.parent,
+            remedy="make it first",
+            file=path,
+        )
+    if target.is_dir():
+        raise BadInput("there is a folder of this name", allowed=allowed, file=path)
+    if target.exists() and not _is_plan_page(target):
+        raise BadInput(
+            "the file exists already and is no picture of a plan; it would be lost",
+            allowed=allowed,
+            remedy="choose another name, or move it away first",
+            file=path,
+        )
+
+
+def _is_plan_page(path: Path) -> bool:
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD)
+    except OSError:
+        return False
+    return head.startswith(b"<!doctype html>") and MARK.encode() in head
