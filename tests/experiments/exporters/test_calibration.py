@@ -48,8 +48,7 @@ def test_offsets_are_those_of_analyse(name: str, monkeypatch: pytest.MonkeyPatch
     rows = [row for row in analyse(run).result.parameters if row.group == "offset"]
     assert len(rows) == len(told.offsets) == 6
     for offset, row in zip(told.offsets, rows, strict=True):
-        for key in ("name", "unit", "status", "estimate", "std", "interval95", "reason"):
-            assert getattr(offset, key) == getattr(row, key), (row.name, key)
+        assert offset.row == replace(row, midpoint=None)
 
 
 def test_held_ones_are_said_to_be_held_at_zero() -> None:
@@ -142,7 +141,7 @@ def changed(monkeypatch: pytest.MonkeyPatch, **how: Any) -> None:
     def fit(*args: Any, **more: Any) -> LikelihoodFit:
         return replace(fit_likelihood(*args, **more), **how)
 
-    monkeypatch.setattr("zerobeam.experiments.exporters.calibration.fit_likelihood", fit)
+    monkeypatch.setattr("zerobeam.analysis.solution.fit_likelihood", fit)
 
 
 def test_a_fit_that_did_not_converge_is_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from export_runs import HOSTILE, SLIDING, WITHIN_NOISE_MM, arm_run, hostile, rms_mm, urdf_run
 
-from zerobeam.experiments.exporters.calibration import Calibration, calibration
+from zerobeam.experiments.exporters.calibration import Calibration, Offset, calibration
 from zerobeam.experiments.exporters.moc_offsets import TURN, Gears, moc_text
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.run import Run
@@ -51,6 +51,10 @@ TRANSMISSION:
 OLD = [0.5, 3.25, -0.1, 6.1, 0.2, 2.0]
 RATIOS = [100.0, 121.0, -90.5, 60.0, 50.0, -40.0]
 SIGNS = [1, -1, -1, 1, -1, 1]
+
+
+def weakened(offset: Offset) -> Offset:
+    return replace(offset, row=replace(offset.row, status="weak"))
 
 
 def patched(text: str, diff: str) -> str:
@@ -228,9 +232,7 @@ def test_without_the_controllers_file_a_table(told: tuple[Run, Calibration, Path
 def test_the_head_says_what_is_not_known(told: tuple[Run, Calibration, Path]) -> None:
     run, _, path = told
     answer = calibration(run, without=["delta6"])
-    weak = replace(
-        answer, offsets=tuple(replace(o, status="weak") if o.exported else o for o in answer.offsets)
-    )
+    weak = replace(answer, offsets=tuple(weakened(o) if o.exported else o for o in answer.offsets))
     text = moc_text(weak, Gears(RATIOS, SIGNS), path)  # type: ignore[arg-type]
     head = " ".join(line.strip("# ") for line in text.split("\n---")[0].split("\n"))
     assert "No public source is known" in head

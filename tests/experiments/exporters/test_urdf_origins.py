@@ -23,7 +23,7 @@ from export_runs import (
     urdf_run,
 )
 
-from zerobeam.experiments.exporters.calibration import Calibration, calibration
+from zerobeam.experiments.exporters.calibration import Calibration, Offset, calibration
 from zerobeam.experiments.exporters.urdf_origins import _roll_pitch_yaw_of, urdf_text
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.run import Run
@@ -31,6 +31,10 @@ from zerobeam.model.files.urdf import read_urdf, roll_pitch_yaw
 from zerobeam.model.robot import Robot
 
 KINDS = {"turning": TURNING, "sliding": SLIDING}
+
+
+def weakened(offset: Offset) -> Offset:
+    return replace(offset, row=replace(offset.row, status="weak"))
 
 
 @pytest.fixture(params=KINDS)
@@ -112,9 +116,7 @@ def test_an_offset_that_is_not_exported_leaves_its_origin(tmp_path: Path) -> Non
 def test_a_weak_one_is_marked(tmp_path: Path) -> None:
     run = urdf_run(tmp_path)
     answer = calibration(run)
-    weak = replace(
-        answer, offsets=tuple(replace(o, status="weak") if o.exported else o for o in answer.offsets)
-    )
+    weak = replace(answer, offsets=tuple(weakened(o) if o.exported else o for o in answer.offsets))
     assert urdf_text(run, weak).count("WEAK") == 5
     assert "WEAK" not in urdf_text(run, answer)
 
