@@ -37,6 +37,7 @@ from zerobeam.reports.plan.plan_page import NOT_DETERMINED, plan_page
 from zerobeam.reports.plan.plan_scene import plan_scene, postures_of
 from zerobeam.reports.words import numbers
 from zerobeam.reports.words.result_json import check_json
+from zerobeam.reports.words.wording import label
 
 Refused = Callable[..., BadInput]
 
@@ -73,7 +74,7 @@ def test_the_table_says_what_check_says() -> None:
     page = Page(text)
     told = 0
     for row in answer["parameters"]:
-        shown = page.row(row["name"].replace("delta", "δ"))
+        shown = page.row(label(row["name"]))
         assert shown[1] == row["status"]
         if row["std"] is not None and not row["held"]:
             assert shown[2:] == [
@@ -92,14 +93,14 @@ def test_what_cannot_be_known_has_no_number_but_a_reason_and_a_remedy() -> None:
     untold = [row for row in answer["parameters"] if row["status"] == "unidentifiable"]
     assert [row["name"] for row in untold] == ["delta2", "psd.x", "psd.z"]
     for row in untold:
-        assert page.row(row["name"].replace("delta", "δ"))[1:] == ["unidentifiable", NOT_DETERMINED]
-    assert page.row("δ1")[1:] == ["held", "not estimated"]
+        assert page.row(label(row["name"]))[1:] == ["unidentifiable", NOT_DETERMINED]
+    assert page.row("J1 (δ1)")[1:] == ["held", "not estimated"]
     # Negative control: a row that is told does have numbers.
-    assert re.search(r"\d", page.row("δ4")[2])
+    assert re.search(r"\d", page.row("J4 (δ4)")[2])
     for direction in answer["identifiability"]["null_space"]:
         assert direction["remedy"] in page.words
     assert "Degenerate" in page.words
-    assert "joint 1 does not change over the shots" in page.words
+    assert "joint 1 does not change over the measurements" in page.words
 
 
 def test_a_direction_lost_in_the_noise_gives_its_parameters_no_number_either() -> None:
@@ -109,7 +110,7 @@ def test_a_direction_lost_in_the_noise_gives_its_parameters_no_number_either() -
     (row,) = [row for row in answer["parameters"] if row["name"] == "delta2"]
     assert row["status"] == "unidentifiable"
     assert row["data_std"] is not None
-    assert Page(text).row("δ2")[1:] == ["unidentifiable", NOT_DETERMINED]
+    assert Page(text).row("J2 (δ2)")[1:] == ["unidentifiable", NOT_DETERMINED]
 
 
 def test_the_joints_to_copy_are_the_aimed_postures() -> None:

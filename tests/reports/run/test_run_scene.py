@@ -30,25 +30,29 @@ from pages import Page, assert_fetches_nothing
 from scipy import stats
 
 from zerobeam.analysis.diagnostics.scene import MOST_SHOTS, Scene, scene
-from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
-from zerobeam.analysis.observability.identifiability import Identified
-from zerobeam.analysis.solution import judge
+from zerobeam.analysis.solution import ParameterResult, Solution, solve
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.problem import Problem
 from zerobeam.reports.output.template import style, template
 from zerobeam.reports.run.run_scene import half_axes, run_scene, run_turnable, scene_section
 from zerobeam.reports.scenes.scene import Placed, Posed, Scene3D
 
-Json = dict[str, Any]
+
+@dataclasses.dataclass(frozen=True)
+class Pictured:
+    """As much of a Result as the picture needs."""
+
+    scene: Scene | None
+    parameters: tuple[ParameterResult, ...]
+    shots: tuple[None, ...]
 
 
-def fitted(problem: Problem) -> tuple[LikelihoodFit, Identified]:
-    fit = fit_likelihood(problem, starts=0)
-    return fit, judge(fit).identified
+def fitted(problem: Problem) -> Solution:
+    return solve(problem, starts=0)
 
 
 def scene_of(plan: Plan, values: dict[str, float] | None = None, seed: int = 3) -> Scene:
-    found = scene(*fitted(simulated_problem(plan, values, seed)[1]))
+    found = scene(fitted(simulated_problem(plan, values, seed)[1]))
     assert found is not None
     return found
 
@@ -61,25 +65,18 @@ def gauge_problem() -> Problem:
     return Problem.from_run(run_of(own, shots))
 
 
-def answer_of(fit: LikelihoodFit, identified: Identified) -> Json:
-    """As much of a result.json as the picture needs."""
-    found = scene(fit, identified)
-    items = zip(fit.problem.parameters.items, identified.status, strict=True)
-    return {
-        "scene": None if found is None else json.loads(json.dumps(dataclasses.asdict(found))),
-        "parameters": [{"name": item.name, "group": item.group, "status": status} for item, status in items],
-        "shots": [{}] * fit.problem.shots,
-    }
+def answer_of(solution: Solution) -> Any:
+    return Pictured(scene(solution), tuple(solution.parameters), (None,) * solution.problem.shots)
 
 
 @functools.cache
-def good_answer() -> Json:
-    return answer_of(*fitted(simulated_problem(good_plan(), TABLE_2, 3)[1]))
+def good_answer() -> Any:
+    return answer_of(fitted(simulated_problem(good_plan(), TABLE_2, 3)[1]))
 
 
 @functools.cache
-def gauge_answer() -> Json:
-    return answer_of(*fitted(gauge_problem()))
+def gauge_answer() -> Any:
+    return answer_of(fitted(gauge_problem()))
 
 
 # ── what the fit says ─────────────────────────────────────────────────────────────────────────
@@ -87,8 +84,8 @@ def gauge_answer() -> Json:
 
 def test_arm_beams_and_target_are_those_of_the_fit() -> None:
     truth, problem = simulated_problem(good_plan(), TABLE_2, 3)
-    fit, identified = fitted(problem)
-    found = scene(fit, identified)
+    solution = fitted(problem)
+    fit, found = solution.fit, scene(solution)
     assert found is not None
     origin, direction = problem.beams(fit.x)
     (target,) = found.targets
@@ -120,7 +117,7 @@ def test_the_ellipsoid_holds_the_place_as_often_as_it_says(count: int) -> None:
     inside, by_chance, by_half = 0, 0, 0
     for seed in range(count):
         truth, problem = simulated_problem(plan, TABLE_2, seed)
-        found = scene(*fitted(problem))
+        found = scene(fitted(problem))
         assert found is not None
         (target,) = found.targets
         assert target.at_mm is not None
@@ -138,10 +135,11 @@ def test_the_ellipsoid_holds_the_place_as_often_as_it_says(count: int) -> None:
 
 def test_what_the_data_leave_open_is_drawn_at_its_prior_and_has_no_place() -> None:
     problem = gauge_problem()
-    fit, identified = fitted(problem)
-    assert identified.status[1] == "unidentifiable"
+    solution = fitted(problem)
+    fit = solution.fit
+    assert solution.status[1] == "unidentifiable"
     assert abs(np.degrees(fit.x[1])) > 0.01  # the mode has a value, which is nobody's business
-    found = scene(fit, identified)
+    found = scene(solution)
     assert found is not None
     (target,) = found.targets
     assert target.at_mm is target.covariance_mm2 is None
@@ -167,10 +165,10 @@ def test_a_held_place_has_no_ellipsoid() -> None:
 
 
 def test_a_fit_that_did_not_converge_has_no_scene() -> None:
-    fit, identified = fitted(simulated_problem(good_plan(), TABLE_2, 3)[1])
-    lost = dataclasses.replace(fit, converged=False)
-    assert scene(lost, identified) is None
-    answer = answer_of(lost, identified)
+    solution = fitted(simulated_problem(good_plan(), TABLE_2, 3)[1])
+    lost = dataclasses.replace(solution, fit=dataclasses.replace(solution.fit, converged=False))
+    assert scene(lost) is None
+    answer = answer_of(lost)
     assert scene_section(answer) is None
     assert run_turnable(answer) is None
 
@@ -195,15 +193,17 @@ def test_a_probe_has_no_beam() -> None:
 
 
 def test_a_laser_that_points_away_is_told_and_its_beam_shown() -> None:
-    fit, identified = fitted(simulated_problem(good_plan(), TABLE_2, 3)[1])
+    solution = fitted(simulated_problem(good_plan(), TABLE_2, 3)[1])
+    fit = solution.fit
     origin, direction = fit.problem.beams(fit.x)
     behind = fit.x.copy()
     behind[6:9] = origin[0] - 500 * direction[0]
-    found = scene(dataclasses.replace(fit, x=behind), identified)
+    turned = dataclasses.replace(solution, fit=dataclasses.replace(fit, x=behind))
+    found = scene(turned)
     assert found is not None
     assert not found.shots[0].ahead
     np.testing.assert_allclose(found.shots[0].beam_to, origin[0] + 500 * direction[0])
-    answer = answer_of(dataclasses.replace(fit, x=behind), identified)
+    answer = answer_of(turned)
     shown, good = run_turnable(answer), run_turnable(good_answer())
     assert shown is not None
     assert good is not None
@@ -242,7 +242,7 @@ def test_an_undetermined_target_is_a_cross_with_words_and_no_number() -> None:
     assert "<ellipse" not in shown.drawing
     assert shown.undetermined
     assert shown.factor is None
-    assert "δ2 is not determined by these data" in shown.caption
+    assert "J2 (δ2) is not determined by these data" in shown.caption
     section = scene_section(answer)
     assert section is not None
     assert section.blocks[0].text == "In the base frame (x, y, z): psd not determined by these data."
@@ -257,13 +257,14 @@ def test_an_undetermined_target_is_a_cross_with_words_and_no_number() -> None:
 
 def test_an_open_tool_is_named() -> None:
     answer = good_answer()
-    tool = [{"name": f"tool.{axis}", "group": "tool", "status": "unidentifiable"} for axis in "xy"]
-    shown = run_turnable({**answer, "parameters": answer["parameters"] + tool})
+    lost = next(row for row in gauge_answer().parameters if row.status == "unidentifiable")
+    tool = [dataclasses.replace(lost, name=f"tool.{axis}", group="tool") for axis in "xy"]
+    shown = run_turnable(dataclasses.replace(answer, parameters=(*answer.parameters, *tool)))
     assert shown is not None
     assert "tool.x and tool.y are not determined by these data: the picture has them" in shown.caption
 
 
-def page_of(answer: Json) -> str:
+def page_of(answer: Any) -> str:
     """A page with nothing but the picture, by the macros of the template."""
     shown = run_turnable(answer)
     assert shown is not None
@@ -282,12 +283,13 @@ def page_of(answer: Json) -> str:
 
 
 def test_the_page_is_small_and_hostile_names_stay_names() -> None:
-    answer = json.loads(json.dumps(good_answer()))
-    (target,) = answer["scene"]["targets"]
-    answer["scene"]["targets"] = [{**target, "name": name} for name in HOSTILE_NAMES]
-    for shot, name in zip(answer["scene"]["shots"], HOSTILE_NAMES, strict=True):
-        shot["target"] = name
-    text = page_of(answer)
+    answer = good_answer()
+    (target,) = answer.scene.targets
+    targets = tuple(dataclasses.replace(target, name=name) for name in HOSTILE_NAMES)
+    pairs = zip(answer.scene.shots, HOSTILE_NAMES, strict=True)
+    shots = tuple(dataclasses.replace(shot, target=name) for shot, name in pairs)
+    seen = dataclasses.replace(answer.scene, shots=shots, targets=targets)
+    text = page_of(dataclasses.replace(answer, scene=seen))
     text.encode()
     page = Page(text)
     assert_fetches_nothing(page)
