@@ -1,4 +1,4 @@
-"""zerobeam: joint offsets of industrial robots from laser shots at one point, and how sure one may be.
+"""zerobeam: joint offsets of industrial robots from laser measurements of one point, with their uncertainty.
 
 The public names are imported when they are first asked for, so that the command line starts at once.
 """

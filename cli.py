@@ -1,4 +1,4 @@
-"""The command line: thin. Each command (in `commands`) reads, calls one function and prints.
+"""The command line. Each command (in `commands`) reads, calls one function and prints.
 
 Exit status: 0 verdict pass; 1 weak or degenerate; 2 bad input or usage; 3 a fault of the rig or of the
 program, or a failed fit.
@@ -21,7 +21,7 @@ from .model.errors import ZerobeamError
 
 app = typer.Typer(
     name="zerobeam",
-    help="Joint offsets of an industrial robot from laser shots at one point, and how sure one may be.",
+    help="Joint offsets of an industrial robot from laser measurements of one point, with their uncertainty.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -56,7 +56,7 @@ def _zerobeam(
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
-    """Joint offsets of an industrial robot from laser shots at one point, and how sure one may be."""
+    """Joint offsets of an industrial robot from laser measurements of one point, with their uncertainty."""
 
 
 def _warn(message: Warning | str, *_: Any, **__: Any) -> None:
@@ -76,7 +76,7 @@ def main() -> NoReturn:
     except KeyboardInterrupt:
         err.print("stopped")
         sys.exit(INTERRUPTED)
-    except Exception:  # noqa: BLE001 - told in full, and the last thing that happens
+    except Exception:  # noqa: BLE001 - printed in full, and the last thing that happens
         # Python's own status for this is 1, which is a verdict here.
         sys.stderr.write(plain(traceback.format_exc()))
         err.print("error: this is a fault of zerobeam itself, please report it with the lines above")

@@ -1,4 +1,4 @@
-"""What every command prints to and ends with: consoles, exit statuses, progress, the machine's answer."""
+"""What every command prints to and ends with: consoles, exit statuses, progress, JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The commands that make plans, and judge plans and runs."""
+"""The commands that make plans, and that check plans and analyse runs."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class CriterionName(StrEnum):
 
 
 class LossName(StrEnum):
-    """How a robust fit weighs a far miss."""
+    """The loss function of a robust fit."""
 
     HUBER = "huber"
     STUDENT = "student"
@@ -45,17 +45,17 @@ class LossName(StrEnum):
 Picture = Annotated[
     Path | None, typer.Option(help="Write a page with the plan in 3D (.html).", show_default=False)
 ]
-Ess = Annotated[float, typer.Option(min=100, help="Effective posterior draws asked of every parameter.")]
+Ess = Annotated[float, typer.Option(min=100, help="Effective sample size of the posterior, for every parameter.")]
 Robust = Annotated[
     LossName | None,
     typer.Option(
-        help="Fit once more with this loss, which far misses pull less; names outliers.", show_default=False
+        help="Fit once more with this robust loss: large residuals weigh less, outliers are named.", show_default=False
     ),
 ]
 HoldOut = Annotated[
     list[str] | None,
     typer.Option(
-        help="Fit once more without this target and look how it does there; repeatable, * and ? match.",
+        help="Validate on this target, with a fit of the others; repeatable, * and ? match.",
         metavar="NAME",
         show_default=False,
     ),
@@ -67,7 +67,7 @@ def demo(
         Path, typer.Option("-o", "--out", help="Folder for the reports.", show_default=True)
     ] = Path("zerobeam-demo"),
 ) -> None:
-    """The main job on three built-in runs: a good one, an X-Pattern, an uncalibrated tool."""
+    """Analyse three built-in runs: varied postures, an X-Pattern, an uncalibrated tool."""
     from ..experiments.demos import demo_runs
     from ..model.files.run import read_run
     from ..reports.run.parameters import person
@@ -92,7 +92,7 @@ def demo(
 
 
 def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> None:
-    """Will this plan work? The verdict before any shot."""
+    """Predict which offsets a plan identifies, and how precisely, before any measurement."""
     from ..analysis.observability.aim import aim_plan
     from ..analysis.observability.check import check as judge
     from ..model.files.plan import read_plan
@@ -121,7 +121,7 @@ def analyse(
     robust: Robust = None,
     hold_out: HoldOut = None,
 ) -> None:
-    """What the offsets are, and how sure one may be."""
+    """Estimate the offsets of a run, with their uncertainty and identifiability."""
     from ..model.files.run import read_run
     from ..reports.run.terminal import print_result
     from ..reports.words.result_json import to_json
@@ -145,7 +145,7 @@ def report(
     robust: Robust = None,
     hold_out: HoldOut = None,
 ) -> None:
-    """The report of a run: report.html, report.pdf, result.json, posterior.nc and the figures."""
+    """Write the report of a run: report.html, report.pdf, result.json, posterior.nc and the figures."""
     from ..model.files.run import read_run
     from ..reports.run.report_folder import check_target, write_report
     from ..reports.run.terminal import print_result
@@ -172,29 +172,29 @@ def plan(
     ],
     header: HeaderFile,
     target: Annotated[
-        str, typer.Option(help="Where the target stands: X,Y,Z in mm, base frame.", show_default=False)
+        str, typer.Option(help="Position of the target: X,Y,Z in mm, base frame.", show_default=False)
     ],
     file: Annotated[
         Path, typer.Option("-o", "--out", help="Plan file to write (.yaml).", show_default=False)
     ],
-    shots: Annotated[int, typer.Option(min=2, help="Number of shots.")] = 7,
-    candidates: Annotated[int, typer.Option(min=10, help="Postures to choose from.")] = 10_000,
+    shots: Annotated[int, typer.Option(min=2, help="Number of measurements.")] = 7,
+    candidates: Annotated[int, typer.Option(min=10, help="Candidate postures to choose from.")] = 10_000,
     criterion: Annotated[
-        CriterionName, typer.Option(help="What an optimal plan minimises.")
+        CriterionName, typer.Option(help="Criterion of an optimal plan.")
     ] = CriterionName.A,
     tolerance: Annotated[
         float | None,
-        typer.Option(help="Take the fewest shots that reach this std (deg; mm).", show_default=False),
+        typer.Option(help="Take the fewest measurements that reach this standard uncertainty (deg; mm).", show_default=False),
     ] = None,
-    max_shots: Annotated[int, typer.Option(min=2, help="With --tolerance: shots at the most.")] = 30,
+    max_shots: Annotated[int, typer.Option(min=2, help="With --tolerance: the most measurements.")] = 30,
     facing: Annotated[
         str, typer.Option(help="Outward normal of the target's face: X,Y,Z, or any.")
     ] = "0,0,1",
     acceptance: Annotated[
-        float, typer.Option(help="Largest angle between beam and that normal, deg.")
+        float, typer.Option(help="Largest angle between the beam and that normal, deg.")
     ] = 60.0,
     beam: Annotated[str, typer.Option(help="Shortest and longest beam, mm: MIN,MAX.")] = "200,2000",
-    margin: Annotated[float, typer.Option(min=0, help="Kept to every joint limit, deg.")] = 5.0,
+    margin: Annotated[float, typer.Option(min=0, help="Distance kept from every joint limit, deg.")] = 5.0,
     obstacles: Annotated[
         Path | None, typer.Option(help="Obstacles file (.yaml): floor, boxes.", show_default=False)
     ] = None,
@@ -260,7 +260,7 @@ def compare(
     as_json: Json = False,
     seed: Seed = 0,
 ) -> None:
-    """Do repeated runs agree? Their scatter against the prediction, drift, and the run that is odd."""
+    """Do repeated runs agree? Their scatter against the prediction, drift, and an outlying run."""
     from ..analysis.repeatability.compare import compare as compare_runs
     from ..reports.repeatability.comparison_folder import check_target, write_comparison
     from ..reports.repeatability.comparison_json import comparison_json

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-Json = Annotated[bool, typer.Option("--json", help="Print the machine's answer (JSON) and nothing else.")]
-Seed = Annotated[int, typer.Option(min=0, help="Seed of all that is random: the same seed, the same answer.")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON for programs, and nothing else.")]
+Seed = Annotated[int, typer.Option(min=0, help="Random seed: the same seed gives the same answer.")]
 RunFile = Annotated[Path, typer.Argument(help="Run file (.jsonl).", show_default=False)]
 PlanFile = Annotated[Path, typer.Argument(help="Plan file (.yaml).", show_default=False)]
 HeaderFile = Annotated[

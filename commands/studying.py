@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ..experiments.studies.sweeps.grid_answer import GridStudy
 
 studies = typer.Typer(
-    help="Does zerobeam hold what it promises? Studies over simulated runs.", no_args_is_help=True
+    help="Studies over simulated runs: coverage, and the effect of each setting.", no_args_is_help=True
 )
 
 StudyFolder = Annotated[Path, typer.Option("-o", "--out", help="Folder for the study.", show_default=False)]
@@ -28,7 +28,7 @@ def study_coverage(
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """Do the intervals hold the truth as often as they promise? Simulated runs, solved again, tell."""
+    """Coverage of the intervals: simulated runs with known offsets, solved again."""
     from ..experiments.studies.coverage import coverage_study
 
     store = _store(folder)
@@ -43,7 +43,7 @@ def study_cell(
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """Does the whole chain hold what it promises? Runs in the simulated cell, from plan to offsets, tell."""
+    """Coverage through the whole chain: runs in the simulated cell, from plan to offsets."""
     from ..experiments.studies.cell_study import cell_study
 
     store = _store(folder)
@@ -56,7 +56,7 @@ def study_table2(
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """What joint noise would make three runs scatter as those of the paper's Table 2 did?"""
+    """What joint noise would make three runs scatter as those of the paper's Table 2?"""
     from ..experiments.studies.table2 import table2_study
 
     _study(folder, as_json, lambda told: table2_study(seed, told))
@@ -124,9 +124,9 @@ def _study(
     studied: Callable[[Callable[[str, float], None]], GridStudy | dict[str, Any]],
     store: Path | None = None,
 ) -> NoReturn:
-    """Carry a study out, write it, print it; the status says whether it agrees.
+    """Carry a study out, write it, print it; the exit status says whether it agrees.
 
-    Finished cases are kept in `store`, to go on with; once the study stands they are no longer needed.
+    Finished cases are kept in `store`, to go on with; once the study is written they are no longer needed.
     """
     from ..reports.studies.studies import study_of
     from ..reports.studies.study_page import check_target, write_study
