@@ -45,11 +45,14 @@ class LossName(StrEnum):
 Picture = Annotated[
     Path | None, typer.Option(help="Write a page with the plan in 3D (.html).", show_default=False)
 ]
-Ess = Annotated[float, typer.Option(min=100, help="Effective sample size of the posterior, for every parameter.")]
+Ess = Annotated[
+    float, typer.Option(min=100, help="Effective sample size of the posterior, for every parameter.")
+]
 Robust = Annotated[
     LossName | None,
     typer.Option(
-        help="Fit once more with this robust loss: large residuals weigh less, outliers are named.", show_default=False
+        help="Fit once more with this robust loss: large residuals weigh less, outliers are named.",
+        show_default=False,
     ),
 ]
 HoldOut = Annotated[
@@ -179,12 +182,13 @@ def plan(
     ],
     shots: Annotated[int, typer.Option(min=2, help="Number of measurements.")] = 7,
     candidates: Annotated[int, typer.Option(min=10, help="Candidate postures to choose from.")] = 10_000,
-    criterion: Annotated[
-        CriterionName, typer.Option(help="Criterion of an optimal plan.")
-    ] = CriterionName.A,
+    criterion: Annotated[CriterionName, typer.Option(help="Criterion of an optimal plan.")] = CriterionName.A,
     tolerance: Annotated[
         float | None,
-        typer.Option(help="Take the fewest measurements that reach this standard uncertainty (deg; mm).", show_default=False),
+        typer.Option(
+            help="Take the fewest measurements that reach this standard uncertainty (deg; mm).",
+            show_default=False,
+        ),
     ] = None,
     max_shots: Annotated[int, typer.Option(min=2, help="With --tolerance: the most measurements.")] = 30,
     facing: Annotated[
