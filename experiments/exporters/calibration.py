@@ -1,4 +1,4 @@
-"""What of a run may be applied to a robot: the offsets that its shots tell, judged as by `analyse`."""
+"""What of a run may be applied to a robot: the identifiable offsets, judged as by `analyse`."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class Offset:
 
     @property
     def sentence(self) -> str:
-        """What a file says of it, in ASCII on one line."""
+        """The line about it in a file, in ASCII."""
         if self.status == "held":
             told = f"HELD at 0, not estimated: {self.reason}"
         elif self.estimate is None:
@@ -108,7 +108,7 @@ class Calibration:
 
     @property
     def head(self) -> list[str]:
-        """Short lines of ASCII with which a file says what it holds and where that is from."""
+        """Short lines of ASCII that say what a file holds and where that is from."""
         lines = [
             one_line(f"zerobeam {self.versions['zerobeam']}: joint offsets of {self.robot}"),
             one_line(f"from the run {self.run}, {self.shots} shots"),

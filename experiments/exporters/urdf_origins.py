@@ -110,7 +110,7 @@ def _tag(content: bytes, element: _Element) -> bytes:
 
 
 def _comment(content: bytes, robot: _Element, calibration: Calibration, newline: bytes) -> _Edit:
-    """What the file is, just inside its top element. `--` may not stand in a comment of XML."""
+    """What the file is, just inside its top element. `--` is not allowed in a comment of XML."""
     lines = [
         *calibration.head,
         "Exported offsets are in the origins of their joints: recorded positions give true poses.",

@@ -154,6 +154,6 @@ def test_one_reading_that_is_off_is_a_reason(reading: int) -> None:
 def test_all_readings_off_alike_are_a_reason() -> None:
     rig: Any = ScriptedRig()
     rig.read = [np.array([0.0, 0.003])] * 3
-    with pytest.raises(MeasurementRefused, match="joint 2 is not read where it was sent") as refused:
+    with pytest.raises(MeasurementRefused, match="joint 2 does not read the position it was sent") as refused:
         read_joints(rig, np.zeros(2), TOLERANCE)
     assert refused.value.reason == Reason.READING

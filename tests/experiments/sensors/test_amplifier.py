@@ -147,7 +147,7 @@ def test_what_does_not_say_who_it_is_is_not_asked_for_light(monkeypatch: pytest.
     with AmplifierStandIn("x", numbered, LineFaults(silent=True)) as there:
         kept = []
         for _ in range(2):  # the port is free again, whatever holds the fault and its frames
-            with pytest.raises(RigFault, match=r"does not say who it is: .* 9600 baud") as fault:
+            with pytest.raises(RigFault, match=r"does not identify itself: .* 9600 baud") as fault:
                 Amplifier(there.device, 9600, "the PSD amplifier of psd")
             kept.append(fault.value)
 

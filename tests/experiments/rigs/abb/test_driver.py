@@ -187,7 +187,7 @@ def test_the_laser_is_the_output_that_is_stated(
     ],
 )
 def test_a_signal_that_is_none_is_bad_input(text: str) -> None:
-    with pytest.raises(BadInput, match=r"(?s)no digital output.*NETWORK/UNIT/NAME"):
+    with pytest.raises(BadInput, match=r"(?s)not a digital output.*NETWORK/UNIT/NAME"):
         Signal.stated(text)
     assert str(Signal.stated("Local/DRV_1/zb_laser")) == str(Signal()) == "Local/DRV_1/zb_laser"
 

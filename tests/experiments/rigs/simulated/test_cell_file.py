@@ -136,7 +136,7 @@ def test_every_key_has_a_default(tmp_path: Path) -> None:
         ("distortion: [0, 0, 0, 0, 0]", "distortion: [0, 0]", 33, "a list of 5 values is required"),
         ("width_px: 320", "width_px: 0", 30, "camera.width_px"),
         ("kind: robot-stop", "kind: robot-stopp", 50, "did you mean 'robot-stop'?"),
-        ("kind: robot-stop, shot: 0", "shot: 0", 50, "no fault of this kind"),
+        ("kind: robot-stop, shot: 0", "shot: 0", 50, "unknown kind of fault"),
         ("{kind: robot-stop, shot: 0}", "robot-stop", 50, "faults"),
         ("kind: robot-stop, shot: 0", "kind: robot-stop", 50, "'shot' is missing"),
         ("kind: robot-stop, shot: 0", "kind: robot-stop, shot: -1", 50, ">= 0"),

@@ -245,7 +245,7 @@ def test_a_psd_out_of_view_of_every_posture_is_refused_before_anything_moves(
     refused: Callable[..., BadInput],
 ) -> None:
     behind = refused(exact, placed={"centre_mm": [-900, 0, 3000]})
-    assert "deg aside of the beams" in str(behind)
+    assert "deg off the beams" in str(behind)
     away = refused(exact, placed={"normal": [0, 0, -1]})
     assert "turned away from all beams" in str(away)
 
