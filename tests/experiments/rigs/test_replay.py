@@ -106,9 +106,9 @@ def test_the_recording_must_be_of_the_plans_shots(plan: Plan, recorded: Run) -> 
     turned = list(first.joints_deg)
     turned[1] += 6.0
     for shot, found in (
-        (first.model_copy(update={"target": "other"}), "shot 0 at target other"),
-        (first.model_copy(update={"joints_deg": tuple(turned)}), r"shot 0, whose joint 2 is 6\.0 deg"),
-        (first.model_copy(update={"shot": 8}), "shot 8"),
+        (first.model_copy(update={"target": "other"}), "measurement 0 at target other"),
+        (first.model_copy(update={"joints_deg": tuple(turned)}), r"measurement 0, whose joint 2 is 6\.0 deg"),
+        (first.model_copy(update={"shot": 8}), "measurement 8"),
     ):
         with pytest.raises(BadInput, match=f"not made with this plan\n  found:   {found}") as caught:
             ReplayRig(plan, with_shots(recorded, shot))
