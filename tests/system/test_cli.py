@@ -8,6 +8,7 @@ import importlib
 import json
 import math
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -18,7 +19,6 @@ import pytest
 import typer
 from cells import PROBE, good_plan, header, pattern_plan, plan_of
 from command_line import Answer, plan_file, zerobeam
-from example_results import good
 from example_studies import agreeing, disagreeing
 from golden_files import assert_golden
 
@@ -31,10 +31,10 @@ from zerobeam.experiments.schema import SCHEMA_NAMES
 from zerobeam.model.files.header import RUN_SCHEMA
 from zerobeam.model.files.run import read_run
 from zerobeam.model.problem import Problem
-from zerobeam.reports.run.report_folder import write_report
 
 GOOD, X_PATTERN, UNCALIBRATED = (case.path for case in demo_runs())
 HEADER, *SHOTS = (json.loads(line) for line in GOOD.read_text(encoding="utf-8").splitlines())
+FEW = ("--ess", 100)  # draws, where nothing is asked of them
 COMMAND = Path(sys.executable).with_name("zerobeam")
 WHOLE_REPORT = {"report.html", "report.pdf", "result.json", "posterior.nc", "figures"}
 
@@ -89,7 +89,7 @@ def plans(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 def test_the_installed_command_answers() -> None:
     told = process("--version")
     assert told == Answer(0, f"zerobeam {package.__version__}\n", "")
-    told = process("analyse", GOOD, "--json")
+    told = process("analyse", GOOD, "--json", *FEW)
     assert (told.status, told.err) == (0, "")
     assert told.json["schema"] == "zerobeam/result/1"
     told = process("check", GOOD.with_name("none.yaml"), "--json")
@@ -107,7 +107,7 @@ def test_analyse_ends_with_its_verdict(file: Path, status: int, verdict: str) ->
 def test_a_weak_verdict_is_no_pass(tmp_path: Path) -> None:
     strict = tmp_path / "run.jsonl"
     strict.write_text(run_text(changed(tolerance={"offset_deg": 0.005})), encoding="utf-8")
-    told = zerobeam("analyse", strict, "--json")
+    told = zerobeam("analyse", strict, "--json", *FEW)
     assert (told.status, told.json["verdict"]) == (1, "weak")
 
 
@@ -120,7 +120,9 @@ def test_analyse_prints_for_people_without_json() -> None:
 
 
 def test_the_same_seed_gives_the_same_answer_and_another_seed_does_not() -> None:
-    first, again, other = (zerobeam("analyse", GOOD, "--json", "--seed", seed).json for seed in (1, 1, 2))
+    first, again, other = (
+        zerobeam("analyse", GOOD, "--json", "--seed", seed, *FEW).json for seed in (1, 1, 2)
+    )
     for answer in (first, again, other):
         answer["posterior"].pop("seconds")
     assert first == again
@@ -131,16 +133,16 @@ def test_the_same_seed_gives_the_same_answer_and_another_seed_does_not() -> None
 def test_a_robust_fit_is_there_on_request_and_names_the_shot_that_is_off(tmp_path: Path, loss: str) -> None:
     pushed = tmp_path / "pushed.jsonl"
     pushed.write_text(run_text(None, one_changed(2, spot_mm=[1.5, -1.0])), encoding="utf-8")
-    told = zerobeam("analyse", pushed, "--robust", loss, "--json")
+    told = zerobeam("analyse", pushed, "--robust", loss, "--json", *FEW)
     assert told.err == ""
     assert told.json["robust"]["loss"] == loss
     assert told.json["robust"]["outliers"] == [2]
     assert min(told.json["robust"]["weights"]) == told.json["robust"]["weights"][2]
-    people = zerobeam("analyse", pushed, "--robust", loss).out
+    people = zerobeam("analyse", pushed, "--robust", loss, *FEW).out
     assert "Too far off for chance: shot 2 (weight" in " ".join(people.split())
-    calm = zerobeam("analyse", GOOD, "--json", "--robust", loss).json
+    calm = zerobeam("analyse", GOOD, "--json", "--robust", loss, *FEW).json
     assert calm["robust"]["outliers"] == []
-    assert zerobeam("analyse", GOOD, "--json").json["robust"] is None
+    assert zerobeam("analyse", GOOD, "--json", *FEW).json["robust"] is None
 
 
 def test_targets_are_held_out_by_name_or_pattern(tmp_path: Path) -> None:
@@ -148,15 +150,15 @@ def test_targets_are_held_out_by_name_or_pattern(tmp_path: Path) -> None:
     shots = [{**shot, "target": "near"} for shot in SHOTS]
     again = [{**shot, "shot": len(SHOTS) + i, "target": "far"} for i, shot in enumerate(SHOTS)]
     two.write_text(run_text(None, [*shots, *again]), encoding="utf-8")
-    told = zerobeam("report", two, "-o", tmp_path / "out", "--hold-out", "f?r", "--json")
+    told = zerobeam("report", two, "-o", tmp_path / "out", "--hold-out", "f?r", "--json", *FEW)
     assert told.err == ""
     found = told.json["hold_out"]
     assert (found["targets"], found["shots"], found["shots_fitted"]) == (["far"], len(SHOTS), len(SHOTS))
     assert "Held-out targets" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     # The same shots again: there is nothing that could be off.
     assert found["p_value"] > 0.01
-    assert "Held out, far: misses" in zerobeam("analyse", two, "--hold-out", "far").out
-    assert zerobeam("analyse", two, "--json").json["hold_out"] is None
+    assert "Held out, far: misses" in zerobeam("analyse", two, "--hold-out", "far", *FEW).out
+    assert zerobeam("analyse", two, "--json", *FEW).json["hold_out"] is None
     message = zerobeam("analyse", two, "--hold-out", "near", "--hold-out", "far").refused()
     assert "all targets are held out" in message
     assert "no target of that name" in zerobeam("analyse", two, "--hold-out", "fa").refused()
@@ -169,7 +171,8 @@ def study_of(seen: list[tuple[int, int]], agrees: bool) -> Callable[..., dict[st
         assert store.name == "study.cases.jsonl"
         progress("good", 0.5)
         seen.append((data_sets, seed))
-        return agreeing() if agrees else disagreeing()
+        answer = agreeing() if agrees else disagreeing()
+        return {**answer, "plans": answer["plans"][1:2]}
 
     return made
 
@@ -228,18 +231,24 @@ def test_check_ends_with_its_verdict(plans: dict[str, Path], name: str, status: 
     assert "What this plan will tell" in told.out
 
 
-def test_report_writes_the_folder_and_says_where(tmp_path: Path) -> None:
-    folder = tmp_path / "made" / "here"
-    told = zerobeam("report", GOOD, "-o", folder)
+@pytest.fixture(scope="module")
+def reported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Answer]:
+    """The report of the good run, its folder and the one above made anew, and what was printed."""
+    folder = tmp_path_factory.mktemp("reported") / "made" / "here"
+    return folder, zerobeam("report", GOOD, "-o", folder, *FEW)
+
+
+def test_report_writes_the_folder_and_says_where(reported: tuple[Path, Answer]) -> None:
+    folder, told = reported
     assert (told.status, told.err) == (0, "")
     assert f"Report: {folder / 'report.html'}" in told.out
     assert {path.name for path in folder.iterdir()} == WHOLE_REPORT
-    assert [path.name for path in tmp_path.iterdir()] == ["made"]
+    assert [path.name for path in folder.parents[1].iterdir()] == ["made"]
     assert [path.name for path in folder.parent.iterdir()] == ["here"]
 
 
 def test_report_prints_the_json_that_it_wrote(tmp_path: Path) -> None:
-    told = zerobeam("report", X_PATTERN, "-o", tmp_path / "out", "--json")
+    told = zerobeam("report", X_PATTERN, "-o", tmp_path / "out", "--json", *FEW)
     assert (told.status, told.err) == (1, "")
     assert told.json == json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
 
@@ -251,7 +260,7 @@ def test_run_records_a_plan_that_can_be_analysed(tmp_path: Path, plans: dict[str
     assert told.out.startswith("Pass.")
     assert "8 shots recorded, none refused" in " ".join(told.out.split())
     assert told.out.endswith(f"Run: {file}\n")
-    assert zerobeam("analyse", file, "--json").status == 0
+    assert zerobeam("analyse", file, "--json", *FEW).status == 0
 
 
 def test_run_prints_one_answer_or_every_event(tmp_path: Path, plans: dict[str, Path]) -> None:
@@ -515,13 +524,13 @@ def test_a_file_that_is_a_folder_or_not_there(command: str, tmp_path: Path) -> N
 def test_a_torn_last_line_is_told_and_the_rest_used(tmp_path: Path) -> None:
     file = tmp_path / "run.jsonl"
     file.write_text(run_text() + '{"shot":7,"target":"ps', encoding="utf-8")
-    told = zerobeam("analyse", file, "--json")
+    told = zerobeam("analyse", file, "--json", *FEW)
     assert (told.status, told.err) == (0, "")
     assert len(told.json["shots"]) == 7
     assert any("line 9, the last, is torn" in note for note in told.json["notes"])
-    whole = zerobeam("analyse", GOOD, "--json").json
+    whole = zerobeam("analyse", GOOD, "--json", *FEW).json
     assert told.json["parameters"] == whole["parameters"]
-    assert "is torn" in zerobeam("analyse", file).out
+    assert "is torn" in zerobeam("analyse", file, *FEW).out
 
 
 @pytest.mark.parametrize(
@@ -651,9 +660,14 @@ def test_bad_usage_is_told_with_the_usage(
     ],
 )
 def test_when_the_pdf_fails_the_old_report_stays_and_nothing_is_left_about(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: Exception, status: int, message: str
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    reported: tuple[Path, Answer],
+    fault: Exception,
+    status: int,
+    message: str,
 ) -> None:
-    write_report(tmp_path / "out", good(), None)
+    shutil.copytree(reported[0], tmp_path / "out")
     before = contents(tmp_path)
 
     def fail(*_: object) -> bytes:
@@ -661,7 +675,7 @@ def test_when_the_pdf_fails_the_old_report_stays_and_nothing_is_left_about(
 
     monkeypatch.setattr(importlib.import_module("zerobeam.reports.output.page_files"), "pdf", fail)
     for folder in ("out", "new/deeper"):
-        told = zerobeam("report", GOOD, "-o", tmp_path / folder)
+        told = zerobeam("report", GOOD, "-o", tmp_path / folder, *FEW)
         assert told.status == status
         assert told.out == ""
         assert message in told.err
