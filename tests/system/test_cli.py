@@ -139,7 +139,7 @@ def test_a_robust_fit_is_there_on_request_and_names_the_shot_that_is_off(tmp_pat
     assert told.json["robust"]["outliers"] == [2]
     assert min(told.json["robust"]["weights"]) == told.json["robust"]["weights"][2]
     people = zerobeam("analyse", pushed, "--robust", loss, *FEW).out
-    assert "Too far off for chance: shot 2 (weight" in " ".join(people.split())
+    assert "Outlier: 2 (weight" in " ".join(people.split())
     calm = zerobeam("analyse", GOOD, "--json", "--robust", loss, *FEW).json
     assert calm["robust"]["outliers"] == []
     assert zerobeam("analyse", GOOD, "--json", *FEW).json["robust"] is None
@@ -157,7 +157,7 @@ def test_targets_are_held_out_by_name_or_pattern(tmp_path: Path) -> None:
     assert "Held-out targets" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     # The same shots again: there is nothing that could be off.
     assert found["p_value"] > 0.01
-    assert "Held out, far: misses" in zerobeam("analyse", two, "--hold-out", "far", *FEW).out
+    assert "Targets 1: far; Measurements there 7;" in zerobeam("analyse", two, "--hold-out", "far", *FEW).out
     assert zerobeam("analyse", two, "--json", *FEW).json["hold_out"] is None
     message = zerobeam("analyse", two, "--hold-out", "near", "--hold-out", "far").refused()
     assert "all targets are held out" in message
@@ -228,7 +228,7 @@ def test_check_ends_with_its_verdict(plans: dict[str, Path], name: str, status: 
     assert told.json["verdict"] == verdict
     told = zerobeam("check", plans[name])
     assert (told.status, told.err) == (status, "")
-    assert "What this plan will tell" in told.out
+    assert "What this plan will determine" in told.out
 
 
 @pytest.fixture(scope="module")
@@ -258,7 +258,7 @@ def test_run_records_a_plan_that_can_be_analysed(tmp_path: Path, plans: dict[str
     told = zerobeam("run", plans["good"], "-o", file, "--seed", "3")
     assert (told.status, told.err) == (0, "")
     assert told.out.startswith("Pass.")
-    assert "8 shots recorded, none refused" in " ".join(told.out.split())
+    assert "8 measurements recorded, none refused" in " ".join(told.out.split())
     assert told.out.endswith(f"Run: {file}\n")
     assert zerobeam("analyse", file, "--json", *FEW).status == 0
 
@@ -310,7 +310,7 @@ def test_import_csv_tells_what_it_understood(tmp_path: Path) -> None:
     told = zerobeam("import", "csv", rows, "--units", "deg", *asked)
     assert (told.status, told.err) == (0, "")
     assert "angles in degrees" in told.out
-    assert told.out.endswith(f"2 shots written to {file}\n")
+    assert told.out.endswith(f"2 measurements written to {file}\n")
     assert read_run(file).header.schema_ == RUN_SCHEMA
 
 
@@ -343,7 +343,7 @@ def unconverged(problem: Problem, **asked: Any) -> LikelihoodFit:
 def test_a_failed_fit_has_its_own_status_and_no_numbers(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(importlib.import_module("zerobeam.analysis.analyse"), "fit_likelihood", unconverged)
+    monkeypatch.setattr(importlib.import_module("zerobeam.analysis.solution"), "fit_likelihood", unconverged)
     told = zerobeam("report", GOOD, "-o", tmp_path / "out", "--json")
     assert (told.status, told.err) == (3, "")
     assert "did not converge" in told.json["headline"]
@@ -493,7 +493,7 @@ BAD_RUNS: dict[str, tuple[str | bytes, list[str]]] = {
     ),
     "scale estimated from too few shots": (
         run_text(changed(noise={**HEADER["noise"], "scale": "estimated"}), SHOTS[:4]),
-        ["run.jsonl, line 1:", "noise scale cannot be estimated", "8 numbers from 4 shots for 8 unknowns"],
+        ["run.jsonl, line 1:", "noise scale cannot be estimated", "8 numbers from 4 measurements for 8 unknowns"],
     ),
     "shot number twice": (run_text(None, one_changed(6, shot=0)), ["line 8:", "duplicate shot number 0"]),
 }
