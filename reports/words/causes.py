@@ -20,6 +20,7 @@ from ...analysis.observability.causes import (
     Unexplained,
 )
 from ...model.tool import ToolKind
+from . import numbers
 from .wording import Namer
 
 _BASE_FRAME = (
@@ -138,9 +139,9 @@ def _common_motion(cause: CommonMotion) -> str:
         return f"{before} {'does' if one else 'do'} not change over the measurements, so {so}{x_pattern}"
     parts = []
     if cause.range_deg is not None:
-        parts.append(f"{cause.range_deg:.2g} degrees")
+        parts.append(f"{numbers.spread(cause.range_deg)} degrees")
     if cause.range_mm is not None:
-        parts.append(f"{cause.range_mm:.2g} mm")
+        parts.append(f"{numbers.spread(cause.range_mm)} mm")
     ranges = " and ".join(parts)
     verb = "varies" if one else "vary"
     if cause.nearly_constant:

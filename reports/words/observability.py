@@ -54,10 +54,10 @@ def rank_facts(facts: Identifiability) -> list[tuple[str, str]]:
 
 def advice_sentence(advice: Advice) -> str:
     """The change of a plan that helps most."""
-    what = "one more measurement" if advice.add else "in its place"
+    what = "as one more measurement" if advice.add else "in its place"
     return (
         f"The single change that helps most: posture {advice.posture} with joint {advice.joint} rotated"
-        f" by {numbers.exact(advice.change_deg, advice.unit)}, as {what}: the largest standard"
+        f" by {numbers.exact(advice.change_deg, advice.unit)}, {what}: the largest standard"
         f" uncertainty falls from {numbers.spread(advice.worst_std_before, advice.unit)}"
         f" to {numbers.spread(advice.worst_std_after, advice.unit)}."
     )
