@@ -493,7 +493,11 @@ BAD_RUNS: dict[str, tuple[str | bytes, list[str]]] = {
     ),
     "scale estimated from too few shots": (
         run_text(changed(noise={**HEADER["noise"], "scale": "estimated"}), SHOTS[:4]),
-        ["run.jsonl, line 1:", "noise scale cannot be estimated", "8 numbers from 4 measurements for 8 unknowns"],
+        [
+            "run.jsonl, line 1:",
+            "noise scale cannot be estimated",
+            "8 numbers from 4 measurements for 8 unknowns",
+        ],
     ),
     "shot number twice": (run_text(None, one_changed(6, shot=0)), ["line 8:", "duplicate shot number 0"]),
 }
