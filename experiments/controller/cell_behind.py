@@ -9,10 +9,9 @@ import numpy as np
 from ...model.errors import BadInput
 from ...model.files.plan import Plan
 from ...model.robot import Matrix
+from ..rigs.abb.caution import require_six_axes
 from ..rigs.simulated.cell_file import Cell
 from ..rigs.simulated.simulator import SimulatedRig
-
-_AXES = 6
 
 
 class CellBehind(SimulatedRig):
@@ -32,12 +31,7 @@ class CellBehind(SimulatedRig):
             )
         super().__init__(plan, cell, seed)
         robot = plan.robot
-        if robot.n != _AXES or any(joint.kind != "revolute" for joint in robot.joints):
-            raise BadInput(
-                "the simulated IRC5 drives arms of six revolute joints",
-                found=f"{robot.name}: {robot.n} joints",
-                remedy="run this plan by --rig simulated",
-            )
+        require_six_axes(robot, "the simulated IRC5", "run this plan by --rig simulated")
         self.robot, self.acceleration = robot, cell.arm.acceleration_deg_s2 / robot.display
         self.top_speed = np.array([joint.speed or 1.0 for joint in robot.joints])  # as the simulated arm's
         self._arm.begin(self._rng, np.clip(np.zeros(robot.n), robot.lower, robot.upper))

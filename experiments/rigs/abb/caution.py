@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from ....model.errors import BadInput
 from ....model.files.reading import shown
+from ....model.robot import Robot
 
 USUAL_SHARE = 0.25  # of the joints' top speeds
 _IO_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")  # RAPID's names; all three go into an address
@@ -61,3 +62,13 @@ class Caution:
             )
         if not 0 < self.egm_port < 65536:
             raise BadInput("--egm-port is a UDP port", found=self.egm_port, allowed="1 to 65535")
+
+
+def require_six_axes(robot: Robot, drives: str, remedy: str) -> None:
+    """BadInput, with the remedy, for an arm that a rig or the simulated controller (`drives`) cannot drive."""
+    if robot.n != 6 or any(joint.kind != "revolute" for joint in robot.joints):
+        raise BadInput(
+            f"{drives} drives arms of six revolute joints",
+            found=f"{robot.name}: {robot.n} joints",
+            remedy=remedy,
+        )

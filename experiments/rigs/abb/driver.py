@@ -18,11 +18,11 @@ import numpy as np
 from ....model.errors import BadInput, RigFault
 from ....model.files.plan import Plan
 from ....model.files.shot import Shot
-from ....model.robot import Matrix, Robot
+from ....model.robot import Matrix
 from ...sensors.camera import Image
 from ...sensors.interface import Sensors
 from .access import Access
-from .caution import Caution
+from .caution import Caution, require_six_axes
 from .egm_client import Guidance
 from .rws_client import Session
 
@@ -31,7 +31,6 @@ T = TypeVar("T")
 MODULE = "zerobeam_egm"
 _MOVE, _GUIDE, _NOTHING = 1, 2, 0
 _NONE_YET = -1  # main replaces it by 0: then it has begun
-_AXES = 6
 _GUIDED_DEG = 5.0  # moves of no joint beyond it are guided
 _GUIDED_SPEED = 15.0  # deg/s, below MaxSpeedDeviation in the RAPID module
 _TOP_SPEED = np.radians(60.0)  # rad/s, where the robot file states none
@@ -55,7 +54,7 @@ class AbbRig:
     steerable = True
 
     def __init__(self, plan: Plan, access: Access, sensors: Sensors, caution: Caution) -> None:
-        _require_six_axes(plan.robot)
+        require_six_axes(plan.robot, "the ABB rig", "record this arm by hand and import the joints")
         absent = [target for target in plan.target_names if target not in sensors.psds]
         if absent:
             raise BadInput(
@@ -390,15 +389,6 @@ class _Progress:
                 f"the arm has been at rest on its way for {_STALL_S:g} s: is the speed on the FlexPendant 0"
                 " %?"
             )
-
-
-def _require_six_axes(robot: Robot) -> None:
-    if robot.n != _AXES or any(joint.kind != "revolute" for joint in robot.joints):
-        raise BadInput(
-            "the ABB rig drives arms of six revolute joints",
-            found=f"{robot.name}: {robot.n} joints",
-            remedy="record this arm by hand and import the joints",
-        )
 
 
 def _told(joints_deg: Matrix) -> str:
