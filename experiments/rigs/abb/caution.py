@@ -65,7 +65,7 @@ class Caution:
 
 
 def require_six_axes(robot: Robot, drives: str, remedy: str) -> None:
-    """BadInput, with the remedy, for an arm that a rig or the simulated controller (`drives`) cannot drive."""
+    """BadInput for an arm of other joints; `drives` names the rig or controller, `remedy` what to do."""
     if robot.n != 6 or any(joint.kind != "revolute" for joint in robot.joints):
         raise BadInput(
             f"{drives} drives arms of six revolute joints",
