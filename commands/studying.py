@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
@@ -12,7 +12,7 @@ from .console import err, out, print_json, progress, stoppable
 from .options import Camera, Json, Seed
 
 if TYPE_CHECKING:
-    from ..experiments.studies.sweeps.grid_answer import GridStudy
+    from ..experiments.studies.answer import StudyAnswer
 
 studies = typer.Typer(
     help="Studies over simulated runs: coverage, and the effect of each setting.", no_args_is_help=True
@@ -44,7 +44,7 @@ def study_cell(
     as_json: Json = False,
 ) -> None:
     """Coverage through the whole chain: runs in the simulated cell, from plan to offsets."""
-    from ..experiments.studies.cell_study import cell_study
+    from ..experiments.studies.cell import cell_study
 
     store = _store(folder)
     _study(folder, as_json, lambda told: cell_study(runs, seed, told, camera=camera, store=store), store)
@@ -121,15 +121,15 @@ def _store(folder: Path) -> Path:
 def _study(
     folder: Path,
     as_json: bool,
-    studied: Callable[[Callable[[str, float], None]], GridStudy | dict[str, Any]],
+    studied: Callable[[Callable[[str, float], None]], StudyAnswer],
     store: Path | None = None,
 ) -> NoReturn:
     """Carry a study out, write it, print it; the exit status says whether it agrees.
 
     Finished cases are kept in `store`, to go on with; once the study is written they are no longer needed.
     """
-    from ..reports.studies.studies import study_of
-    from ..reports.studies.study_page import check_target, write_study
+    from ..experiments.studies.answer import to_json
+    from ..reports.studies.study_folder import check_target, write_study
     from ..reports.studies.study_terminal import print_study
 
     check_target(folder)
@@ -145,10 +145,9 @@ def _study(
         raise
     if store is not None:
         store.unlink(missing_ok=True)
-    content = study_of(answer).to_json(answer)
     if as_json:
-        print_json(content)
+        print_json(to_json(answer))
     else:
         print_study(out, answer)
         out.print(f"Study: {paths.html}", soft_wrap=True, markup=False)
-    raise typer.Exit(0 if content["agrees"] else 1)
+    raise typer.Exit(0 if answer.agrees else 1)

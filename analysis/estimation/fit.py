@@ -24,6 +24,7 @@ from .noise_factors import marginal_noise
 
 _SAME_BASIN = 0.5  # posterior stds: two modes nearer than this are one
 CONTRADICTED = 1e-4  # a chance below which residuals and priors together are no chance
+STARTS = 8  # random ones, besides zero offsets
 MANY_STARTS = 64
 _FEW_NUMBERS = 3.0  # to each unknown: below that a wrong basin can pass for a fit
 _WORTH_TELLING = 12.0  # log-posterior units: a basin further down carries less than 1e-5 of the mass
@@ -113,7 +114,7 @@ def chance(residual: Matrix, z: Matrix) -> float:
 
 
 def fit_likelihood(
-    problem: Problem, *, starts: int = 8, seed: int = 0, eliminate_targets: bool = False
+    problem: Problem, *, starts: int = STARTS, seed: int = 0, eliminate_targets: bool = False
 ) -> LikelihoodFit:
     """Fit from zero offsets and from `starts` further points drawn from the priors; the best mode wins.
 
@@ -122,23 +123,20 @@ def fit_likelihood(
     With `eliminate_targets` the way up is searched in offsets and tool alone (`elimination`); the mode is the
     same. Raises ValueError where the elimination is not exact.
     """
-    rng = np.random.default_rng(seed)
     density = Density(problem)
-    z = np.vstack([np.zeros(density.size), rng.normal(size=(starts, density.size))])
+    z = _start_points(density.size, starts, seed)
     start = start_at(problem, z)
     if eliminate_targets:
         start = np.array([eliminated(problem, x) for x in start])
     found = fit_rows(density, start, np.zeros(len(z), dtype=np.int64))
-    best = int(np.argmax(np.where(found.converged, found.log_posterior, -np.inf)))
-    if not found.converged[best] or found.log_posterior[best] <= found.log_posterior[0] + 1e-6:
-        best = 0
+    best = int(_best_start(found.converged[None], found.log_posterior[None])[0])
     basins = [best]
     for row in range(len(z)):
         near = found.log_posterior[row] >= found.log_posterior[best] - _WORTH_TELLING
         if found.converged[row] and near and all(_apart(found, row, known) for known in basins):
             basins.append(row)
     fit = _single(problem, found, best, len(basins) - 1)
-    few = problem.data_size < _FEW_NUMBERS * density.size
+    few = _has_few_numbers(problem)
     if 0 < starts < MANY_STARTS and few and fit.chance is not None and fit.chance < CONTRADICTED:
         return fit_likelihood(problem, starts=MANY_STARTS, seed=seed, eliminate_targets=eliminate_targets)
     if not (problem.noise.separate and fit.converged):
@@ -154,6 +152,54 @@ def fit_likelihood(
         converged=settled,
         reason=fit.reason if settled else "the noise factors did not settle",
     )
+
+
+def fit_each(problem: Problem, joints: Matrix, spots: Matrix, *, starts: int = STARTS, seed: int = 0) -> Fits:
+    """The fit of `fit_likelihood` for each of W data sets of one problem, side by side.
+
+    `joints` (W, M, n) and `spots` are what was recorded. Starts, choice among them and the further starts of
+    a fit that contradicts noise and priors are the same; but the best start is chosen before Newton's steps,
+    and only that one is polished. With separate noise factors each run is fitted by `fit_likelihood` itself.
+    """
+    density, count = Density(problem, joints, spots), len(joints)
+    z = _start_points(density.size, starts, seed)
+    of = np.repeat(np.arange(count), len(z))
+    found = modes(density, start_at(problem, np.tile(z, (count, 1)), joints[of]), of)
+    best = _best_start(found.converged.reshape(count, -1), -found.cost.reshape(count, -1))
+    fits = fit_rows(density, found.x[np.arange(count) * len(z) + best])
+    x, scaled, covariance = fits.x.copy(), fits.z.copy(), fits.covariance.copy()
+    converged, log_posterior = fits.converged.copy(), fits.log_posterior.copy()
+    doubtful = problem.noise.known and starts < MANY_STARTS and _has_few_numbers(problem)
+    for row in range(count if doubtful or problem.noise.separate else 0):
+        own, more = problem.moved(joints[row], spots[row]), starts
+        if doubtful:
+            if chance(own.whiten(x[row]).residual, scaled[row]) >= CONTRADICTED:
+                continue
+            more = MANY_STARTS
+        again = fit_likelihood(own, starts=more, seed=seed)
+        x[row], scaled[row], covariance[row] = again.x, again.z, again.covariance
+        converged[row], log_posterior[row] = again.converged, again.log_posterior
+    return replace(
+        fits, x=x, z=scaled, covariance=covariance, converged=converged, log_posterior=log_posterior
+    )
+
+
+def _start_points(size: int, starts: int, seed: int) -> Matrix:
+    """(1 + starts, f) scaled parameters: zero offsets, then draws from the priors."""
+    return np.vstack([np.zeros(size), np.random.default_rng(seed).normal(size=(starts, size))])
+
+
+def _best_start(converged: NDArray[np.bool_], log_posterior: Matrix) -> Index:
+    """(W,) the best of the starts (W, S); the first, of zero offsets, where none is better."""
+    best = np.argmax(np.where(converged, log_posterior, -np.inf), axis=1)
+    every = np.arange(len(best))
+    better = converged[every, best] & (log_posterior[every, best] > log_posterior[:, 0] + 1e-6)
+    return np.where(better, best, 0)
+
+
+def _has_few_numbers(problem: Problem) -> bool:
+    """Whether there are so few numbers to each unknown that a wrong basin can pass for a fit."""
+    return problem.data_size < _FEW_NUMBERS * int(problem.parameters.free.sum())
 
 
 def _single(problem: Problem, found: Fits, row: int, other_basins: int) -> LikelihoodFit:

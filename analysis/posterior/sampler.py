@@ -24,17 +24,17 @@ BUDGET = 1_000_000  # evaluations of the density before a run gives up, and
 _PER_ESS = 40  # more for each effective draw asked for
 _WALKERS = (32, 1024)  # of an ensemble: many share the cost of a step where many draws are asked for
 _STEPS_PLANNED = 64
-_SHARE = 0.1  # of the steps, by differential evolution
-_ROUND = 20  # steps from one fit of the proposal to the next
-_ROUNDS = (2, 5)  # at least and at most
-_SETTLED = 0.03  # more proposals accepted than in any round before: not yet settled
+SHARE = 0.1  # of the steps, by differential evolution
+ROUND = 20  # steps from one fit of the proposal to the next
+ROUNDS = (2, 5)  # at least and at most
+SETTLED = 0.03  # more proposals accepted than in any round before: not yet settled
 _PULLS = 12  # halvings of the way to the proposal's location
 _FIRST_LOOK = 60  # steps: from shorter chains the ESS comes out too large
 _BENT_LOOK = 100
 _DRIFT_GATE = 4.5  # standard errors; the tails of a curved sheet are found late, by all ensembles alike
 _PLAIN_STEPS = 250
 _BENT_WALKERS = 512
-_BENT_SHARE = 0.3
+BENT_SHARE = 0.3
 _BENT_ROUNDS = (6, 12)
 _FITTED = 8_000  # draws to fit a bend to
 _LOOK_WALKERS = 128  # of an ensemble, to take diagnostics of
@@ -72,6 +72,38 @@ class _Grown(NamedTuple):
     settled: bool
 
 
+def possible_density(log_density: LogDensity, points: Matrix) -> Matrix:
+    """(W,); what is no number, or more than any number, is impossible: -inf."""
+    with np.errstate(all="ignore"):
+        values = np.asarray(log_density(points), dtype=float)
+    return np.where(values < np.inf, values, -np.inf)
+
+
+class Moves:
+    """The walk of one ensemble by emcee: a `share` of the steps by differential evolution, the others by the
+    proposal. With `groups` the walkers are of so many data sets, as many of each, one set after the other."""
+
+    def __init__(
+        self, proposal: IndependenceProposal, random: np.random.Generator, share: float, groups: int = 1
+    ) -> None:
+        self.independence = IndependenceMove(proposal, random)
+        self.differential = DifferentialMove(random, groups)
+        self._random, self._share = random, share
+
+    def walk(self, log_density: LogDensity, start: Matrix, steps: int, *, last: bool = False) -> Matrix:
+        """(walkers, steps, f) from `start` (walkers, f); only the `last` step if asked for."""
+        import emcee
+
+        moves = [(self.independence, 1 - self._share), (self.differential, self._share)]
+        sampler = emcee.EnsembleSampler(*start.shape, log_density, moves=moves, vectorize=True)
+        # emcee's legacy generator has no more to do than to choose between the moves.
+        choice = np.random.RandomState(self._random.integers(2**32)).get_state()
+        state = emcee.State(start, log_prob=log_density(start), random_state=choice)
+        state = sampler.run_mcmc(state, steps, skip_initial_state_check=True, store=not last)
+        chain = state.coords[:, None] if last else sampler.get_chain().transpose(1, 0, 2)
+        return np.asarray(chain)
+
+
 class _Run:
     """Independent ensembles, each with a generator of its own, and what they have learnt so far.
 
@@ -95,10 +127,7 @@ class _Run:
         self.seconds = 0.0
 
     def density(self, points: Matrix) -> Matrix:
-        """(W,); what is no number, or more than any number, is impossible: -inf."""
-        with np.errstate(all="ignore"):
-            values = np.asarray(self._log_density(points), dtype=float)
-        return np.where(values < np.inf, values, -np.inf)
+        return possible_density(self._log_density, points)
 
     def start(self, walkers: int) -> Matrix | None:
         """Draws of the proposal, pulled in to where the density is not 0; None where that is nowhere."""
@@ -145,34 +174,25 @@ class _Run:
     def _one(
         self, start: Matrix, random: np.random.Generator, steps: int
     ) -> tuple[Matrix, IndependenceMove, DifferentialMove]:
-        import emcee
-
         bend = self._bend
 
         def density(points: Matrix) -> Matrix:
             return self.density(points if bend is None else bend.forth(points))
 
         points = start if bend is None else bend.back(start)
-        independence, differential = IndependenceMove(self._proposal, random), DifferentialMove(random)
-        share = _SHARE if bend is None else _BENT_SHARE
-        moves = [(independence, 1 - share), (differential, share)]
-        sampler = emcee.EnsembleSampler(*points.shape, density, moves=moves, vectorize=True)
-        # emcee's legacy generator has no more to do than to choose between the moves.
-        choice = np.random.RandomState(random.integers(2**32)).get_state()
-        state = emcee.State(points, log_prob=density(points), random_state=choice)
-        sampler.run_mcmc(state, steps, skip_initial_state_check=True)
-        chain = sampler.get_chain().transpose(1, 0, 2)
+        moves = Moves(self._proposal, random, SHARE if bend is None else BENT_SHARE)
+        chain = moves.walk(density, points, steps)
         if bend is not None:
             chain = bend.forth(chain.reshape(-1, points.shape[1])).reshape(chain.shape)
-        return chain, independence, differential
+        return chain, moves.independence, moves.differential
 
     def burn_in(self, starts: Matrix, rounds: tuple[int, int]) -> Matrix:
         """Rounds, a refit after each, until neither acceptance nor draws move on; the last round's draws."""
         best, values = 0.0, starts[:, :, None]
         for count in range(1, rounds[1] + 1):
-            values = self.advance(values[:, :, -1], _ROUND)
-            self.refit(values[:, :, _ROUND // 2 :], self._bend is not None)
-            settled = self._independent < best + _SETTLED and drift(values) < _DRIFT_GATE
+            values = self.advance(values[:, :, -1], ROUND)
+            self.refit(values[:, :, ROUND // 2 :], self._bend is not None)
+            settled = self._independent < best + SETTLED and drift(values) < _DRIFT_GATE
             if count >= rounds[0] and settled:
                 break
             best = max(best, self._independent)
@@ -206,7 +226,7 @@ class _Run:
                 return _Grown(values, rhat, bulk, enough, settled)
             # As many as the draws so far let expect, with some to spare; more where the ensembles disagree.
             factor = 1.5 if enough else min(1.1 * needed / max(reached, 1.0), 8.0)
-            total = min(max(int(np.ceil(factor * total)), total + _ROUND), limit)
+            total = min(max(int(np.ceil(factor * total)), total + ROUND), limit)
 
 
 def sample_density(
@@ -244,9 +264,9 @@ def sample_density(
             values = np.tile(proposal.location, (ENSEMBLES, few, 8, 1))
             found = _Grown(values, *diagnostics(judged(values)), False, False)
         else:
-            values = run.burn_in(starts, _ROUNDS)
+            values = run.burn_in(starts, ROUNDS)
             if walkers > few:
-                values = run.advance(run.spread(values, walkers), _ROUND // 2)
+                values = run.advance(run.spread(values, walkers), ROUND // 2)
             found = run.grow(values[:, :, -1], ess, _PLAIN_STEPS, shown)
             if not (found.enough and found.settled):
                 many = max(walkers, _BENT_WALKERS)

@@ -1,49 +1,45 @@
-"""What many runs of one plan came to, next to what was promised: errors, and shares of intervals."""
+"""What many runs of one plan came to, next to what was predicted: errors, and shares of intervals."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from scipy import stats
 
 from ...model.robot import Matrix
+from .answer import Share
 
 
-def accuracy(error: Matrix, std: Matrix) -> dict[str, float | None]:
-    """Bias with its Monte Carlo standard error, rmse and predicted std of R estimates of one parameter.
+class Accuracy(NamedTuple):
+    """Bias with its Monte Carlo standard error, rmse and predicted standard uncertainty, or None for each."""
 
-    `error` (R,) is estimate minus truth, `std` (R,) what was said of each; None where fewer than two say
-    anything.
-    """
+    bias: float | None = None
+    bias_mcse: float | None = None
+    rmse: float | None = None
+    predicted_std: float | None = None
+
+
+def accuracy(error: Matrix, std: Matrix) -> Accuracy:
+    """Of R estimates of one parameter: `error` (R,) is estimate minus truth, `std` (R,) the standard
+    uncertainty stated with each; without any number where there are fewer than two."""
     if len(error) < 2:
-        return nothing_known()
-    return {
-        "bias": float(error.mean()),
-        "bias_mcse": float(error.std(ddof=1) / np.sqrt(len(error))),
-        "rmse": float(np.sqrt((error**2).mean())),
-        "predicted_std": float(np.sqrt((std**2).mean())),
-    }
+        return Accuracy()
+    return Accuracy(
+        bias=float(error.mean()),
+        bias_mcse=float(error.std(ddof=1) / np.sqrt(len(error))),
+        rmse=float(np.sqrt((error**2).mean())),
+        predicted_std=float(np.sqrt((std**2).mean())),
+    )
 
 
-def nothing_known() -> dict[str, float | None]:
-    """The same where nothing is to be said."""
-    return dict.fromkeys(("bias", "bias_mcse", "rmse", "predicted_std"))
+def held_share(held: int, of: int, level: float, alarm: float) -> Share:
+    """The share of intervals of `level` that hold the truth.
 
-
-def held_share(held: int, of: int, level: float, alarm: float) -> dict[str, Any]:
-    """How often intervals of `level` held the truth: the share, with its 95 % interval (Clopper and Pearson).
-
-    It agrees unless a share so far off has a chance below `alarm` (exact binomial test).
+    It agrees unless the p-value of the exact binomial test is below `alarm`.
     """
     test = stats.binomtest(held, of, level)
     interval = test.proportion_ci(0.95)
-    return {
-        "level": level,
-        "held": held,
-        "of": of,
-        "share": held / of,
-        "low": float(interval.low),
-        "high": float(interval.high),
-        "agrees": bool(test.pvalue >= alarm),
-    }
+    return Share(
+        level, held, of, held / of, float(interval.low), float(interval.high), bool(test.pvalue >= alarm)
+    )

@@ -1,36 +1,40 @@
-"""The finished cases of a study on the disk, so that one that was stopped can be gone on with."""
+"""The finished cases of a study on the disk, so that a study that was stopped can be resumed."""
 
 from __future__ import annotations
 
 import contextlib
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from io import FileIO
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Generic, Self, TypeVar
 
+from pydantic import TypeAdapter
+
+from ...analysis.status import UnsoundResult
 from ...model.errors import BadInput
 from ...model.files.reading import parse_json, shown
 from ...model.files.whole_file import lock
 
 CASES_SCHEMA = "zerobeam/study-cases/1"
 
-Json = dict[str, Any]
+Case = TypeVar("Case")
 
 
-class CaseStore:
-    """A file of JSON lines: first what the cases are of, then a line a finished case.
+class CaseStore(Generic[Case]):
+    """A file of JSON lines: first what the cases are of, then a line a finished case, a dataclass `kind`.
 
     Each line is on the disk before `add` returns. A torn last line, of a process that was killed, is taken
     out. BadInput, and the file is left as it is, where it is of another study, other settings or another
     seed, or was made by other versions: such cases do not belong together.
     """
 
-    def __init__(self, path: Path, heading: Json) -> None:
+    def __init__(self, path: Path, heading: Mapping[str, object], kind: type[Case]) -> None:
         self._path = path
-        self._done: dict[int, Json] = {}
+        self._case = TypeAdapter(kind)
+        self._done: dict[int, Case] = {}
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file = FileIO(path, "a+")  # every line goes to the end
@@ -47,14 +51,14 @@ class CaseStore:
             raise
 
     @property
-    def done(self) -> dict[int, Json]:
+    def done(self) -> dict[int, Case]:
         """The finished cases by their number."""
         return dict(self._done)
 
-    def add(self, number: int, answer: Json) -> None:
+    def add(self, number: int, answer: Case) -> None:
         """Keep a finished case."""
         try:
-            self._write(_line({"case": number, "answer": answer}))
+            self._write(_line({"case": number, "answer": self._case.dump_python(answer, mode="json")}))
         except OSError as error:
             raise _cannot_keep(self._path, error) from None
         self._done[number] = answer
@@ -78,7 +82,7 @@ class CaseStore:
                 file=self._path,
             )
 
-    def _begin(self, heading: Json) -> None:
+    def _begin(self, heading: Mapping[str, object]) -> None:
         self._file.seek(0)
         content, first = self._file.readall(), _line(heading)
         whole = content[: content.rfind(b"\n") + 1]
@@ -95,7 +99,7 @@ class CaseStore:
             line = line[self._file.write(line) :]
         os.fsync(self._file.fileno())
 
-    def _read(self, content: bytes, heading: Json) -> None:
+    def _read(self, content: bytes, heading: Mapping[str, object]) -> None:
         lines = content.splitlines()
         try:
             found = parse_json(lines[0].decode(), file=self._path, line=1)
@@ -114,7 +118,7 @@ class CaseStore:
                     f"the finished cases that are kept here are of another study: {key} differs",
                     found=shown(found.get(key)),
                     allowed=shown(value),
-                    remedy="go on with what they were begun with, remove the file to begin anew, or name"
+                    remedy="resume with the same settings, remove the file to begin again, or name"
                     " another folder for the study",
                     file=self._path,
                     line=1,
@@ -122,19 +126,25 @@ class CaseStore:
         for number, line in enumerate(lines[1:], start=2):
             try:
                 row = parse_json(line.decode(), file=self._path, line=number)
-                self._done[int(row["case"])] = dict(row["answer"])
-            except (ValueError, TypeError, KeyError):
+                self._done[int(row["case"])] = self._case.validate_python(row["answer"])
+            except (ValueError, TypeError, KeyError, UnsoundResult):
                 raise BadInput(
                     "a finished case cannot be read",
-                    remedy="remove the file to begin anew",
+                    remedy="remove the file to begin again",
                     file=self._path,
                     line=number,
                 ) from None
 
 
-def each_case(store: Path | None, heading: Json, count: int, work: Callable[[int], Json]) -> list[Json]:
+def each_case(
+    store: Path | None,
+    heading: Mapping[str, object],
+    kind: type[Case],
+    count: int,
+    work: Callable[[int], Case],
+) -> list[Case]:
     """The answers of so many cases in turn: those that the store has, else worked out, and kept at once."""
-    with contextlib.nullcontext() if store is None else CaseStore(store, heading) as kept:
+    with contextlib.nullcontext() if store is None else CaseStore(store, heading, kind) as kept:
         answers = {} if kept is None else kept.done
         for number in range(count):
             if number not in answers:
@@ -144,7 +154,7 @@ def each_case(store: Path | None, heading: Json, count: int, work: Callable[[int
     return [answers[number] for number in range(count)]
 
 
-def _line(value: Json) -> bytes:
+def _line(value: Mapping[str, object]) -> bytes:
     return (json.dumps(value, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Sequence
 
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from ...experiments.studies.sweeps.grid_answer import GridStudy
+from ...experiments.studies.answer import StudyAnswer
+from ...experiments.studies.coverage import CoveragePlan, CoverageStudy, Estimator
 from ..run.terminal import MARK, STYLE
 from ..style import blocks
 from ..style.blocks import Block, Facts, Legend, Paragraph
@@ -22,26 +22,24 @@ from ..words.wording import (
     sentence,
     shown,
 )
-from .studies import study_view
-from .study_coverage import comparison, overview_caption
-from .study_shares import BY_CHANCE, percent, share, share_interval, standing, undetermined, worst_at
-from .study_view import NOT_DETERMINED
-
-Json = dict[str, Any]
+from .coverage_page import comparison, overview_caption
+from .kinds import study_page
+from .phrases import NOT_DETERMINED
+from .shares import BY_CHANCE, Marked, percent, share, share_interval, standing, undetermined, worst_at
 
 _LONGEST_NAME = 26
 
 
-def print_study(out: Console, answer: GridStudy | Json) -> None:
+def print_study(out: Console, answer: StudyAnswer) -> None:
     """Verdict and notes, then the first section of the study's page, or what it has of its own for this."""
-    told = study_view(answer)
+    told = study_page(answer)
     verdict = told.verdict
     style = "bold blue" if verdict.key == "pass" else "bold yellow"
     out.print(Text(f"{verdict.word}. ", style=style) + Text(verdict.sentence))
     for note in told.notes:
         out.print(Text("! ", style="bold yellow") + Text(note))
-    if isinstance(answer, dict) and (own := _OWN.get(answer["study"])) is not None:
-        own(out, answer)
+    if isinstance(answer, CoverageStudy):
+        _print_coverage(out, answer)
         return
     for block in told.sections[0].all:
         print_block(out, block)
@@ -82,60 +80,60 @@ def _table(told: blocks.Table) -> Table:
 # ── coverage ──────────────────────────────────────────────────────────────────────────────────
 
 
-def _print_coverage(out: Console, answer: Json) -> None:
+def _print_coverage(out: Console, answer: CoverageStudy) -> None:
     """For each plan and estimator the worst-covered parameter of each level."""
     out.print(Text(f"{overview_caption()}, with its 95 % binomial interval", style="italic"))
     out.print(Text(BY_CHANCE, style="dim"))
-    levels = answer["settings"]["levels"]
-    for plan in answer["plans"]:
+    levels = answer.settings.levels
+    for plan in answer.plans:
         out.print()
-        out.print(Text(f"Plan {clipped(plan['name'], 60)}", style="bold") + Text(_about(plan)))
+        out.print(Text(f"Plan {clipped(plan.name, 60)}", style="bold") + Text(_about(plan)))
         out.print(_coverage(plan, levels))
-        if untold := undetermined(plan["estimators"]):
+        if without := undetermined(plan.estimators):
             style = STYLE["unidentifiable"]
             out.print(
-                Text(f"{MARK['unidentifiable']} {NOT_DETERMINED}: ", style=style) + Text(listed(untold))
+                Text(f"{MARK['unidentifiable']} {NOT_DETERMINED}: ", style=style) + Text(listed(without))
             )
-        for part in plan["sbc"]:
+        for part in plan.sbc:
             # The sentence says what the ranks are; the mark, whether that is as it must be.
-            ranks = Text(f"Ranks, {clipped(part['name'], _LONGEST_NAME)}: ")
-            out.print(ranks + _standing(part) + Text(f". {sentence(part['sentence'])}"))
-    if said := comparison(answer["plans"]):
+            ranks = Text(f"Ranks, {clipped(part.name, _LONGEST_NAME)}: ")
+            out.print(ranks + _standing(part) + Text(f". {sentence(part.sentence)}"))
+    if said := comparison(answer.plans):
         out.print()
         out.print(Text(said))
 
 
-def _about(plan: Json) -> str:
-    failed = f", {plan['failed']} truths not met" if plan["failed"] else ""
+def _about(plan: CoveragePlan) -> str:
+    failed = f", {plan.failed} targets not hit" if plan.failed else ""
     return (
-        f": {sentence(plan['words'])} ({counted(plan['shots'], 'shot')} of {shown(plan['robot'])},"
-        f" {plan['data_sets']} data sets{failed})"
+        f": {sentence(plan.words)} ({counted(plan.shots, 'measurement')} of {shown(plan.robot)},"
+        f" {plan.data_sets} data sets{failed})"
     )
 
 
-def _coverage(plan: Json, levels: list[float]) -> Table:
+def _coverage(plan: CoveragePlan, levels: Sequence[float]) -> Table:
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column("estimator")
     for level in levels:
         table.add_column(percent(level), justify="right", no_wrap=True)
-    for estimator in plan["estimators"]:
-        name = Text(clipped(estimator["name"], _LONGEST_NAME) + "\n") + _standing(estimator)
+    for estimator in plan.estimators:
+        name = Text(clipped(estimator.name, _LONGEST_NAME) + "\n") + _standing(estimator)
         table.add_row(name, *(_worst(estimator, level) for level in levels))
     return table
 
 
-def _worst(estimator: Json, level: float) -> Text:
+def _worst(estimator: Estimator, level: float) -> Text:
     worst = worst_at(estimator, level)
     if worst is None:
         return Text(NOT_DETERMINED, style=STYLE["unidentifiable"])
     row, entry = worst
-    style = "" if entry["agrees"] else STYLE["held" if estimator["control"] else "weak"]
-    return Text(f"{label(row['name'], 6)}: {share(entry)}\n{share_interval(entry)}", style=style)
+    style = "" if entry.agrees else STYLE["held" if estimator.control else "weak"]
+    return Text(
+        f"{label(row.name, 6)}: {share(entry)}\n{share_interval(entry.low, entry.high, entry.of)}",
+        style=style,
+    )
 
 
-def _standing(part: Json) -> Text:
+def _standing(part: Marked) -> Text:
     mark, words = standing(part)
     return Text(f"{MARK[mark]} {words}", style=STYLE[mark])
-
-
-_OWN: dict[str, Callable[[Console, Json], None]] = {"coverage": _print_coverage}

@@ -9,8 +9,14 @@ from typing import Any
 
 import numpy as np
 from example_results import HOSTILE_NAMES
+from pydantic import TypeAdapter
 from scipy.special import chdtrc
 from scipy.stats import binomtest, chi2, norm
+
+from zerobeam.experiments.studies.answer import StudyAnswer
+from zerobeam.experiments.studies.cell_answer import CellStudy
+from zerobeam.experiments.studies.coverage import CoverageStudy
+from zerobeam.experiments.studies.table2_answer import Table2Study
 
 Json = dict[str, Any]
 
@@ -37,6 +43,15 @@ _ESTIMATORS = (
     ("noise understated by 2", "likelihood fit that is told half the noise", True, 0.5, 1.0),
     ("pseudo-inverse covariance", "likelihood fit, covariance by a pseudo-inverse", True, 0.71, 1.0),
 )
+
+
+_KINDS: dict[str, type[StudyAnswer]] = {"coverage": CoverageStudy, "cell": CellStudy, "table2": Table2Study}
+
+
+def typed(content: Json) -> Any:
+    """The answer that a study.json is of."""
+    own = {key: value for key, value in content.items() if key != "schema"}
+    return TypeAdapter(_KINDS[content["study"]]).validate_python(own)
 
 
 def agreeing() -> Json:
@@ -89,6 +104,7 @@ def _agreeing() -> Json:
             "levels": list(LEVELS),
             "draws": DRAWS,
             "bins": BINS,
+            "chance": 0.01,
             "posterior": "importance-weighted draws from a multivariate t about each fit",
         },
         "seconds": 9.83,
@@ -108,6 +124,7 @@ def _plan(rng: np.random.Generator, name: str, words: str, shots: int, stds: tup
         "noise": {"joint_deg": 0.01, "spot_mm": 0.05},
         "data_sets": DATA_SETS,
         "failed": failed,
+        "acceptance": 0.7,
         "estimators": [_estimator(rng, stds, *estimator) for estimator in _ESTIMATORS],
         "sbc": [_sbc(rng, "posterior", False, 1.0), _sbc(rng, "noise understated by 2", True, 0.5)],
     }
@@ -132,6 +149,7 @@ def _estimator(
         "words": words,
         "control": control,
         "agrees": not control,
+        "converged": DATA_SETS,
         "sentence": sentence,
         "parameters": [
             _parameter(rng, f"delta{i + 2}", std, width, spread, name.startswith("pseudo"))
@@ -188,7 +206,9 @@ def _sbc(rng: np.random.Generator, name: str, control: bool, width: float) -> Js
         expected = DATA_SETS / BINS
         chi2 = float(((ranks - expected) ** 2 / expected).sum())
         p = float(chdtrc(BINS - 1, chi2))
-        rows.append({"name": f"delta{i + 2}", "ranks": ranks.tolist(), "chi2": chi2, "p_value": p})
+        rows.append(
+            {"name": f"delta{i + 2}", "unit": "deg", "ranks": ranks.tolist(), "chi2": chi2, "p_value": p}
+        )
     return {
         "name": name,
         "control": control,
@@ -264,7 +284,8 @@ def _cell() -> Json:
         " promise, and the control is seen to be wrong.",
         "agrees": True,
         "settings": {
-            "runs": RUNS, "seed": 0, "level": 0.95, "camera": True, "chance": 0.01, "limit_s": 360.0
+            "runs": RUNS, "seed": 0, "level": 0.95, "camera": True, "chance": 0.01, "limit_s": 360.0,
+            "tolerance_deg": 0.02,
         },
         "seconds": 1874.2,
         "versions": {"zerobeam": "0.1.0", "numpy": "2.3.4"},
@@ -308,7 +329,7 @@ def _cell_plan(
             phase: {"mean": mean, "max": longest * mean / phases["total"]} for phase, mean in phases.items()
         },
         "within_limit": longest <= 360,
-        "shots_used": {"mean": shots - (saved or 0), "min": 5 if saved else shots, "max": shots},
+        "shots_used": {"mean": float(shots - (saved or 0)), "min": 5 if saved else shots, "max": shots},
         "saved": saved,
         "computing_s": 1.83,
     }
@@ -391,7 +412,7 @@ def _table2() -> Json:
         "title": "What does the scatter of the paper's three runs say?",
         "headline": "One joint noise does not explain all five standard deviations: delta6 repeats too well.",
         "agrees": True,
-        "settings": {"seed": 0, "runs": 3, "simulated": 2000},
+        "settings": {"seed": 0, "runs": 3, "simulated": 2000, "chance": 0.01},
         "seconds": 12.7,
         "versions": {"zerobeam": "0.1.0", "numpy": "2.3.4"},
         "paper": {
@@ -454,5 +475,6 @@ def _table2_plan(
         "dof": 10,
         "chance": 0.9123,
         "sentence": "No one joint noise explains all five standard deviations.",
+        "axes": [],
         "parameters": rows,
     }

@@ -10,9 +10,10 @@ from typing import Any
 
 import pypdf
 from command_line import WIDTH
+from example_studies import typed
 from rich.console import Console
 
-from zerobeam.experiments.studies.sweeps.grid_answer import GridStudy
+from zerobeam.experiments.studies.answer import StudyAnswer
 from zerobeam.reports.studies.study_terminal import print_study
 from zerobeam.reports.style.blocks import Page, Row, Table
 
@@ -50,7 +51,8 @@ def words(svg: str) -> str:
     return " ".join("".join(element.itertext()) for element in ElementTree.fromstring(svg))
 
 
-def printed(answer: GridStudy | Json, colours: bool = False) -> str:
+def printed(answer: StudyAnswer | Json, colours: bool = False) -> str:
+    answer = typed(answer) if isinstance(answer, dict) else answer
     text = io.StringIO()
     kind: Any = "truecolor" if colours else None
     print_study(

@@ -19,7 +19,7 @@ import pytest
 import typer
 from cells import PROBE, good_plan, header, pattern_plan, plan_of
 from command_line import Answer, plan_file, zerobeam
-from example_studies import agreeing, disagreeing
+from example_studies import agreeing, disagreeing, typed
 from golden_files import assert_golden
 
 import zerobeam as package
@@ -164,15 +164,13 @@ def test_targets_are_held_out_by_name_or_pattern(tmp_path: Path) -> None:
     assert "no target of that name" in zerobeam("analyse", two, "--hold-out", "fa").refused()
 
 
-def study_of(seen: list[tuple[int, int]], agrees: bool) -> Callable[..., dict[str, Any]]:
-    def made(
-        data_sets: int, seed: int, progress: Callable[[str, float], None], *, store: Path
-    ) -> dict[str, Any]:
+def study_of(seen: list[tuple[int, int]], agrees: bool) -> Callable[..., Any]:
+    def made(data_sets: int, seed: int, progress: Callable[[str, float], None], *, store: Path) -> Any:
         assert store.name == "study.cases.jsonl"
         progress("good", 0.5)
         seen.append((data_sets, seed))
         answer = agreeing() if agrees else disagreeing()
-        return {**answer, "plans": answer["plans"][1:2]}
+        return typed({**answer, "plans": answer["plans"][1:2]})
 
     return made
 

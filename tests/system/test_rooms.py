@@ -23,7 +23,6 @@ MODULES_OF_A_FOLDER = 15
 TOO_LARGE = {
     "analysis/repeatability/repeats.py",
     "experiments/rigs/abb/driver.py",
-    "experiments/studies/coverage.py",
     "reports/run",
 }
 

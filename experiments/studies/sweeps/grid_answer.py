@@ -1,8 +1,8 @@
 """The answer of a study over a grid of settings: axes, cases and, of each case, its parameters.
 
 Units are those that people read (deg, mm). What a case does not identify has no number: the dataclasses
-refuse to be made otherwise. `to_json` and `case_from_json` are the file's edge (docs/files.md,
-`zerobeam/study/1`).
+refuse to be made otherwise. `case_to_json` and `case_from_json` are the edge of the file of
+finished cases.
 """
 
 from __future__ import annotations
@@ -15,9 +15,8 @@ from pydantic import Field, TypeAdapter
 
 from ....analysis.status import Status, UnsoundResult, Verdict, known, require_no_more_than
 from ....model.parameters import Group
+from ..answer import StudyAnswer
 from .case_settings import Settings
-
-SCHEMA = "zerobeam/study/1"
 
 Fit = Literal["likelihood", "midpoint"]
 
@@ -154,18 +153,11 @@ class GridSettings(Settings):
     sha256: str
 
 
-@dataclass(frozen=True)
-class GridStudy:
+@dataclass(frozen=True, kw_only=True)
+class GridStudy(StudyAnswer):
     """The whole answer; it agrees if no case that is not degenerate contradicts its prediction."""
 
-    study: str
-    title: str
-    headline: str
-    agrees: bool
     settings: GridSettings
-    seconds: float
-    versions: dict[str, str]
-    notes: tuple[str, ...]
     axes: tuple[GridAxis, ...]
     cases: tuple[GridCase, ...]
 
@@ -179,12 +171,7 @@ class GridStudy:
         return any(one.errors(fit) is not None for one in self.parameters)
 
 
-_STUDY, _CASE = TypeAdapter(GridStudy), TypeAdapter(GridCase)
-
-
-def to_json(study: GridStudy) -> dict[str, Any]:
-    """The content of `study.json`."""
-    return {"schema": SCHEMA, **_STUDY.dump_python(study, mode="json", by_alias=True)}
+_CASE = TypeAdapter(GridCase)
 
 
 def case_to_json(case: GridCase) -> dict[str, Any]:

@@ -33,7 +33,8 @@ from ...plans.patterns import pattern
 from ...processes import side_by_side
 from ..binomial import held_share
 from ..case_store import CaseStore
-from ..coverage import DataSets, Estimates, drawn, fitted, likelihood, midpoint
+from ..data_sets import DataSets, drawn, fitted
+from ..estimators import Estimates, likelihood, midpoint
 from .case_settings import TARGET
 from .findings import findings, headline, notes
 from .grid_answer import (
@@ -44,8 +45,6 @@ from .grid_answer import (
     GridStudy,
     LikelihoodErrors,
     RunErrors,
-    case_from_json,
-    case_to_json,
 )
 from .study_file import Case, StatedStudy
 
@@ -73,7 +72,7 @@ def sweep(
     if store is None:
         answers = _answered(study, seed, told, None, processes)
     else:
-        with CaseStore(store, heading(study, seed)) as kept:
+        with CaseStore(store, heading(study, seed), GridCase) as kept:
             answers = _answered(study, seed, told, kept, processes)
     content, cases = study.content, judged(answers)
     axes = tuple(
@@ -115,30 +114,19 @@ def heading(study: StatedStudy, seed: int) -> dict[str, Any]:
 
 
 def _answered(
-    study: StatedStudy, seed: int, told: Progress, kept: CaseStore | None, processes: int | None
+    study: StatedStudy, seed: int, told: Progress, kept: CaseStore[GridCase] | None, processes: int | None
 ) -> list[GridCase]:
     """The answers of all cases in their order, not yet judged."""
     total = len(study.cases)
-    found = {} if kept is None else {number: _of_store(stored) for number, stored in kept.done.items()}
+    found = {} if kept is None else kept.done
     left = [number for number in range(total) if number not in found]
     told("cases", len(found) / total)
     for job, answer in side_by_side(_case_of, [(study.cases[number], seed) for number in left], processes):
         found[left[job]] = answer
         if kept is not None:
-            kept.add(left[job], case_to_json(answer))
+            kept.add(left[job], answer)
         told("cases", len(found) / total)
     return [found[number] for number in range(total)]
-
-
-def _of_store(stored: object) -> GridCase:
-    try:
-        return case_from_json(stored)
-    except ValueError as error:
-        raise BadInput(
-            "a finished case that was kept cannot be read",
-            found=str(error),
-            remedy="remove the file of finished cases to begin anew",
-        ) from None
 
 
 def _case_of(job: tuple[Case, int]) -> GridCase:
@@ -283,7 +271,7 @@ def _likelihood_errors(error: Matrix, std: Matrix) -> LikelihoodErrors | None:
     held = int((np.abs(error) <= stats.norm.ppf((1 + LEVEL) / 2) * std).sum())
     share = held_share(held, len(error), LEVEL, CHANCE)
     in_stds = float(np.sqrt(((error / std) ** 2).mean()))
-    return LikelihoodErrors(*_scatter(error), share["share"], share["low"], share["high"], in_stds)
+    return LikelihoodErrors(*_scatter(error), share.share, share.low, share.high, in_stds)
 
 
 def _scatter(error: Matrix) -> tuple[int, float, float, float]:

@@ -11,7 +11,7 @@ from ...style.canvas import WIDTH, Picture, new_figure, style, to_svg
 from ...style.palette import SHAPES, light
 from ...words import numbers
 from ...words.wording import clipped, in_font, label
-from ..study_view import NOT_DETERMINED
+from ..phrases import NOT_DETERMINED
 from .grid_words import NO_PLAN, axis_title, by_place, place_name, standing, value_text
 from .marks import UNCERTAINTY, gap_handles, hatching, in_font_within, legend_above, write_gap
 

@@ -10,7 +10,7 @@ from ....experiments.studies.sweeps.grid_answer import CaseParameter, Fit, GridC
 from ...style.palette import light
 from ...words import numbers
 from ...words.wording import clipped, in_font
-from ..study_view import NOT_DETERMINED
+from ..phrases import NOT_DETERMINED
 from .grid_words import NO_PLAN, rmse_interval, shown_unit, tolerance
 
 if TYPE_CHECKING:

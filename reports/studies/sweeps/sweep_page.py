@@ -33,20 +33,26 @@ from ...style.blocks import (
     section_of,
     table_of,
 )
+from ...style.canvas import Picture
 from ...words import numbers
 from ...words.wording import clipped, counted, label, listed, sentence, shown
-from ..study_shares import BY_CHANCE, percent, share_cell
-from ..study_view import LONGEST_NAME, NOT_DETERMINED, NOT_GIVEN, about_study, files_block, view_of
+from ..phrases import LONGEST_NAME, NOT_DETERMINED, NOT_GIVEN, about_study, files_block, view_of
+from ..shares import BY_CHANCE, PlainRow, percent, share_text
+from .dots import dots_pictures
 from .grid_words import (
     STANDING,
     case_name,
     figure_names,
+    form_of,
     is_varied,
     shown_unit,
     standing,
     tolerance,
     value_text,
 )
+from .heat_map import map_picture
+from .lines import lines_picture
+from .ratio import ratio_picture
 
 MOST_ROWS = 60
 _LONGEST_TEXT = 400
@@ -195,8 +201,7 @@ def _about(errors: RunErrors) -> float:
 
 
 def _held(errors: LikelihoodErrors) -> Cell:
-    told = {"share": errors.held, "low": errors.held_low, "high": errors.held_high, "of": errors.runs}
-    text = share_cell({**told, "agrees": True}, control=False).text
+    text = share_text(errors.held, errors.held_low, errors.held_high, errors.runs)
     return Cell(text, mark="identified" if errors.agrees else "weak")
 
 
@@ -278,14 +283,21 @@ def _words(study: GridStudy) -> list[Section]:
     return [section_of("Cases", Facts(rows), level=2)]
 
 
+def sweep_pictures(study: GridStudy) -> list[Picture | None]:
+    """Their form follows from the axes."""
+    form = form_of(study)
+    if form == "dots":
+        return [*dots_pictures(study)]
+    return [lines_picture(study)] if form == "lines" else [map_picture(study), ratio_picture(study)]
+
+
 # ── plain tables ──────────────────────────────────────────────────────────────────────────────
 
-_Value = str | int | float | None
 _RUN_ERRORS = ("runs", "rmse", "bias", "bias_std")
 _LIKELIHOOD_ERRORS = (*_RUN_ERRORS, "held", "held_low", "held_high", "agrees")
 
 
-def case_rows(study: GridStudy) -> Iterator[dict[str, _Value]]:
+def case_rows(study: GridStudy) -> Iterator[PlainRow]:
     """One row for each case; no number where it does not identify all offsets."""
     for number, case in enumerate(study.cases, start=1):
         yield {
@@ -297,7 +309,7 @@ def case_rows(study: GridStudy) -> Iterator[dict[str, _Value]]:
         }
 
 
-def parameter_rows(study: GridStudy) -> Iterator[dict[str, _Value]]:
+def parameter_rows(study: GridStudy) -> Iterator[PlainRow]:
     """One row for each case and parameter; nothing but names where the case does not identify it."""
     for number, case in enumerate(study.cases, start=1):
         for one in case.parameters:
@@ -312,7 +324,7 @@ def parameter_rows(study: GridStudy) -> Iterator[dict[str, _Value]]:
             }
 
 
-def _place(study: GridStudy, number: int, case: GridCase) -> dict[str, _Value]:
+def _place(study: GridStudy, number: int, case: GridCase) -> PlainRow:
     """Columns that say which case it is; axes are numbered, so that no key hides another column."""
     named = enumerate(zip(study.axes, case.at, strict=True), start=1)
     return {"case": number, **{f"axis{k}_{shown(axis.key)}": axis.values[i] for k, (axis, i) in named}}

@@ -14,20 +14,20 @@ HEADING = {"study": "own", "seed": 1, "settings": "abc", "versions": {"numpy": "
 
 
 def kept(path: Path) -> dict[int, dict[str, object]]:
-    with CaseStore(path, HEADING) as store:
+    with CaseStore(path, HEADING, dict) as store:
         return store.done
 
 
 def test_cases_are_on_the_disk_at_once_and_come_back_to_the_bit(tmp_path: Path) -> None:
     path = tmp_path / "new" / "own.jsonl"
     answer = {"std": 0.1 + 0.2, "none": None, "words": "é"}
-    with CaseStore(path, HEADING) as store:
+    with CaseStore(path, HEADING, dict) as store:
         assert store.done == {}
         store.add(3, answer)
         assert len(path.read_text(encoding="utf-8").splitlines()) == 2
         store.add(0, {})
     assert kept(path) == {3: answer, 0: {}}
-    with CaseStore(path, HEADING) as store:
+    with CaseStore(path, HEADING, dict) as store:
         store.add(1, {})
     assert sorted(kept(path)) == [0, 1, 3]
 
@@ -35,12 +35,12 @@ def test_cases_are_on_the_disk_at_once_and_come_back_to_the_bit(tmp_path: Path) 
 @pytest.mark.parametrize("cut", [1, 5, 20])
 def test_a_torn_last_line_is_taken_out(tmp_path: Path, cut: int) -> None:
     path = tmp_path / "own.jsonl"
-    with CaseStore(path, HEADING) as store:
+    with CaseStore(path, HEADING, dict) as store:
         store.add(0, {"a": 1})
         store.add(1, {"b": 2})
     path.write_bytes(path.read_bytes()[:-cut])
     assert kept(path) == {0: {"a": 1}}
-    with CaseStore(path, HEADING) as store:
+    with CaseStore(path, HEADING, dict) as store:
         store.add(1, {"b": 3})
     assert kept(path) == {0: {"a": 1}, 1: {"b": 3}}
 
@@ -48,7 +48,7 @@ def test_a_torn_last_line_is_taken_out(tmp_path: Path, cut: int) -> None:
 @pytest.mark.parametrize("length", [0, 1, 40])
 def test_a_torn_first_line_is_begun_anew(tmp_path: Path, length: int) -> None:
     path = tmp_path / "own.jsonl"
-    with CaseStore(path, HEADING):
+    with CaseStore(path, HEADING, dict):
         pass
     whole = path.read_bytes()
     path.write_bytes(whole[:length])
@@ -61,11 +61,11 @@ def test_a_torn_first_line_is_begun_anew(tmp_path: Path, length: int) -> None:
 )
 def test_cases_of_something_else_are_refused_and_left_alone(tmp_path: Path, key: str, value: object) -> None:
     path = tmp_path / "own.jsonl"
-    with CaseStore(path, HEADING) as store:
+    with CaseStore(path, HEADING, dict) as store:
         store.add(0, {})
     before = path.read_bytes()
     with pytest.raises(BadInput, match=f"{key} differs"):
-        CaseStore(path, {**HEADING, key: value})
+        CaseStore(path, {**HEADING, key: value}, dict)
     assert path.read_bytes() == before
     assert kept(path) == {0: {}}  # and the lock was given back
 
@@ -75,28 +75,28 @@ def test_a_file_of_somebody_else_is_refused_and_left_alone(tmp_path: Path, conte
     path = tmp_path / "own.jsonl"
     path.write_text(content, encoding="utf-8")
     with pytest.raises(BadInput, match="not written by a study"):
-        CaseStore(path, HEADING)
+        CaseStore(path, HEADING, dict)
     assert path.read_text(encoding="utf-8") == content
 
 
 def test_a_spoilt_case_is_refused_with_its_line(tmp_path: Path) -> None:
     path = tmp_path / "own.jsonl"
-    with CaseStore(path, HEADING) as store:
+    with CaseStore(path, HEADING, dict) as store:
         store.add(0, {})
     path.write_text(path.read_text(encoding="utf-8") + json.dumps({"case": "a"}) + "\n", encoding="utf-8")
     with pytest.raises(BadInput) as caught:
-        CaseStore(path, HEADING)
+        CaseStore(path, HEADING, dict)
     assert caught.value.line == 3
 
 
 def test_two_at_once_are_kept_apart(tmp_path: Path) -> None:
     path = tmp_path / "own.jsonl"
-    with CaseStore(path, HEADING), pytest.raises(BadInput, match="another process"):
-        CaseStore(path, HEADING)
+    with CaseStore(path, HEADING, dict), pytest.raises(BadInput, match="another process"):
+        CaseStore(path, HEADING, dict)
     assert kept(path) == {}
 
 
 def test_what_cannot_be_written_is_told(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("x", encoding="utf-8")
     with pytest.raises(BadInput, match="cannot be kept"):
-        CaseStore(tmp_path / "file" / "own.jsonl", HEADING)
+        CaseStore(tmp_path / "file" / "own.jsonl", HEADING, dict)

@@ -5,9 +5,13 @@ import pytest
 from cells import PROBE, TABLE_2, good_plan, simulated_problem
 from scipy import stats
 
+from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.experiments.simulate import simulated_readings
 from zerobeam.experiments.studies import coverage
-from zerobeam.experiments.studies.coverage import BINS, DRAWS, LEVELS, coverage_study, power, studied_plans
+from zerobeam.experiments.studies.answer import to_json
+from zerobeam.experiments.studies.coverage import LEVELS, coverage_study, studied_plans
+from zerobeam.experiments.studies.data_sets import drawn, fitted
+from zerobeam.experiments.studies.ranks import BINS, DRAWS, calibration, power
 from zerobeam.model.errors import BadInput
 from zerobeam.model.problem import Problem
 
@@ -25,7 +29,7 @@ def study_of(plans, names, count=COUNT, seed=SEED):
     told = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(coverage, "studied_plans", lambda seed: [plans[name] for name in names])
-        answer = coverage_study(count, seed, lambda name, share: told.append((name, share)))
+        answer = to_json(coverage_study(count, seed, lambda name, share: told.append((name, share))))
     return answer, told
 
 
@@ -54,8 +58,8 @@ def test_the_intervals_hold_what_they_promise(two):
         assert rows["posterior"]["agrees"]
         assert plan["sbc"][0]["agrees"]
     assert answer["agrees"]
-    assert "hold what they promise" in answer["headline"]
-    assert "Every control is seen to be wrong" in answer["headline"]
+    assert "hold the truth as often as stated" in answer["headline"]
+    assert "Every control is detected" in answer["headline"]
 
 
 def test_the_controls_are_seen_to_be_wrong(two):
@@ -65,7 +69,7 @@ def test_the_controls_are_seen_to_be_wrong(two):
         row = rows["noise understated by 2"]
         assert row["control"]
         assert not row["agrees"]
-        assert row["sentence"].endswith("wrong, and seen to be")
+        assert row["sentence"].endswith("detected as wrong")
         # Half the std: 1.96 stds are 0.98, which hold two thirds.
         share = next(c["share"] for c in row["parameters"][-1]["coverage"] if c["level"] == 0.95)
         assert share == pytest.approx(2 * stats.norm.cdf(0.98) - 1, abs=3.5 * np.sqrt(0.67 * 0.33 / COUNT))
@@ -155,7 +159,7 @@ def test_a_study_that_was_stopped_goes_on_with_the_next_plan(plans, tmp_path, mo
     monkeypatch.setattr(coverage, "_studied", stopped)
     with pytest.raises(KeyboardInterrupt):
         coverage_study(40, SEED, lambda *_: None, store=store)
-    resumed = coverage_study(40, SEED, lambda *_: None, store=store)
+    resumed = to_json(coverage_study(40, SEED, lambda *_: None, store=store))
     assert worked == ["good", "weak", "weak"]
     assert without_clock(resumed) == without_clock(whole)
     with pytest.raises(BadInput, match="of another study: data_sets differs"):
@@ -179,6 +183,18 @@ def test_a_thousand_data_sets_of_all_plans(plans):
         assert plan["sbc"][0]["agrees"], (plan["name"], plan["sbc"][0]["sentence"])
 
 
+def test_the_fits_are_those_of_analyse(plans):
+    """Of a data set the same mode and covariance as `fit_likelihood` has, whatever is fitted beside it."""
+    for plan in plans.values():
+        data = drawn(plan.problem, 12, np.random.default_rng(6))
+        fits = fitted(data)
+        for row in range(12):
+            alone = fit_likelihood(plan.problem.moved(data.joints[row], data.spots[row]))
+            assert fits.converged[row] == alone.converged
+            np.testing.assert_allclose(fits.z[row], alone.z, atol=1e-6 * alone.std.max())
+            np.testing.assert_allclose(fits.std[row], alone.std, rtol=1e-5)
+
+
 # --- ranks and their power --------------------------------------------------------------------------
 
 
@@ -193,15 +209,14 @@ def test_ranks_are_even_when_the_truth_is_a_draw(plans):
     problem = plans["good"].problem
     which = np.flatnonzero(problem.parameters.free & problem.parameters.group("offset"))
     items = [problem.parameters.items[i] for i in which]
-    told = coverage._calibration(items, ranks_of(plans, 1.0, 1000, 1))
-    assert told["agrees"]
-    assert "evenly" in told["sentence"]
-    assert "unevenly" not in told["sentence"]
+    told = calibration(items, ranks_of(plans, 1.0, 1000, 1), 0.01)
+    assert told.agrees
+    assert "are uniform" in told.sentence
     # Negative control: draws of 0.8 of the spread.
-    wrong = coverage._calibration(items, ranks_of(plans, 0.8, 1000, 1))
-    assert not wrong["agrees"]
-    assert "unevenly" in wrong["sentence"]
-    assert "with probability" in told["power"]
+    wrong = calibration(items, ranks_of(plans, 0.8, 1000, 1), 0.01)
+    assert not wrong.agrees
+    assert "not uniform" in wrong.sentence
+    assert "with probability" in told.power
 
 
 @pytest.mark.parametrize(("count", "ratio"), [(200, 0.7), (1000, 0.9), (1000, 0.8), (200, 1.0)])
@@ -296,7 +311,7 @@ def test_a_target_that_is_not_to_be_met_is_told():
 def test_truths_come_from_the_priors(plans):
     """Free parameters as unit normals of their priors, held ones at their value."""
     problem = plans["good"].problem
-    data = coverage.drawn(problem, 300, np.random.default_rng(4))
+    data = drawn(problem, 300, np.random.default_rng(4))
     assert len(data.truths) == len(data.joints) == len(data.spots) == 300
     free = problem.parameters.free
     z = ((data.truths - problem.parameters.prior_mean) / problem.parameters.prior_std)[:, free]
@@ -305,7 +320,7 @@ def test_truths_come_from_the_priors(plans):
     assert (data.truths[:, ~free] == problem.parameters.prior_mean[~free]).all()
     for column in z.T:
         assert stats.kstest(column, "norm").statistic < stats.kstwo.isf(1e-3 / 8, 300) + data.failed / 300
-    repeated = coverage.drawn(problem, 300, np.random.default_rng(4))
+    repeated = drawn(problem, 300, np.random.default_rng(4))
     np.testing.assert_array_equal(repeated.joints, data.joints)
 
 
@@ -327,7 +342,7 @@ def test_the_sampler_of_analyse_is_calibrated(plans):
     from zerobeam.model.constraint import ShotFunctions
 
     problem, count = plans["nearly degenerate"].problem, 150
-    data = coverage.drawn(problem, count, np.random.default_rng(7))
+    data = drawn(problem, count, np.random.default_rng(7))
     which = problem.parameters.free & problem.parameters.group("offset")
     worst = {}
     for log_det in ("none", "whole"):

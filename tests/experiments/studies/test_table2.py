@@ -11,18 +11,17 @@ from scipy import stats
 
 from zerobeam.experiments.simulate import simulated_readings
 from zerobeam.experiments.studies import table2
-from zerobeam.experiments.studies.cell_study import header, paper_plan
-from zerobeam.experiments.studies.coverage import DataSets, fitted
+from zerobeam.experiments.studies.answer import to_json
+from zerobeam.experiments.studies.cell import header, paper_plan
+from zerobeam.experiments.studies.data_sets import DataSets, fitted
+from zerobeam.experiments.studies.scatter import Prediction, explained, scatter, unevenness
 from zerobeam.experiments.studies.table2 import (
     EXPERIMENTS,
     OFFSETS,
     PRINTED_MEAN,
     PRINTED_STD,
-    Prediction,
-    explained,
-    scatter,
+    compared,
     table2_study,
-    unevenness,
 )
 
 DOF = 2
@@ -46,7 +45,7 @@ def test_a_misprint_would_be_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(table2, "PRINTED_STD", (0.0804, 0.0408, 0.0224, 0.0695, 0.0035))
     told = [note for note in table2._on_the_paper() if "printed as" in note]
     assert len(told) == 1
-    assert "delta5" in told[0]
+    assert "J5 (δ5)" in told[0]
 
 
 def test_the_predicted_covariance_is_that_of_fits() -> None:
@@ -131,7 +130,7 @@ def test_the_study(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(table2, "Cell", functools.partial(table2.Cell, camera=None))
     monkeypatch.setattr(table2, "optimal_plan", lambda own, seed: paper_plan(own))
     shares: list[float] = []
-    answer = table2_study(0, lambda _, share: shares.append(share), triples=199, processes=1)
+    answer = to_json(table2_study(0, lambda _, share: shares.append(share), triples=199, processes=1))
     assert json.loads(json.dumps(answer, allow_nan=False)) == answer
     assert shares == sorted(shares)
     assert answer["paper"]["std"] == pytest.approx(EXPERIMENTS.std(axis=0, ddof=1).tolist())
@@ -154,9 +153,9 @@ def test_a_scatter_that_is_not_as_predicted_does_not_agree() -> None:
     noise = explained(OURS.covariance, scatter(EXPERIMENTS), DOF)
     normal = np.random.default_rng(8).normal(size=(199, 3, 5))
     good = triples(1, noise.joint_deg, seed=9)[0]
-    assert table2._told("made", OURS, noise, good, normal)["agrees"]
+    assert compared("made", "made", 7, OURS, noise, good, normal).agrees
     for wrong in (good * 4, good / 10):
-        assert not table2._told("made", OURS, noise, wrong, normal)["agrees"]
-    lost = table2._told("made", OURS, noise, good[:2], normal)
-    assert not lost["agrees"]
-    assert lost["parameters"][0]["simulated_std"] is None
+        assert not compared("made", "made", 7, OURS, noise, wrong, normal).agrees
+    lost = compared("made", "made", 7, OURS, noise, good[:2], normal)
+    assert not lost.agrees
+    assert lost.parameters[0].simulated_std is None

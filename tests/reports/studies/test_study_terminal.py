@@ -28,7 +28,7 @@ def test_the_standing_has_a_shape_and_a_word_besides_its_colour() -> None:
     assert "\x1b[" not in plain
     assert "\x1b[" in coloured
     assert plain.startswith("Does not agree. ")
-    for mark in ("● agrees", "◆ does not agree", "■ control: fails, as it must", "✕ not determined: δ2"):
+    for mark in ("● agrees", "◆ does not agree", "■ control: fails, as it must", "✕ not determined: J2 (δ2)"):
         assert mark in plain
     assert "◆" not in printed(agreeing())
 
@@ -44,7 +44,7 @@ def test_where_nothing_is_determined_no_number_is_printed() -> None:
     lines = printed(answer).splitlines()
     row = [line for line in lines if line.startswith("likelihood")][-1]
     assert row.split() == ["likelihood", *["not", "determined"] * 4]
-    assert "✕ not determined: δ2, δ3, δ4, δ5 and δ6" in lines
+    assert "✕ not determined: J2 (δ2), J3 (δ3), J4 (δ4), J5 (δ5) and J6 (δ6)" in lines
 
 
 def test_names_give_the_terminal_no_commands() -> None:

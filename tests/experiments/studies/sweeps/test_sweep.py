@@ -18,7 +18,8 @@ from zerobeam.analysis.status import UnsoundResult, Verdict
 from zerobeam.experiments.plans.candidates import View, candidates
 from zerobeam.experiments.plans.optimal import Planner
 from zerobeam.experiments.plans.patterns import pattern
-from zerobeam.experiments.studies.coverage import DataSets, drawn, fitted
+from zerobeam.experiments.studies.answer import to_json
+from zerobeam.experiments.studies.data_sets import DataSets, drawn, fitted
 from zerobeam.experiments.studies.sweeps import sweep as module
 from zerobeam.experiments.studies.sweeps.findings import findings, headline
 from zerobeam.experiments.studies.sweeps.grid_answer import (
@@ -29,7 +30,6 @@ from zerobeam.experiments.studies.sweeps.grid_answer import (
     RunErrors,
     case_from_json,
     case_to_json,
-    to_json,
 )
 from zerobeam.experiments.studies.sweeps.study_file import StatedStudy, read_study
 from zerobeam.experiments.studies.sweeps.sweep import CHANCE, judged, refitted, studied_case, sweep

@@ -32,18 +32,18 @@ from pages import Page, assert_fetches_nothing
 from study_text import cells, printed, tables_of, text_of, words
 
 from zerobeam.analysis.status import UnsoundResult
+from zerobeam.experiments.studies.answer import to_json
 from zerobeam.experiments.studies.sweeps.grid_answer import (
     CaseParameter,
     GridCase,
     GridStudy,
     RunErrors,
-    to_json,
 )
 from zerobeam.reports.output.html import html
 from zerobeam.reports.output.pdf import pdf
-from zerobeam.reports.studies.studies import STUDIES, SWEEP, known_study, study_of, study_view
-from zerobeam.reports.studies.study_page import refuse_made_up, write_study
-from zerobeam.reports.studies.study_view import NOT_DETERMINED
+from zerobeam.reports.studies.kinds import STUDIES, SWEEP, study_of, study_of_file, study_page
+from zerobeam.reports.studies.phrases import NOT_DETERMINED
+from zerobeam.reports.studies.study_folder import write_study
 from zerobeam.reports.studies.sweeps.grid_words import dot_pages, figure_names, rmse_interval, tolerance
 from zerobeam.reports.studies.sweeps.marks import gap, log_ticks
 from zerobeam.reports.style.blocks import FigureBlock, Row
@@ -99,20 +99,18 @@ def test_an_answer_with_axes_and_cases_is_a_sweep_whatever_its_name() -> None:
     study = shots_sweep()
     for name in ("my own", "../../x", "coverage", "\x00"):
         named = replace(study, study=name)
-        assert known_study(named) is known_study(to_json(named)) is SWEEP
-    assert known_study({**to_json(study), "study": 3}) is SWEEP
+        assert study_of(named) is study_of_file(to_json(named)) is SWEEP
+    assert study_of_file({**to_json(study), "study": 3}) is SWEEP
     assert printed(replace(study, study="coverage")) == printed(study)
-    assert known_study({"study": "coverage", "plans": []}) is STUDIES["coverage"]
+    assert study_of_file({"study": "coverage", "plans": []}) is STUDIES["coverage"]
     for answer in ({"study": "my own"}, {"study": "x", "axes": 3, "cases": []}, ["axes", "cases"], None):
-        assert known_study(answer) is None
-    with pytest.raises(ValueError, match="or has axes and cases, not 'my own'"):
-        study_of({"study": "my own"})
+        assert study_of_file(answer) is None
 
 
 @pytest.mark.parametrize("name", CLEAN)
 def test_the_figures_follow_from_the_axes(name: str) -> None:
     assert list(drawn_of(name)) == FIGURES[name]
-    view = study_view(CLEAN[name]())
+    view = study_page(CLEAN[name]())
     shown = [b.name for s in view.sections for b in s.all if isinstance(b, FigureBlock)]
     assert shown == FIGURES[name]
 
@@ -171,7 +169,7 @@ def untruths(view: BlockPage, study: GridStudy) -> list[str]:
 
 @pytest.mark.parametrize("name", CLEAN)
 def test_every_number_of_the_tables_is_that_of_the_answer(name: str) -> None:
-    assert untruths(study_view(CLEAN[name]()), CLEAN[name]()) == []
+    assert untruths(study_page(CLEAN[name]()), CLEAN[name]()) == []
 
 
 def test_a_number_that_is_not_that_of_the_answer_is_caught() -> None:
@@ -187,7 +185,7 @@ def test_a_number_that_is_not_that_of_the_answer_is_caught() -> None:
         with_parameter(study, 1, 1, likelihood=share),
         with_parameter(study, 1, 1, midpoint=midpoint),
     ):
-        assert len(untruths(study_view(study), other)) == 1
+        assert len(untruths(study_page(study), other)) == 1
 
 
 def as_text(value: object) -> str:
@@ -230,7 +228,7 @@ def test_an_axis_whose_key_is_that_of_a_column_hides_nothing() -> None:
 
 
 def test_every_cell_and_sentence_is_in_the_pdf() -> None:
-    view = study_view(patterns_sweep())
+    view = study_page(patterns_sweep())
     read = pypdf.PdfReader(io.BytesIO(pdf(view, {})))
     text = re.sub(r"\s", "", text_of(read))
     said = [*cells(view), view.verdict.sentence, *view.notes]
@@ -282,7 +280,7 @@ def test_the_summary_has_verdict_and_reason_in_words() -> None:
     study = patterns_sweep()
     likelihood = study.cases[1].parameters[1].likelihood
     assert likelihood is not None
-    view = study_view(with_parameter(study, 1, 1, likelihood=replace(likelihood, agrees=False)))
+    view = study_page(with_parameter(study, 1, 1, likelihood=replace(likelihood, agrees=False)))
     (table,) = tables_of(view, SUMMARY)
     assert [texts(row) for row in table.rows] == [
         ["x-pattern", "degenerate", "δ2: not determined", "yes"],
@@ -302,7 +300,7 @@ def test_the_summary_has_verdict_and_reason_in_words() -> None:
 
 
 def test_without_simulated_runs_nothing_is_said_of_them() -> None:
-    view = study_view(map_sweep())
+    view = study_page(map_sweep())
     heads = [column.text for table in tables_of(view, "") for column in table.columns]
     assert "predicted u" in heads
     assert not {"RMSE", "runs agree", "midpoint RMSE"} & set(heads)
@@ -310,7 +308,7 @@ def test_without_simulated_runs_nothing_is_said_of_them() -> None:
 
 
 def test_long_grids_are_cut_and_say_so() -> None:
-    view = study_view(long_sweep(200))
+    view = study_page(long_sweep(200))
     (summary,), (offsets,) = tables_of(view, SUMMARY), tables_of(view, OFFSETS)
     assert len(summary.rows) == 60
     assert summary.caption.endswith("(60 of 200 cases shown, all in cases.csv)")
@@ -318,7 +316,7 @@ def test_long_grids_are_cut_and_say_so() -> None:
     assert len(offsets.rows) <= 60
     assert offsets.caption.endswith(f"({shown} of 200 cases shown, all in offsets.csv)")
     assert sum(1 for _ in SWEEP.tables["cases.csv"](long_sweep(200))) == 200
-    (whole,) = tables_of(study_view(long_sweep(60)), SUMMARY)
+    (whole,) = tables_of(study_page(long_sweep(60)), SUMMARY)
     assert len(whole.rows) == 60
     assert "shown" not in whole.caption
 
@@ -375,14 +373,14 @@ def test_ticks_are_round_numbers_within_the_scale() -> None:
 
 @pytest.mark.parametrize("key", ["std", "likelihood", "midpoint"])
 def test_a_sweep_with_a_made_up_number_is_refused(key: str) -> None:
-    """Its objects cannot be made (`test_sweep.py`); nor is such content written."""
-    content = to_json(patterns_sweep())
-    refuse_made_up(content, SWEEP)
-    known = content["cases"][1]["parameters"][1]
-    for _, row in undetermined(content):
-        row[key] = known[key]
-    with pytest.raises(UnsoundResult, match="'delta2' is unidentifiable"):
-        refuse_made_up(content, SWEEP)
+    """Its objects cannot be made."""
+    study = patterns_sweep()
+    known = study.cases[1].parameters[1]
+    assert getattr(known, key) is not None
+    for one in study.parameters:
+        if one.status == "unidentifiable":
+            with pytest.raises(UnsoundResult, match="'delta2' is unidentifiable"):
+                replace(one, **{key: getattr(known, key)})
 
 
 @pytest.mark.parametrize("name", ["patterns", "shots", "map"])
@@ -409,7 +407,7 @@ def test_what_is_not_determined_has_no_number(name: str) -> None:
 
 @pytest.mark.parametrize("name", CLEAN)
 def test_the_page_is_one_well_formed_file_that_fetches_nothing(name: str) -> None:
-    text = html(study_view(CLEAN[name]()), drawn_of(name), "study")
+    text = html(study_page(CLEAN[name]()), drawn_of(name), "study")
     page = Page(text)
     assert_fetches_nothing(page)
     figures = [attributes for _, attributes in page.tags if attributes.get("role") == "img"]
@@ -422,7 +420,7 @@ def test_the_page_is_one_well_formed_file_that_fetches_nothing(name: str) -> Non
 @pytest.mark.parametrize("name", HOSTILE)
 def test_hostile_names_are_shown_as_they_are_and_do_nothing(name: str) -> None:
     answer = HOSTILE[name]()
-    view, drawn = study_view(answer), SWEEP.pictures(answer)
+    view, drawn = study_page(answer), SWEEP.pictures(answer)
     assert {re.sub(r"_\d$", "", key) for key in drawn} == {name}
     page = html(view, drawn, "study")
     Page(page)

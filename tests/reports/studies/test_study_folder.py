@@ -15,7 +15,7 @@ from typing import Any
 import pypdf
 import pytest
 from chromium import chromium
-from example_studies import FORBIDDEN, agreeing, cell_study, disagreeing, hostile
+from example_studies import FORBIDDEN, agreeing, cell_study, disagreeing, hostile, typed
 from pages import Page, assert_fetches_nothing
 from study_text import cells, tables_of, text_of, texts_of, words
 
@@ -24,11 +24,12 @@ from zerobeam.model.errors import BadInput
 from zerobeam.reports.output import whole_folder
 from zerobeam.reports.output.html import html
 from zerobeam.reports.output.pdf import pdf
-from zerobeam.reports.studies.studies import STUDIES, study_of, study_view
-from zerobeam.reports.studies.study_coverage import comparison
-from zerobeam.reports.studies.study_page import check_target, write_study
-from zerobeam.reports.studies.study_view import NOT_DETERMINED
+from zerobeam.reports.studies.coverage_page import comparison
+from zerobeam.reports.studies.kinds import STUDIES, study_of, study_page
+from zerobeam.reports.studies.phrases import NOT_DETERMINED
+from zerobeam.reports.studies.study_folder import check_target, write_study
 from zerobeam.reports.style.canvas import Picture
+from zerobeam.reports.words.wording import label
 
 Json = dict[str, Any]
 Refused = Callable[..., BadInput]
@@ -50,12 +51,12 @@ WHOLE = {
 @functools.cache
 def drawn_of(name: str) -> dict[str, Picture]:
     answer = ANSWERS[name]()
-    return study_of(answer).pictures(answer)
+    return study_of(typed(answer)).pictures(typed(answer))
 
 
 def draw_once(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     drawn = drawn_of(name)  # by what draws them, before that is replaced
-    study = dataclasses.replace(STUDIES["coverage"], pictures=lambda _: drawn)
+    study = dataclasses.replace(STUDIES["coverage"], drawn=lambda _: [*drawn.values()])
     monkeypatch.setitem(STUDIES, "coverage", study)
 
 
@@ -66,7 +67,7 @@ def drawn_before(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def page_of(answer: Json, drawn: dict[str, Picture] | None = None) -> str:
-    return html(study_view(answer), drawn or {}, "study")
+    return html(study_page(typed(answer)), drawn or {}, "study")
 
 
 def everything(root: Path) -> set[str]:
@@ -85,7 +86,7 @@ def told_shares(plan: Json) -> Iterator[tuple[str, list[Json] | None]]:
     for estimator in plan["estimators"]:
         yield estimator["name"], None
         for row in estimator["parameters"]:
-            yield row["name"].replace("delta", "δ"), row["coverage"] or None
+            yield label(row["name"]), row["coverage"] or None
 
 
 def disagreements(page: str, answer: Json) -> list[str]:
@@ -123,7 +124,7 @@ def test_a_share_that_is_not_that_of_the_answer_is_caught() -> None:
     other["plans"][1]["estimators"][2]["parameters"][3]["coverage"][2]["share"] += 0.002
     found = disagreements(page_of(agreeing()), other)
     assert len(found) == 1
-    assert found[0].startswith("δ5: ")
+    assert found[0].startswith("J5 (δ5): ")
 
 
 def test_bias_and_rmse_are_rounded_by_their_own_uncertainty() -> None:
@@ -141,10 +142,10 @@ def test_bias_and_rmse_are_rounded_by_their_own_uncertainty() -> None:
 
 @pytest.mark.parametrize("name", ["agreeing", pytest.param("disagreeing", marks=pytest.mark.long)])
 def test_every_cell_and_sentence_of_the_page_is_in_the_pdf(name: str) -> None:
-    view = study_view(ANSWERS[name]())
+    view = study_page(typed(ANSWERS[name]()))
     reader = pypdf.PdfReader(io.BytesIO(pdf(view, drawn_of(name))))
     text = text_of(reader).replace(" ", "")
-    compared = comparison(ANSWERS[name]()["plans"])
+    compared = comparison(typed(ANSWERS[name]()).plans)
     assert "Above 1 the midpoint fit is the worse." in compared
     for said in [*cells(view), view.verdict.sentence, compared, *view.notes]:
         assert re.sub(r"\s", "", said) in text, said
@@ -155,7 +156,7 @@ def test_every_cell_and_sentence_of_the_page_is_in_the_pdf(name: str) -> None:
 
 def test_the_tables_in_csv_say_what_the_answer_says(tmp_path: Path, drawn_before: None) -> None:
     answer = agreeing()
-    paths = write_study(tmp_path / "out", answer)
+    paths = write_study(tmp_path / "out", typed(answer))
     assert json.loads(paths.study.read_text(encoding="utf-8")) == answer
     coverage, rank = paths.tables
     assert (coverage.name, rank.name) == ("coverage.csv", "ranks.csv")
@@ -228,7 +229,7 @@ def test_the_overview_names_the_parameter_that_is_farthest_off() -> None:
     entry |= {"share": 0.871, "held": 871}
     rows = Page(re.findall(r"<table>.*?</table>", page_of(answer), re.S)[0]).rows
     assert rows[2][0] == "likelihood"
-    assert rows[2][3] == "δ5: 87.1"
+    assert rows[2][3] == "J5 (δ5): 87.1"
 
 
 def test_truths_that_were_not_met_are_said() -> None:
@@ -253,15 +254,15 @@ def made_up() -> Json:
     return answer
 
 
-def test_an_undetermined_parameter_has_no_number_whatever_the_answer_holds() -> None:
-    for answer in (agreeing(), made_up()):
+def test_an_undetermined_parameter_has_no_number() -> None:
+    for answer in (agreeing(), disagreeing()):
         answer["plans"] = answer["plans"][2:]
-        view, drawn = study_view(answer), study_of(answer).pictures(answer)
+        view, drawn = study_page(typed(answer)), study_of(typed(answer)).pictures(typed(answer))
         tables = [table for start in (SHARES, "Bias and root") for table in tables_of(view, start)]
         assert len(tables) == 2
         told = [row for table in tables for row in texts_of(table)]
         # In coverage all estimators but the pseudo-inverse, in accuracy every one.
-        assert [row[1:] for row in told if row[0] == "δ2"].count([NOT_DETERMINED]) == 4 + 5
+        assert [row[1:] for row in told if row[0] == "J2 (δ2)"].count([NOT_DETERMINED]) == 4 + 5
         printed = text_of(pypdf.PdfReader(io.BytesIO(pdf(view, drawn))))
         seen = [" ".join(Page(page_of(answer)).text), printed]
         seen += [words(picture.svg) + picture.alt for picture in drawn.values()]
@@ -273,15 +274,18 @@ def test_an_undetermined_parameter_has_no_number_whatever_the_answer_holds() -> 
 
 def test_a_control_may_show_that_its_claim_is_wrong() -> None:
     """The pseudo-inverse claims to know the offset that no data tell; its intervals never hold the truth."""
-    rows = tables_of(study_view(agreeing()), SHARES)[2].rows
-    claimed = [row.cells for row in rows if row.cells[0].text == "δ2"][-1]
+    rows = tables_of(study_page(typed(agreeing())), SHARES)[2].rows
+    claimed = [row.cells for row in rows if row.cells[0].text == "J2 (δ2)"][-1]
     assert [float(cell.text.split(" ")[0]) < 1 for cell in claimed[1:]] == [True] * 4
 
 
-def test_a_study_with_made_up_numbers_is_not_written(tmp_path: Path) -> None:
-    with pytest.raises(UnsoundResult, match="'delta2' is unidentifiable"):
-        write_study(tmp_path / "a" / "out", made_up())
-    assert everything(tmp_path) == set()
+@pytest.mark.parametrize("estimator", [0, 1, 2])
+def test_a_study_with_made_up_numbers_cannot_be_made(estimator: int) -> None:
+    answer = agreeing()
+    own = answer["plans"][2]["estimators"]
+    own[estimator] = made_up()["plans"][2]["estimators"][estimator]
+    with pytest.raises(UnsoundResult, match=f"'delta2 of {own[estimator]['name']}' is unidentifiable"):
+        typed(answer)
 
 
 # ── one file, no network, names as text ───────────────────────────────────────────────────────
@@ -306,7 +310,7 @@ def test_hostile_names_are_shown_as_they_are_and_do_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     draw_once(monkeypatch, "hostile")
-    paths = write_study(str(tmp_path / "out"), hostile())  # a name as a string will do
+    paths = write_study(str(tmp_path / "out"), typed(hostile()))  # a name as a string will do
     assert everything(tmp_path / "out") == WHOLE
     page = paths.html.read_text(encoding="utf-8")
     assert "<script" not in page
@@ -336,7 +340,7 @@ def test_chromium_opens_it_without_a_word_or_a_request(tmp_path: Path) -> None:
 
 
 def test_all_files_are_there_and_nothing_else(tmp_path: Path) -> None:
-    paths = write_study(tmp_path / "a" / "out", agreeing())
+    paths = write_study(tmp_path / "a" / "out", typed(agreeing()))
     assert everything(tmp_path / "a" / "out") == WHOLE
     assert {path.name for path in (tmp_path / "a").iterdir()} == {"out"}
     assert paths.pdf.read_bytes().startswith(b"%PDF")
@@ -349,9 +353,9 @@ def test_a_study_of_ours_is_replaced_and_a_fault_leaves_it_as_it_was(
     tmp_path: Path, drawn_before: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "out"
-    write_study(out, agreeing())
+    write_study(out, typed(agreeing()))
     (out / ".DS_Store").write_bytes(b"")
-    write_study(out, disagreeing())
+    write_study(out, typed(disagreeing()))
     assert everything(out) == WHOLE
     before = (out / "study.html").read_bytes()
     assert b"Does not agree." in before
@@ -359,16 +363,14 @@ def test_a_study_of_ours_is_replaced_and_a_fault_leaves_it_as_it_was(
     endless = agreeing()
     endless["plans"][0]["estimators"][0]["parameters"][0]["bias"] = float("nan")
     with pytest.raises(ValueError, match="JSON"):
-        write_study(out, endless)
-    with pytest.raises(ValueError, match="schema"):
-        write_study(tmp_path / "new" / "deeper", {**agreeing(), "schema": "zerobeam/result/1"})
+        write_study(out, typed(endless))
 
     def full(*_: object) -> bytes:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("zerobeam.reports.output.page_files.pdf", full)
     with pytest.raises(BadInput, match="No space left"):
-        write_study(out, agreeing())
+        write_study(out, typed(agreeing()))
     assert (out / "study.html").read_bytes() == before
     assert {path.name for path in tmp_path.iterdir()} == {"out"}
 
@@ -381,7 +383,7 @@ def test_an_interruption_leaves_nothing(
 
     monkeypatch.setattr(whole_folder, "_swap", interrupt)
     with pytest.raises(KeyboardInterrupt):
-        write_study(tmp_path / "a" / "out", agreeing())
+        write_study(tmp_path / "a" / "out", typed(agreeing()))
     assert everything(tmp_path) == set()
 
 
@@ -404,7 +406,7 @@ def test_what_is_not_a_study_of_ours_is_refused_and_left_alone(tmp_path: Path, r
         (report, "result.json"),
     ):
         assert why in str(refused(check_target, folder))
-        assert why in str(refused(write_study, folder, agreeing()))
+        assert why in str(refused(write_study, folder, typed(agreeing())))
     assert everything(tmp_path) == {
         "file", "other", "other/thesis.tex", "alike", "alike/study.json", "report", "report/result.json"
     }  # fmt: skip
@@ -421,10 +423,10 @@ def test_of_a_study_only_its_own_files_are_replaced(tmp_path: Path, refused: Ref
     assert own.name in STUDIES["cell"].tables
     for answer in (cell_study(), agreeing()):
         assert own.name in str(refused(check_target, tmp_path))
-        assert own.name in str(refused(write_study, tmp_path, answer))
+        assert own.name in str(refused(write_study, tmp_path, typed(answer)))
     assert own.read_text() == "mine"
     own.unlink()
-    write_study(tmp_path, cell_study())
+    write_study(tmp_path, typed(cell_study()))
     assert {path.name for path in tmp_path.glob("*.csv")} == {"parameters.csv", "time.csv", "plans.csv"}
 
 
@@ -438,8 +440,7 @@ def test_of_a_study_that_is_not_known_no_table_is_replaced(
     assert "coverage.csv" in str(refused(check_target, tmp_path))
 
 
-@pytest.mark.parametrize("named", ["another", None, ["cell"]])
-def test_an_answer_of_no_known_study_is_not_written(tmp_path: Path, named: object) -> None:
+def test_an_answer_of_no_known_study_is_not_written(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="one of coverage, cell, table2"):
-        write_study(tmp_path / "a" / "out", {**cell_study(), "study": named})
+        write_study(tmp_path / "a" / "out", dataclasses.replace(typed(cell_study()), study="another"))
     assert everything(tmp_path) == set()

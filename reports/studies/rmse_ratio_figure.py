@@ -2,29 +2,57 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
+from ...experiments.studies.coverage import CoveragePlan, CoveredParameter
 from ..style.canvas import Picture, bare_y, new_figure, style, to_svg
 from ..style.palette import light
 from ..words import numbers
 from ..words.wording import clipped, in_font, label
-from .study_coverage import ratio_std, rmse_ratios
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Json = dict[str, Any]
 
 NAME = "accuracy"
 _NORMAL_95 = 1.959964
 
 
-def accuracy_picture(plans: list[Json]) -> Picture | None:
+@dataclass(frozen=True)
+class RmseRatio:
+    """The rmse of the midpoint fit over that of the likelihood fit for one parameter, from the same data."""
+
+    midpoint: CoveredParameter
+    likelihood: CoveredParameter
+    ratio: float
+    std: float
+
+
+def rmse_ratios(plan: CoveragePlan) -> list[RmseRatio]:
+    """Of each parameter that both fits determine; empty if the plan lacks one of the two estimators.
+
+    Each rmse of n data sets has the relative error 1/√(2n); the two share their data and are correlated, so
+    that the standard error of the ratio is at most √2 times that.
+    """
+    rows = {own.name: {row.name: row for row in own.parameters} for own in plan.estimators}
+    likelihood, found = rows.get("likelihood", {}), []
+    for name, own in rows.get("midpoint", {}).items():
+        other = likelihood.get(name)
+        if other is not None and own.rmse and other.rmse:
+            ratio = own.rmse / other.rmse
+            found.append(RmseRatio(own, other, ratio, ratio / math.sqrt(max(1, plan.data_sets))))
+    return found
+
+
+def rmse_ratio_picture(plans: Sequence[tuple[str, Sequence[RmseRatio]]]) -> Picture | None:
     """Left the ratio of the two rmse, right the bias of each fit in units of its own rmse.
 
-    Only parameters that both fits tell; None where there are none.
+    `plans` are names and ratios; None where there are no ratios.
     """
-    found = [(plan, ratios) for plan in plans if (ratios := rmse_ratios(plan))]
+    found = [(name, ratios) for name, ratios in plans if ratios]
     if not found:
         return None
     count = sum(1 + len(ratios) for _, ratios in found)
@@ -37,35 +65,35 @@ def accuracy_picture(plans: list[Json]) -> Picture | None:
             left.text(
                 0.01,
                 y,
-                in_font(f"plan {clipped(plan['name'], 30)}"),
+                in_font(f"plan {clipped(plan, 30)}"),
                 transform=left.get_yaxis_transform(),
                 va="center_baseline",
                 fontsize=9,
                 fontweight="bold",
             )
-            for i, (midpoint, likelihood, ratio) in enumerate(ratios, start=y + 1):
-                ticks.append((i, in_font(label(midpoint["name"], 9))))
-                _ratio(left, i, ratio, ratio_std(ratio, plan))
-                _bias(right, i - 0.16, likelihood, "identified", "o")
-                _bias(right, i + 0.16, midpoint, "weak", "D")
+            for i, own in enumerate(ratios, start=y + 1):
+                ticks.append((i, in_font(label(own.midpoint.name, 9))))
+                _ratio(left, i, own)
+                _bias(right, i - 0.16, own.likelihood, "identified", "o")
+                _bias(right, i + 0.16, own.midpoint, "weak", "D")
             y += 1 + len(ratios)
         _finish(left, right, ticks, count)
         svg = to_svg(figure, NAME)
     told = [
-        f"plan {clipped(plan['name'], 40)}: "
-        + ", ".join(f"{label(row['name'])} {numbers.estimate(r, ratio_std(r, plan))}" for row, _, r in ratios)
+        f"plan {clipped(plan, 40)}: "
+        + ", ".join(f"{label(own.midpoint.name)} {numbers.estimate(own.ratio, own.std)}" for own in ratios)
         for plan, ratios in found
     ]
     alt = f"The rmse of the midpoint fit as a multiple of the likelihood fit’s: {'; '.join(told)}."
     return Picture(NAME, "The midpoint fit (eq. 8) against the likelihood fit, from the same data", alt, svg)
 
 
-def _ratio(axes: Axes, y: float, ratio: float, std: float) -> None:
-    half = _NORMAL_95 * std
+def _ratio(axes: Axes, y: float, own: RmseRatio) -> None:
+    ratio, half = own.ratio, _NORMAL_95 * own.std
     axes.plot([max(ratio - half, 0), ratio + half], [y, y], "-", linewidth=1.6, color=light("ink"))
     axes.plot([ratio], [y], "o", markersize=4.2, color=light("ink"))
     axes.annotate(
-        numbers.estimate(ratio, std),
+        numbers.estimate(ratio, own.std),
         (ratio + half, y),
         xytext=(5, 0),
         textcoords="offset points",
@@ -74,8 +102,10 @@ def _ratio(axes: Axes, y: float, ratio: float, std: float) -> None:
     )
 
 
-def _bias(axes: Axes, y: float, row: Json, role: str, shape: str) -> None:
-    at, half = row["bias"] / row["rmse"], _NORMAL_95 * row["bias_mcse"] / row["rmse"]
+def _bias(axes: Axes, y: float, row: CoveredParameter, role: str, shape: str) -> None:
+    if row.bias is None or row.bias_mcse is None or not row.rmse:
+        return
+    at, half = row.bias / row.rmse, _NORMAL_95 * row.bias_mcse / row.rmse
     axes.plot([at - half, at + half], [y, y], "-", linewidth=1.2, color=light(role))
     axes.plot([at], [y], shape, markersize=3.6, color=light(role))
 

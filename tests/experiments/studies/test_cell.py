@@ -10,13 +10,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from plain_json import plain
 from scipy import stats
 
 from zerobeam.analysis.so_far import SoFar
-from zerobeam.experiments.studies import cell_study as module
+from zerobeam.experiments.studies import cell as module
+from zerobeam.experiments.studies.answer import to_json
 from zerobeam.experiments.studies.binomial import accuracy, held_share
 from zerobeam.experiments.studies.campaign import CellRun, carried, seeds
-from zerobeam.experiments.studies.cell_study import StudiedPlan, cell_study, studied_plans
+from zerobeam.experiments.studies.cell import StudiedPlan, cell_study, studied_plans
 
 RUNS = 2
 
@@ -33,7 +35,7 @@ def study() -> tuple[dict[str, Any], list[tuple[str, float]]]:
     with pytest.MonkeyPatch.context() as patch:
         some = [plans()["optimal"], plans()["adaptive"]]
         patch.setattr(module, "studied_plans", lambda seed, camera: some)
-        answer = cell_study(RUNS, 0, lambda *now: told.append(now), camera=False, processes=1)
+        answer = to_json(cell_study(RUNS, 0, lambda *now: told.append(now), camera=False, processes=1))
     return answer, told
 
 
@@ -58,8 +60,12 @@ def made(run: CellRun, count: int, wider: float = 1.0, seed: int = 0) -> list[So
     return told
 
 
+def unidentifiable(offset: Any) -> Any:
+    return replace(offset, status="unidentifiable", estimate=None, std=None, interval95=None)
+
+
 def judged(plan: StudiedPlan, run: CellRun, states: Sequence[SoFar | None]) -> dict[str, Any]:
-    return module._told(plan, [run] * len(states), states)
+    return plain(module.judged(plan, [run] * len(states), states))
 
 
 def test_the_structure(study: tuple[dict[str, Any], list[tuple[str, float]]]) -> None:
@@ -113,40 +119,35 @@ def test_right_stds_agree_and_stds_too_small_do_not(run: CellRun) -> None:
     plan = plans()["optimal"]
     right, wrong = judged(plan, run, made(run, 200)), judged(plan, run, made(run, 200, wider=2.0))
     assert right["agrees"]
-    assert right["sentence"].endswith("as promised")
+    assert right["sentence"].endswith("as stated")
     assert not wrong["agrees"]
-    assert wrong["sentence"].endswith("not as promised")
+    assert wrong["sentence"].endswith("not as stated")
     for row in wrong["parameters"]:
         share = row["coverage"]["share"]
         assert share == pytest.approx(2 * stats.norm.cdf(0.98) - 1, abs=4 * np.sqrt(0.67 * 0.33 / 200))
         assert row["rmse"] == pytest.approx(2 * row["predicted_std"], rel=4 / np.sqrt(2 * 200))
     control = judged(replace(plan, control=True), run, made(run, 200, wider=2.0))
-    assert "wrong, and seen to be" in control["sentence"]
+    assert "detected as wrong" in control["sentence"]
 
 
 def test_a_run_counts_where_it_tells_the_offset_itself(run: CellRun) -> None:
     states = made(run, 30)
     for k in range(10):
         offsets = tuple(
-            replace(offset, status="unidentifiable", estimate=None, std=None)
-            if offset.name == "delta3"
-            else offset
-            for offset in states[k].offsets
+            unidentifiable(offset) if offset.name == "delta3" else offset for offset in states[k].offsets
         )
         states[k] = replace(states[k], offsets=offsets)
     told = judged(plans()["optimal"], run, states)
     of = {row["name"]: row["coverage"]["of"] for row in told["parameters"]}
     assert of == {"delta2": 30, "delta3": 20, "delta4": 30, "delta5": 30, "delta6": 30}
-    assert "Without an interval, as the run could not tell it: delta3 in 10 runs" in told["sentence"]
+    assert "Unidentifiable, so without an interval: J3 (δ3) in 10 runs" in told["sentence"]
 
 
 def test_an_offset_that_no_run_tells_has_no_numbers(run: CellRun) -> None:
     silent = [
         replace(
             state,
-            offsets=tuple(
-                replace(offset, status="unidentifiable", estimate=None, std=None) for offset in state.offsets
-            ),
+            offsets=tuple(offset if offset.held else unidentifiable(offset) for offset in state.offsets),
         )
         for state in made(run, 3)
     ]
@@ -162,34 +163,34 @@ def test_an_offset_that_no_run_tells_has_no_numbers(run: CellRun) -> None:
 def test_runs_without_a_result_are_counted_and_have_no_interval(run: CellRun) -> None:
     failed = replace(run, state=None, failure="the motors are off")
     runs = [failed, *[run] * 3]
-    told = module._told(plans()["optimal"], runs, [None, *made(run, 3)])
+    told = plain(module.judged(plans()["optimal"], runs, [None, *made(run, 3)]))
     assert (told["failed"], told["failures"]) == (1, ["the motors are off"])
     assert all(row["coverage"]["of"] == 3 for row in told["parameters"])
-    nothing = module._told(plans()["optimal"], [failed], [None])
+    nothing = plain(module.judged(plans()["optimal"], [failed], [None]))
     assert (nothing["within_limit"], nothing["shots_used"]["mean"], nothing["agrees"]) == (None, None, False)
     assert nothing["seconds"]["total"] == {"mean": None, "max": None}
 
 
 def test_shares_and_errors_in_closed_form() -> None:
     told = accuracy(np.array([1.0, 3.0]), np.array([3.0, 4.0]))
-    assert told == {
+    assert told._asdict() == {
         "bias": 2.0,
         "bias_mcse": pytest.approx(1.0),
         "rmse": pytest.approx(np.sqrt(5)),
         "predicted_std": pytest.approx(np.sqrt(12.5)),
     }
-    assert set(accuracy(np.array([1.0]), np.array([1.0])).values()) == {None}
+    assert set(accuracy(np.array([1.0]), np.array([1.0]))) == {None}
     # All of n held: the lower end is (alpha / 2)^(1 / n), the chance of it level^n.
     share = held_share(20, 20, 0.5, alarm=0.01)
-    assert share["low"] == pytest.approx(0.025 ** (1 / 20))
-    assert not share["agrees"]
-    assert held_share(20, 20, 0.95, alarm=0.01)["agrees"]
+    assert share.low == pytest.approx(0.025 ** (1 / 20))
+    assert not share.agrees
+    assert held_share(20, 20, 0.95, alarm=0.01).agrees
 
 
 @pytest.mark.long
 def test_the_whole_chain_holds_what_it_promises() -> None:
     """Without pictures, whose share of the error is nothing; a chance of 1 % a plan, with this seed."""
-    answer = cell_study(100, 0, lambda *_: None, camera=False)
+    answer = to_json(cell_study(100, 0, lambda *_: None, camera=False))
     assert answer["agrees"], answer["headline"]
     rows = {plan["name"]: plan for plan in answer["plans"]}
     # The gears' play is taken up from one side: it is in every offset, and no run can know.

@@ -1,61 +1,40 @@
-"""Figures of the simulated cell: how often its intervals hold the truth, and where the time of a run goes."""
+"""Figure: the time of a run in the simulated cell, by phase."""
 
 from __future__ import annotations
 
-import dataclasses
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
+from ...experiments.procedure.session import PHASES
+from ...experiments.studies.cell_answer import CellPlan
 from ..style.canvas import Picture, bare_y, new_figure, style, to_svg
 from ..style.palette import light
 from ..words import numbers
 from ..words.wording import clipped, in_font
-from .figure_coverage import coverage_picture
-from .study_cell import PHASES, judged, solved
-from .study_shares import percent
-from .study_view import seconds
+from .phrases import seconds
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-Json = dict[str, Any]
 
 # Phases are no statuses: one hue, from dark to faint, and in the order of the legend.
 _SHADES = dict(zip(PHASES, (1.0, 0.66, 0.4, 0.2), strict=True))
 _BAR = 0.4  # of a row's height
 
 
-def cell_coverage_picture(answer: Json) -> Picture | None:
-    """The figure of one level of a coverage study, with plans in the place of estimators."""
-    plans, level = judged(answer), answer["settings"]["level"]
-    if not plans:
-        return None
-    # The panel is as wide as the fewest runs ask for; a plan without any has nothing to draw.
-    fewest = min((solved(plan) for plan in plans if plan["runs"] > plan["failed"]), default=1)
-    drawn = coverage_picture(
-        {"name": "", "estimators": plans, "data_sets": fewest}, {"levels": [level]}, "coverage"
-    )
-    title = (
-        f"How often the {percent(level)} intervals hold the truth, with binomial intervals. Line: as"
-        " promised; triangle: a share beyond the panel, with its number"
-    )
-    return dataclasses.replace(drawn, title=title)
-
-
-def time_picture(answer: Json) -> Picture | None:
+def time_picture(plans: Sequence[CellPlan], limit: float) -> Picture | None:
     """A bar for each plan: the mean time by phase, a whisker to the longest run, and the limit.
 
     None where no plan has a time.
     """
-    plans = [plan for plan in answer["plans"] if plan["seconds"]["total"]["mean"] is not None]
+    plans = [plan for plan in plans if plan.seconds["total"].mean is not None]
     if not plans:
         return None
-    limit = answer["settings"]["limit_s"]
     with style():
         figure = new_figure(0.85 + 0.46 * len(plans))
         axes = figure.subplots()
         for y, plan in enumerate(plans):
             _bar(axes, y, plan)
-        _finish(axes, len(plans), limit, max(plan["seconds"]["total"]["max"] for plan in plans))
+        _finish(axes, len(plans), limit, max(plan.seconds["total"].max or 0.0 for plan in plans))
         svg = to_svg(figure, "time")
     title = (
         f"Simulated time of a run by phase, mean; whisker: the longest run; line: the limit of {limit:g} s"
@@ -63,19 +42,19 @@ def time_picture(answer: Json) -> Picture | None:
     return Picture("time", title, _alt(plans, limit), svg)
 
 
-def _bar(axes: Axes, y: int, plan: Json) -> None:
-    told, begin = plan["seconds"], 0.0
+def _bar(axes: Axes, y: int, plan: CellPlan) -> None:
+    told, begin = plan.seconds, 0.0
     for phase in PHASES:
-        mean = told[phase]["mean"] or 0.0
+        mean = told[phase].mean or 0.0
         # On the ground's colour, so that the grid does not show through.
         for colour, alpha in ((light("ground"), 1.0), (light("identified"), _SHADES[phase])):
             axes.barh(y, mean, _BAR, begin, color=colour, alpha=alpha, linewidth=0)
         begin += mean
-    longest = told["total"]["max"]
+    longest = told["total"].max or 0.0
     axes.plot([begin, longest], [y, y], "-", linewidth=1.2, color=light("ink"))
     axes.plot([longest], [y], "|", markersize=7, markeredgewidth=1.2, color=light("ink"))
     axes.annotate(
-        in_font(f"{clipped(plan['name'], 36)}: {_told(plan)}"),
+        in_font(f"{clipped(plan.name, 36)}: {_told(plan)}"),
         (0, y - _BAR / 2),
         xytext=(0, 2.5),
         textcoords="offset points",
@@ -84,9 +63,9 @@ def _bar(axes: Axes, y: int, plan: Json) -> None:
     )
 
 
-def _told(plan: Json) -> str:
-    total = plan["seconds"]["total"]
-    return f"{seconds(total['mean'])}, longest {seconds(total['max'])}"
+def _told(plan: CellPlan) -> str:
+    total = plan.seconds["total"]
+    return f"{seconds(total.mean)}, longest {seconds(total.max)}"
 
 
 def _finish(axes: Axes, count: int, limit: float, longest: float) -> None:
@@ -125,9 +104,9 @@ def _finish(axes: Axes, count: int, limit: float, longest: float) -> None:
     )
 
 
-def _alt(plans: list[Json], limit: float) -> str:
+def _alt(plans: Sequence[CellPlan], limit: float) -> str:
     parts = []
     for plan in plans:
-        phases = ", ".join(f"{phase} {seconds(plan['seconds'][phase]['mean'])}" for phase in PHASES)
-        parts.append(f"{clipped(plan['name'], 40)}: {_told(plan)} ({phases})")
+        phases = ", ".join(f"{phase} {seconds(plan.seconds[phase].mean)}" for phase in PHASES)
+        parts.append(f"{clipped(plan.name, 40)}: {_told(plan)} ({phases})")
     return f"Mean time of a run, against the limit of {numbers.exact(limit, 's')}. {'; '.join(parts)}."

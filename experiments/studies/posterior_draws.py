@@ -1,0 +1,104 @@
+"""Posterior draws of many data sets side by side, for the ranks of their truths."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from ...analysis.estimation.coordinates import SeenCoordinates
+from ...analysis.estimation.fit import Fits
+from ...analysis.posterior.moves import IndependenceProposal, degrees_of_freedom
+from ...analysis.posterior.sampler import BENT_SHARE, ROUND, SHARE, Moves, possible_density
+from ...model.density import Density
+from ...model.kernel import Index
+from ...model.robot import Matrix
+from .data_sets import DataSets
+from .ranks import DRAWS
+
+_REFITS, _GOOD = 4, 0.5  # the proposal is fitted anew at most so often, while less than this is accepted;
+LEAST_STEPS, _MOST_STEPS = 10, 400  # then so many steps over the square of the acceptance, and at most
+_WIDER = 1.3  # a refitted proposal is so much wider than the walkers' spread,
+_HEAVY = 5.0  # and its nu this: for the tails
+_CHUNK = 50  # data sets whose walkers go together: what a core keeps near
+
+
+def posterior_draws(
+    data: DataSets, fits: Fits, rng: np.random.Generator, tell: Callable[[float], None]
+) -> tuple[Matrix, float]:
+    """(W, DRAWS, f) draws of the scaled free parameters of every data set, and the mean acceptance.
+
+    One walker for each draw; its last place is the draw. With `sample_posterior` it shares all that makes a
+    draw right: density, coordinates, whitening by the fit, first proposal, moves, their shares, length of a
+    round, and the walk by emcee. Its own are only what a batch needs: draws by many walkers in place of long
+    chains, so that no R-hat is taken, and where the proposal is poor one fitted anew to each data set's own
+    walkers, in place of a triangular map.
+    """
+    count = len(fits.x)
+    parts = [np.arange(first, min(first + _CHUNK, count)) for first in range(0, count, _CHUNK)]
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        jobs = [
+            pool.submit(_drawn_together, data, fits, part, own)
+            for part, own in zip(parts, rng.spawn(len(parts)), strict=True)
+        ]
+        found = []
+        for done, job in enumerate(jobs):
+            found.append(job.result())
+            tell((done + 1) / len(jobs))
+    draws, acceptance = zip(*found, strict=True)
+    return np.concatenate(draws), float(np.average(acceptance, weights=[len(part) for part in parts]))
+
+
+def _drawn_together(
+    data: DataSets, fits: Fits, part: Index, rng: np.random.Generator
+) -> tuple[Matrix, float]:
+    density = Density(data.problem, data.joints[part], data.spots[part])
+    size, count = density.size, len(part)
+    every = np.arange(count)
+    coordinates = SeenCoordinates(density)
+    centre = coordinates.from_parameters(fits.x[part], every)
+    factor = np.linalg.cholesky(coordinates.covariance(fits.x[part], fits.covariance[part], every))
+
+    def place(w: Matrix) -> Matrix:
+        """v (count, …, f) of walkers (count * …, f): as many of each data set, one set after the other."""
+        return np.asarray(centre[:, None] + w.reshape(count, -1, size) @ factor.transpose(0, 2, 1))
+
+    def log_posterior(w: Matrix) -> Matrix:
+        of = np.repeat(every, len(w) // count)
+        return density.log_posterior(coordinates.to_parameters(place(w).reshape(-1, size), of), of)
+
+    def log_density(w: Matrix) -> Matrix:
+        return possible_density(log_posterior, w)
+
+    proposal = IndependenceProposal(np.zeros(size), np.eye(size), degrees_of_freedom(size))
+    moves = Moves(proposal, rng, SHARE, groups=count)
+
+    def advanced(w: Matrix, steps: int) -> Matrix:
+        return moves.walk(log_density, w, steps, last=True)[:, 0]
+
+    w = advanced(proposal.draw(count * DRAWS, rng), ROUND)
+    for _ in range(_REFITS):
+        if _accepted(moves) >= _GOOD:
+            break
+        # The whitening, and with it the proposal, is fitted anew to where the walkers are.
+        v = place(w)
+        centre = v.mean(axis=1)
+        around = v - centre[:, None]
+        factor = _WIDER * np.linalg.cholesky(around.transpose(0, 2, 1) @ around / (DRAWS - 1))
+        moves = Moves(
+            IndependenceProposal(np.zeros(size), np.eye(size), _HEAVY), rng, BENT_SHARE, groups=count
+        )
+        w = np.linalg.solve(factor, around.transpose(0, 2, 1)).transpose(0, 2, 1).reshape(-1, size)
+        w = advanced(w, ROUND)
+    steps = min(math.ceil(LEAST_STEPS / max(_accepted(moves), 1e-3) ** 2), _MOST_STEPS)
+    v = place(advanced(w, steps))
+    draws = density.scaled(coordinates.to_parameters(v.reshape(-1, size), np.repeat(every, DRAWS)))
+    return draws.reshape(count, DRAWS, size), _accepted(moves)
+
+
+def _accepted(moves: Moves) -> float:
+    """The share of the proposal's draws that were accepted."""
+    return moves.independence.accepted / max(moves.independence.proposed, 1)
