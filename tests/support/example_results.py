@@ -1,5 +1,5 @@
-"""Results for the tests of the reports, by the real functions on small runs with fixed seeds: good, degenerate,
-badly fitting, hostile. Each is made when it is first asked for, and once."""
+"""Results for the tests of the reports, by the real functions on small runs with fixed seeds: good,
+degenerate, badly fitting, hostile. Each is made when it is first asked for, and once."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ from zerobeam.analysis.posterior.posterior import Draws
 from zerobeam.analysis.result import Result
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.plans.patterns import pattern
-from zerobeam.experiments.simulate import Truth, simulated_shots
 from zerobeam.model.files.header import StatedDistance
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import Run, read_run
@@ -204,13 +203,17 @@ def _hostile() -> Analysis:
     return _with_forbidden(_analysed(run, robust="huber", held_out=HOSTILE_NAMES[:9]))
 
 
-@functools.cache
+_MADE: dict[str, Analysis] = {}
+
+
 def analysed(name: str) -> Analysis:
     """The whole analysis of an example, once in a session."""
-    return _MADE[name]()
+    if name not in _MADE:
+        _MADE[name] = _MAKERS[name]()
+    return _MADE[name]
 
 
-_MADE: dict[str, Callable[[], Analysis]] = {
+_MAKERS: dict[str, Callable[[], Analysis]] = {
     "good": _good,
     "x_pattern": _x_pattern,
     "uncalibrated": _uncalibrated,
@@ -230,10 +233,10 @@ class _Examples(Mapping[str, Result]):
         return analysed(name).result
 
     def __iter__(self) -> Iterator[str]:
-        return iter(_MADE)
+        return iter(_MAKERS)
 
     def __len__(self) -> int:
-        return len(_MADE)
+        return len(_MAKERS)
 
 
 EXAMPLES = _Examples()
@@ -276,19 +279,16 @@ def hostile() -> Result:
 
 
 def draws(result: Result) -> Draws:
-    """The draws of an example, or of one that was changed but for its posterior."""
-    for name in EXAMPLES:
-        if EXAMPLES[name].posterior is result.posterior:
-            found = analysed(name).draws
-            assert found is not None
-            return found
-    raise AssertionError("this is the result of no example")
+    """The draws of an example, also where it was changed in other parts than its posterior."""
+    (found,) = [own.draws for own in _MADE.values() if own.result.posterior is result.posterior]
+    assert found is not None
+    return found
 
 
 def drawn(result: Result, of: Draws | None = None) -> dict[str, Picture]:
     """The figures of a result; those of an example as it stands are drawn once for all tests."""
-    for name in EXAMPLES:
-        if of is None and result is EXAMPLES[name]:
+    for name, own in _MADE.items():
+        if of is None and result is own.result:
             return _drawn_once(name)
     return pictures(result, of or draws(result))
 
