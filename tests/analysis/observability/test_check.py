@@ -10,6 +10,8 @@ from zerobeam.analysis.observability.aim import aim, servo_joints
 from zerobeam.analysis.observability.check import check
 from zerobeam.model import kernel
 from zerobeam.model.problem import Problem
+from zerobeam.reports.words.causes import reason
+from zerobeam.reports.words.findings import check_notes, headline
 from zerobeam.reports.words.result_json import check_json
 
 
@@ -20,15 +22,15 @@ def rows(answer):
 def test_a_good_plan():
     answer = check(good_plan())
     assert answer.verdict == "pass"
-    assert answer.headline == "delta2, delta3, delta4, delta5 and delta6 are identified."
-    assert answer.notes == ()
+    assert headline(answer) == "delta2, delta3, delta4, delta5 and delta6 are identified."
+    assert check_notes(answer) == ()
     first = rows(answer)["delta1"]
     assert (first.status, first.held, first.data_std, first.std) == ("held", True, None, None)
-    assert "base frame" in first.reason
+    assert "base frame" in reason(first.cause)
     for name, row in rows(answer).items():
         if name != "delta1":
             assert row.status == "identified"
-            assert row.reason is None
+            assert row.cause is None
             # The prior can only add to what the data say, and adds next to nothing here.
             assert 0.99 * row.data_std < row.std <= row.data_std * (1 + 1e-9)
 
@@ -54,10 +56,12 @@ def test_what_was_promised_is_what_comes(case):
 def test_the_x_pattern():
     answer = check(pattern_plan("x"))
     assert answer.verdict == "degenerate"
-    assert answer.headline.startswith("delta2 is not determined by these shots: joint 1 does not change")
+    assert headline(answer).startswith(
+        "delta2 is unidentifiable from these measurements: joint 1 does not change"
+    )
     row = rows(answer)["delta2"]
     assert (row.status, row.data_std, row.std) == ("unidentifiable", None, None)
-    assert "X-Pattern" in row.reason
+    assert "X-Pattern" in reason(row.cause)
     for row in answer.parameters:
         if row.status == "unidentifiable":
             assert row.std is None
@@ -99,7 +103,10 @@ def test_a_posture_from_which_the_target_cannot_be_hit():
     assert 2 in missed
     assert len(missed) < 4
     named = " and ".join(map(str, missed))
-    assert answer.notes[0] == f"From posture {named} the target cannot be hit: no shot is counted there"
+    assert (
+        check_notes(answer)[0]
+        == f"From posture {named} the target cannot be hit: no measurement is counted there"
+    )
     rest = check(plan_of(own, np.delete(plan.postures, missed, axis=0)))
     for row, other in zip(answer.parameters, rest.parameters, strict=True):
         assert row.status == other.status
@@ -120,7 +127,7 @@ def test_a_joint_turned_beyond_its_limits_is_noted():
     plan = good_plan()
     own = header(target=(-900.0, 0.0, 900.0))
     answer = check(plan_of(own, plan.postures))
-    beyond = [note for note in answer.notes if "outside" in note]
+    beyond = [note for note in check_notes(answer) if "outside" in note]
     problem = Problem.from_plan(plan_of(own, plan.postures))
     turned = aim(problem, problem.nominal(), servo_joints(problem)).problem.joints
     outside = (turned < plan.robot.lower) | (turned > plan.robot.upper)
@@ -159,4 +166,4 @@ def test_two_and_three_shots():
         answer = check(plan_of(plan.header, plan.postures[:shots]))
         assert answer.verdict == "degenerate"
         assert all(row.std is None for row in answer.parameters)
-        assert "too few shots" in answer.headline
+        assert "too few measurements" in headline(answer)

@@ -17,18 +17,19 @@ from cells import (
     random_pose,
     simulated_problem,
 )
+from judgements import reason_for, verdict
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.observability.check import check
 from zerobeam.analysis.observability.identifiability import identify, observability
-from zerobeam.analysis.observability.verdict import reason_for, verdict
 from zerobeam.experiments.plans.candidates import candidates
 from zerobeam.experiments.plans.optimal import Planner
 from zerobeam.model.files.urdf import read_urdf
 from zerobeam.model.problem import Problem
 from zerobeam.model.robot import rotation_about
+from zerobeam.reports.words.causes import reason, remedy
 
 
 def judged(plan):
@@ -169,12 +170,12 @@ def test_x_pattern_straight_ahead():
     assert (status, data_std) == ("unidentifiable", np.inf)
     assert verdict(problem, identified) == "degenerate"
     null = direction_of(identified, "delta2", "exact")
-    assert null.reason.startswith("joint 1 does not change over the shots")
-    assert "X-Pattern" in null.reason
-    assert "vary joint 1" in null.remedy
+    assert reason(null.cause).startswith("joint 1 does not change over the measurements")
+    assert "X-Pattern" in reason(null.cause)
+    assert "vary joint 1" in remedy(null.cause)
     assert null.combination["delta2"] == 1.0
     assert set(null.combination) == {"delta2", "psd.x", "psd.z"}
-    assert reason_for(identified, problem.parameters.items[1], "unidentifiable") == null.reason
+    assert reason_for(identified, problem.parameters.items[1], "unidentifiable") == reason(null.cause)
     facts = identified.facts
     assert (facts.rank, facts.condition) == (7, None)
     assert set(facts.observability.values()) == {0.0}
@@ -208,8 +209,8 @@ def test_x_pattern_with_joint_1_jittered():
     assert 50 < row.data_std < 5000
     (null,) = [d for d in answer.identifiability.null_space if d.combination.get("delta2") == 1.0]
     assert null.kind == "noise"
-    assert null.reason.startswith("joint 1 varies by no more than 0.02 degrees")
-    assert "vary joint 1" in null.remedy
+    assert reason(null.cause).startswith("joint 1 varies by no more than 0.02 degrees")
+    assert "vary joint 1" in remedy(null.cause)
     assert answer.identifiability.condition > 1e3
     assert answer.identifiability.rank == 7
 
@@ -261,9 +262,9 @@ def test_two_joints_constant():
     rows = by_name(problem, identified)
     assert rows["delta2"] == rows["delta3"] == ("unidentifiable", np.inf)
     assert {rows[f"delta{i}"][0] for i in (4, 5, 6)} == {"identified"}
-    assert "joint 1 does not change" in direction_of(identified, "delta2", "exact").reason
-    assert "joints 1 to 2 do not change" in direction_of(identified, "delta3", "exact").reason
-    assert "vary joints 1 to 2" in direction_of(identified, "delta3").remedy
+    assert "joint 1 does not change" in reason(direction_of(identified, "delta2", "exact").cause)
+    assert "joints 1 to 2 do not change" in reason(direction_of(identified, "delta3", "exact").cause)
+    assert "vary joints 1 to 2" in remedy(direction_of(identified, "delta3").cause)
 
 
 def test_delta1_freed():
@@ -271,7 +272,7 @@ def test_delta1_freed():
     rows = by_name(problem, identified)
     assert rows["delta1"] == ("unidentifiable", np.inf)
     assert {rows[f"delta{i}"][0] for i in range(2, 7)} == {"identified"}
-    assert "base frame" in direction_of(identified, "delta1", "exact").reason
+    assert "base frame" in reason(direction_of(identified, "delta1", "exact").cause)
     assert verdict(problem, identified) == "degenerate"
 
 
@@ -279,8 +280,8 @@ def test_delta1_freed_in_the_x_pattern():
     """Two gauges at once, each with its own reason."""
     plan = pattern_plan("x", held=[])
     _, identified = judged(plan)
-    assert "base frame" in direction_of(identified, "delta1", "exact").reason
-    assert "joint 1 does not change" in direction_of(identified, "delta2", "exact").reason
+    assert "base frame" in reason(direction_of(identified, "delta1", "exact").cause)
+    assert "joint 1 does not change" in reason(direction_of(identified, "delta2", "exact").cause)
     assert identified.facts.rank == 7
     assert identified.facts.size == 9
 
@@ -299,8 +300,8 @@ def test_an_open_laser_with_the_last_joint_freed():
     assert rows["delta6"] == ("unidentifiable", np.inf)
     null = direction_of(identified, "tool.tilt1", "exact")
     assert "delta6" in null.combination
-    assert "uncalibrated laser" in null.reason
-    assert "hold delta6" in null.remedy
+    assert "uncalibrated laser" in reason(null.cause)
+    assert "hold delta6" in remedy(null.cause)
 
 
 def test_a_free_probe_tip_against_the_last_joint():
@@ -309,7 +310,7 @@ def test_a_free_probe_tip_against_the_last_joint():
     rows = by_name(problem, identified)
     assert rows["delta6"] == ("unidentifiable", np.inf)
     null = direction_of(identified, "delta6", "exact")
-    assert "joint 6 and a free probe tip turn together" in null.reason
+    assert "joint 6 and a free probe tip rotate together" in reason(null.cause)
     assert {"tool.x", "tool.y"} <= set(null.combination)
     # With residuals of real size the gauge stays exact: the miss is kept in the flange frame.
     _, rough = simulated_problem(plan, TABLE_2, seed=1)
@@ -326,7 +327,7 @@ def test_beam_on_the_last_axis():
     rows = by_name(problem, identified)
     assert rows["delta6"] == ("unidentifiable", np.inf)
     null = direction_of(identified, "delta6", "exact")
-    assert "axis of joint 6" in null.reason
+    assert "axis of joint 6" in reason(null.cause)
     assert null.combination == {"delta6": 1.0}
     assert {rows[f"delta{i}"][0] for i in range(2, 6)} == {"identified"}
 
@@ -338,7 +339,7 @@ def test_beam_near_the_last_axis():
     status, data_std = by_name(problem, identified)["delta6"]
     assert status == "unidentifiable"
     assert 5 < data_std < np.inf
-    assert "axis of joint 6" in direction_of(identified, "delta6", "noise").reason
+    assert "axis of joint 6" in reason(direction_of(identified, "delta6", "noise").cause)
 
 
 @pytest.mark.parametrize("shots", [2, 3])
@@ -349,8 +350,9 @@ def test_too_few_shots(shots):
     assert all(rows[f"delta{i}"] == ("unidentifiable", np.inf) for i in range(2, 7))
     exact = [d for d in identified.facts.null_space if d.kind == "exact"]
     assert len(exact) == 8 - 2 * shots
-    assert all(d.reason.startswith(f"too few shots: {shots} shots give {2 * shots} numbers") for d in exact)
-    assert all("at least 4 shots" in d.remedy for d in exact)
+    start = f"too few measurements: {shots} give {2 * shots} numbers"
+    assert all(reason(d.cause).startswith(start) for d in exact)
+    assert all("at least 4 measurements" in remedy(d.cause) for d in exact)
 
 
 def test_four_shots_are_enough_to_be_regular():
@@ -363,10 +365,10 @@ def test_four_shots_are_enough_to_be_regular():
 def test_too_few_shots_of_an_open_laser():
     plan = good_plan(12, 5, OPEN_LASER)
     _, identified = judged(plan_of(plan.header, plan.postures[:5]))
-    reasons = [d.reason for d in identified.facts.null_space if d.kind == "exact"]
-    assert reasons == ["too few shots: 5 shots give 10 numbers for 11 unknowns"]
-    remedies = [d.remedy for d in identified.facts.null_space if d.kind == "exact"]
-    assert "at least 6 shots" in remedies[0]
+    reasons = [reason(d.cause) for d in identified.facts.null_space if d.kind == "exact"]
+    assert reasons == ["too few measurements: 5 give 10 numbers for 11 unknowns"]
+    remedies = [remedy(d.cause) for d in identified.facts.null_space if d.kind == "exact"]
+    assert "at least 6 measurements" in remedies[0]
 
 
 def test_the_same_shot_again_and_again():
@@ -376,9 +378,9 @@ def test_the_same_shot_again_and_again():
     rows = by_name(problem, identified)
     assert all(rows[f"delta{i}"] == ("unidentifiable", np.inf) for i in range(2, 7))
     assert identified.facts.rank == 2
-    reasons = [d.reason for d in identified.facts.null_space]
-    assert reasons[0].startswith("the target psd is seen from too few sides")
-    assert not any("base frame" in reason for reason in reasons)
+    reasons = [reason(d.cause) for d in identified.facts.null_space]
+    assert reasons[0].startswith("the target psd is measured from too few directions")
+    assert not any("base frame" in own for own in reasons)
 
 
 def test_a_target_seen_once():
@@ -389,7 +391,7 @@ def test_a_target_seen_once():
     assert {rows[f"a.{axis}"][0] for axis in "xyz"} == {"identified"}
     assert {rows[f"delta{i}"][0] for i in range(2, 7)} == {"identified"}
     assert verdict(problem, identified) == "pass"  # the verdict is over the offsets
-    assert "target b is seen by one shot only" in direction_of(identified, "b.z", "exact").reason
+    assert "target b has one measurement only" in reason(direction_of(identified, "b.z", "exact").cause)
 
 
 def test_statuses_by_their_thresholds():
@@ -434,7 +436,7 @@ def same_verdict(first, second, lengths=1.0):
     assert a.status == b.status
     factor = np.where([item.unit == "mm" for item in problem_a.parameters.items], lengths, 1.0)
     np.testing.assert_allclose(b.data_std, a.data_std * factor, rtol=1e-4)
-    told = [[(d.kind, d.reason, d.remedy) for d in found.facts.null_space] for found in (a, b)]
+    told = [[(d.kind, reason(d.cause), remedy(d.cause)) for d in found.facts.null_space] for found in (a, b)]
     assert told[0] == told[1]
     assert verdict(problem_a, a) == verdict(problem_b, b)
 
@@ -496,7 +498,7 @@ def offsets_alike(plan, other):
     n = problem.robot.n
     assert moved.status[:n] == identified.status[:n]
     np.testing.assert_allclose(moved.data_std[:n], identified.data_std[:n], rtol=1e-4)
-    reasons = [[(d.kind, d.reason) for d in i.facts.null_space] for i in (identified, moved)]
+    reasons = [[(d.kind, reason(d.cause)) for d in i.facts.null_space] for i in (identified, moved)]
     assert reasons[0] == reasons[1]
 
 

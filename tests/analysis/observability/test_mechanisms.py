@@ -1,15 +1,16 @@
 import numpy as np
 from cells import AXIS_LASER, OPEN_LASER, OPEN_PROBE, good_plan, header, pattern_plan, plan_of, random_robot
 
-from zerobeam.analysis.observability.mechanisms import mechanisms, too_few_shots
+from zerobeam.analysis.observability.mechanisms import mechanisms, too_few_measurements
 from zerobeam.model.problem import Problem
+from zerobeam.reports.words.causes import reason, remedy
 
 
 def told(plan):
     """{names that move together: (reason, remedy)} of the mechanisms thought of for these shots."""
     problem = Problem.from_plan(plan)
     names = np.array(problem.parameters.names)
-    return {tuple(names[m.support]): (m.reason, m.remedy) for m in mechanisms(problem)}
+    return {tuple(names[m.support]): (reason(m.cause), remedy(m.cause)) for m in mechanisms(problem)}
 
 
 TARGET = ("psd.x", "psd.y", "psd.z")
@@ -25,9 +26,9 @@ def test_what_is_thought_of_for_a_calibrated_laser():
 
 
 def test_the_base_frame_only_where_delta1_is_free():
-    reason, remedy = told(good_plan(held=[]))["delta1", *TARGET]
-    assert "base frame" in reason
-    assert "hold delta1" in remedy
+    why, what = told(good_plan(held=[]))["delta1", *TARGET]
+    assert "base frame" in why
+    assert "hold delta1" in what
 
 
 def test_an_open_tool():
@@ -48,41 +49,43 @@ def test_what_lies_on_the_last_axis_is_named():
 
 def test_how_much_the_joints_before_vary():
     plan = pattern_plan("x")
-    reason, remedy = told(plan)["delta2", *TARGET]
-    assert reason.startswith("joint 1 does not change over the shots")
-    assert "X-Pattern" in reason
-    assert remedy == "vary joint 1 by 30 degrees or more between shots"
+    why, what = told(plan)["delta2", *TARGET]
+    assert why.startswith("joint 1 does not change over the measurements")
+    assert "X-Pattern" in why
+    assert what == "vary joint 1 by 30 degrees or more between measurements"
     # Joint 2 does change: the same thing about joint 3 has another reason.
-    assert told(plan)["delta3", *TARGET][0].startswith("a turn about joint 3 moves the target nearly")
+    assert told(plan)["delta3", *TARGET][0].startswith(
+        "a rotation about the axis of joint 3 moves the target nearly"
+    )
     postures = plan.postures.copy()
     postures[0, 0] += np.radians(4.0)
-    reason, _ = told(plan_of(plan.header, postures))["delta2", *TARGET]
-    assert reason.startswith("joint 1 varies by no more than 4 degrees")
+    why, _ = told(plan_of(plan.header, postures))["delta2", *TARGET]
+    assert why.startswith("joint 1 varies by no more than 4 degrees")
     postures[0, 0] += np.radians(30.0)
-    reason, _ = told(plan_of(plan.header, postures))["delta2", *TARGET]
-    assert "although joint 1 varies by up to 34 degrees" in reason
+    why, _ = told(plan_of(plan.header, postures))["delta2", *TARGET]
+    assert "although joint 1 varies by up to 34 degrees" in why
 
 
 def test_a_slide_is_not_varied_by_degrees():
     robot = random_robot("prrr", 1)
     own = header({"kind": "probe", "point_mm": [0, 0, 100]}, noise={"joint_mm": 0.02})
-    _, remedy = told(plan_of(own, np.zeros((4, 4)), robot=robot))["delta2", *TARGET]
-    assert remedy == "vary joint 1 by a third of the range or more between shots"
+    _, what = told(plan_of(own, np.zeros((4, 4)), robot=robot))["delta2", *TARGET]
+    assert what == "vary joint 1 by a third of the range or more between measurements"
 
 
 def test_each_target_has_a_mechanism_of_its_own():
     own = header(targets={"a": {}, "b": {}})
     found = told(plan_of(own, good_plan().postures, ["a", "b"] * 5))
-    assert "the target b is seen" in found["b.x", "b.y", "b.z"][0]
+    assert "the target b is measured" in found["b.x", "b.y", "b.z"][0]
     assert ("delta2", "a.x", "a.y", "a.z", "b.x", "b.y", "b.z") in found
 
 
 def test_too_few_shots_counts():
     plan = good_plan()
     few = Problem.from_plan(plan_of(plan.header, plan.postures[:3]))
-    found = too_few_shots(few, 8)
-    assert found.reason == "too few shots: 3 shots give 6 numbers for 8 unknowns"
-    assert found.remedy.startswith("record at least 4 shots")
-    assert too_few_shots(Problem.from_plan(plan_of(plan.header, plan.postures[:4])), 8) is None
+    found = too_few_measurements(few, 8)
+    assert reason(found.cause) == "too few measurements: 3 give 6 numbers for 8 unknowns"
+    assert remedy(found.cause).startswith("record at least 4 measurements")
+    assert too_few_measurements(Problem.from_plan(plan_of(plan.header, plan.postures[:4])), 8) is None
     probe = good_plan(3, 5, OPEN_PROBE)
-    assert "at least 4 shots" in too_few_shots(Problem.from_plan(probe), 11).remedy
+    assert "at least 4 measurements" in remedy(too_few_measurements(Problem.from_plan(probe), 11).cause)

@@ -1,11 +1,13 @@
 import numpy as np
 import pytest
 from cells import good_plan, header, pattern_plan, plan_of
+from judgements import reason_for, sentence_of, verdict
 
+from zerobeam.analysis.observability.causes import NotResolvable
 from zerobeam.analysis.observability.identifiability import identify
-from zerobeam.analysis.observability.verdict import listed, offsets_with, reason_for, verdict, worst_direction
+from zerobeam.analysis.observability.verdict import worst_direction
 from zerobeam.model.problem import Problem
-from zerobeam.reports.words.findings import verdict_sentence
+from zerobeam.reports.words.wording import listed
 
 
 def judged(plan):
@@ -17,23 +19,25 @@ def test_pass_weak_degenerate():
     plan = good_plan()
     problem, identified = judged(plan)
     assert verdict(problem, identified) == "pass"
-    assert (
-        verdict_sentence(problem, identified) == "delta2, delta3, delta4, delta5 and delta6 are identified."
-    )
+    assert sentence_of(problem, identified) == "delta2, delta3, delta4, delta5 and delta6 are identified."
 
     problem, identified = judged(plan_of(header(tolerance={"offset_deg": 0.02}), plan.postures))
     assert verdict(problem, identified) == "weak"
-    weak = offsets_with(problem, identified, "weak")
+    weak = [
+        name
+        for name, own in zip(problem.parameters.names, identified.status, strict=True)
+        if own == "weak" and name.startswith("delta")
+    ]
     assert "delta2" in weak
     assert "delta6" not in weak
-    sentence = verdict_sentence(problem, identified)
-    assert f"{listed(weak)} are only weakly determined by these shots." in sentence
+    sentence = sentence_of(problem, identified)
+    assert f"{listed(weak)} are only weakly observable in these measurements." in sentence
     assert sentence.index("weakly") < sentence.index("identified")
 
     problem, identified = judged(pattern_plan("x"))
     assert verdict(problem, identified) == "degenerate"
-    sentence = verdict_sentence(problem, identified)
-    assert sentence.startswith("delta2 is not determined by these shots: joint 1 does not change")
+    sentence = sentence_of(problem, identified)
+    assert sentence.startswith("delta2 is unidentifiable from these measurements: joint 1 does not change")
     assert "delta2 is identified" not in sentence
 
 
@@ -46,7 +50,7 @@ def test_targets_and_held_ones_do_not_count():
     every = [f"delta{i}" for i in range(1, 7)]
     problem, identified = judged(plan_of(header(held=every), plan.postures))
     assert verdict(problem, identified) == "pass"
-    assert verdict_sentence(problem, identified) == "No offset is estimated: all are held."
+    assert sentence_of(problem, identified) == "No offset is estimated: all are held."
 
 
 def test_reasons_of_every_kind():
@@ -58,13 +62,13 @@ def test_reasons_of_every_kind():
     # The targets x takes part in delta2's gauge and in weaker things: the gauge is the reason.
     x = items[problem.parameters.index("psd.x")]
     assert "joint 1 does not change" in reason_for(identified, x, "unidentifiable")
-    assert worst_direction(identified, "psd.x").kind == "exact"
+    assert worst_direction(identified.facts.null_space, "psd.x").kind == "exact"
 
 
 def test_without_a_direction_of_its_own_it_is_the_noise():
     _, identified = judged(good_plan())
-    found = worst_direction(identified, "delta2")
-    assert found.reason == "the noise hides it"
+    found = worst_direction(identified.facts.null_space, "delta2")
+    assert found.cause == NotResolvable()
     assert found.combination == {"delta2": 1.0}
     assert np.isfinite(identified.data_std[1])
 

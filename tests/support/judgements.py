@@ -1,0 +1,32 @@
+"""What a judgement says: its verdict, its sentence, and the reason of one parameter."""
+
+from __future__ import annotations
+
+from zerobeam.analysis.observability.identifiability import Identified
+from zerobeam.analysis.observability.verdict import cause_for
+from zerobeam.analysis.status import Status, Verdict, verdict_of
+from zerobeam.model.parameters import Parameter
+from zerobeam.model.problem import Problem
+from zerobeam.reports.words.causes import reason
+from zerobeam.reports.words.findings import verdict_sentence
+
+
+def verdict(problem: Problem, identified: Identified) -> Verdict:
+    return verdict_of(identified.status[problem.parameters.block("offset")])
+
+
+def reason_for(identified: Identified, item: Parameter, status: Status) -> str | None:
+    cause = cause_for(identified.facts.null_space, item, status)
+    return None if cause is None else reason(cause)
+
+
+class _Row:
+    def __init__(self, item: Parameter, status: Status) -> None:
+        self.name, self.group, self.status = item.name, item.group, status
+
+
+def sentence_of(problem: Problem, identified: Identified) -> str:
+    rows = [
+        _Row(item, status) for item, status in zip(problem.parameters.items, identified.status, strict=True)
+    ]
+    return verdict_sentence(rows, identified.facts.null_space)
