@@ -22,7 +22,7 @@ from cells import (
 )
 
 from zerobeam.analysis.analyse import analyse
-from zerobeam.analysis.posterior.posterior import PosteriorSummary
+from zerobeam.analysis.posterior.posterior import UNSAMPLED
 from zerobeam.analysis.so_far import SoFar, so_far
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.problem import Problem
@@ -59,8 +59,7 @@ PLANS: dict[str, Plan] = {
 def test_as_the_result_of_the_whole_run(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     _, run = simulated(PLANS[name], {} if "probe" in name else TABLE_2, 2)
     told = so_far(Problem.from_run(run))
-    unsampled = PosteriorSummary(False, "not asked for", 0, 0, 0, None, None, None, 0.0, None)
-    monkeypatch.setattr("zerobeam.analysis.analyse.sample_posterior", lambda *_, **__: (unsampled, None))
+    monkeypatch.setattr("zerobeam.analysis.analyse.sample_posterior", lambda *_, **__: (UNSAMPLED, None))
     result = analyse(run).result
     rows = {row.name: row for row in result.parameters if row.group == "offset" and not row.held}
     assert statuses(told) == {name: row.status for name, row in rows.items()}

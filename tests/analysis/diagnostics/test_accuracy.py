@@ -33,6 +33,7 @@ from zerobeam.analysis.estimation.fit import fit_likelihood, fit_rows, start_at
 from zerobeam.analysis.solution import Solution, judge
 from zerobeam.model.density import Density
 from zerobeam.model.robot import DHRow, Joint, Robot, dh_chain
+from zerobeam.reports.words.findings import accuracy_reason, place
 
 CHANCE = 1e-3  # of a test that is right to fail: two sides together
 
@@ -247,9 +248,10 @@ def test_nothing_is_claimed_for_the_x_pattern():
     answer = accuracy(solution)
     assert (answer.workspace, answer.near_shots, answer.maps, answer.weak) == (None, None, (), ())
     assert "delta2" in answer.undetermined
-    assert "delta2" in answer.reason
-    assert "not determined: " in answer.reason
-    assert "delta2 is then a turn of everything after joint 1" in answer.reason
+    why = accuracy_reason(answer)
+    assert "delta2, " in why or "delta2 and" in why
+    assert "unidentifiable: " in why
+    assert "an offset of joint 2 is equivalent to a rotation of everything after joint 1" in why
     # Negative control: a status that is made up lets numbers through.
     wrong = dataclasses.replace(identified, status=("held",) + ("identified",) * 8)
     assert accuracy(Solution(fit, wrong)).workspace is not None
@@ -258,14 +260,14 @@ def test_nothing_is_claimed_for_the_x_pattern():
 def test_an_offset_that_is_held_is_not_known():
     answer = answered(good_plan(8, held=["delta1", "delta3"]))
     assert (answer.workspace, answer.undetermined) == (None, ("delta3",))
-    assert answer.reason == "the tool point depends on delta3, which is held: held by the header"
+    assert accuracy_reason(answer) == "the TCP depends on delta3, which is held: held by the header"
 
 
 def test_a_fit_that_did_not_converge_claims_nothing():
     answer = answered(good_plan(8), converged=False)
     assert answer.workspace is None
     assert answer.maps == ()
-    assert answer.reason == "the fit did not converge"
+    assert accuracy_reason(answer) == "the fit did not converge"
 
 
 def test_weak_offsets_are_named_and_widen_the_radius():
@@ -287,7 +289,7 @@ def test_with_a_lost_last_offset_the_place_is_on_the_last_axis(tool, last):
     made = by_hand(irb1600(), tool, delta, covariance, {5: last})
     answer = accuracy(made)
     assert answer.point_mm == pytest.approx((0, 0, 150))
-    assert "axis of joint 6 nearest to the tool's stated point, as delta6 is not determined" in answer.place
+    assert "axis of joint 6 nearest to the TCP as stated, as delta6 is not determined" in place(answer)
     covariance[5, 5] = 1.0
     assert accuracy(by_hand(irb1600(), tool, delta, covariance, {5: last})) == answer
     asked = accuracy(made, np.array(ASIDE))
@@ -295,7 +297,7 @@ def test_with_a_lost_last_offset_the_place_is_on_the_last_axis(tool, last):
     assert (asked.workspace, asked.undetermined) == (None, ("delta6",))
     # With an offset that is known the point is the tool's own.
     answer = accuracy(by_hand(irb1600(), tool, delta, covariance))
-    assert (answer.point_mm, answer.place) == (tuple(ASIDE), "the tool's stated point")
+    assert (answer.point_mm, place(answer)) == (tuple(ASIDE), "the TCP as stated")
 
 
 # --- maps -------------------------------------------------------------------------------------------

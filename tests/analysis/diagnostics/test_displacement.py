@@ -159,7 +159,7 @@ def test_the_last_shot_that_is_off_could_be_either() -> None:
     assert found.significant
     assert found.at == ("psd", 10, 11)
     assert found.alone == 11
-    assert "shot 11 is off alone" in displacement_sentence(found)
+    assert "measurement 11 alone is wrong" in displacement_sentence(found)
 
 
 def test_what_the_shots_cannot_tell_has_no_size() -> None:
@@ -253,13 +253,10 @@ def test_the_sentence() -> None:
     assert found.size_mm is not None
     assert found.size_std_mm is not None
     assert displacement_sentence(replace(found, p_value=2e-5, elsewhere=())) == (
-        f"Target psd seems to have moved by {found.size_mm:.1f} ± {found.size_std_mm:.1f} mm between shots 4"
-        " and 5 (chance of this by noise: 2e-05). Discard the shots before or after, or give them another"
-        " target name"
+        f"Target psd seems to have moved by {found.size_mm:.1f} ± {found.size_std_mm:.1f} mm between measurements"
+        " 4 and 5 (p = 2e-05). Discard the measurements before or after, or give them another target name"
     )
     part = replace(found, size_mm=None, shift_mm=(None, -0.61, None), std_mm=(None, 0.2, None))
     assert "moved by -0.6 ± 0.2 mm along y between" in displacement_sentence(part)
     none = replace(found, size_mm=None, shift_mm=(None,) * 3, std_mm=(None,) * 3, p_value=0.0)
-    assert "moved between shots 4 and 5 (chance of this by noise: less than 1e-12)" in displacement_sentence(
-        none
-    )
+    assert "moved between measurements 4 and 5 (p < 1e-12)" in displacement_sentence(none)

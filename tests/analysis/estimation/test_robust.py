@@ -9,6 +9,7 @@ from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.estimation.robust import STUDENT_NU, _weights, fit_robust, outlying
 from zerobeam.model.problem import Problem
+from zerobeam.reports.words.findings import notes, robust_message
 
 LOSSES = ("huber", "student")
 BEND = float(np.sqrt(stats.chi2.isf(0.05, 2)))  # 95 % of two unit normals are shorter
@@ -249,12 +250,12 @@ def test_a_shot_that_decides_something_alone_leaves_no_uncertainty(loss):
 def test_no_more_numbers_than_unknowns_leave_no_uncertainty():
     _, run = simulated(good_plan(4), TABLE_2, seed=3)
     told = analyse(run, ess=400, robust="huber").result.robust
-    assert "no uncertainty: a shot decides something alone" in told.message
+    assert "no uncertainty: a measurement has leverage 1" in robust_message(told)
     assert {row.std for row in told.parameters} == {None}
     assert {row.interval95 for row in told.parameters} == {None}
     _, run = simulated(good_plan(12), TABLE_2, seed=3)
     told = analyse(run, ess=400, robust="huber").result.robust
-    assert "no uncertainty" not in told.message
+    assert "no uncertainty" not in robust_message(told)
     assert min(row.std for row in told.parameters) > 0
 
 
@@ -278,8 +279,8 @@ def test_the_answer_names_the_outlier_by_its_number_in_the_file():
     shots[4] = shots[4].model_copy(update={"joints_deg": tuple(joints), "shot": 17})
     result = analyse(run_of(run.header, shots), ess=400, robust="huber").result
     assert result.robust.outliers == (17,)
-    assert "shot 17 is too far off" in result.robust.message
-    assert any("Outlying by the robust fit: shot 17." in note for note in result.notes)
+    assert robust_message(result.robust) == "measurement 17 is an outlier"
+    assert any("Outlying by the robust fit: measurement 17." in note for note in notes(result))
     calm = analyse(run, ess=400, robust="huber").result.robust
     assert calm.outliers == ()
     assert calm.noise_scale is None

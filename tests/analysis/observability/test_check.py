@@ -134,7 +134,7 @@ def test_a_joint_turned_beyond_its_limits_is_noted():
     assert outside.any()
     assert len(beyond) == outside.sum()
     i, j = np.argwhere(outside)[0]
-    assert beyond[0].startswith(f"Turned onto the target, joint {j + 1} of posture {i} stands at")
+    assert beyond[0].startswith(f"Turned onto the target, joint {j + 1} of posture {i} is at")
 
 
 def test_no_compiler_is_asked_for(monkeypatch):

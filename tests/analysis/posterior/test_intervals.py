@@ -9,12 +9,15 @@ from cells import TABLE_2, good_plan, header, irb1600, plan_of, run_of, simulate
 from scipy import stats
 
 from zerobeam.analysis import analyse as module
+from zerobeam.analysis import solution
 from zerobeam.analysis.analyse import analyse
+from zerobeam.analysis.diagnostics import outliers
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.estimation.profile import profile_intervals
-from zerobeam.analysis.posterior.posterior import PosteriorSummary
+from zerobeam.analysis.posterior.posterior import UNSAMPLED
 from zerobeam.experiments.plans.patterns import pattern
 from zerobeam.model.problem import Problem
+from zerobeam.reports.words.findings import notes
 from zerobeam.reports.words.result_json import to_json
 
 HALF = float(stats.norm.ppf(0.975))
@@ -141,8 +144,7 @@ def test_what_cannot_be_told_has_no_interval():
 
 def test_a_run_of_which_no_offset_is_known_is_answered(monkeypatch):
     """Two shots: four numbers, nothing that could have an interval. The slow posterior is left out."""
-    none = PosteriorSummary(False, "left out", 0, 0, 0, None, None, None, 0.0, None)
-    monkeypatch.setattr(module, "sample_posterior", lambda *args, **kwargs: (none, None))
+    monkeypatch.setattr(module, "sample_posterior", lambda *args, **kwargs: (UNSAMPLED, None))
     _, run = simulated(good_plan(2), TABLE_2, seed=2)
     result = analyse(run, ess=400, robust="huber").result
     assert result.verdict == "degenerate"
@@ -153,9 +155,9 @@ def test_a_run_of_which_no_offset_is_known_is_answered(monkeypatch):
 
 def test_without_a_fit_there_is_nothing(monkeypatch):
     _, run = simulated(good_plan(10), TABLE_2, seed=2)
-    real = module.fit_likelihood
+    real = solution.fit_likelihood
     monkeypatch.setattr(
-        module,
+        solution,
         "fit_likelihood",
         lambda *args, **kwargs: dataclasses.replace(
             real(*args, **kwargs), converged=False, reason="cut short"
@@ -191,9 +193,9 @@ def test_a_robust_fit_is_there_when_asked_for():
 
 def test_a_robust_fit_that_did_not_settle_has_no_numbers(monkeypatch):
     _, run = simulated(good_plan(12), TABLE_2, seed=3)
-    real = module.fit_robust
+    real = outliers.fit_robust
     monkeypatch.setattr(
-        module,
+        outliers,
         "fit_robust",
         lambda *args: dataclasses.replace(real(*args), converged=False, reason="the weights did not settle"),
     )
@@ -201,7 +203,7 @@ def test_a_robust_fit_that_did_not_settle_has_no_numbers(monkeypatch):
     for row in result.robust.parameters:
         assert (row.estimate, row.std, row.interval95) == (None, None, None)
     assert result.robust.outliers == ()
-    assert any("did not converge" in note for note in result.notes)
+    assert any("did not converge" in note for note in notes(result))
 
 
 # --- held out ---------------------------------------------------------------------------------------
@@ -214,7 +216,7 @@ def test_held_out_targets_are_in_the_answer_and_leave_it_alone(two_targets):
     assert told.hold_out.targets == ("b",)
     assert (told.hold_out.shots, told.hold_out.shots_fitted) == (8, 8)
     assert told.hold_out.p_value > 1e-3
-    assert told.notes == calm.notes
+    assert told.findings == calm.findings
     assert told.parameters == calm.parameters
 
 
@@ -230,7 +232,7 @@ def test_offsets_that_do_not_carry_over_are_noted(two_targets):
     ]
     result = analyse(run_of(two_targets.header, shots), ess=400, held_out=["b*"]).result
     assert result.hold_out.p_value < 1e-3
-    assert any(note.startswith("At the targets held out (b)") for note in result.notes)
+    assert any(note.startswith("At the held-out targets (b)") for note in notes(result))
 
 
 def test_a_name_that_is_not_there_is_said_before_the_long_part(two_targets, refused):

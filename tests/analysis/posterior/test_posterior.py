@@ -5,16 +5,16 @@ import pytest
 from cells import TABLE_2, good_plan, pattern_plan, simulated_problem
 
 from zerobeam.analysis.estimation.fit import fit_likelihood
-from zerobeam.analysis.observability.identifiability import identify
 from zerobeam.analysis.posterior import posterior
 from zerobeam.analysis.posterior.posterior import Whitening, sample_posterior
+from zerobeam.analysis.solution import judge
+from zerobeam.reports.words.findings import posterior_message
 
 
 def posterior_of(plan, values=TABLE_2, seed=2, **options):
     _, problem = simulated_problem(plan, values, seed)
-    fit = fit_likelihood(problem, starts=0)
-    status = identify(problem, fit.x, fit.weight).status
-    return problem, fit, sample_posterior(problem, fit, status, seed=1, **options)
+    solution = judge(fit_likelihood(problem, starts=0))
+    return problem, solution.fit, sample_posterior(solution, seed=1, **options)
 
 
 def test_the_posterior_of_a_good_run_is_nearly_normal():
@@ -43,7 +43,11 @@ def test_the_posterior_of_the_x_pattern_is_marked_as_the_priors():
     rows = {row.name: row for row in summary.parameters}
     assert rows["delta2"].source == "prior"
     assert rows["delta4"].source == "data"
-    assert draws.from_prior[draws.names.index("delta2")]
+    assert "delta2" not in draws.names
+    (lost,) = (own for own in draws.prior_only if own.name == "delta2")
+    assert (lost.unit, lost.mean, lost.std) == ("deg", 0.0, pytest.approx(5.0))
+    drawn = lost.draws(np.random.default_rng(1), (4, 1000))
+    assert drawn.std() == pytest.approx(5.0, rel=4 / np.sqrt(2 * drawn.size))
     # The prior's std, 5 degrees, to four standard errors of a std and 3 % for the little that the data say.
     assert rows["delta2"].std == pytest.approx(5.0, rel=0.03 + 4 / np.sqrt(2 * rows["delta2"].ess_bulk))
     assert rows["delta2"].mean == pytest.approx(0.0, abs=4 * rows["delta2"].mcse_mean + 0.5)
@@ -62,7 +66,7 @@ def test_an_unconverged_posterior_has_no_parameters(monkeypatch):
     assert not summary.converged
     assert not draws.converged
     assert summary.parameters is None
-    assert summary.message.startswith("the posterior has not converged")
+    assert posterior_message(summary).startswith("the posterior has not converged")
 
 
 def test_a_disagreeing_ensemble_closes_the_gate(monkeypatch):
@@ -112,10 +116,9 @@ def test_whitening_is_undone_by_its_factor():
 
 def test_the_same_seed_gives_the_same_posterior():
     problem = simulated_problem(good_plan(), TABLE_2, 2)[1]
-    fit = fit_likelihood(problem, starts=0)
-    status = identify(problem, fit.x).status
-    (a, first), (_, second) = (sample_posterior(problem, fit, status, seed=5) for _ in range(2))
+    solution = judge(fit_likelihood(problem, starts=0))
+    (a, first), (_, second) = (sample_posterior(solution, seed=5) for _ in range(2))
     np.testing.assert_array_equal(first.values, second.values)
-    _, other = sample_posterior(problem, fit, status, seed=6)
+    _, other = sample_posterior(solution, seed=6)
     assert not np.array_equal(first.values[0, 0], other.values[0, 0])
     assert a.converged
