@@ -17,14 +17,14 @@ from .diagnostics.hold_out import hold_out
 from .diagnostics.influence import shot_results
 from .diagnostics.outliers import robust_result
 from .diagnostics.scene import scene
-from .estimation.fit import start_at
+from .estimation.fit import fit_likelihood, start_at
 from .estimation.midpoint import MidpointFit, fit_midpoint
 from .estimation.robust import Loss
 from .findings import findings
 from .posterior.intervals import intervals
 from .posterior.posterior import UNSAMPLED, Draws, sample_posterior
 from .result import DistanceResult, Inputs, LikelihoodSummary, MidpointSummary, Result
-from .solution import ParameterTable, Solution, require_noise_data, solve
+from .solution import ParameterTable, Solution, judge, require_noise_data
 from .status import known, versions
 
 Progress = Callable[[str, float], None]
@@ -72,18 +72,20 @@ def _analyse(
     tell("fit", 0.0)
     # What was asked for in vain is said before the long part.
     unseen = hold_out(problem, held_out, seed) if held_out else None
-    tell("fit", 0.3)
-    solution = solve(problem, seed=seed)
+    fit = fit_likelihood(problem, seed=seed)
     tell("fit", 0.7)
     midpoint = fit_midpoint(problem)
     tell("fit", 1.0)
+    tell("identifiability", 0.0)
+    solution = judge(fit)
+    tell("identifiability", 1.0)
     posterior, draws = UNSAMPLED, None
     if solution.converged:
         tell("posterior", 0.0)
         posterior, draws = sample_posterior(
             solution, seed=seed, ess=ess, progress=lambda share: tell("posterior", share)
         )
-    tell("posterior", 1.0)
+        tell("posterior", 1.0)
     shots = shot_results(solution.fit)
     robust = robust_result(solution, loss) if loss is not None and solution.converged else None
     result = Result(

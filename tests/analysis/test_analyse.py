@@ -298,7 +298,7 @@ def test_a_fit_that_does_not_converge_reports_nothing(good, monkeypatch):
     def failing(problem, **kwargs):
         return dataclasses.replace(real(problem, **kwargs), converged=False, reason="made to fail")
 
-    monkeypatch.setattr("zerobeam.analysis.solution.fit_likelihood", failing)
+    monkeypatch.setattr(module, "fit_likelihood", failing)
     found = analyse(run, ess=400)
     result, draws = found.result, found.draws
     assert draws is None
@@ -345,7 +345,7 @@ def test_a_scale_cannot_be_estimated_from_as_many_numbers_as_unknowns(refused):
     _, run = simulated(plan, TABLE_2)
     error = refused(analyse, run_of(plan.header, run.shots[:4]))
     assert "noise scale cannot be estimated" in str(error)
-    assert "8 numbers from 4 shots for 8 unknowns" in str(error)
+    assert "8 numbers from 4 measurements for 8 unknowns" in str(error)
     assert error.remedy
 
 

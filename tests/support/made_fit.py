@@ -27,7 +27,8 @@ def by_hand(
     """The solution of a fit that ended at `delta` (n,) with that covariance (n, n), internal units. All is
     identified but what `status` has another word for, by index."""
     noise = {"joint_mm": 0.02} if any(joint.kind == "prismatic" for joint in robot.joints) else {}
-    own = header(tool, target=None, noise=noise, held=["delta1"])
+    held = [f"delta{i + 1}" for i, own in {0: "held", **(status or {})}.items() if own == "held"]
+    own = header(tool, target=None, noise=noise, held=held)
     joints = robot.lower + np.random.default_rng(0).uniform(0.4, 0.6, (5, robot.n)) * (
         robot.upper - robot.lower
     )

@@ -380,7 +380,8 @@ def random_postures(problem, count, seed):
 
 def test_the_radius_holds_truths_drawn_from_the_posterior():
     """2000 truths, each looked at in a posture of its own that no shot has seen."""
-    problem, fit, _ = judged(simulated_problem(good_plan(7), TABLE_2, seed=2)[1])
+    solution = judged(simulated_problem(good_plan(7), TABLE_2, seed=2)[1])
+    problem, fit = solution.problem, solution.fit
     point, covariance = problem.tool.point, offset_covariance(problem, fit.covariance)
     joints = random_postures(problem, 2000, 4)
     at, jacobian = tool_point(problem, fit.x, point, joints)

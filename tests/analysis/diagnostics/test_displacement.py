@@ -254,7 +254,8 @@ def test_the_sentence() -> None:
     assert found.size_std_mm is not None
     assert displacement_sentence(replace(found, p_value=2e-5, elsewhere=())) == (
         f"Target psd seems to have moved by {found.size_mm:.1f} ± {found.size_std_mm:.1f} mm between"
-        " measurements 4 and 5 (p = 2e-05). Discard the measurements before or after, or give them another target name"
+        " measurements 4 and 5 (p = 2e-05). Discard the measurements before or after, or give them"
+        " another target name"
     )
     part = replace(found, size_mm=None, shift_mm=(None, -0.61, None), std_mm=(None, 0.2, None))
     assert "moved by -0.6 ± 0.2 mm along y between" in displacement_sentence(part)

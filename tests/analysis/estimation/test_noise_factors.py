@@ -185,7 +185,7 @@ def test_a_spot_noise_that_is_drowned_has_no_number():
     spot, joint = rows["noise.spot"], rows["noise.joint"]
     assert spot.status == "unidentifiable"
     assert (spot.estimate, spot.std, spot.interval95, spot.midpoint) == (None,) * 4
-    assert spot.reason
+    assert spot.cause is not None
     # Negative control: the joints' factor is told.
     assert joint.status in ("identified", "weak")
     assert joint.interval95[0] < 1.0 < joint.interval95[1]
