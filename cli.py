@@ -1,7 +1,7 @@
 """The command line. Each command (in `commands`) reads, calls one function and prints.
 
 Exit status: 0 verdict pass; 1 weak or degenerate; 2 bad input or usage; 3 a fault of the rig or of the
-program, or a failed fit.
+program, or a failed fit; 130 stopped, by Ctrl-C or a request to end.
 """
 
 from __future__ import annotations
@@ -13,14 +13,34 @@ import warnings
 from typing import Annotated, Any, NoReturn
 
 import typer
+from typer.core import TyperGroup
 
 from . import __version__
 from .commands import carrying_out, exporting, importing, judging, studying
-from .commands.console import FAULT, INTERRUPTED, err, out, plain
+from .commands.console import FAULT, INTERRUPTED, err, out, plain, stoppable
 from .model.errors import ZerobeamError
+
+
+class _Stopped(Exception):
+    """The command was interrupted."""
+
+
+class _Commands(TyperGroup):
+    """All commands; an interruption of any of them reaches `main`.
+
+    Typer would end without a word after Ctrl-C, and after Ctrl-C at a question with status 1, a verdict.
+    """
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except (KeyboardInterrupt, typer.Abort):
+            raise _Stopped from None
+
 
 app = typer.Typer(
     name="zerobeam",
+    cls=_Commands,
     help="Joint offsets of an industrial robot from laser measurements of one point, with their uncertainty.",
     no_args_is_help=True,
     add_completion=False,
@@ -63,6 +83,7 @@ def _warn(message: Warning | str, *_: Any, **__: Any) -> None:
     err.print(f"note: {plain(message)}", markup=False, soft_wrap=True)
 
 
+@stoppable()
 def main() -> NoReturn:
     """Entry point of the console script: every error that is the user's is one message, no traceback."""
     warnings.showwarning = _warn
@@ -73,7 +94,7 @@ def main() -> NoReturn:
     except ZerobeamError as error:
         err.print(f"error: {plain(error)}", markup=False, soft_wrap=True)
         sys.exit(error.exit_status)
-    except KeyboardInterrupt:
+    except (_Stopped, KeyboardInterrupt):
         err.print("stopped")
         sys.exit(INTERRUPTED)
     except Exception:  # noqa: BLE001 - printed in full, and the last thing that happens

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..model.errors import BadInput
-from .console import EXIT_STATUS, INTERRUPTED, err, out, print_json, stoppable
+from .console import EXIT_STATUS, INTERRUPTED, err, out, print_json
 from .options import Camera, Json, NewRunFile, PlanFile, Seed
 
 if TYPE_CHECKING:
@@ -120,7 +120,6 @@ def run(
             closing=closing,
             controller=reached,
         )
-        opened.enter_context(stoppable())
         seen = opened.enter_context(live_view(err))
 
         def told(event: Event) -> None:
@@ -190,7 +189,7 @@ def controller(
     planned = own_plan() if plan is None else read_plan(plan)
     stands = Cell() if cell is None else read_cell(cell)
     faults = PacketFaults(lost=lost, late=late, duplicated=duplicated, reordered=reordered)
-    with stoppable(), ExitStack() as opened:
+    with ExitStack() as opened:
         try:
             simulated = opened.enter_context(
                 SimulatedController(

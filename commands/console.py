@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import math
 import signal
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any, NoReturn
+from typing import Any
 
 from rich.console import Console
 
@@ -47,13 +49,23 @@ def progress(title: str) -> Iterator[Callable[[str, float], None]]:
 
 @contextmanager
 def stoppable() -> Iterator[None]:
-    """A request to end (SIGTERM) stops the motion as Ctrl-C does."""
+    """Ctrl-C (SIGINT) and a request to end (SIGTERM) raise KeyboardInterrupt, whatever the parent set.
 
-    def stop(*_: Any) -> NoReturn:
-        raise KeyboardInterrupt
+    A shell lets what it starts in the background ignore SIGINT, many CI runners too, and Python leaves it so.
+    `timeout` sends its signal twice, to the process and to its group: what comes within a second of the
+    first is taken for the same request, so that it does not break off the way out.
+    """
+    last = -math.inf
 
-    before = signal.signal(signal.SIGTERM, stop)
+    def stop(*_: Any) -> None:
+        nonlocal last
+        if (now := time.monotonic()) - last > 1.0:
+            last = now
+            raise KeyboardInterrupt
+
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)

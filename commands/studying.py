@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from .console import err, out, print_json, progress, stoppable
+from .console import err, out, print_json, progress
 from .options import Camera, Json, Seed
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ def _study(
 
     check_target(folder)
     try:
-        with stoppable(), progress("study") as told:
+        with progress("study") as told:
             answer = studied(told)
             told("writing", 1.0)
             paths = write_study(folder, answer)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -15,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cells import PROBE, good_plan
+from child import DEAF, ZEROBEAM, child
 from command_line import plan_file
 from run_events import as_json
 
@@ -116,27 +116,27 @@ def test_killed_at_any_instant_no_shot_is_lost_and_the_run_ends_the_same(
 
 
 @posix
-def test_a_request_to_end_stops_the_motion_and_says_how_to_go_on(tmp_path: Path, plan: Plan) -> None:
-    """Ctrl-C and SIGTERM, as a person sees them: no traceback, the journal whole, the run resumed."""
+@pytest.mark.parametrize("before", [[], DEAF], ids=["heard", "ignored"])
+def test_a_request_to_end_stops_the_motion_and_says_how_to_go_on(
+    tmp_path: Path, plan: Plan, before: list[str]
+) -> None:
+    """Ctrl-C and SIGTERM, as a person sees them: no traceback, the journal whole, the run resumed.
+
+    It is the same where whoever started the run ignores both.
+    """
     file = tmp_path / "run.jsonl"
-    command = [sys.executable, "-c", "from zerobeam.cli import main; main()", "run", str(plan.path)]
-    command += ["-o", str(file), "--seed", "4", "--json-lines"]
+    command = [*before, *ZEROBEAM, "run", str(plan.path), "-o", str(file), "--seed", "4", "--json-lines"]
     for number in (signal.SIGINT, signal.SIGTERM):
-        process = subprocess.Popen(
-            [*command, "--resume"] if file.exists() else command,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            env={**os.environ, "PYTHONUNBUFFERED": "1"},
-        )
-        assert process.stdout is not None
-        events = []
-        for line in process.stdout:
-            events.append(json.loads(line))
-            if events[-1]["event"] == "recorded":
-                process.send_signal(number)
-                break
-        rest, err = process.communicate(timeout=60)
+        own = [*command, "--resume"] if file.exists() else command
+        with child(own, stderr=subprocess.PIPE) as process:
+            assert process.stdout is not None
+            events = []
+            for line in process.stdout:
+                events.append(json.loads(line))
+                if events[-1]["event"] == "recorded":
+                    process.send_signal(number)
+                    break
+            rest, err = process.communicate(timeout=60)
         events += [json.loads(line) for line in rest.splitlines()]
         assert process.returncode == 130, err
         assert "Traceback" not in err

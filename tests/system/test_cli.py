@@ -9,6 +9,7 @@ import json
 import math
 import re
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -26,6 +27,7 @@ import zerobeam as package
 from zerobeam import cli
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
 from zerobeam.analysis.status import UnsoundResult
+from zerobeam.commands import console
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.schema import SCHEMA_NAMES
 from zerobeam.model.files.header import RUN_SCHEMA
@@ -369,12 +371,47 @@ def test_a_fault_of_the_program_is_never_taken_for_a_verdict(
     assert message in told.err
 
 
-def test_an_interruption_is_no_verdict_either(monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupt(*_: object, **__: object) -> None:
-        raise KeyboardInterrupt
+def ask_no_further(*_: object, **__: object) -> None:
+    raise typer.Abort  # what typer makes of Ctrl-C at a question
 
+
+@pytest.mark.parametrize(
+    "interrupt",
+    [
+        pytest.param(lambda *_, **__: signal.raise_signal(signal.SIGINT), id="Ctrl-C"),
+        pytest.param(lambda *_, **__: signal.raise_signal(signal.SIGTERM), id="a request to end"),
+        pytest.param(ask_no_further, id="Ctrl-C at a question"),
+    ],
+)
+@pytest.mark.parametrize("inherited", [signal.SIG_DFL, signal.SIG_IGN])
+def test_an_interruption_is_no_verdict_either(
+    monkeypatch: pytest.MonkeyPatch, interrupt: Callable[..., None], inherited: signal.Handlers
+) -> None:
     monkeypatch.setattr(importlib.import_module("zerobeam.analysis.analyse"), "analyse", interrupt)
-    assert zerobeam("analyse", GOOD).status == 130
+    both = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(number, inherited) for number in both]
+    try:
+        told = zerobeam("analyse", GOOD)
+        after = [signal.getsignal(number) for number in both]
+    finally:
+        for number, handler in zip(both, before, strict=True):
+            signal.signal(number, handler)
+    assert (told.status, told.out, told.err) == (130, "", "stopped\n")
+    assert after == [inherited] * 2
+
+
+def test_a_request_that_comes_twice_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`timeout` sends it to the process and to its group; a second Ctrl-C of a person comes later."""
+    now = [100.0]
+    monkeypatch.setattr(console.time, "monotonic", lambda: now[0])
+    with console.stoppable():
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGTERM)
+        now[0] += 0.5
+        signal.raise_signal(signal.SIGTERM)
+        now[0] += 0.6
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
 
 
 # --- bad input: one message, exit 2, nothing written --------------------------------------------------

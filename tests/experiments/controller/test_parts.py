@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cells import header, plan_of, random_robot, varied_postures
+from child import DEAF, ZEROBEAM, child
 from controllers import FAST, Client, controller, plan
 
 from zerobeam.experiments.controller.cell_behind import CellBehind
@@ -195,20 +195,18 @@ def test_the_own_plan_is_seen_by_its_cell() -> None:
     assert CellBehind(own, Cell(), 0).psds.keys() == {"psd"}
 
 
-def test_the_command_serves_until_it_is_ended() -> None:
-    command = [sys.executable, "-c", "from zerobeam.cli import main; main()", "controller"]
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGINT for another process")
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_the_command_serves_until_it_is_ended(how: signal.Signals) -> None:
+    """Even if it was started by one who ignores both."""
     ports = ["--port", "0", "--egm-port", "0", "--sensor-port", "0"]
-    with subprocess.Popen(
-        command + ports, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env={**os.environ}
-    ) as process:
+    with child([*DEAF, *ZEROBEAM, "controller", *ports], stderr=subprocess.STDOUT) as process:
         assert process.stdout is not None
         lines = [process.stdout.readline() for _ in range(4)]
-        try:
-            client = Client(lines[0].split()[-1])
-            assert client.get_operation_mode() == "AUTO"
-            client.close()
-        finally:
-            process.send_signal(signal.SIGINT)
+        client = Client(lines[0].split()[-1])
+        assert client.get_operation_mode() == "AUTO"
+        client.close()
+        process.send_signal(how)
         rest = process.stdout.read()
         assert process.wait(10) == 0
     assert lines[0].startswith("Robot Web Services: http://127.0.0.1:")
