@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 
 import numpy as np
@@ -105,13 +106,14 @@ def campaign(
 ) -> list[list[CellRun]]:
     """Each of `works` with each of the seeds `of`, in that order; as many `processes` as there are cores.
 
-    Ctrl-C ends it with the runs that are under way.
+    Ctrl-C breaks off the runs that are under way.
     """
     jobs = [(work, seed) for work in works for seed in of]
     found: dict[int, CellRun] = {}
-    for job, run in side_by_side(_one, jobs, processes):
-        found[job] = run
-        told(len(found) / len(jobs))
+    with closing(side_by_side(_one, jobs, processes)) as answers:
+        for job, run in answers:
+            found[job] = run
+            told(len(found) / len(jobs))
     return [[found[k * len(of) + i] for i in range(len(of))] for k in range(len(works))]
 
 

@@ -45,9 +45,13 @@ def posterior_draws(
             for part, own in zip(parts, rng.spawn(len(parts)), strict=True)
         ]
         found = []
-        for done, job in enumerate(jobs):
-            found.append(job.result())
-            tell((done + 1) / len(jobs))
+        try:
+            for done, job in enumerate(jobs):
+                found.append(job.result())
+                tell((done + 1) / len(jobs))
+        finally:
+            for job in jobs:  # after Ctrl-C none is begun any more
+                job.cancel()
     draws, acceptance = zip(*found, strict=True)
     return np.concatenate(draws), float(np.average(acceptance, weights=[len(part) for part in parts]))
 

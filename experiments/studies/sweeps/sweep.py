@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -121,11 +122,13 @@ def _answered(
     found = {} if kept is None else kept.done
     left = [number for number in range(total) if number not in found]
     told("cases", len(found) / total)
-    for job, answer in side_by_side(_case_of, [(study.cases[number], seed) for number in left], processes):
-        found[left[job]] = answer
-        if kept is not None:
-            kept.add(left[job], answer)
-        told("cases", len(found) / total)
+    jobs = [(study.cases[number], seed) for number in left]
+    with closing(side_by_side(_case_of, jobs, processes)) as answers:
+        for job, answer in answers:
+            found[left[job]] = answer
+            if kept is not None:
+                kept.add(left[job], answer)
+            told("cases", len(found) / total)
     return [found[number] for number in range(total)]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cells import good_plan
+from child import DEAF, child
 
 from zerobeam.analysis.so_far import SoFar
 from zerobeam.experiments.rigs.simulated.cell_file import ArmInCell, Cell, PlacedPsd, PsdInCell
@@ -103,45 +105,57 @@ def test_a_run_that_fails_says_why_and_ends_no_other() -> None:
 
 SCRIPT = """
 from cells import good_plan
+from zerobeam.commands.console import stoppable
 from zerobeam.experiments.studies.campaign import Repeated, campaign, seeds
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
 
 if __name__ == "__main__":
     try:
-        work = Repeated(good_plan(5), Cell(camera=None))
-        campaign([work], seeds(0, 10_000), lambda share: print(share, flush=True), processes=2)
+        with stoppable():
+            work = Repeated(good_plan(5), Cell(camera=None))
+            campaign([work], seeds(0, 10_000), lambda share: print(share, flush=True), processes=2)
     except KeyboardInterrupt:
         print("interrupted", flush=True)
 """
 
 
-@pytest.mark.long
 @pytest.mark.skipif(sys.platform != "linux", reason="processes are looked for in /proc")
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
-def test_no_worker_is_left(how: signal.Signals, tmp_path: Path) -> None:
-    """Ctrl-C reaches all processes of a terminal; a kill only the one that waits for the others."""
+@pytest.mark.parametrize(
+    ("how", "before", "starting"),
+    [
+        pytest.param(signal.SIGINT, [], True, id="Ctrl-C at the start"),
+        pytest.param(signal.SIGINT, DEAF, False, id="Ctrl-C", marks=pytest.mark.long),
+        pytest.param(signal.SIGTERM, DEAF, False, id="a request to end", marks=pytest.mark.long),
+        pytest.param(signal.SIGKILL, [], False, id="a kill", marks=pytest.mark.long),
+    ],
+)
+def test_no_worker_is_left(how: signal.Signals, before: list[str], starting: bool, tmp_path: Path) -> None:
+    """Ctrl-C reaches all processes of a terminal, workers that are still `starting` too; a kill only one."""
     script = tmp_path / "script.py"
     script.write_text(SCRIPT)
     path = os.pathsep.join(
         [str(Path(__file__).parents[2] / "support"), *filter(None, [os.environ.get("PYTHONPATH")])]
     )
-    with subprocess.Popen(
-        [sys.executable, script],
+    with child(
+        [*before, sys.executable, str(script)],
         env={**os.environ, "PYTHONPATH": path},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
+        stderr=subprocess.PIPE,
         start_new_session=True,
     ) as process:
         assert process.stdout is not None
-        process.stdout.readline()
-        workers = children(process.pid)
-        assert len(workers) >= 2
-        if how == signal.SIGINT:
-            os.killpg(process.pid, how)
-            assert process.stdout.read().splitlines()[-1] == "interrupted"
+        if starting:
+            while not any(at_its_imports(pid) for pid in children(process.pid)):
+                time.sleep(0.01)
         else:
+            process.stdout.readline()
+            assert len(children(process.pid)) >= 2
+        workers = children(process.pid)
+        if how == signal.SIGKILL:
             process.send_signal(how)
+        else:
+            os.killpg(process.pid, how)
+            out, err = process.communicate()
+            assert (out.splitlines()[-1], err) == ("interrupted", "")
     until = time.monotonic() + 30
     while (left := {pid for pid in workers if alive(pid)}) and time.monotonic() < until:
         time.sleep(0.05)
@@ -150,6 +164,14 @@ def test_no_worker_is_left(how: signal.Signals, tmp_path: Path) -> None:
 
 def children(parent: int) -> set[int]:
     return {int(pid) for pid in Path(f"/proc/{parent}/task/{parent}/children").read_text().split()}
+
+
+def at_its_imports(pid: int) -> bool:
+    """A worker: Python has its handler of SIGINT already, and the worker has not yet said to ignore it."""
+    if b"spawn_main" not in Path(f"/proc/{pid}/cmdline").read_bytes():
+        return False
+    (caught,) = re.findall(r"^SigCgt:\s*(\w+)$", Path(f"/proc/{pid}/status").read_text(), re.MULTILINE)
+    return bool(int(caught, 16) & 1 << signal.SIGINT - 1)
 
 
 def alive(pid: int) -> bool:
