@@ -39,6 +39,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         name, _, parameters = item.name.partition("[")
         if name in AT_LENGTH and re.search(AT_LENGTH[name], parameters.removesuffix("]")):
             item.add_marker(pytest.mark.long)
+        if item.get_closest_marker("long"):
+            item.add_marker(pytest.mark.timeout(3600))
 
 
 @pytest.fixture(scope="session")

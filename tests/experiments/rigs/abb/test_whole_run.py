@@ -19,6 +19,7 @@ import numpy as np
 import pypdf
 import pytest
 from cells import good_plan
+from child import ZEROBEAM, child
 from command_line import plan_file, zerobeam
 from controllers import UNLIMITED, Watched, quick, unhurried
 from scipy import stats
@@ -238,7 +239,6 @@ def hook(event, arguments):
 
 sys.addaudithook(hook)
 """
-COMMAND = [sys.executable, "-c", "from zerobeam.cli import main; main()"]
 
 
 def heard(file: Path) -> dict[str, set[str]]:
@@ -258,13 +258,8 @@ def test_two_processes_talk_on_loopback_alone(folder: Path, tmp_path: Path) -> N
     plan, file = folder / "plan1.yaml", tmp_path / "run.jsonl"
     asked = ["controller", str(plan), "--cell", str(folder / "cell.yaml"), "--seed", "7"]
     ports = [part for name in ("--port", "--egm-port", "--sensor-port") for part in (name, "0")]
-    with subprocess.Popen(
-        [*COMMAND, *asked, *ports],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**environment, "HEARD": str(tmp_path / "controller")},
-    ) as there:
+    there_too = {**environment, "HEARD": str(tmp_path / "controller")}
+    with child([*ZEROBEAM, *asked, *ports], stderr=subprocess.PIPE, env=there_too) as there:
         try:
             assert there.stdout is not None
             lines = list(itertools.takewhile(lambda line: "Ctrl-C" not in line, there.stdout))
@@ -272,7 +267,7 @@ def test_two_processes_talk_on_loopback_alone(folder: Path, tmp_path: Path) -> N
             own = ["run", str(plan), "--rig", "abb", "--host", "127.0.0.1", "--yes", "-o", str(file)]
             named = [*zip(("--port", "--egm-port", "--sensor-port"), numbers, strict=True)]
             driven = subprocess.run(
-                [*COMMAND, *own, *itertools.chain(*named), "--speed", "1", "--json-lines"],
+                [*ZEROBEAM, *own, *itertools.chain(*named), "--speed", "1", "--json-lines"],
                 capture_output=True,
                 text=True,
                 env={**environment, "HEARD": str(tmp_path / "run")},
