@@ -6,10 +6,13 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager, suppress
+from functools import partial
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
+from queue import SimpleQueue
+from types import FrameType
 from typing import TypeVar
 
 from threadpoolctl import threadpool_limits
@@ -38,11 +41,14 @@ def side_by_side(
     context = get_context("spawn")
     ended, held = context.Pipe(duplex=False)
     pool = ProcessPoolExecutor(processes, mp_context=context, initializer=_start, initargs=(ended,))
+    done: SimpleQueue[tuple[int, Future[Answer]]] = SimpleQueue()
     try:
-        with _interruptions_put_off():
-            asked = {pool.submit(work, job): number for number, job in enumerate(jobs)}
-        for answered in as_completed(asked):
-            yield asked[answered], answered.result()
+        for number, job in enumerate(jobs):
+            with _interruptions_put_off():
+                pool.submit(work, job).add_done_callback(partial(_note, done, number))
+        for _ in jobs:
+            number, future = done.get()
+            yield number, future.result()
     except BaseException:
         held.close()  # nobody wants the answers that are still to come
         raise
@@ -52,20 +58,40 @@ def side_by_side(
         ended.close()
 
 
+def _note(done: SimpleQueue[tuple[int, Future[Answer]]], number: int, future: Future[Answer]) -> None:
+    done.put((number, future))
+
+
 @contextmanager
 def _interruptions_put_off() -> Iterator[None]:
-    """Ctrl-C waits until the end, and does not reach a process that is started here.
+    """Ctrl-C and requests to end are obeyed afterwards, and Ctrl-C reaches no process that is started here.
 
-    A terminal sends it to all processes, to workers too that are still at their imports.
+    An exception amid the locks of the pool's queues would leave one locked, and the pool waiting for ever. A
+    terminal sends Ctrl-C to all processes, to workers too that are still at their imports: they inherit that
+    it is blocked. To block it is not enough here, for other threads (of linear algebra) take it.
     """
-    if not hasattr(signal, "pthread_sigmask"):
+    if threading.current_thread() is not threading.main_thread():  # never interrupted
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    heard: list[tuple[int, FrameType | None]] = []
+
+    def note(number: int, frame: FrameType | None) -> None:
+        heard.append((number, frame))
+
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    own = {int(number): handler for number, handler in handlers.items() if callable(handler)}
+    for number in own:
+        signal.signal(number, note)
+    blocked = hasattr(signal, "pthread_sigmask") and signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        if blocked is not False:
+            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+        for number, handler in own.items():
+            signal.signal(number, handler)
+        for number, frame in heard:
+            own[number](number, frame)
 
 
 def _start(ended: Connection) -> None:
