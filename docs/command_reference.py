@@ -16,9 +16,9 @@ _KINDS = {bool: "", int: "whole number", float: "number", str: "text", Path: "pa
 _INTRO = """\
 # Commands
 
-Made from the command line as it stands: `zerobeam COMMAND --help` says the same. The exit status is 0 for
-the verdict pass (or where the command did what it was asked), 1 for weak or degenerate, or a study that does
-not agree, 2 for bad input or usage, 3 for a fault of the rig or a fit that did not converge.
+Made from the command line: `zerobeam COMMAND --help` prints the same. The exit status is 0 for the verdict
+pass (or where the command succeeded), 1 for weak or degenerate, or a study or comparison that does not agree,
+2 for bad input or usage, 3 for a fault of the rig or a fit that did not converge, 130 after Ctrl-C.
 """
 
 
@@ -30,6 +30,15 @@ def commands(group: Any, name: str = "zerobeam") -> Iterator[tuple[str, Any]]:
             yield from commands(command, whole)
         else:
             yield whole, command
+
+
+def choices(annotation: Any) -> list[str]:
+    """The values of an option that has a choice of them; none for any other."""
+    if typing.get_origin(annotation) is typing.Literal:
+        return list(typing.get_args(annotation))
+    if isinstance(annotation, type) and issubclass(annotation, Enum):
+        return [value.value for value in annotation]
+    return []
 
 
 def page() -> str:
@@ -61,9 +70,9 @@ def _row(name: str, one: Any) -> str:
 
 def _kind(one: Any) -> str:
     annotation = one.type_descriptor.annotation
+    if values := choices(annotation):
+        return ", ".join(f"`{value}`" for value in values)
     annotation = next(iter(typing.get_args(annotation)), annotation)  # list[str]
-    if isinstance(annotation, type) and issubclass(annotation, Enum):
-        return ", ".join(f"`{value.value}`" for value in annotation)
     kind = _KINDS[annotation]
     return kind + (", repeatable" if one.multiple else "")
 
