@@ -21,9 +21,13 @@ from .causes import NullDirection
 from .mechanisms import Mechanism, mechanisms, unexplained
 
 _ROUNDING = 1e-11  # singular values below this share of a unit column are rounding
+_ROUNDING_SPECIAL = 1e-9  # the same beside a special point, where shots come to hit by small steps only
 _PART = 1e-6  # a parameter with less than this in a unit null vector has no part in it
 _CONFIRMATIONS = 3
+_SPECIAL_CONFIRMATIONS = 6  # where points differ in what they tell; and as many with the target nearer
+_TARGET_MM, _TARGET_NEARER_MM = 50.0, 0.5  # the way to them of a target
 _NEARER = 6  # halvings of the way to them, until all shots can hit there
+_CANNOT_FOLLOW = 1e-6  # of a shot's miss by its joints: smallest singular value by the largest
 _NEW = 1e-4  # a null direction is not yet told if this part of it is outside those found
 _AS_NEARLY_NULL = 3.0  # a mechanism explains a direction if it is null to within this factor
 _NEGLIGIBLE = 1e-3  # terms of a combination whose effect is below this share are left out
@@ -62,7 +66,22 @@ def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
     parameters, free = problem.parameters, problem.parameters.free
     aimed, jacobian, hit = information_root(problem, x, weight)
     gauge = _null_space(jacobian)
-    exact_dimension, exact_part = _confirm(problem, x, gauge, hit)
+    followed = _followed(aimed, x, hit, moving_joints(problem.joints) > 0)
+    if followed:
+        near_by = _near_by(problem, x, hit) if gauge.shape[1] else []
+    else:
+        # What hits there may be a matter of the tool: a tip hardly off the last axis reaches hardly further.
+        near_by = [
+            point
+            for target_mm in (_TARGET_MM, _TARGET_NEARER_MM)
+            for point in _near_by(problem, x, hit, target_mm, _SPECIAL_CONFIRMATIONS, _ROUNDING_SPECIAL)
+        ]
+        least_told = max(near_by, key=lambda point: point.null_space.shape[1], default=None)
+        if least_told is not None and least_told.null_space.shape[1] > gauge.shape[1]:
+            # The shots are judged where the true values may just as well be, and where they tell less.
+            aimed, jacobian, _ = information_root(problem, least_told.x, weight)
+            gauge = _null_space(jacobian, _ROUNDING_SPECIAL)
+    exact_dimension, exact_part = _confirm(gauge, [point.null_space for point in near_by], followed)
 
     keep = _complement(gauge)
     _, singular, right = np.linalg.svd(jacobian @ keep, full_matrices=False)
@@ -145,7 +164,7 @@ def information_root(problem: Problem, x: Matrix, weight: float) -> tuple[Proble
     return aimed, jacobian[:, problem.parameters.free], aim_found.hit
 
 
-def _null_space(jacobian: Matrix) -> Matrix:
+def _null_space(jacobian: Matrix, rounding: float = _ROUNDING) -> Matrix:
     """(f, g) orthonormal basis of the numerical null space, judged on columns of unit length."""
     size = jacobian.shape[1]
     length = np.linalg.norm(jacobian, axis=0)
@@ -156,7 +175,7 @@ def _null_space(jacobian: Matrix) -> Matrix:
         unit = np.asarray(np.linalg.qr(unit, mode="r"))
     _, singular, right = np.linalg.svd(unit, full_matrices=True)
     singular = np.append(singular, np.zeros(size - len(singular)))
-    null = right[singular <= _ROUNDING * max(1.0, float(singular.max(initial=0.0)))].T
+    null = right[singular <= rounding * max(1.0, float(singular.max(initial=0.0)))].T
     null = null / np.where(zero, 1.0, length)[:, None]
     return np.linalg.qr(null)[0] if null.shape[1] else null
 
@@ -168,38 +187,77 @@ def _complement(basis: Matrix) -> Matrix:
     return np.linalg.qr(basis, mode="complete")[0][:, basis.shape[1] :]
 
 
-def _confirm(
-    problem: Problem, x: Matrix, gauge: Matrix, hit: NDArray[np.bool_]
-) -> tuple[int, NDArray[np.bool_]]:
-    """Dimension of the exact gauge and (f,) which parameters have a part in it.
+def _followed(aimed: Problem, x: Matrix, hit: NDArray[np.bool_], moving: NDArray[np.bool_]) -> bool:
+    """Whether the shots of `hit` (N,) can go on hitting, by a small turn of the joints `moving` (n,), where x
+    changes a little.
 
-    What is null at x must be null at other parameter values for the same shots too. A parameter has a
-    part in the gauge if it has one at any of them: at a point of symmetry (a target on the x axis, say)
-    a turn may leave a coordinate alone to first order that it moves everywhere else.
-
-    A shot that misses breaks a gauge that it has where it hits. So the other values must let all shots of
-    `hit` (N,) hit; they are taken ever nearer to x until they do.
+    If so, what they tell at x they tell near by too: the rank of A does not fall at a small step (implicit
+    function theorem). If not, the shots that hit near by are others, and may tell less: a beam along the
+    last axis hits at any turn of that joint, one beside it at two turns only.
     """
-    if gauge.shape[1] == 0:
-        return 0, np.zeros(len(gauge), dtype=bool)
+    scale = np.array([1.0 if joint.kind == "revolute" else 1000.0 for joint in aimed.robot.joints])
+    _, own = aimed.linearise(x)
+    by_joints = (own[:, :, : aimed.robot.n] * scale)[hit][:, :, moving]
+    if by_joints.shape[2] < aimed.tool.miss_size:
+        return len(by_joints) == 0
+    singular = np.linalg.svd(by_joints, compute_uv=False)
+    return bool((singular[:, -1] > _CANNOT_FOLLOW * singular[:, 0]).all())
+
+
+@dataclass(frozen=True, eq=False)
+class _NearBy:
+    """Parameter values x (p,) and the null space (f, g) of the shots that hit there."""
+
+    x: Matrix
+    null_space: Matrix
+
+
+def _near_by(
+    problem: Problem,
+    x: Matrix,
+    hit: NDArray[np.bool_],
+    target_mm: float = _TARGET_MM,
+    points: int = _CONFIRMATIONS,
+    rounding: float = _ROUNDING,
+) -> list[_NearBy]:
+    """At most `points` points beside x at which the same shots hit, with the target about `target_mm` off.
+
+    A shot that misses breaks a gauge that it has where it hits. So these points must let all shots of
+    `hit` (N,) hit; they are taken ever nearer to x until they do. There may be none.
+    """
     rng = np.random.default_rng(2014)
     parameters = problem.parameters
     size = np.where(
         parameters.group("target"),
-        50.0,
+        target_mm,
         np.minimum(parameters.prior_std, np.maximum(np.radians(1.0), 0.2 * parameters.prior_std)),
     )
-    spaces = [gauge]
-    for _ in range(_CONFIRMATIONS):
+    found = []
+    for _ in range(points):
         for nearer in range(_NEARER):
             step = rng.normal(size=len(x)) * size / 2**nearer
             other = x + np.where(parameters.free, step, 0.0)
             _, jacobian, still = information_root(problem, other, 1.0)
             if still[hit].all():
-                spaces.append(_null_space(jacobian))
+                found.append(_NearBy(other, _null_space(jacobian, rounding)))
                 break
-    dimension = min(space.shape[1] for space in spaces)
-    parts = [np.linalg.norm(space, axis=1) > _PART for space in spaces if space.shape[1] == dimension]
+    return found
+
+
+def _confirm(gauge: Matrix, near_by: list[Matrix], followed: bool) -> tuple[int, NDArray[np.bool_]]:
+    """Dimension of the exact gauge and (f,) which parameters have a part in it, from the null space (f, g)
+    at the point judged and those near by.
+
+    What is null at one point must be null near by too; where more is null than there, the shots are others.
+    If not all shots are `followed`, points near by may disagree: the one counts that tells least, it may be
+    the true one. A parameter has a part in the gauge if it has one at any of them: at a point of symmetry
+    (a target on the x axis, say) a turn may leave a coordinate alone to first order that it moves everywhere
+    else.
+    """
+    spaces = [space for space in (gauge, *near_by) if space.shape[1] <= gauge.shape[1]]
+    sizes = [space.shape[1] for space in spaces]
+    dimension = min(sizes) if followed else max(sizes[1:], default=sizes[0])
+    parts = [np.linalg.norm(space, axis=1) > _PART for space in spaces if space.shape[1] <= dimension]
     return dimension, np.any(parts, axis=0)
 
 
