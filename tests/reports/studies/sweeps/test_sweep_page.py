@@ -49,6 +49,7 @@ from zerobeam.reports.studies.sweeps.marks import gap, log_ticks
 from zerobeam.reports.style.blocks import FigureBlock, Row
 from zerobeam.reports.style.blocks import Page as BlockPage
 from zerobeam.reports.style.canvas import Picture
+from zerobeam.reports.words.wording import label
 
 Json = dict[str, Any]
 
@@ -151,7 +152,7 @@ def untruths(view: BlockPage, study: GridStudy) -> list[str]:
         assert texts(head)[0] == f"case {number}"
         for one in case.parameters:
             name, *told = texts(next(rows))
-            assert name == one.name.replace("delta", "δ")
+            assert name == label(one.name)
             numbers, values = numbers_in(" ".join(told)), wanted(one)
             assert len(numbers) == len(values), (told, values)
             found += [
@@ -256,7 +257,7 @@ def test_a_gap_is_drawn_and_said_where_nothing_is_determined() -> None:
     # δ2 and δ3 at three shots, δ4 at three and four; beside the legend's own.
     lines = drawn_of("shots")["lines"]
     assert words(lines.svg).count(NOT_DETERMINED) == 3 + 1
-    assert "δ4 0.036° at 5, 0.0098° at 30, not determined at 3, 4" in lines.alt
+    assert "J4 (δ4) 0.036° at 5, 0.0098° at 30, not determined at 3, 4" in lines.alt
     # Where all is determined there is no gap: in one of four panels alone.
     assert words(drawn_of("pattern_shots")["lines"].svg).count(NOT_DETERMINED) == 1 + 1
     dots = drawn_of("patterns")["dots_1"]
@@ -283,14 +284,14 @@ def test_the_summary_has_verdict_and_reason_in_words() -> None:
     view = study_page(with_parameter(study, 1, 1, likelihood=replace(likelihood, agrees=False)))
     (table,) = tables_of(view, SUMMARY)
     assert [texts(row) for row in table.rows] == [
-        ["x-pattern", "degenerate", "δ2: not determined", "yes"],
-        ["y-pattern", "pass", "δ6: 0.087°", "no"],
-        ["optimal", "pass", "δ6: 0.043°", "yes"],
+        ["x-pattern", "degenerate", "J2 (δ2): not determined", "yes"],
+        ["y-pattern", "pass", "J6 (δ6): 0.087°", "no"],
+        ["optimal", "pass", "J6 (δ6): 0.043°", "yes"],
         ["ring", "no plan", "", ""],
     ]
     assert table.caption.startswith("Verdict of each plan of 7 measurements, ")
     (offsets,) = tables_of(view, OFFSETS)
-    marks = [row.cells[-2].mark for row in offsets.rows if texts(row)[0] == "δ3"]
+    marks = [row.cells[-2].mark for row in offsets.rows if texts(row)[0] == "J3 (δ3)"]
     assert marks == ["identified", "weak", "identified"]
     assert [row.cells[1].mark for row in table.rows] == [
         "unidentifiable", "identified", "identified", "held"
