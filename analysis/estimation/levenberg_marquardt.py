@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ...model.kernel import Index
 from ...model.robot import Matrix
 
-NO_LOWER = "converged: no step lowers the cost"
+NO_LOWER = "no step lowers the cost"
 NO_STEP = "no damping gives a step that could be taken"
 NOT_FINITE = "the cost is not finite at the start"
 

@@ -11,7 +11,7 @@ from ..style.blocks import Cell, Paragraph, Section, Table, row_of, section_of, 
 from ..words import numbers
 from ..words.findings import likelihood_message
 from ..words.wording import NOT_DETERMINED, clipped, label, sentence
-from .parameters import other_tables
+from .parameters import noise_factors, other_tables
 
 _NO_COST = "not defined for this cost"
 
@@ -19,7 +19,7 @@ _NO_COST = "not defined for this cost"
 def fit_section(result: Result) -> Section:
     """The section of a report, with the parameters beside the offsets."""
     likelihood, midpoint = result.likelihood, result.midpoint
-    separate = any(row.group == "noise" and not row.held for row in result.parameters)
+    separate = noise_factors(result.parameters)
     sides = [_likelihood_facts(likelihood, separate)]
     if midpoint.available:
         sides.append(_midpoint_facts(midpoint))
@@ -118,8 +118,7 @@ def _verdict(result: Result, noise: str) -> list[str]:
     if (times := misfit_factor(result)) is not None:
         said.append(
             f"Lack of fit: residuals are {times} times the {noise} noise ({measure}). The geometry, the"
-            " noise or"
-            " single measurements are not as stated, and the intervals do not cover that error."
+            " noise or single measurements are not as stated, and the intervals do not cover that error."
         )
     elif fit.p_value > 1 - LACK_OF_FIT:
         said.append(f"The residuals are smaller than the {noise} noise ({measure}): it may be overstated.")

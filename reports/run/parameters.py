@@ -51,6 +51,11 @@ def unit_of(unit: str) -> str:
     return "times" if unit == "1" else unit
 
 
+def noise_factors(parameters: Sequence[Judged]) -> bool:
+    """Whether joints and spot have factors of their own, that are estimated."""
+    return any(row.group == "noise" and not row.held for row in parameters)
+
+
 def offsets_section(parameters: Sequence[ParameterResult], header: Mapping[str, object]) -> Section:
     """The offsets: the first thing that a reader sees."""
     offsets = [row for row in parameters if row.group == "offset"]

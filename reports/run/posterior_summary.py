@@ -6,7 +6,7 @@ from ...analysis.result import Result
 from ..style.blocks import Cell, Facts, FigureBlock, Paragraph, Section, Table, row_of, section_of, table_of
 from ..words import numbers
 from ..words.findings import posterior_message
-from ..words.wording import counted, label, sentence
+from ..words.wording import counted, ended, label, sentence
 from .parameters import unit_of
 
 
@@ -23,7 +23,7 @@ def posterior_section(result: Result) -> Section:
     ]
     return section_of(
         "Posterior",
-        Paragraph(posterior_sentence(result)),
+        Paragraph(ended(posterior_sentence(result))),
         FigureBlock("posterior"),
         _table(result),
         Facts(facts),

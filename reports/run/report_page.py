@@ -7,7 +7,7 @@ from ...analysis.result import Result
 from ..style.blocks import Page, Verdict
 from ..style.canvas import Picture
 from ..words.findings import VERDICT_WORDS, finding_sentence, headline
-from ..words.wording import clipped, counted, sentence
+from ..words.wording import clipped, counted, ended, sentence
 from .fit_quality import fit_section, not_converged
 from .inputs import inputs_sections
 from .offsets_figure import offsets_picture
@@ -54,7 +54,7 @@ def report_page(result: Result) -> Page:
 
 def report_notes(result: Result) -> list[str]:
     """What a reader must not miss, the gravest first."""
-    notes = [sentence(finding_sentence(finding)) for finding in result.findings]
+    notes = [ended(sentence(finding_sentence(finding))) for finding in result.findings]
     return not_converged(result.likelihood) + notes
 
 

@@ -29,10 +29,8 @@ def residuals_section(result: Result) -> Section:
     chosen, caption = list(range(len(shots))), "Residual of every measurement"
     said = (
         "A residual is what the fit leaves between beam (or probe) and target; normalised, it is divided"
-        " by its"
-        " standard deviation. The leave-one-out residual is the one that the other measurements predict;"
-        " Cook’s"
-        " distance is how far the answer moves without the measurement."
+        " by its standard deviation. The leave-one-out residual is that from the fit to the other"
+        " measurements; Cook’s distance is how far the estimates move without the measurement."
     )
     if weights is not None:
         columns += [("weight", "right"), ("outlier", "left")] if outliers else [("weight", "right")]

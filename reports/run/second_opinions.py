@@ -10,7 +10,7 @@ from ..style.blocks import Cell, Facts, Paragraph, Section, Table, row_of, secti
 from ..words import numbers
 from ..words.findings import hold_out_message
 from ..words.wording import NOT_DETERMINED, clipped, label, listed, sentence
-from .parameters import unit_of
+from .parameters import noise_factors, unit_of
 
 
 def robust_section(result: Result) -> Section | None:
@@ -103,8 +103,7 @@ def hold_out_section(result: Result) -> Section | None:
     ]
     said = (
         "Offsets and tool are fitted without these targets. Then only the position of each is fitted, to"
-        " its own"
-        " measurements; what is left of the residuals shows whether the offsets hold there."
+        " its own measurements; what is left of the residuals shows whether the offsets hold there."
     )
     return section_of(
         "Held-out targets",
@@ -124,7 +123,7 @@ def hold_out_sentences(result: Result, held_out: HoldOut) -> list[str]:
             " offsets do not carry over to these targets as stated."
         )
     elif held_out.p_value is not None:
-        said.append("The residuals agree with noise and fit: the offsets hold there too.")
+        said.append("The residuals agree with noise and fit: they do not contradict the offsets.")
     if (message := hold_out_message(held_out)) is not None:
         said.append(f"No judgement: {sentence(message)}.")
     return said
@@ -146,12 +145,14 @@ def intervals_table(result: Result) -> tuple[Table, str]:
         std = result.parameters.named(name).std
         return missing if interval is None or std is None else numbers.interval(interval, std, unit_of(unit))
 
+    # The fit is at the marginal mode of noise factors, where no profile starts.
+    no_profile = "not defined" if noise_factors(result.parameters) else "no end found"
     columns = [("name", "left"), ("curvature", "right"), ("profile", "right"), ("posterior", "right")]
     rows = [
         row_of(
             label(row.name),
             ends(row.name, row.unit, row.linear, ""),
-            ends(row.name, row.unit, row.profile, "no end found"),
+            ends(row.name, row.unit, row.profile, no_profile),
             ends(row.name, row.unit, row.posterior, "not sampled"),
         )
         for row in result.intervals

@@ -20,7 +20,7 @@ from ..style import blocks
 from ..words import numbers
 from ..words.findings import VERDICT_WORDS, check_notes, headline
 from ..words.observability import advice_sentence, over_target_sentence
-from ..words.wording import counted, label, listed, sentence, shown
+from ..words.wording import counted, ended, label, listed, sentence, shown
 from .parameters import OFFSETS, other_tables, parameter_table, person, unit_of
 from .posterior_summary import posterior_sentence
 from .report_page import report_notes
@@ -39,9 +39,7 @@ def print_result(console: Console, result: Result) -> None:
     print_verdict(console, result.verdict, headline(result, person))
     _print_notes(console, report_notes(result))
     offsets = [row for row in result.parameters if row.group == "offset"]
-    _print_table(
-        console, parameter_table("Joint offsets, to be added to the recorded joint positions", offsets)
-    )
+    _print_table(console, parameter_table(OFFSETS, offsets))
     for table in other_tables(result.parameters):
         _print_table(console, table)
     _print_directions(console, result.identifiability.null_space)
@@ -224,7 +222,7 @@ def print_verdict(console: Console, verdict: Verdict, said: str) -> None:
 
 def _print_notes(console: Console, notes: Iterable[str]) -> None:
     for note in notes:
-        console.print(Text("! ", style="bold yellow") + Text(note))
+        console.print(Text("! ", style="bold yellow") + Text(ended(note)))
 
 
 def _print_section(console: Console, section: blocks.Section) -> None:

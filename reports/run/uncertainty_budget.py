@@ -52,11 +52,9 @@ def _lead(result: Result) -> str:
         exact.append("the calibrated tool")
     said = (
         "By the GUM (JCGM 100:2008). A contribution is the standard uncertainty that its source alone"
-        " gives the"
-        " estimate, negative if it lowers the variance; in brackets is its share of the variance. Of a"
-        " joint and of the spot it is the noise of the reading. Type A was evaluated from this run’s"
-        " residuals,"
-        " type B was stated. Taken as exact, and so in no budget:"
+        " gives the estimate, negative if it lowers the variance; in brackets is its share of the variance."
+        " Of a joint and of the spot it is the noise of the reading. Type A was evaluated from this run’s"
+        " residuals, type B was stated. Taken as exact, and so in no budget:"
         f" {listed([*exact, *held])}."
     )
     if any(_wider(result, budget) for budget in result.budget):
@@ -66,9 +64,8 @@ def _lead(result: Result) -> str:
         )
     if times := misfit_factor(result):
         said += (
-            f" The residuals are {times} times the stated noise: the budget does not contain what makes"
-            " them so,"
-            " and is too small."
+            f" The residuals are {times} times the stated noise: the budget does not contain their cause and"
+            " is too small."
         )
     return said
 

@@ -55,9 +55,9 @@ def _doubts(result: Result) -> list[str]:
     if times := misfit_factor(result):
         said.append(
             f"The model does not fit: the residuals, {numbers.significant(result.likelihood.rms_mm, 2, 'mm')}"
-            f" rms, are {times} times the stated noise. What makes them so moves"
-            " the TCP as well and is in none of these numbers: with the offsets the error is larger"
-            " than stated here. Held-out targets (--hold-out) show where."
+            f" rms, are {times} times the stated noise. Their cause moves the TCP as well and is in none of"
+            " these numbers: with the offsets the error is larger than stated here. Held-out targets"
+            " (--hold-out) show where."
         )
     return said
 
@@ -66,14 +66,14 @@ def _where(accuracy: Accuracy) -> str:
     at = numbers.with_unit(", ".join(numbers.exact(round(v, 6)) for v in accuracy.point_mm), "mm")
     return (
         f"The TCP is {sentence(place(accuracy, person))} ({at} in the flange frame), in the base frame that"
-        " the encoder of joint 1 draws: δ1, a choice of frame, has no part in it."
+        " the encoder of joint 1 defines: δ1 is a choice of frame and does not enter."
     )
 
 
 def _postures(workspace: Region, near: Region) -> str:
     return (
-        f"Workspace: {workspace.postures} postures evenly over the joints’ limits, obstacles left aside."
-        f" Near the measurements: {near.postures} over the ranges of their joints; beyond them"
+        f"Workspace: {workspace.postures} postures evenly over the joints’ limits, without regard to"
+        f" obstacles. Near the measurements: {near.postures} over the ranges of their joints; beyond them"
         " the numbers rest on the nominal geometry. Deviations from it, the arm’s repeatability and"
         " its load are not in them."
     )

@@ -64,8 +64,7 @@ def reason(cause: Cause, name: Namer = str) -> str:
         case ParallelAxes(first, second):
             return (
                 f"the axes of joints {first} and {second} stay parallel, so that the measurements do not"
-                " separate"
-                " their offsets"
+                " separate their offsets"
             )
         case ToolAgainstTarget():
             return "the tool rotates too little over the measurements to be separated from the target"

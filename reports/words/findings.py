@@ -104,27 +104,24 @@ def finding_sentence(finding: Finding) -> str:
         case NotConverged(reason=why):
             return f"The fit did not converge: {why}. Nothing here may be used as an estimate"
         case LackOfFit():
+            rms = "" if finding.rms_mm is None else f"; {finding.rms_mm:.2f} mm rms"
             return (
-                f"Lack of fit: residuals are {finding.factor:.1f} times the stated noise (χ²"
-                f" {finding.chi2:.0f},"
-                f" {finding.dof} dof, {_p(finding.p_value)}; {finding.rms_mm:.2f} mm rms). The nominal"
-                " geometry"
-                " does not describe this arm (link lengths, backlash, elasticity), or the noise is"
-                " understated:"
-                f" the intervals are too narrow by a factor of about {finding.factor:.1f} or more."
+                f"Lack of fit: residuals are {finding.factor:.1f} times the stated noise"
+                f" (χ² {finding.chi2:.0f}, {finding.dof} dof, {_p(finding.p_value)}{rms}). The nominal"
+                " geometry does not describe this arm (link lengths, backlash, elasticity), or the noise is"
+                f" understated: the intervals are too narrow by a factor of about {finding.factor:.1f} or more."
                 " noise.scale: estimated widens them by that factor"
             )
         case Contradicted():
             return (
                 "Residuals and priors together are larger than chance allows (p < 1e-4): noise, priors or"
                 " geometry are not as stated, or the best fit was not found. Add measurements, so that the"
-                " fit"
-                " can be checked"
+                " fit can be checked"
             )
         case OtherBasins(count):
-            sets = "set" if count == 1 else "sets"
+            sets = "set of offsets fits" if count == 1 else "sets of offsets fit"
             return (
-                f"Other local optima: {count} more {sets} of offsets fit nearly as well. The one reported has"
+                f"Other local optima: {count} more {sets} nearly as well. The one reported has"
                 " the highest posterior density; add measurements to separate them"
             )
         case NoPosterior(posterior):
@@ -143,13 +140,12 @@ def finding_sentence(finding: Finding) -> str:
             named = _measurements(measurements[:MOST_NAMED])
             if robust:
                 return (
-                    f"Outlying by the robust fit: {named}. Check before you rely on the likelihood's"
-                    " estimates"
+                    f"Outlying by the robust fit: {named}. Check before you rely on the estimates of the"
+                    " likelihood fit"
                 )
             return (
                 f"Outlying: {named}; the residual is far larger than the stated noise. Check before you"
-                " rely on"
-                " the rest"
+                " rely on the rest"
             )
         case FileWarning(text):
             return text
@@ -173,16 +169,14 @@ def _plan_sentence(finding: PlanFinding) -> str:
         case Unreachable(postures):
             return (
                 f"From posture {listed([str(i) for i in postures], 99)} the target cannot be hit: no"
-                " measurement is"
-                " counted there"
+                " measurement is counted there"
             )
         case TargetBehind(_, every=True):
             return "Every target is behind the laser: is the sign of tool.direction right?"
         case TargetBehind(postures, _):
             return (
                 f"In posture {listed([str(i) for i in postures], 99)} the target is behind the laser: no"
-                " measurement"
-                " is counted there"
+                " measurement is counted there"
             )
         case OutsideLimits(posture, joint, at, unit, (low, high)):
             return (
@@ -200,10 +194,8 @@ def displacement_sentence(found: Displacement) -> str:
     doubt = f" Nearly as likely: {', or '.join(others)}." if others else ""
     return (
         f"Target {found.at.target} seems to have moved{_by(found)} between measurements"
-        f" {found.at.after_shot} and"
-        f" {found.at.before_shot} (p {p_value}).{doubt} Discard the measurements before or after, or give"
-        " them"
-        " another target name"
+        f" {found.at.after_shot} and {found.at.before_shot} (p {p_value}).{doubt} Discard the measurements"
+        " before or after, or give them another target name"
     )
 
 
@@ -246,9 +238,8 @@ def posterior_message(posterior: PosteriorSummary) -> str:
     drifts = ", and its draws still drift" if posterior.drifts else ""
     return (
         f"the posterior has not converged (R-hat {rhat}, smallest effective sample size"
-        f" {posterior.ess_min:.0f}{drifts}): its draws are not shown. Record more varied measurements, or"
-        " hold"
-        " what the data do not determine"
+        f" {posterior.ess_min:.0f}{drifts}). Record more varied measurements, or hold what the data do not"
+        " determine"
     )
 
 
@@ -280,13 +271,12 @@ def place(accuracy: Accuracy, name: Namer = str) -> str:
         case "stated point":
             return "a point stated by the user"
         case "tool":
-            return "the TCP as stated"
+            return "the stated point of the tool"
         case "last axis":
             n = accuracy.joints
             return (
-                f"the point of the axis of joint {n} nearest to the TCP as stated, as {name(f'delta{n}')}"
-                " is not"
-                " determined"
+                f"the point of the axis of joint {n} nearest to the stated point of the tool, as"
+                f" {name(f'delta{n}')} is not determined"
             )
 
 

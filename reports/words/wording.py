@@ -59,6 +59,11 @@ def sentence(text: str) -> str:
     return re.sub(r"(?<=\d) %", "\u00a0%", words)
 
 
+def ended(text: str) -> str:
+    """`text` with a full stop, unless it ends as a sentence does."""
+    return text if text.endswith((".", "?", "!")) else f"{text}."
+
+
 def counted(number: int, noun: str) -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 

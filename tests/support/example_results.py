@@ -14,12 +14,13 @@ import numpy as np
 from cells import OPEN_LASER, TABLE_2, good_plan, header, irb1600, plan_of, simulated, varied_postures
 
 from zerobeam.analysis.analyse import Analysis, analyse
+from zerobeam.analysis.observability.causes import NullDirection, TargetUnseen
 from zerobeam.analysis.posterior import sampler
 from zerobeam.analysis.posterior.posterior import Draws
 from zerobeam.analysis.result import Result
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.plans.patterns import pattern
-from zerobeam.model.files.header import StatedDistance
+from zerobeam.model.files.header import StatedDistance, StatedTarget
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import Run, read_run
 from zerobeam.model.robot import Robot
@@ -130,7 +131,7 @@ def _misfit() -> Analysis:
 def _unconverged() -> Analysis:
     """As the good one, but the sampler has its slow move only, and may not go on for long enough."""
     short = dict.fromkeys(("_PLAIN_STEPS", "_FIRST_LOOK", "_BENT_LOOK"), 20)
-    slow = dict.fromkeys(("_SHARE", "_BENT_SHARE"), 1.0)
+    slow = dict.fromkeys(("SHARE", "BENT_SHARE"), 1.0)
     with patch.multiple(sampler, BUDGET=0, _PER_ESS=0, _BENT_WALKERS=20, **short, **slow):
         return _analysed(_demo("good"))
 
@@ -188,7 +189,7 @@ def _hostile() -> Analysis:
     )
     bad = own.model_copy(
         update={
-            "targets": {},
+            "targets": {HOSTILE_NAMES[-1]: StatedTarget(guess_mm=(900.0, 0.0, 0.0), sigma_mm=100.0)},
             "distances": (apart,),
             "provenance": dict.fromkeys(HOSTILE_NAMES, everything),
         },
@@ -200,7 +201,14 @@ def _hostile() -> Analysis:
         path=Path(everything.replace("/", "\u2044")),
         warnings=(everything,),
     )
-    return _with_forbidden(_analysed(run, robust="huber", held_out=HOSTILE_NAMES[:9]))
+    found = _with_forbidden(_analysed(run, robust="huber", held_out=HOSTILE_NAMES[:9]))
+    # Causes that name a target, in plenty: what this run has is mostly of joints.
+    facts = found.result.identifiability
+    unseen = tuple(
+        NullDirection({f"{name}.x": 1.0}, "noise", TargetUnseen(name, 2), 2.0) for name in HOSTILE_NAMES
+    )
+    facts = replace(facts, null_space=(*facts.null_space, *unseen))
+    return replace(found, result=replace(found.result, identifiability=facts))
 
 
 _MADE: dict[str, Analysis] = {}

@@ -7,7 +7,6 @@ of the sampler, which are others on another machine, is left out.
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from typing import Any
 import pytest
 from cells import PROBE, good_plan, header, pattern_plan, plan_of
 from command_line import WIDTH, plan_file, zerobeam
-from golden_files import assert_golden
+from golden_files import assert_golden, without_draws
 
 from zerobeam.experiments.demos import demo_runs
 
@@ -104,15 +103,6 @@ CASES: dict[str, tuple[Made, int]] = {
     "run_refused": (carried(lambda: good_plan(5), cell=SILENT), 1),
     "run_bumped": (carried(lambda: good_plan(7, joint_deg=0.002), cell=BUMPED), 0),
 }
-
-
-def without_draws(text: str) -> str:
-    """The text without what depends on the sampler's draws."""
-    text = re.sub(r"R-hat\s+[\d.]+,\s+at\s+least\s+\d+\s+effective\s+draws", "R-hat …", text)
-    before, heading, after = text.partition("95 % intervals by three methods\n")
-    table, end, after = after.partition("Posterior:")
-    table = re.sub(r" {2,}(\S+ to \S+|posterior)$", "  …", table, flags=re.MULTILINE)
-    return before + heading + table + end + after
 
 
 @pytest.mark.parametrize("name", CASES)

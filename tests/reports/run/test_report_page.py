@@ -1,0 +1,438 @@
+"""What a report says, section by section, before it is set in HTML or PDF."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from example_results import (
+    EXAMPLES,
+    FORBIDDEN,
+    good,
+    held_out,
+    hostile,
+    misfit,
+    outlier,
+    separate,
+    uncalibrated,
+    unconverged,
+    x_pattern,
+)
+from study_text import texts_of
+
+from zerobeam.analysis.diagnostics.outliers import RobustParameter
+from zerobeam.analysis.findings import HeldOutMisfit, LackOfFit
+from zerobeam.analysis.posterior.intervals import Intervals
+from zerobeam.analysis.result import Result
+from zerobeam.analysis.status import UnsoundResult
+from zerobeam.reports.run.report_page import report_page
+from zerobeam.reports.style.blocks import Directions, Facts, Legend, Paragraph, Section, Table
+from zerobeam.reports.words.wording import NOT_DETERMINED, label
+
+
+def texts(value: Any) -> Iterator[str]:
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict):
+        for item in value.values():
+            yield from texts(item)
+    elif isinstance(value, list | tuple):
+        for item in value:
+            yield from texts(item)
+    elif dataclasses.is_dataclass(value):
+        yield from texts(vars(value))
+
+
+def section(result: Result, title: str) -> Section:
+    (found,) = [own for own in report_page(result).sections if own.title == title]
+    return found
+
+
+def has(result: Result, title: str) -> bool:
+    return title in [own.title for own in report_page(result).sections]
+
+
+def said(own: Section) -> str:
+    return " ".join(block.text for block in own.all if isinstance(block, Paragraph))
+
+
+def tables(own: Section) -> list[Table]:
+    return [block for block in own.all if isinstance(block, Table)]
+
+
+def table(own: Section, caption: str = "") -> Table:
+    (found,) = [table for table in tables(own) if table.caption.startswith(caption)]
+    return found
+
+
+def facts(own: Section) -> dict[str, str]:
+    (found,) = [block for block in own.all if isinstance(block, Facts)]
+    return dict(found.rows)
+
+
+def row_of(table: Table, name: str) -> list[str]:
+    (row,) = [row for row in texts_of(table) if row[0] == name]
+    return row
+
+
+def everything(result: Result) -> str:
+    return " ".join(texts(report_page(result)))
+
+
+# ── offsets, and what cannot be determined ────────────────────────────────────────────────────
+
+
+def test_an_identified_offset_shows_estimate_interval_and_status() -> None:
+    assert row_of(table(section(good(), "Offsets")), "J2 (δ2)") == [
+        "J2 (δ2)",
+        "\u22121.222°",
+        "\u22121.262 to \u22121.182°",
+        "identified",
+    ]
+
+
+def test_a_held_offset_says_where_and_why() -> None:
+    own = section(good(), "Offsets")
+    assert row_of(table(own), "J1 (δ1)") == ["J1 (δ1)", "held at 0°", "held"]
+    (legend,) = [block for block in own.all if isinstance(block, Legend)]
+    reasons = {entry.names: entry.text for entry in legend.reasons}
+    assert reasons["J1 (δ1):"].startswith("joint 1 defines the base frame")
+
+
+def test_no_number_stands_in_the_row_of_an_unidentifiable_parameter() -> None:
+    for result in (x_pattern(), hostile()):
+        count = 0
+        for own in (*tables(section(result, "Offsets")), *tables(section(result, "Fit quality"))):
+            for row in own.rows:
+                if row.tone == "unidentifiable":
+                    assert [cell.text for cell in row.cells[1:]] == [NOT_DETERMINED, "unidentifiable"]
+                    count += 1
+        assert count == sum(row.status == "unidentifiable" for row in result.parameters) > 0
+
+
+def test_the_posterior_table_has_no_number_for_what_comes_from_the_prior() -> None:
+    assert row_of(table(section(x_pattern(), "Posterior")), "J2 (δ2)") == ["J2 (δ2)", "prior only"]
+    text = everything(x_pattern())
+    assert f"{abs(FORBIDDEN):.2f}" not in text
+    assert "4.98" not in text
+    assert "9.77" not in text
+
+
+def test_the_unknown_names_combination_kind_reason_and_remedy() -> None:
+    unknown = section(x_pattern(), "What cannot be determined")
+    assert said(unknown).startswith("J2 (δ2), psd.x and psd.z are not determined by these data")
+    (directions,) = [block for block in unknown.all if isinstance(block, Directions)]
+    item = directions.items[0]
+    assert item.combination == "J2 (δ2) \u2212 0.32\u00a0psd.z \u2212 0.22\u00a0psd.x"
+    assert item.kind.startswith("not resolvable")
+    assert item.reason.startswith("joint 1 varies by no more than 0.022")
+    assert item.remedy.startswith("vary joint 1")
+    (directions,) = [
+        block for block in section(misfit(), "What cannot be determined").all if isinstance(block, Directions)
+    ]
+    assert directions.items[0].remedy.endswith("or hold J6 (δ6)")
+    assert "Nothing that was asked for" in said(section(good(), "What cannot be determined"))
+    weak = said(section(misfit(), "What cannot be determined"))
+    assert "Weakly observable, beyond the tolerance: J2 (δ2), J6 (δ6), left_1a.z" in weak
+
+
+# ── how well the model fits ───────────────────────────────────────────────────────────────────
+
+
+@pytest.mark.parametrize(
+    ("changes", "finding", "words"),
+    [
+        ({}, None, "agree with the stated noise"),
+        ({"chi2": 60.0, "p_value": 1e-9}, LackOfFit(60.0, 6, 1e-9), "Lack of fit: residuals are 3.2 times"),
+        ({"chi2": 0.1, "p_value": 0.9999}, None, "smaller than the stated noise"),
+        ({"converged": False, "reason": "too many steps"}, None, "did not converge (too many steps)"),
+    ],
+)
+def test_the_fit_is_judged_in_plain_words(
+    changes: dict[str, Any], finding: LackOfFit | None, words: str
+) -> None:
+    likelihood = replace(good().likelihood, **changes)
+    result = replace(good(), likelihood=likelihood, findings=() if finding is None else (finding,))
+    assert words in said(section(result, "Fit quality"))
+
+
+def test_a_fit_that_did_not_converge_is_the_first_note() -> None:
+    result = replace(misfit(), likelihood=replace(misfit().likelihood, converged=False))
+    assert report_page(result).notes[0].startswith("The fit did not converge")
+
+
+def test_notes_are_sentences() -> None:
+    for name, result in EXAMPLES.items():
+        notes = report_page(result).notes
+        assert all(note.endswith(".") for note in notes)
+        assert bool(notes) == (name in ("misfit", "unconverged", "outlier", "hostile")), name
+
+
+def test_likelihood_and_midpoint_stand_side_by_side() -> None:
+    own = section(good(), "Fit quality")
+    assert row_of(table(own, "Quality"), "Residuals after, rms") == [
+        "Residuals after, rms",
+        "0.149\u00a0mm",
+        "0.278\u00a0mm",
+    ]
+    assert row_of(table(own, "Offsets by both costs"), "J2 (δ2)") == [
+        "J2 (δ2)",
+        "\u22121.222°",
+        "\u22121.221°",
+        "0.051",
+    ]
+    gone = replace(
+        good().midpoint, available=False, converged=False, reason="parallel beams", cost=None, rms_mm=None
+    )
+    rows = tuple(replace(row, midpoint=None) for row in good().parameters)
+    alone = section(replace(good(), midpoint=gone, parameters=type(good().parameters)(rows)), "Fit quality")
+    assert not any(table.caption.startswith("Offsets by both") for table in tables(alone))
+    assert "(eq. 8) is not available: parallel beams." in said(alone)
+    assert len(table(alone, "Quality").columns) == 2
+
+
+def test_distances_stand_next_to_what_was_stated() -> None:
+    own = table(section(misfit(), "Fit quality"), "Distances")
+    assert texts_of(own)[0] == [
+        "left_1a and left_1b",
+        "50\u00a0mm",
+        "0.1\u00a0mm",
+        "49.910\u00a0mm",
+        "0.056\u00a0mm",
+    ]
+    (apart,) = hostile().distances
+    lost = replace(hostile(), distances=(replace(apart, estimate=None, std=None),))
+    assert NOT_DETERMINED in texts_of(table(section(lost, "Fit quality"), "Distances"))[0]
+    assert not any(table.caption.startswith("Distances") for table in tables(section(good(), "Fit quality")))
+
+
+def test_noise_factors_have_a_table_of_their_own_and_are_so_many_times_the_stated() -> None:
+    own = section(separate(), "Fit quality")
+    noise = table(own, "Noise")
+    assert row_of(noise, "noise.joint") == [
+        "noise.joint",
+        "0.93\u00a0times",
+        "0.58 to 1.51\u00a0times",
+        "identified",
+    ]
+    assert row_of(noise, "noise.spot") == ["noise.spot", NOT_DETERMINED, "unidentifiable"]
+    assert row_of(table(own, "Quality"), "p-value")[1] == "not defined: the noise was estimated"
+    assert "noise" in table(section(separate(), "Posterior")).caption
+    plain = section(good(), "Fit quality")
+    assert not any(table.caption.startswith("Noise") for table in tables(plain))
+    assert row_of(table(plain, "Quality"), "p-value")[1] == "0.900"
+
+
+def test_against_a_fitted_noise_the_fit_is_not_said_to_agree_with_the_stated_one() -> None:
+    told = replace(separate(), likelihood=good().likelihood)
+    assert "agree with the fitted noise" in said(section(told, "Fit quality"))
+    assert "agree with the stated noise" in said(section(good(), "Fit quality"))
+
+
+# ── the posterior, and intervals by three methods ─────────────────────────────────────────────
+
+
+def test_an_unconverged_posterior_is_not_shown() -> None:
+    own = section(unconverged(), "Posterior")
+    assert tables(own) == []
+    assert said(own).startswith("No posterior is shown: the posterior has not converged (R-hat")
+
+
+def test_intervals_stand_side_by_side_only_where_there_is_something_to_compare() -> None:
+    title = "Intervals by three methods"
+    own = section(uncalibrated(), title)
+    assert row_of(table(own), "tool.tilt2")[:3] == [
+        "tool.tilt2",
+        "\u22120.09 to 0.33°",
+        "\u22120.09 to 0.33°",
+    ]
+    assert said(own).endswith("They agree.")
+    assert not has(good(), title)
+    first = uncalibrated().intervals[0]
+    lost = replace(first, profile=None, posterior=None, differ=True)
+    own = section(replace(uncalibrated(), intervals=(lost,)), title)
+    assert row_of(table(own), "J2 (δ2)")[2:] == ["no end found", "not sampled"]
+    assert "for J2 (δ2): do not rely on one" in said(own)
+
+
+def test_with_noise_factors_the_profile_is_not_defined_and_the_rest_is_compared() -> None:
+    own = section(separate(), "Intervals by three methods")
+    assert row_of(table(own), "noise.joint")[1:3] == ["0.58 to 1.51\u00a0times", "not defined"]
+    assert "for J2 (δ2) and noise.joint: do not rely on one" in said(own)
+
+
+# ── the residuals ─────────────────────────────────────────────────────────────────────────────
+
+
+def test_of_many_measurements_the_worst_are_shown_and_the_reader_is_told() -> None:
+    result = misfit()
+    own = section(result, "Residuals")
+    heaviest = max(result.shots, key=lambda shot: shot.cooks or 0.0)
+    ranked = sorted(result.shots, key=lambda shot: -shot.whitened)
+    shown = [row[0] for row in texts_of(table(own))]
+    assert shown[:20] == [str(shot.shot) for shot in ranked[:20]]
+    assert len(shown) == (20 if heaviest in ranked[:20] else 21)
+    assert "Of 96 measurements the table shows the 20 worst" in said(own)
+    assert len(table(section(good(), "Residuals")).rows) == 7
+
+
+def test_the_measurement_of_the_most_influence_is_named_and_shown() -> None:
+    heaviest = max(good().shots, key=lambda shot: shot.cooks or 0.0)
+    few = said(section(good(), "Residuals"))
+    assert f"Most influential measurement: {heaviest.shot} (Cook’s distance" in few
+    many = misfit()
+    least = min(range(len(many.shots)), key=lambda i: many.shots[i].whitened)
+    heavy = replace(many.shots[least], cooks=99.0)
+    shots = (*many.shots[:least], heavy, *many.shots[least + 1 :])
+    own = table(section(replace(many, shots=shots), "Residuals"))
+    assert own.rows[-1].cells[0].text == str(heavy.shot)
+    assert len(own.rows) == 21
+    assert own.caption.endswith("and the most influential measurement")
+
+
+# ── second opinions ───────────────────────────────────────────────────────────────────────────
+
+
+def test_a_robust_fit_names_its_outliers_and_weighs_every_measurement() -> None:
+    own = section(outlier(), "Robust fit")
+    assert "Huber’s loss: a normalised residual beyond 2.45 weighs less" in said(own)
+    assert "Outlier: 2 (weight 0.19)." in said(own)
+    assert row_of(table(own), "J3 (δ3)") == [
+        "J3 (δ3)",
+        "\u22120.681°",
+        "\u22120.664°",
+        "\u22120.709 to \u22120.620°",
+        "0.82",
+    ]
+    assert not any("psd" in row[0] for row in texts_of(table(own)))
+    residuals = table(section(outlier(), "Residuals"))
+    assert [column.text for column in residuals.columns][-2:] == ["weight", "outlier"]
+    ends = [row[-2:] for row in texts_of(residuals)]
+    assert ends == [["0.19", "yes"] if i == 2 else ["1.00", "no"] for i in range(12)]
+    plain = table(section(good(), "Residuals"))
+    assert "weight" not in [column.text for column in plain.columns]
+    assert not has(good(), "Robust fit")
+
+
+def test_a_robust_fit_without_outliers_says_so() -> None:
+    told = replace(outlier().robust, loss="student", tuning=4.0, outliers=())
+    result = replace(outlier(), robust=told)
+    words = said(section(result, "Robust fit"))
+    assert "Student’s loss with 4 degrees of freedom" in words
+    assert "No outlier." in words
+    assert [column.text for column in table(section(result, "Residuals")).columns][-1] == "weight"
+
+
+def test_a_robust_fit_without_a_covariance_has_no_interval() -> None:
+    told = outlier().robust
+    assert told is not None
+    bare = tuple(replace(row, std=None, interval95=None) for row in told.parameters)
+    result = replace(outlier(), robust=replace(told, parameters=bare, with_uncertainty=False))
+    own = section(result, "Robust fit")
+    assert "It has no uncertainty" in said(own)
+    assert row_of(table(own), "J3 (δ3)") == ["J3 (δ3)", "\u22120.681°", "\u22120.664°", "none", "0.82"]
+    # As it comes out where a measurement has leverage 1.
+    assert "It has no uncertainty" in said(section(hostile(), "Robust fit"))
+    assert "It has no uncertainty" not in said(section(outlier(), "Robust fit"))
+
+
+def test_an_unconverged_robust_fit_is_not_shown() -> None:
+    told = replace(outlier().robust, converged=False, reason="the weights did not settle")
+    result = replace(outlier(), robust=told)
+    own = section(result, "Robust fit")
+    assert tables(own) == []
+    assert said(own) == "The robust fit did not converge (the weights did not settle) and is not shown."
+    assert "weight" not in [column.text for column in table(section(result, "Residuals")).columns]
+
+
+def test_neither_a_robust_fit_nor_an_interval_tells_what_the_data_do_not() -> None:
+    assert row_of(table(section(hostile(), "Robust fit")), "J2 (δ2)") == ["J2 (δ2)", NOT_DETERMINED]
+    ends = (FORBIDDEN - 0.002, FORBIDDEN + 0.002)
+    with pytest.raises(UnsoundResult, match="delta2"):
+        RobustParameter("delta2", "deg", "unidentifiable", FORBIDDEN, 0.001, ends)
+    with pytest.raises(UnsoundResult, match="delta2"):
+        Intervals("delta2", "deg", "unidentifiable", ends, None, None, True)
+    # Nor if the part claims another status than the parameter has: the result refuses it.
+    robust = hostile().robust
+    assert robust is not None
+    lying = RobustParameter("delta2", "deg", "identified", FORBIDDEN, 0.001, ends)
+    rows = tuple(lying if row.name == "delta2" else row for row in robust.parameters)
+    with pytest.raises(UnsoundResult, match="delta2"):
+        replace(hostile(), robust=replace(robust, parameters=rows))
+    with pytest.raises(UnsoundResult, match="delta2"):
+        replace(x_pattern(), intervals=(Intervals("delta2", "deg", "identified", ends, None, None, True),))
+    assert f"{abs(FORBIDDEN):.2f}" not in everything(hostile())
+
+
+def test_an_outlier_of_the_robust_fit_is_among_the_worst_of_many_measurements() -> None:
+    result = misfit()
+    best = min(result.shots, key=lambda shot: shot.whitened).shot
+    robust = outlier().robust
+    assert robust is not None
+    told = replace(robust, parameters=(), weights=(1.0,) * len(result.shots), outliers=(best,))
+    shown = texts_of(table(section(replace(result, robust=told), "Residuals")))
+    assert shown[0][0] == str(best)
+    assert str(best) not in [row[0] for row in texts_of(table(section(result, "Residuals")))]
+
+
+def test_held_out_targets_are_judged_in_plain_words() -> None:
+    title = "Held-out targets"
+    own = section(held_out(), title)
+    assert facts(own)["Targets"] == "2: left and right"
+    assert facts(own)["Residuals with them, rms"] == "0.517\u00a0mm"
+    assert "they do not contradict the offsets" in said(own)
+    assert not has(good(), title)
+    hold_out = held_out().hold_out
+    assert hold_out is not None
+    bad = replace(held_out(), findings=(HeldOutMisfit(("left", "right"), 0.5, 3.0),))
+    words = said(section(bad, title))
+    assert "The residuals are 3.0 times what noise and fit explain: the offsets do not carry over" in words
+    assert "contradict" not in words
+    none = replace(hold_out, chi2=None, dof=0, p_value=None)
+    own = section(replace(held_out(), hold_out=none), title)
+    assert "No judgement: zero degrees of freedom" in said(own)
+    assert facts(own)["p-value"] == "not available"
+    lost = replace(hold_out, **dict.fromkeys(("chi2", "dof", "p_value", "rms_mm")), failure="too many steps")
+    own = section(replace(held_out(), hold_out=lost), title)
+    assert "No judgement: the fit without them did not converge: too many steps." in said(own)
+
+
+# ── inputs, and the page as a whole ───────────────────────────────────────────────────────────
+
+
+def test_inputs_carry_hash_seed_versions_and_provenance() -> None:
+    inputs = facts(section(good(), "Inputs"))
+    assert inputs["SHA-256 of the run"] == good().inputs.sha256
+    assert inputs["Seed"] == "20140803"
+    assert f"casadi {good().inputs.versions['casadi']}" in inputs["Versions"]
+    assert facts(section(good(), "Provenance"))["serial number"] == "1600-500123"
+    settings = facts(section(good(), "Settings of the run"))
+    assert settings["noise.joint_deg"] == "0.01"
+    assert not any("provenance" in name for name in settings)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_every_string_can_be_encoded_and_seen(name: str) -> None:
+    for text in texts(report_page(EXAMPLES[name])):
+        text.encode()
+        assert not re.search(r"[\x00-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]", text)
+        assert not re.search(r"\bnan\b|\binf\b|None", text)
+
+
+@pytest.mark.parametrize("name", [name for name in EXAMPLES if name != "hostile"])
+def test_offsets_are_called_as_the_pendant_does(name: str) -> None:
+    """In sentences and tables alike; only what is copied from the file keeps its keys."""
+    page = report_page(EXAMPLES[name])
+    copied = ("Provenance", "Settings of the run")
+    own = [section for section in page.sections if section.title not in copied]
+    text = " ".join((*texts(page.verdict), *page.notes, *texts(own)))
+    assert "delta" not in text
+    assert label("delta2") in text
+
+
+def test_the_same_result_gives_the_same_page() -> None:
+    assert report_page(hostile()) == report_page(hostile())
