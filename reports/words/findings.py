@@ -108,9 +108,9 @@ def finding_sentence(finding: Finding) -> str:
             return (
                 f"Lack of fit: residuals are {finding.factor:.1f} times the stated noise"
                 f" (χ² {finding.chi2:.0f}, {finding.dof} dof, {_p(finding.p_value)}{rms}). The nominal"
-                " geometry does not describe this arm (link lengths, backlash, elasticity), or the noise is"
-                f" understated: the intervals are too narrow by a factor of about {finding.factor:.1f} or more."
-                " noise.scale: estimated widens them by that factor"
+                " geometry does not describe this arm (link lengths, backlash, elasticity), or the noise"
+                " is understated: the intervals are too narrow by a factor of about"
+                f" {finding.factor:.1f} or more. noise.scale: estimated widens them by that factor"
             )
         case Contradicted():
             return (
