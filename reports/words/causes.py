@@ -138,9 +138,9 @@ def _common_motion(cause: CommonMotion) -> str:
         return f"{before} {'does' if one else 'do'} not change over the measurements, so {so}{x_pattern}"
     parts = []
     if cause.range_deg is not None:
-        parts.append(f"{numbers.spread(cause.range_deg)} degrees")
+        parts.append(f"{numbers.significant(cause.range_deg, 2)} degrees")
     if cause.range_mm is not None:
-        parts.append(f"{numbers.spread(cause.range_mm)} mm")
+        parts.append(f"{numbers.significant(cause.range_mm, 2)} mm")
     ranges = " and ".join(parts)
     verb = "varies" if one else "vary"
     if cause.nearly_constant:

@@ -60,7 +60,7 @@ def test_how_much_the_joints_before_vary():
     postures = plan.postures.copy()
     postures[0, 0] += np.radians(4.0)
     why, _ = told(plan_of(plan.header, postures))["delta2", *TARGET]
-    assert why.startswith("joint 1 varies by no more than 4 degrees")
+    assert why.startswith("joint 1 varies by no more than 4.0 degrees")
     postures[0, 0] += np.radians(30.0)
     why, _ = told(plan_of(plan.header, postures))["delta2", *TARGET]
     assert "although joint 1 varies by up to 34 degrees" in why
