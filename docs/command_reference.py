@@ -18,7 +18,8 @@ _INTRO = """\
 
 Made from the command line: `zerobeam COMMAND --help` prints the same. The exit status is 0 for the verdict
 pass (or where the command succeeded), 1 for weak or degenerate, or a study or comparison that does not agree,
-2 for bad input or usage, 3 for a fault of the rig or a fit that did not converge, 130 after Ctrl-C or SIGTERM.
+2 for bad input or usage, 3 for a fault of the rig or a fit that did not converge, 130 after Ctrl-C or
+SIGTERM.
 """
 
 
