@@ -18,7 +18,6 @@ import numpy as np
 from scipy.special import ndtri, stdtrit
 
 from ..model.errors import BadInput
-from ..model.files.reading import did_you_mean
 from ..model.parameters import Group, Parameter
 from ..model.problem import Problem
 from ..model.robot import Matrix
@@ -26,6 +25,7 @@ from .estimation.fit import AgainstNoise, LikelihoodFit, fit_likelihood
 from .observability.causes import Cause, Unconverged
 from .observability.identifiability import Identified, identify, no_better_than
 from .observability.verdict import cause_for
+from .rows import Rows, frame
 from .status import Status, UnsoundResult, Verdict, known, require_no_more_than, verdict_of
 
 if TYPE_CHECKING:
@@ -85,28 +85,17 @@ class ParameterResult:
         return self.std
 
 
-class ParameterTable(tuple[ParameterResult, ...]):
+class ParameterTable(Rows[ParameterResult]):
     """Rows of an answer, by their order or by name, and as a pandas table."""
 
     __slots__ = ()
 
-    def named(self, name: str) -> ParameterResult:
-        """The row of this name; BadInput where there is none."""
-        for row in self:
-            if row.name == name:
-                return row
-        names = [row.name for row in self]
-        raise BadInput(
-            "no parameter has this name",
-            found=name,
-            allowed=", ".join(names),
-            remedy=did_you_mean(name, names),
-        )
-
     def to_frame(self) -> pd.DataFrame:
-        """A pandas DataFrame with a row for each parameter; needs pandas."""
-        import pandas as pd
+        """A pandas DataFrame: a row for each parameter, by its name.
 
+        Columns are unit, status, estimate, u (standard uncertainty), low95 and high95 (95 % interval), in the
+        unit of the row; nan where the data determine nothing. BadInput without pandas.
+        """
         rows = [
             {
                 "name": row.name,
@@ -119,9 +108,8 @@ class ParameterTable(tuple[ParameterResult, ...]):
             }
             for row in self
         ]
-        frame = pd.DataFrame(rows).set_index("name")
         numbers = ["estimate", "u", "low95", "high95"]
-        return frame.astype(dict.fromkeys(numbers, float))
+        return frame(rows).set_index("name").astype(dict.fromkeys(numbers, float))
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,10 +157,8 @@ class Covariance:
         return np.asarray(self.matrix / np.outer(self.std, self.std))
 
     def to_frame(self) -> pd.DataFrame:
-        """A pandas DataFrame labelled by name on both sides; needs pandas."""
-        import pandas as pd
-
-        return pd.DataFrame(self.matrix, index=list(self.names), columns=list(self.names))
+        """A pandas DataFrame labelled by name on both sides; BadInput without pandas."""
+        return frame(self.matrix, index=list(self.names), columns=list(self.names))
 
     def _at(self, name: str) -> int:
         if name in self.names:

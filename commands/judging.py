@@ -42,6 +42,8 @@ class LossName(StrEnum):
     STUDENT = "student"
 
 
+_OPTIONS = {"facing": "--facing", "acceptance_deg": "--acceptance", "beam_mm": "--beam"}
+
 Picture = Annotated[
     Path | None, typer.Option(help="Write a page with the plan in 3D (.html).", show_default=False)
 ]
@@ -231,7 +233,10 @@ def plan(
         seed=seed,
     )
     with progress("plan") as told:
-        made = make_plan(request, file, told)
+        try:
+            made = make_plan(request, file, told)
+        except BadInput as error:
+            raise error.renamed(_OPTIONS) from error
     if picture is not None and made.file is not None:
         from ..analysis.observability.aim import aim_plan
         from ..analysis.observability.check import check as judge

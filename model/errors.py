@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 
@@ -53,6 +54,18 @@ class BadInput(ZerobeamError):
             return self
         return BadInput(
             self.what, found=self.found, allowed=self.allowed, remedy=self.remedy, argument=argument
+        )
+
+    def renamed(self, arguments: Mapping[str, str]) -> BadInput:
+        """The same error, its argument called otherwise: by the option of the command line, say."""
+        if self.argument is None or self.argument not in arguments:
+            return self
+        return BadInput(
+            self.what,
+            found=self.found,
+            allowed=self.allowed,
+            remedy=self.remedy,
+            argument=arguments[self.argument],
         )
 
     def _message(self) -> str:

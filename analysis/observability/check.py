@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -13,12 +14,16 @@ from ...model.files.plan import Plan
 from ...model.parameters import Group
 from ...model.problem import Problem
 from ...model.robot import Matrix
+from ..rows import Rows, frame
 from ..status import Status, Verdict, known, require_no_more_than, verdict_of, versions
 from .aim import Aimed, AimedPlan, aim_plan
 from .causes import Cause
 from .identifiability import Identifiability, identify
 from .outlook import Advice, CurvePoint, OverTarget, advice, curve, over_target, predicted_std
 from .verdict import cause_for
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -38,6 +43,27 @@ class CheckedParameter:
 
     def __post_init__(self) -> None:
         require_no_more_than(self.name, self.status, std=self.std)
+
+    @property
+    def u(self) -> float | None:
+        """The predicted standard uncertainty (GUM), another name for `std`."""
+        return self.std
+
+
+class CheckedTable(Rows[CheckedParameter]):
+    """Rows of a check, by their order or by name, and as a pandas table."""
+
+    __slots__ = ()
+
+    def to_frame(self) -> pd.DataFrame:
+        """A pandas DataFrame: a row for each parameter, by its name.
+
+        Columns are unit, status, u (predicted standard uncertainty; nan where the plan cannot determine the
+        parameter) and prior_std, in the unit of the row. BadInput without pandas.
+        """
+        keys = ("name", "unit", "status", "u", "prior_std")
+        rows = [{key: getattr(row, key) for key in keys} for row in self]
+        return frame(rows).set_index("name").astype({"u": float, "prior_std": float})
 
 
 @dataclass(frozen=True)

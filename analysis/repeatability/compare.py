@@ -10,6 +10,7 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
+from ...model.files.run import Run
 from ...model.robot import Matrix
 from ..status import UnsoundResult, versions
 from .consistency import (
@@ -129,16 +130,17 @@ class Comparison:
         return len(self.runs) - len(self.failed)
 
 
-def compare(paths: Sequence[Path | str], *, seed: int = 0, progress: Progress | None = None) -> Comparison:
-    """Compare repeated runs: two run files or results at least, or one table of published offsets (see
+def compare(
+    runs: Sequence[Path | str | Run], *, seed: int = 0, progress: Progress | None = None
+) -> Comparison:
+    """Compare repeated runs: two runs, run files or results at least, or one table of published offsets (see
     docs/compare.md).
 
     Raises BadInput for files that cannot be used or runs that cannot be compared. A run whose fit did not
     converge is named under `failed` and has no numbers.
     """
-    kind, repeats = read_repeats(
-        [Path(path) for path in paths], seed, progress or (lambda stage, share: None)
-    )
+    given = [Path(one) if isinstance(one, str) else one for one in runs]
+    kind, repeats = read_repeats(given, seed, progress or (lambda stage, share: None))
     return compared(kind, repeats, seed)
 
 

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from ...model.errors import BadInput
 from ...model.files.reading import read_bytes
-from ...model.files.run import read_run
+from ...model.files.run import Run, read_run
 from ...model.problem import Problem
 from ...model.robot import Matrix, Robot
 from .offset_table import read_table
@@ -26,58 +26,70 @@ Progress = Callable[[str, float], None]
 _SAME = 1e-9  # relative: two descriptions of one arm
 
 
-def read_repeats(paths: Sequence[Path], seed: int, progress: Progress) -> tuple[Kind, list[Repeat]]:
-    """The runs in `paths`: run files, results of `analyse --json`, or one table (see `docs/compare.md`).
+def read_repeats(given: Sequence[Path | Run], seed: int, progress: Progress) -> tuple[Kind, list[Repeat]]:
+    """The runs in files: run files, results of `analyse --json`, or one table (see `docs/compare.md`); or the
+    runs themselves.
 
     Raises BadInput for fewer than two, for one that is given twice, and for runs that cannot be compared.
     """
-    if any(path.suffix == ".csv" for path in paths):
-        if len(paths) > 1:
+    if any(isinstance(one, Path) and one.suffix == ".csv" for one in given):
+        if len(given) > 1:
             raise BadInput(
                 "a table is compared alone: its runs have no uncertainties",
-                found=f"{len(paths)} files",
+                found=f"{len(given)} files",
                 allowed="one table (.csv), or run files and results",
             )
-        return "table", list(read_table(paths[0]))
-    if len(paths) < 2:
+        return "table", list(read_table(_paths(given)[0]))
+    if len(given) < 2:
         raise BadInput(
             "one run cannot be compared",
-            found=str(paths[0]) if paths else "no file",
+            found=str(_paths(given)[0]) if given else "no file",
             allowed="two runs or more, or a table of published offsets (.csv)",
         )
-    _refuse_twice([(str(path), _sha256(path)) for path in paths])
+    names = _names(given)
+    _refuse_twice([(name, _sha256(one)) for name, one in zip(names, given, strict=True)])
     # All that could forbid a comparison comes before the first fit.
     found: list[Repeat] = []
     problems: dict[int, Problem] = {}
-    arms: list[tuple[Path, Robot]] = []
-    for k, (path, name) in enumerate(zip(paths, _names(paths), strict=True)):
-        if path.suffix == ".json":
-            found.append(read_result(path, name))
+    arms: list[tuple[str, Robot]] = []
+    for k, (one, name) in enumerate(zip(given, names, strict=True)):
+        if isinstance(one, Path) and one.suffix == ".json":
+            found.append(read_result(one, name))
             continue
-        run = read_run(path)
+        run = read_run(one) if isinstance(one, Path) else one
         problems[k] = problem_of(run)
         found.append(unfitted(run, problems[k], name))
-        arms.append((path, run.robot))
+        arms.append((name, run.robot))
     _refuse_twice([(repeat.name, repeat.sha256 or "") for repeat in found])
-    for (one, robot), (other, another) in pairwise(arms):
-        _require_same_arm(one, robot, other, another)
+    for (first, robot), (other, another) in pairwise(arms):
+        _require_same_arm(first, robot, other, another)
     for one_repeat, other_repeat in pairwise(found):
         _require_comparable(one_repeat, other_repeat)
     with threadpool_limits(limits=1, user_api="blas"):
         for k, problem in problems.items():
-            progress("fit", k / len(paths))
+            progress("fit", k / len(given))
             found[k] = fitted(found[k], problem, seed)
-    return "runs" if len(problems) == len(paths) else "results", found
+    return "runs" if len(problems) == len(given) else "results", found
 
 
-def _names(paths: Sequence[Path]) -> list[str]:
-    """What the runs are called: their files' names, with the folders where two are the same."""
-    short = [path.name for path in paths]
-    return short if len(set(short)) == len(short) else [str(path) for path in paths]
+def _paths(given: Sequence[Path | Run]) -> list[Path]:
+    return [one if isinstance(one, Path) else one.path for one in given]
 
 
-def _sha256(path: Path) -> str:
-    return hashlib.sha256(read_bytes(path)).hexdigest()
+def _names(given: Sequence[Path | Run]) -> list[str]:
+    """What the runs are called: their files' names, with the folders where two are the same, and a number
+    where that is not enough."""
+    paths = _paths(given)
+    names = [path.name for path in paths]
+    if len(set(names)) < len(names):
+        names = [str(path) for path in paths]
+    if len(set(names)) < len(names):
+        names = [f"{name} {k}" for k, name in enumerate(names, start=1)]
+    return names
+
+
+def _sha256(one: Path | Run) -> str:
+    return one.sha256 if isinstance(one, Run) else hashlib.sha256(read_bytes(one)).hexdigest()
 
 
 def _refuse_twice(named: Sequence[tuple[str, str]]) -> None:
@@ -93,7 +105,7 @@ def _refuse_twice(named: Sequence[tuple[str, str]]) -> None:
         first[sha256] = name
 
 
-def _require_same_arm(one: Path, robot: Robot, other: Path, another: Robot) -> None:
+def _require_same_arm(one: str, robot: Robot, other: str, another: Robot) -> None:
     def numbers(arm: Robot) -> Matrix:
         parts = [np.append(joint.fixed.ravel(), joint.axis) for joint in arm.joints]
         return np.append(np.ravel(parts), arm.flange.ravel())

@@ -14,10 +14,9 @@ from ...analysis.design.exact_design import Criterion
 from ...analysis.observability.check import Check, check
 from ...model.errors import BadInput
 from ...model.files.header import Header, StatedTarget
-from ...model.files.plan import read_plan, write_plan
+from ...model.files.plan import Plan, read_plan, write_plan
 from ...model.files.robot_file import load_robot, rebased
 from ...model.files.whole_file import refuse_existing
-from ...model.robot import Robot
 from ...reports.words.result_json import check_json
 from .candidates import View, candidates
 from .obstacles import Obstacles
@@ -55,10 +54,12 @@ class PlanRequest:
 class MadePlan:
     """A plan and the verdict of `check` on it; `proposal` is None for a pattern.
 
-    `file` and `checked` are None where no number of measurements reaches the tolerance: nothing was written.
+    `plan` and `checked` are None where no number of measurements reaches the tolerance; `file` is None then,
+    and where none was asked for.
     """
 
     kind: Literal["x", "y", "optimal"]
+    plan: Plan | None
     file: Path | None
     checked: Check | None
     proposal: Proposal | None
@@ -88,11 +89,15 @@ class MadePlan:
         }
 
 
-def make_plan(request: PlanRequest, file: Path, told: Progress) -> MadePlan:
-    """Make the plan, write it to a new file and check it. BadInput names the constraint that prevents it."""
-    refuse_existing(file)
+def make_plan(request: PlanRequest, file: Path | None, told: Progress) -> MadePlan:
+    """Make the plan, write it to a new `file` (if one is asked for) and check it.
+
+    BadInput names the constraint that prevents it.
+    """
+    if file is not None:
+        refuse_existing(file)
     robot = load_robot(request.header.robot, request.header_folder)
-    header = _with_target(request, robot, file)
+    header = _with_target(request, Path(".") if file is None else file.parent)
     target = np.array(request.target)
     proposal, fewest, removed = None, None, None
     if request.kind == "optimal":
@@ -124,17 +129,21 @@ def make_plan(request: PlanRequest, file: Path, told: Progress) -> MadePlan:
             fewest = planner.fewest(request.tolerance, most, request.criterion, seed=request.seed)
             proposal = fewest.proposal
         if proposal is None:
-            return MadePlan(request.kind, None, None, None, fewest, removed)
+            return MadePlan(request.kind, None, None, None, None, fewest, removed)
         postures = proposal.postures
     else:
         postures = pattern(header, robot, target, request.kind, request.shots, name=TARGET)
-    write_plan(file, header, np.round(postures * robot.display, _DECIMALS), [TARGET] * len(postures))
+    rows, targets = np.round(postures * robot.display, _DECIMALS), [TARGET] * len(postures)
+    if file is None:
+        plan = Plan.of_postures(header, robot, rows, targets, request.kind)
+    else:
+        write_plan(file, header, rows, targets)
+        plan = read_plan(file)
     told("check", 0.0)
-    checked = check(read_plan(file))
-    return MadePlan(request.kind, file, checked, proposal, fewest, removed)
+    return MadePlan(request.kind, plan, file, check(plan), proposal, fewest, removed)
 
 
-def _with_target(request: PlanRequest, robot: Robot, file: Path) -> Header:
+def _with_target(request: PlanRequest, folder: Path) -> Header:
     """The header with the target's guess, its robot named as seen from the plan's folder."""
     stated = dict(request.header.targets)
     if stated and set(stated) != {TARGET}:
@@ -142,23 +151,33 @@ def _with_target(request: PlanRequest, robot: Robot, file: Path) -> Header:
             "the header states other targets than the plan is made for",
             found=", ".join(stated),
             allowed=f"none, or {TARGET}",
-            remedy="remove `targets` from the header; --target says where the target is",
+            remedy="remove `targets` from the header; where the target is, is stated beside it",
         )
     guess = {"guess_mm": tuple(request.target)}
     stated[TARGET] = stated[TARGET].model_copy(update=guess) if stated else StatedTarget(**guess)  # type: ignore[arg-type]
-    robot_ref = rebased(request.header.robot, request.header_folder, file.parent)
+    robot_ref = rebased(request.header.robot, request.header_folder, folder)
     return request.header.model_copy(update={"targets": stated, "robot": robot_ref})
 
 
 def _view(request: PlanRequest) -> View:
     if request.facing is not None and not any(request.facing):
-        raise BadInput("--facing has no length", found="0,0,0", allowed="any direction, or `any`")
+        raise BadInput(
+            "this direction has no length", found="0,0,0", allowed="any direction", argument="facing"
+        )
     if not 0 < request.acceptance_deg <= 90:
         raise BadInput(
-            "--acceptance is out of range", found=request.acceptance_deg, allowed="above 0, up to 90"
+            "the angle is out of range",
+            found=request.acceptance_deg,
+            allowed="above 0, up to 90",
+            argument="acceptance_deg",
         )
     if not 0 <= request.beam_mm[0] < request.beam_mm[1]:
-        raise BadInput("--beam is out of order", found=request.beam_mm, allowed="0 <= MIN < MAX")
+        raise BadInput(
+            "the lengths are out of order",
+            found=request.beam_mm,
+            allowed="0 <= shortest < longest",
+            argument="beam_mm",
+        )
     return View(
         facing=None if request.facing is None else (request.facing[0], request.facing[1], request.facing[2]),
         acceptance=math.radians(request.acceptance_deg),

@@ -1,22 +1,26 @@
-"""Values that say in Python what a file's header says: the tool and the noise of a run made from arrays.
+"""Values that say in Python what a file's header says: tool and noise of a run or plan made from arrays.
 
 They are checked by the models of the files, and their errors name the argument in place of a line.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import BadInput
-from ..robot import Matrix
-from .header import StatedNoise, StatedTool
+from ..robot import Matrix, Robot
+from .header import DEFAULT_TARGET, Header, StatedNoise, StatedTool, check_header
 from .reading import Place
+from .robot_file import load_robot
 from .validation import Model, validate
+
+RobotArgument = Robot | str | Path | Mapping[str, str]
 
 
 @dataclass(frozen=True)
@@ -180,6 +184,73 @@ def plain(value: Any) -> Any:
 
 def _stated(**values: Any) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value is not None}
+
+
+def stated_header(
+    robot: RobotArgument,
+    tool: Laser | Probe,
+    noise: Noise,
+    target_priors: Mapping[str, Mapping[str, Any]] | None,
+    others: Mapping[str, Any],
+) -> tuple[Header, Robot]:
+    """The header that the arguments of `from_arrays` state, and its robot; BadInput names the argument."""
+    own = {"tool": tool, "noise": noise, **others}
+    if target_priors is not None:
+        own["targets"] = target_priors
+    ref = robot.name if isinstance(robot, Robot) else str(robot) if isinstance(robot, Path) else robot
+    for argument, value, kinds in (("tool", tool, (Laser, Probe)), ("noise", noise, (Noise,))):
+        if not isinstance(value, (*kinds, Mapping)):
+            wanted = " or ".join(f"zerobeam.{kind.__name__}(…)" for kind in kinds)
+            raise BadInput("this cannot be used", found=repr(value), allowed=wanted, argument=argument)
+    header = checked(Header, plain({"robot": ref, **own}), {"targets": "target_priors"})
+    try:
+        arm = robot if isinstance(robot, Robot) else load_robot(header.robot)
+    except BadInput as error:
+        raise error.of_argument("robot") from None
+    try:
+        check_header(header, arm, file=None, line=lambda _: None)
+    except BadInput as error:
+        raise error.of_argument("noise") from None
+    return header, arm
+
+
+def joint_positions(value: ArrayLike, argument: str, robot: Robot, unit: str) -> Matrix:
+    """`value` (N, n) in `unit` as degrees, mm for prismatic joints; BadInput names the argument."""
+    if unit not in ("deg", "rad"):
+        raise BadInput("there is no such unit", found=repr(unit), allowed="'deg' or 'rad'", argument="unit")
+    positions = array(value, argument, columns=robot.n, meaning=f"{robot.name} has {robot.n} joints")
+    return positions * robot.display if unit == "rad" else positions
+
+
+def target_of_each(targets: str | Sequence[str] | None, header: Header, count: int, rows: str) -> list[str]:
+    """N names, one for each row of the argument `rows`; by default all are of the header's only target."""
+    if targets is None:
+        if len(header.targets) > 1:
+            raise BadInput(
+                "there are several targets, and it is not stated which measurement is of which",
+                found=", ".join(header.targets),
+                allowed="the name of its target for each measurement",
+                argument="targets",
+            )
+        targets = next(iter(header.targets), DEFAULT_TARGET)
+    if isinstance(targets, str):
+        return [targets] * count
+    try:
+        names: list[str] = plain(list(targets))
+    except TypeError:
+        raise BadInput(
+            "these are not names", found=repr(targets), allowed="a list of names", argument="targets"
+        ) from None
+    require_count("targets", len(names), count, rows)
+    return names
+
+
+def require_count(argument: str, found: int, count: int, rows: str) -> None:
+    """BadInput where an argument has not as many rows as the argument `rows`."""
+    if found != count:
+        raise BadInput(
+            f"there are not as many rows as in {rows}", found=found, allowed=count, argument=argument
+        )
 
 
 def array(value: ArrayLike, argument: str, *, columns: int, meaning: str) -> Matrix:

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import hashlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from io import StringIO
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from ..errors import BadInput
 from ..robot import Matrix, Robot
+from .arrays import Laser, Noise, Probe, RobotArgument, joint_positions, stated_header, target_of_each
 from .header import DEFAULT_TARGET, PLAN_SCHEMA, Header, TargetName, check_header, header_content
 from .limits import check_limits
 from .reading import read_yaml
@@ -55,18 +57,133 @@ class PlanFile(Header):
     )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Plan:
-    """N postures: `postures` (N, n) rad or mm, `targets` the target of each, `lines` where each stands."""
+    """Planned postures of a robot of n joints: from a file (`read_plan`) or from arrays.
+
+    Attributes
+    ----------
+    header : Header
+        What all measurements have in common.
+    robot : Robot
+        The arm.
+    postures : ndarray
+        (N, n) joint positions, rad (mm for prismatic joints).
+    targets : tuple of str
+        (N,) the target of each posture.
+    lines : tuple
+        (N,) where each is in its file; None for a plan that is in no file.
+    path : Path
+        The file; the name of a plan that is in none.
+    sha256 : str
+        Of the file, or of the text that a file would have.
+    warnings : tuple of str
+        Sentences that a reader must see, such as joints beyond their limits.
+
+    Examples
+    --------
+    >>> import zerobeam as zb
+    >>> plan = zb.Plan.from_arrays(
+    ...     robot="irb1600",
+    ...     tool=zb.Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)),
+    ...     postures=[[10, -20, 30, 5, 40, 0], [-15, -25, 35, 0, 35, 20]],
+    ...     noise=zb.Noise(joint_deg=0.01, spot_mm=0.05),
+    ... )
+    >>> plan
+    <Plan arrays: 2 postures at psd, irb1600>
+    """
 
     header: Header
     robot: Robot
     postures: Matrix
     targets: tuple[str, ...]
-    lines: tuple[int, ...]
+    lines: tuple[int | None, ...]
     path: Path
     sha256: str
     warnings: tuple[str, ...]
+
+    @classmethod
+    def from_arrays(
+        cls,
+        *,
+        robot: RobotArgument,
+        tool: Laser | Probe,
+        postures: ArrayLike,
+        noise: Noise,
+        unit: Literal["deg", "rad"] = "deg",
+        targets: str | Sequence[str] | None = None,
+        target_priors: Mapping[str, Mapping[str, Any]] | None = None,
+        name: str = "arrays",
+        **header: Any,
+    ) -> Self:
+        """A plan of N postures with a robot of n joints.
+
+        Parameters
+        ----------
+        robot
+            A built-in name, the path of a robot file, {"urdf", "base", "tip"} or a `Robot`.
+        tool
+            What the flange carries.
+        postures
+            (N, n) joint positions, joint 1 first; those of prismatic joints in mm.
+        noise
+            Standard deviations of the readings.
+        unit
+            Of the revolute joints in `postures`: "deg" or "rad".
+        targets
+            N names, the target of each posture, or one name for all. By default all are of one target: the
+            only one in `target_priors`, or "psd".
+        target_priors
+            What is known of targets beforehand, {name: {"guess_mm": [x, y, z], "sigma_mm": std}}: the key
+            `targets` of a file.
+        name
+            What reports call the plan.
+        **header
+            The other keys of a plan file's header, as they are there: prior, distances, held, limits,
+            tolerance, provenance.
+
+        Returns
+        -------
+        Plan
+
+        Raises
+        ------
+        BadInput
+            Names the argument, what was found, what is allowed and what to do.
+        """
+        stated, arm = stated_header(robot, tool, noise, target_priors, {"schema": PLAN_SCHEMA, **header})
+        positions = joint_positions(postures, "postures", arm, unit)
+        names = target_of_each(targets, stated, len(positions), "postures")
+        try:
+            for target in names:
+                validate(
+                    StatedPosture, {"joints_deg": [0.0], "target": target}, file=None, line=lambda _: None
+                )
+        except BadInput as error:
+            raise error.of_argument("targets") from None
+        try:
+            return cls.of_postures(stated, arm, positions, names, name)
+        except BadInput as error:
+            raise error.of_argument("postures") from None
+
+    @classmethod
+    def of_postures(
+        cls, header: Header, robot: Robot, postures_deg: Matrix, targets: Sequence[str], name: str
+    ) -> Self:
+        """A plan that is in no file, `postures_deg` (N, n) degrees or mm; BadInput where it is unsound."""
+        if not len(postures_deg):
+            raise BadInput("the plan has no postures", remedy="state one at least")
+        nowhere = (None,) * len(postures_deg)
+        warnings = _check_postures(header, robot, postures_deg.tolist(), targets, nowhere, None)
+        check_distances(header, tuple(dict.fromkeys(targets)), file=None, line=None)
+        text = _plan_text(header, postures_deg.tolist(), targets)
+        sha256 = hashlib.sha256(text.encode("utf-8")).hexdigest()
+        postures = postures_deg / robot.display
+        return cls(header, robot, postures, tuple(targets), nowhere, Path(name), sha256, warnings)
+
+    def __repr__(self) -> str:
+        targets = ", ".join(self.target_names)
+        return f"<Plan {self.path.name}: {len(self.postures)} postures at {targets}, {self.robot.name}>"
 
     @cached_property
     def target_names(self) -> tuple[str, ...]:
@@ -80,7 +197,30 @@ class Plan:
 
 
 def read_plan(path: Path | str) -> Plan:
-    """A plan file, every posture of it checked."""
+    """Read a plan file (YAML, `zerobeam/plan/1`) and check every posture of it.
+
+    Parameters
+    ----------
+    path
+        The file; what it names is relative to its folder.
+
+    Returns
+    -------
+    Plan
+        Its postures in radians (mm for prismatic joints).
+
+    Raises
+    ------
+    BadInput
+        Names the file, the line, what was found, what is allowed and what to do.
+
+    Examples
+    --------
+    >>> import zerobeam as zb
+    >>> zb.read_plan("nowhere.yaml")
+    Traceback (most recent call last):
+    zerobeam.model.errors.BadInput: nowhere.yaml: there is no such file
+    """
     document = read_yaml(Path(path))
     file = document.file
     require_schema(document.data, PLAN_SCHEMA, file=file, line=document.line(("schema",)))
@@ -127,7 +267,7 @@ def _check_postures(
     robot: Robot,
     rows: Sequence[Sequence[float]],
     targets: Sequence[str],
-    lines: Sequence[int],
+    lines: Sequence[int | None],
     file: Path | None,
 ) -> tuple[str, ...]:
     for i, row in enumerate(rows):
@@ -167,6 +307,11 @@ def write_plan(
     check_header(header, robot, file=None, line=lambda _: None)
     _check_postures(header, robot, rows, targets, [0] * len(rows), None)
     check_distances(header, tuple(dict.fromkeys(targets)), file=None, line=None)
+    write_whole(path, _plan_text(header, rows, targets))
+
+
+def _plan_text(header: Header, rows: Sequence[Sequence[float]], targets: Sequence[str]) -> str:
+    """The text of a plan file: `rows` (N, n) degrees or mm."""
     content = CommentedMap(_short_in_one_line(header_content(header, PLAN_SCHEMA)))
     plain = len(header.targets) < 2 and set(targets) == {next(iter(header.targets), DEFAULT_TARGET)}
     content["postures_deg"] = CommentedSeq(
@@ -178,7 +323,7 @@ def write_plan(
     yaml.indent(mapping=2, sequence=4, offset=2)
     text = StringIO()
     yaml.dump(content, text)
-    write_whole(path, text.getvalue())
+    return text.getvalue()
 
 
 def _flow(value: Any) -> Any:

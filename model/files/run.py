@@ -19,8 +19,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import BadInput
 from ..robot import Matrix, Robot
-from .arrays import Laser, Noise, Probe, array, checked, plain
-from .header import DEFAULT_TARGET, RUN_SCHEMA, Header, check_header, header_content
+from .arrays import (
+    Laser,
+    Noise,
+    Probe,
+    RobotArgument,
+    array,
+    joint_positions,
+    require_count,
+    stated_header,
+    target_of_each,
+)
+from .header import RUN_SCHEMA, Header, check_header, header_content
 from .json_lines import json_line, json_rows
 from .reading import Place, did_you_mean, read_bytes
 from .robot_file import load_robot
@@ -33,11 +43,24 @@ ENOUGH_CALIBRATED, ENOUGH_UNCALIBRATED = 4, 6
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Run:
-    """A recorded run: from a file (`read_run`) or from arrays.
+    """A recorded run of N measurements: from a file (`read_run`) or from arrays.
 
-    `lines` are those of the shots, `header_line` the header's; None for a run that is in no file. `sha256` is
-    the file's, or that of the text that a file would have. `warnings` are sentences that a reader must see:
-    a torn last line, joints beyond their limits.
+    Attributes
+    ----------
+    header : Header
+        What all measurements have in common.
+    robot : Robot
+        The arm, with n joints.
+    shots : tuple of Shot
+        (N,) the measurements as recorded, in degrees and mm.
+    lines, header_line
+        Where each measurement and the header are in the file; None for a run that is in no file.
+    path : Path
+        The file; the name of a run that is in none.
+    sha256 : str
+        Of the file, or of the text that a file would have.
+    warnings : tuple of str
+        Sentences that a reader must see: a torn last line, joints beyond their limits.
     """
 
     header: Header
@@ -53,7 +76,7 @@ class Run:
     def from_arrays(
         cls,
         *,
-        robot: Robot | str | Path | Mapping[str, str],
+        robot: RobotArgument,
         tool: Laser | Probe,
         joints: ArrayLike,
         noise: Noise,
@@ -115,36 +138,16 @@ class Run:
         >>> run.joints.shape, run.target_names
         ((2, 6), ('psd',))
         """
-        own = {"schema": RUN_SCHEMA, "tool": tool, "noise": noise, **header}
-        if target_priors is not None:
-            own["targets"] = target_priors
-        ref = robot.name if isinstance(robot, Robot) else str(robot) if isinstance(robot, Path) else robot
-        for argument, value, kinds in (("tool", tool, (Laser, Probe)), ("noise", noise, (Noise,))):
-            if not isinstance(value, (*kinds, Mapping)):
-                wanted = " or ".join(f"zerobeam.{kind.__name__}(…)" for kind in kinds)
-                raise BadInput("this cannot be used", found=repr(value), allowed=wanted, argument=argument)
-        stated = checked(Header, plain({"robot": ref, **own}), {"targets": "target_priors"})
-        try:
-            arm = robot if isinstance(robot, Robot) else load_robot(stated.robot)
-        except BadInput as error:
-            raise error.of_argument("robot") from None
-        if unit not in ("deg", "rad"):
-            raise BadInput(
-                "there is no such unit", found=repr(unit), allowed="'deg' or 'rad'", argument="unit"
-            )
-        positions = array(joints, "joints", columns=arm.n, meaning=f"{arm.name} has {arm.n} joints")
-        positions = positions * arm.display if unit == "rad" else positions
+        stated, arm = stated_header(robot, tool, noise, target_priors, {"schema": RUN_SCHEMA, **header})
+        positions = joint_positions(joints, "joints", arm, unit)
         count, spots = len(positions), None
         if spots_mm is not None:
             if stated.tool.kind == "probe":
                 raise BadInput("a probe has no spots", allowed="None", argument="spots_mm")
             spots = array(spots_mm, "spots_mm", columns=2, meaning="dx, dy of each measurement")
-            _require_count("spots_mm", len(spots), count)
-        one = _only_target(stated) if targets is None else targets
-        names = [one] * count if isinstance(one, str) else plain(_listed(one))
-        _require_count("targets", len(names), count)
+            require_count("spots_mm", len(spots), count, "joints")
         shots = []
-        for i, target in enumerate(names):
+        for i, target in enumerate(target_of_each(targets, stated, count, "joints")):
             content = {"shot": i, "target": target, "joints_deg": positions[i].tolist()}
             if spots is not None:
                 content["spot_mm"] = spots[i].tolist()
@@ -153,16 +156,17 @@ class Run:
             except BadInput as error:
                 raise error.of_argument("targets") from None  # all else is checked already
         try:
-            check_header(stated, arm, file=None, line=_always(None))
-        except BadInput as error:
-            raise error.of_argument("noise") from None
-        try:
-            warnings = check_shots(stated, arm, shots, [None] * count, file=None)
+            return cls.of_shots(stated, arm, shots, name)
         except BadInput as error:
             raise error.of_argument("joints") from None
-        text = header_text(stated) + "".join(shot_text(shot) for shot in shots)
+
+    @classmethod
+    def of_shots(cls, header: Header, robot: Robot, shots: Sequence[Shot], name: str) -> Self:
+        """A run that is in no file; BadInput where the shots do not suit the header or the robot."""
+        warnings = check_shots(header, robot, shots, [None] * len(shots), file=None)
+        text = header_text(header) + "".join(shot_text(shot) for shot in shots)
         sha256 = hashlib.sha256(text.encode("utf-8")).hexdigest()
-        return cls(stated, arm, tuple(shots), (None,) * count, None, Path(name), sha256, warnings)
+        return cls(header, robot, tuple(shots), (None,) * len(shots), None, Path(name), sha256, warnings)
 
     def __repr__(self) -> str:
         targets = ", ".join(self.target_names)
@@ -232,36 +236,33 @@ class Run:
         check_distances(self.header, self.target_names, file=self.path, line=self.header_line)
 
 
-def _only_target(header: Header) -> str:
-    """The target of all measurements where none is named for each: the header's only one, or 'psd'."""
-    if len(header.targets) > 1:
-        raise BadInput(
-            "there are several targets, and no measurement says which it is of",
-            found=", ".join(header.targets),
-            allowed="the name of its target for each measurement",
-            argument="targets",
-        )
-    return next(iter(header.targets), DEFAULT_TARGET)
-
-
-def _listed(targets: Sequence[str]) -> list[str]:
-    try:
-        return list(targets)
-    except TypeError:
-        raise BadInput(
-            "these are not names", found=repr(targets), allowed="a list of names", argument="targets"
-        ) from None
-
-
-def _require_count(argument: str, found: int, count: int) -> None:
-    if found != count:
-        raise BadInput(
-            "there are not as many rows as in joints", found=found, allowed=count, argument=argument
-        )
-
-
 def read_run(path: Path | str) -> Run:
-    """A run file, every line of it checked; BadInput if there is no shot in it."""
+    """Read a run file (JSON lines, `zerobeam/run/1`) and check every line of it.
+
+    A last line that is torn (a power cut) is left out, and `warnings` says so.
+
+    Parameters
+    ----------
+    path
+        The file; what it names is relative to its folder.
+
+    Returns
+    -------
+    Run
+        Its joint positions in radians (mm for prismatic joints).
+
+    Raises
+    ------
+    BadInput
+        Names the file, the line, what was found, what is allowed and what to do; there is no shot in it.
+
+    Examples
+    --------
+    >>> import zerobeam as zb
+    >>> from zerobeam.experiments.demos import demo_runs
+    >>> zb.read_run(demo_runs()[0].path)
+    <Run good.jsonl: 7 measurements of psd, irb1600>
+    """
     path = Path(path)
     run, torn = recorded(read_bytes(path), path)
     if not run.shots:

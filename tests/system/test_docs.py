@@ -217,7 +217,7 @@ def test_every_key_of_an_answer_is_documented(kind: str, tmp_path: Path) -> None
 
 
 def test_every_key_of_a_proposal_is_documented() -> None:
-    keys = set(MadePlan("x", None, None, None, None, None).as_json())
+    keys = set(MadePlan("x", None, None, None, None, None, None).as_json())
     assert len(keys) > 10
     assert not keys - words_in_code(TEXTS[FILES])
 

@@ -91,6 +91,16 @@ def test_what_was_proposed_is_what_check_says(tmp_path: Path) -> None:
         assert plan.proposal.std[name] == pytest.approx(told[name], rel=1e-4)
 
 
+def test_without_a_file_it_is_the_same_plan(tmp_path: Path) -> None:
+    written = made(tmp_path / "plan.yaml")
+    plan = make_plan(request(), None, lambda stage, share: None)
+    assert written.plan is not None
+    assert plan.plan is not None
+    assert plan.file is None
+    assert plan.plan.sha256 == written.plan.sha256
+    np.testing.assert_array_equal(plan.plan.postures, written.plan.postures)
+
+
 def test_no_file_is_written_over(tmp_path: Path) -> None:
     file = tmp_path / "plan.yaml"
     file.write_text("mine")
@@ -104,9 +114,9 @@ def test_no_file_is_written_over(tmp_path: Path) -> None:
     [
         ({"target": (5000.0, 0.0, 0.0)}, r"found:.*\d+ "),
         ({"margin_deg": 200.0}, "margin"),
-        ({"acceptance_deg": 0.0}, "--acceptance is out of range"),
-        ({"beam_mm": (500.0, 400.0)}, "--beam is out of order"),
-        ({"facing": (0.0, 0.0, 0.0)}, "--facing has no length"),
+        ({"acceptance_deg": 0.0}, "argument acceptance_deg: the angle is out of range"),
+        ({"beam_mm": (500.0, 400.0)}, "argument beam_mm: the lengths are out of order"),
+        ({"facing": (0.0, 0.0, 0.0)}, "argument facing: this direction has no length"),
         ({"shots": 20, "candidates": 10}, r"too few postures to choose 20 measurements from"),
         ({"kind": "x", "target": (5000.0, 0.0, 0.0)}, "X-Pattern cannot be made"),
     ],
