@@ -84,7 +84,7 @@ def _names(given: Sequence[Path | Run]) -> list[str]:
     if len(set(names)) < len(names):
         names = [str(path) for path in paths]
     if len(set(names)) < len(names):
-        names = [f"{name} {k}" for k, name in enumerate(names, start=1)]
+        names = [f"{name} ({k})" for k, name in enumerate(names, start=1)]
     return names
 
 

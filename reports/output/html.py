@@ -67,3 +67,11 @@ def html(
         turnable=turnable,
         attachment=base64.b64encode(data).decode() if 0 < len(data) < LARGEST_ATTACHMENT else None,
     )
+
+
+def scene_html(title: str, turnable: Turnable) -> str:
+    """A scene alone as an HTML page: one self-contained file."""
+    from markupsafe import Markup
+
+    css = Markup(style()) + turnable.style
+    return template("scene_page.html.j2").render(title=title, turnable=turnable, css=css)

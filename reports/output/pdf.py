@@ -8,7 +8,7 @@ import shutil
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from ..style.blocks import Page
 from ..style.canvas import Picture
@@ -51,6 +51,27 @@ def pdf(page: Page, pictures: Mapping[str, Picture]) -> bytes:
             font_paths=[str(FOLDER)],
             ignore_system_fonts=True,
             pdf_standards=["ua-1"],
+            timestamp=0,
+        )
+    return made
+
+
+def picture_bytes(picture: Picture, form: Literal["pdf", "png"]) -> bytes:
+    """A figure alone, on a page of its own size; a PNG has 300 dots an inch and a white ground."""
+    import typst
+
+    source = f'#set page(width: auto, height: auto, margin: 2mm)\n#image({json.dumps(picture.name)} + ".svg")'
+    with tempfile.TemporaryDirectory(prefix="zerobeam-") as root:
+        folder = Path(root)
+        (folder / f"{picture.name}.svg").write_text(picture.svg, encoding="utf-8")
+        (folder / "figure.typ").write_text(source, encoding="utf-8")
+        made: bytes = typst.compile(
+            str(folder / "figure.typ"),
+            root=root,
+            font_paths=[str(FOLDER)],
+            ignore_system_fonts=True,
+            format=form,
+            ppi=300.0,
             timestamp=0,
         )
     return made

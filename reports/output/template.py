@@ -39,15 +39,16 @@ def template(name: str) -> Template:
 @functools.cache
 def style() -> str:
     """The style sheet of every page: the typeface, embedded, and the palette in both themes."""
-    faces = "\n".join(_face(cut, weight) for cut, weight in _WEIGHTS.items())
+    faces = "\n".join(font_face(cut) for cut in _WEIGHTS)
     sheet = (TEMPLATES / "page.css").read_text(encoding="utf-8")
     sheet = sheet.replace("/* LIGHT */", css_variables("light")).replace("/* DARK */", css_variables("dark"))
     return f"{faces}\n{sheet}"
 
 
-def _face(cut: Cut, weight: str) -> str:
+def font_face(cut: Cut) -> str:
+    """The CSS rule that embeds one cut of the typeface."""
     data = base64.b64encode(font_file(cut, "woff2").read_bytes()).decode()
     return (
-        f'@font-face {{ font-family: "{FAMILY}"; {weight}; font-display: block; '
+        f'@font-face {{ font-family: "{FAMILY}"; {_WEIGHTS[cut]}; font-display: block; '
         f'src: url("data:font/woff2;base64,{data}") format("woff2"); }}'
     )

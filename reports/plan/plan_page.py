@@ -11,6 +11,7 @@ from markupsafe import Markup
 from ...analysis.observability.aim import AimedPlan
 from ...analysis.observability.check import Check, CheckedParameter
 from ...model.files.plan import Plan
+from ..output.html import Turnable
 from ..output.template import TEMPLATES, style, template
 from ..run.parameters import legend, person, reasons, unit_of
 from ..run.unobservable import direction_words
@@ -60,16 +61,21 @@ class PlanView:
 
 def plan_page(aimed: AimedPlan, check: Check) -> str:
     """The page as HTML: one file, no network. `check` is the judgement of the same aimed plan."""
-    plan, seen = aimed.plan, postures_of(aimed)
-    scene = plan_scene(plan, seen)
-    shown = turnable(scene, _scene_words(plan, seen, scene))
+    seen = postures_of(aimed)
+    shown = plan_turnable(aimed, seen)
     return template("plan.html.j2").render(
         mark_of_ours=Markup(MARK),
-        view=_view(plan, check, seen),
+        view=_view(aimed.plan, check, seen),
         turnable=shown,
         # Our own text, with nothing of the plan in it.
         css=Markup(style() + (TEMPLATES / "plan.css").read_text(encoding="utf-8")) + shown.style,
     )
+
+
+def plan_turnable(aimed: AimedPlan, seen: Postures) -> Turnable:
+    """The scene of a plan made ready for a page; `seen` are its postures as places."""
+    scene = plan_scene(aimed.plan, seen)
+    return turnable(scene, _scene_words(aimed.plan, seen, scene))
 
 
 # ── what the page says ────────────────────────────────────────────────────────────────────────

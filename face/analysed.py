@@ -1,0 +1,267 @@
+"""A recorded run in, everything that can be said of it out: as one object for programs and notebooks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..analysis.analyse import Analysis
+from ..analysis.analyse import analyse as analyse_run
+from ..analysis.estimation.robust import Loss
+from ..analysis.solution import ParameterResult, ParameterTable
+from ..model.errors import BadInput
+from ..model.files.run import Run
+from ..reports.output.cards import card, text
+from ..reports.run.parameters import person, unit_of
+from ..reports.run.report_folder import ReportPaths, write_report
+from ..reports.run.report_page import report_notes
+from ..reports.style.blocks import Cell, Page, Row, Table, Verdict, row_of, table_of
+from ..reports.words import numbers
+from ..reports.words.findings import VERDICT_WORDS, headline
+from ..reports.words.result_json import to_json
+from ..reports.words.wording import NOT_DETERMINED, clipped, counted, label, sentence
+from .arguments import require_choice, require_kind, require_number
+from .pictures import Figure, SceneView
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class Analysed(Analysis):
+    """The answer to a recorded run, as `zerobeam.analyse` gives it; it is a `Solution`.
+
+    `sol["delta2"]` is a row with `.estimate`, `.u` (standard uncertainty), `.interval95`, `.status` and
+    `.unit`; all but the last two are None where the data do not determine the parameter.
+
+    Attributes
+    ----------
+    verdict : str
+        "pass", "weak" or "degenerate", over all offsets.
+    parameters, offsets : ParameterTable
+        Rows in their order: all parameters, the joint offsets alone. Offsets are in degrees (mm for prismatic
+        joints) and are added to the recorded joint positions. `.to_frame()` makes a pandas DataFrame.
+    covariance : Covariance
+        `.matrix` (m, m) of the m parameters that the data determine, `.names` and `.units` (m,);
+        `covariance["delta2", "delta3"]` is one element. It has no row for anything else.
+    posterior : xarray.DataTree
+        The draws, with group `posterior`: the content of `posterior.nc`.
+    plot : Plots
+        Figures that show themselves in a notebook.
+    run : Run
+        What was analysed.
+    result : Result
+        Everything that a report says, as data.
+    draws : Draws or None
+        The same draws as an array.
+
+    Examples
+    --------
+    >>> import zerobeam as zb
+    >>> from zerobeam.experiments.demos import demo_runs
+    >>> x_pattern = zb.analyse(zb.read_run(demo_runs()[1].path), ess=100)
+    >>> x_pattern.verdict
+    'degenerate'
+    >>> x_pattern["delta2"].status, x_pattern["delta2"].estimate, x_pattern["delta2"].u
+    ('unidentifiable', None, None)
+    >>> "delta2" in x_pattern.covariance.names
+    False
+    """
+
+    @cached_property
+    def parameters(self) -> ParameterTable:
+        """A row for each parameter, in their order, with the paper's midpoint estimate where there is one."""
+        return self.result.parameters
+
+    @property
+    def posterior(self) -> xr.DataTree:
+        """The draws of the posterior, `tree["posterior"]` with dimensions (chain, draw): as `posterior.nc`.
+
+        The attribute `source` of a variable is `data`, or `prior` where the data do not determine it.
+
+        Raises
+        ------
+        BadInput
+            The fit did not converge, so that there are no draws; or xarray is not installed.
+        """
+        from .tree import posterior_tree
+
+        return posterior_tree(self.result, self.draws)
+
+    @property
+    def plot(self) -> Plots:
+        """Figures of this answer."""
+        return Plots(self)
+
+    def report(self, folder: Path | str) -> ReportPaths:
+        """Write the report: HTML, PDF, result.json, posterior.nc and figures.
+
+        Parameters
+        ----------
+        folder
+            Where to; a report that zerobeam wrote there before is replaced, anything else is not.
+
+        Returns
+        -------
+        ReportPaths
+            The files.
+
+        Raises
+        ------
+        BadInput
+            `folder` is a file, is not ours, or cannot be written.
+        """
+        return write_report(folder, self.result, self.draws)
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of `result.json` (docs/files.md) as plain dicts, lists, numbers and text."""
+        return to_json(self.result)
+
+    def __repr__(self) -> str:
+        return text(self._page(), offset_table(self))
+
+    def _repr_html_(self) -> str:
+        return card(self._page(), [offset_table(self)])
+
+    def _page(self) -> Page:
+        inputs = self.result.inputs
+        return Page(
+            f"Solution of {clipped(inputs.run, 60)}",
+            f"{counted(inputs.shots, 'measurement')}, {clipped(inputs.robot)}",
+            Verdict(self.verdict, VERDICT_WORDS[self.verdict], sentence(headline(self.result, person))),
+            report_notes(self.result),
+            [],
+        )
+
+
+@dataclass(frozen=True)
+class Plots:
+    """The figures of an answer; each shows itself in a notebook and has `.save(path)`."""
+
+    solution: Analysed
+
+    def offsets(self) -> Figure:
+        """The offsets with their 95 % intervals, and how wide those are."""
+        from ..reports.run.offsets_figure import offsets_picture
+
+        return Figure(offsets_picture(self.solution.result))
+
+    def residuals(self) -> Figure:
+        """The residual of each measurement, in mm and divided by its standard deviation."""
+        from ..reports.run.residuals_figure import residuals_picture
+
+        return Figure(residuals_picture(self.solution.result))
+
+    def posterior(self) -> Figure:
+        """Marginals and pairs of the offsets that the data determine.
+
+        Raises
+        ------
+        BadInput
+            There is nothing that may be drawn: the fit or the sampler did not converge, or the data determine
+            no offset.
+        """
+        from ..reports.run.posterior_figure import posterior_picture
+        from ..reports.words.findings import posterior_message
+
+        result = self.solution.result
+        picture = posterior_picture(result, self.solution.draws)
+        if picture is None:
+            raise BadInput(
+                "there is no posterior of an offset to draw",
+                found=posterior_message(result.posterior),
+                allowed="draws that converged, of an offset that the data determine",
+            )
+        return Figure(picture)
+
+    def scene(self) -> SceneView:
+        """The arm at its measurements and the targets, in 3D.
+
+        Raises
+        ------
+        BadInput
+            The fit did not converge.
+        """
+        from ..reports.run.run_scene import run_turnable
+
+        result = self.solution.result
+        scene = run_turnable(result)
+        if scene is None:
+            raise BadInput("there is no scene of a fit that did not converge", found=result.likelihood.reason)
+        return SceneView.of(result.inputs.run, scene)
+
+
+def analyse(
+    run: Run,
+    *,
+    seed: int = 0,
+    ess: float = 1000.0,
+    robust: Loss | None = None,
+    held_out: Sequence[str] = (),
+) -> Analysed:
+    """Everything that can be said of a recorded run: fits, identifiability, posterior, influence, verdict.
+
+    Parameters
+    ----------
+    run
+        From `read_run`, `Run.from_arrays` or `simulate`.
+    seed
+        Of all random numbers; the same seed gives the same answer.
+    ess
+        Effective sample size of the posterior that is asked of every parameter, 100 or more.
+    robust
+        "huber" or "student": one more fit with this loss, in which outlying measurements weigh less.
+    held_out
+        Names of targets (* and ? as in file names): one more fit without them, to see how it does there.
+
+    Returns
+    -------
+    Analysed
+        A `Solution` with everything around it.
+
+    Raises
+    ------
+    BadInput
+        The run cannot be analysed, or an argument cannot be used.
+
+    Examples
+    --------
+    >>> import zerobeam as zb
+    >>> from zerobeam.experiments.demos import demo_runs
+    >>> sol = zb.analyse(zb.read_run(demo_runs()[0].path), ess=100)
+    >>> sol.verdict
+    'pass'
+    >>> row = sol["delta2"]
+    >>> f"{row.estimate:.2f} {row.unit}, u = {row.u:.1g}"
+    '-1.22 deg, u = 0.02'
+    """
+    require_kind(run, Run, "run", "read a file with zerobeam.read_run(path)")
+    require_number(seed, 0, "seed", whole=True)
+    require_number(ess, 100, "ess")
+    require_choice(robust, (None, "huber", "student"), "robust")
+    if isinstance(held_out, str):
+        held_out = (held_out,)
+    found = analyse_run(run, seed=seed, ess=ess, robust=robust, held_out=held_out)
+    return Analysed(**{field.name: getattr(found, field.name) for field in fields(found)})
+
+
+def offset_table(solution: Analysed) -> Table:
+    """The offsets with their expanded uncertainties; words where there is no number."""
+    k = numbers.significant(solution.quantile, 3)
+    columns = [("offset", "left"), (f"estimate ± U (k = {k})", "right"), ("status", "left")]
+    caption = "Joint offsets, to be added to the recorded joint positions"
+    return table_of(caption, columns, [_row(row, solution.quantile) for row in solution.offsets])
+
+
+def _row(row: ParameterResult, k: float) -> Row:
+    name, word, unit = label(row.name), Cell(row.status, mark=row.status), unit_of(row.unit)
+    if row.held and row.estimate is not None:
+        return row_of(name, f"held at {numbers.exact(row.estimate, unit)}", word, tone=row.status)
+    if row.estimate is None or row.u is None:
+        return row_of(name, NOT_DETERMINED, word, tone=row.status)
+    half = k * row.u
+    said = f"{numbers.estimate(row.estimate, half, unit)} ± {numbers.spread(half, unit)}"
+    return row_of(name, said, word, tone=row.status)

@@ -1,0 +1,113 @@
+"""Do repeated runs agree? As one object for programs and notebooks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from ..analysis.repeatability.compare import Comparison
+from ..analysis.repeatability.compare import compare as compare_runs
+from ..model.errors import BadInput
+from ..model.files.run import Run
+from ..reports.output.cards import card, text
+from ..reports.repeatability.comparison_folder import ComparisonPaths, write_comparison
+from ..reports.repeatability.comparison_json import comparison_json
+from ..reports.repeatability.comparison_page import comparison_page
+from ..reports.style.blocks import Page, Table
+from .arguments import require_number
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ComparedRuns(Comparison):
+    """The answer of `zerobeam.compare`; it is a `Comparison`.
+
+    Attributes
+    ----------
+    verdict : str
+        "agrees", "does not agree" or "not tested".
+    odd_run : str or None
+        The run that alone disagrees.
+    differing, drifting : tuple of str
+        Names of offsets that scatter more than predicted, or drift.
+    offsets : tuple
+        Mean, scatter and prediction of each offset, degrees (mm for prismatic joints).
+    runs : tuple
+        Each run, with its offsets without any prior.
+    """
+
+    def report(self, folder: Path | str) -> ComparisonPaths:
+        """Write the comparison: HTML, PDF, compare.json, offsets.csv and the figure.
+
+        Raises
+        ------
+        BadInput
+            `folder` is a file, is not ours, or cannot be written.
+        """
+        return write_comparison(folder, self)
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of `compare.json` (docs/files.md) as plain dicts, lists, numbers and text."""
+        return comparison_json(self)
+
+    def __repr__(self) -> str:
+        return text(*self._shown())
+
+    def _repr_html_(self) -> str:
+        page, table = self._shown()
+        return card(page, [table])
+
+    def _shown(self) -> tuple[Page, Table]:
+        page = comparison_page(self)
+        return page, next(block for block in page.sections[0].all if isinstance(block, Table))
+
+
+def compare(runs: Sequence[Run | Path | str], *, seed: int = 0) -> ComparedRuns:
+    """Compare repeated runs: their scatter against the prediction, drift, and the run that is an outlier.
+
+    Parameters
+    ----------
+    runs
+        Two or more: runs, paths of run files (.jsonl) or of results (.json); or one path of a table of
+        published offsets (.csv).
+    seed
+        Of the fits.
+
+    Returns
+    -------
+    ComparedRuns
+        The verdict with the numbers behind it.
+
+    Raises
+    ------
+    BadInput
+        There are fewer than two runs, one is given twice, or they cannot be compared.
+
+    Examples
+    --------
+    >>> import zerobeam as zb
+    >>> from zerobeam.experiments.demos import demo_runs
+    >>> good = zb.read_run(demo_runs()[0].path)
+    >>> zb.compare([good, good])
+    Traceback (most recent call last):
+    zerobeam.model.errors.BadInput: the same run is given twice: it would agree with itself
+    """
+    if isinstance(runs, str | Path) or not isinstance(runs, Sequence):
+        raise BadInput(
+            "this is not a list of runs",
+            found=type(runs).__name__,
+            allowed="a list of runs or of paths",
+            argument="runs",
+        )
+    for k, one in enumerate(runs):
+        if not isinstance(one, Run | Path | str):
+            raise BadInput(
+                "this is not a run",
+                found=type(one).__name__,
+                allowed="zerobeam.Run, or the path of a run file or result",
+                argument=f"runs[{k}]",
+            )
+    require_number(seed, 0, "seed", whole=True)
+    found = compare_runs(runs, seed=seed)
+    return ComparedRuns(**{field.name: getattr(found, field.name) for field in fields(found)})

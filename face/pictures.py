@@ -1,0 +1,144 @@
+"""Figures and scenes that show themselves in a notebook and can be saved."""
+
+from __future__ import annotations
+
+import base64
+import html
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..model.errors import BadInput
+from ..model.files.whole_file import refuse_existing
+from ..reports.output.html import Turnable, scene_html
+from ..reports.output.pdf import picture_bytes
+from ..reports.output.template import font_face
+from ..reports.style.canvas import Picture
+from ..reports.style.palette import light
+from ..reports.words.wording import clipped
+
+
+@dataclass(frozen=True, repr=False)
+class Figure:
+    """A figure of a report: shows itself in a notebook.
+
+    Attributes
+    ----------
+    title : str
+        Its caption.
+    alt : str
+        What it shows, in words.
+    svg : str
+        A whole SVG document.
+    """
+
+    picture: Picture
+
+    @property
+    def title(self) -> str:
+        return self.picture.title
+
+    @property
+    def alt(self) -> str:
+        return self.picture.alt
+
+    @property
+    def svg(self) -> str:
+        return self.picture.svg
+
+    def save(self, path: Path | str) -> Path:
+        """Write it to a new file, as its ending says: .svg, .pdf or .png (300 dots an inch).
+
+        Raises
+        ------
+        BadInput
+            Another ending, or the file exists.
+        """
+        path = _new_file(path, (".svg", ".pdf", ".png"))
+        form = path.suffix.lower()
+        if form == ".svg":
+            content = self.picture.svg.encode()
+        else:
+            content = picture_bytes(self.picture, "pdf" if form == ".pdf" else "png")
+        return _written(path, content)
+
+    def __repr__(self) -> str:
+        return f"<Figure {self.picture.name}: {self.picture.title}>"
+
+    def _repr_svg_(self) -> str:
+        return self.picture.svg
+
+    def _repr_html_(self) -> str:
+        # As an image it brings its typeface along, and its ids stay its own.
+        start = self.picture.svg.index(">", self.picture.svg.index("<svg")) + 1
+        style = f"<style>{font_face('Regular')}</style>"
+        svg = self.picture.svg[:start] + style + self.picture.svg[start:]
+        data = base64.b64encode(svg.encode()).decode()
+        ground, muted = light("ground"), light("muted")
+        return (
+            f'<figure style="margin:0;padding:.8rem;max-width:37rem;background:{ground};color:{muted}">'
+            f'<img style="width:100%" alt="{html.escape(self.alt)}" src="data:image/svg+xml;base64,{data}">'
+            f'<figcaption style="font-size:.875em">{html.escape(self.title)}</figcaption></figure>'
+        )
+
+
+@dataclass(frozen=True, repr=False)
+class SceneView:
+    """A 3D scene that can be turned: shows itself in a notebook, without a network.
+
+    Attributes
+    ----------
+    name : str
+        Of what it is.
+    page : str
+        A whole HTML page.
+    """
+
+    name: str
+    page: str
+
+    @classmethod
+    def of(cls, name: str, turnable: Turnable) -> SceneView:
+        """The scene of a report as a page of its own."""
+        return cls(name, scene_html(clipped(name, 60), turnable))
+
+    def save(self, path: Path | str) -> Path:
+        """Write it to a new file (.html).
+
+        Raises
+        ------
+        BadInput
+            Another ending, or the file exists.
+        """
+        return _written(_new_file(path, (".html",)), self.page.encode())
+
+    def __repr__(self) -> str:
+        return f"<SceneView of {clipped(self.name, 60)}>"
+
+    def _repr_html_(self) -> str:
+        # A page in a frame of its own: it can neither read nor change the notebook around it.
+        return (
+            f'<iframe title="{html.escape(clipped(self.name, 60))}, in 3D" sandbox="allow-scripts"'
+            f' style="width:100%;height:44rem;border:0" srcdoc="{html.escape(self.page)}"></iframe>'
+        )
+
+
+def _new_file(path: Path | str, endings: tuple[str, ...]) -> Path:
+    path = Path(path)
+    if path.suffix.lower() not in endings:
+        raise BadInput(
+            "the file's ending says no known format",
+            found=repr(path.name),
+            allowed=", ".join(endings),
+            argument="path",
+        )
+    refuse_existing(path)
+    return path
+
+
+def _written(path: Path, content: bytes) -> Path:
+    try:
+        with path.open("xb") as file:
+            file.write(content)
+    except OSError as error:
+        raise BadInput("the file cannot be written", found=error.strerror or str(error), file=path) from error
+    return path

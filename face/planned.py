@@ -1,0 +1,389 @@
+"""Before the measurements: check a plan, find the best one, rehearse it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from ..analysis.observability.aim import AimedPlan, aim_plan
+from ..analysis.observability.check import Check, CheckedParameter, CheckedTable
+from ..analysis.observability.check import check as check_aimed
+from ..experiments.plans.make import MadePlan, PlanRequest, make_plan
+from ..experiments.plans.obstacles import Obstacles, read_obstacles
+from ..experiments.simulate import Truth, simulated_shots
+from ..model.errors import BadInput
+from ..model.files.arrays import checked, plain
+from ..model.files.header import RUN_SCHEMA, Header, read_header
+from ..model.files.plan import Plan
+from ..model.files.reading import did_you_mean
+from ..model.files.run import Run
+from ..reports.output.cards import card, text
+from ..reports.plan.plan_page import plan_turnable
+from ..reports.plan.plan_scene import postures_of
+from ..reports.run.parameters import person, unit_of
+from ..reports.style.blocks import Cell, Page, Row, Table, Verdict, row_of, table_of
+from ..reports.words import numbers
+from ..reports.words.findings import VERDICT_WORDS, check_notes, headline
+from ..reports.words.result_json import check_json
+from ..reports.words.wording import clipped, counted, label, sentence
+from .arguments import require_choice, require_kind, require_number, vector
+from .pictures import SceneView
+
+_NO_NUMBER = "unidentifiable from these measurements"
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class CheckedPlan(Check):
+    """The answer of `zerobeam.check` to a plan; it is a `Check`.
+
+    `check["delta2"]` is a row with `.u`, the predicted standard uncertainty (None where the plan cannot
+    determine the parameter), `.status` and `.unit`.
+
+    Attributes
+    ----------
+    verdict : str
+        "pass", "weak" or "degenerate", over all offsets.
+    parameters : tuple
+        A row for each parameter, in their order.
+    offsets : CheckedTable
+        The rows of the joint offsets; `.to_frame()` makes a pandas DataFrame.
+    plot : PlanPlots
+        `plot.scene()`, the postures in 3D.
+    aimed : AimedPlan
+        The plan with the wrist turned onto the target, as it was judged.
+    """
+
+    aimed: AimedPlan
+
+    @property
+    def offsets(self) -> CheckedTable:
+        """The rows of the joint offsets."""
+        return CheckedTable(row for row in self.parameters if row.group == "offset")
+
+    def __getitem__(self, name: str) -> CheckedParameter:
+        return CheckedTable(self.parameters).named(name)
+
+    @property
+    def plot(self) -> PlanPlots:
+        """Figures of this plan."""
+        return PlanPlots(self)
+
+    def to_json(self) -> dict[str, Any]:
+        """The answer of `zerobeam check --json` (docs/files.md) as plain dicts, lists, numbers and text."""
+        return check_json(self)
+
+    def __repr__(self) -> str:
+        return text(self._page(), _table(self))
+
+    def _repr_html_(self) -> str:
+        return card(self._page(), [_table(self)])
+
+    def _page(self) -> Page:
+        return Page(
+            f"Check of {clipped(self.inputs.plan, 60)}",
+            f"{counted(len(self.postures), 'posture')}, {clipped(self.inputs.robot)}",
+            Verdict(self.verdict, VERDICT_WORDS[self.verdict], sentence(headline(self, person))),
+            [sentence(note) for note in check_notes(self)],
+            [],
+        )
+
+
+@dataclass(frozen=True)
+class PlanPlots:
+    """The figures of a check."""
+
+    check: CheckedPlan
+
+    def scene(self) -> SceneView:
+        """The arm in its postures and the targets, in 3D."""
+        aimed = self.check.aimed
+        return SceneView.of(aimed.plan.path.name, plan_turnable(aimed, postures_of(aimed)))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OptimalPlan:
+    """The best plan that was found.
+
+    Attributes
+    ----------
+    plan : Plan
+        Its postures, in an order that shortens the travel.
+    check : CheckedPlan
+        What it will determine.
+    made : MadePlan
+        How it was found: `.proposal` has criterion, certified efficiency and travel time, `.removed` what
+        removed candidate postures.
+    """
+
+    plan: Plan
+    check: CheckedPlan
+    made: MadePlan
+
+    def __repr__(self) -> str:
+        return repr(self.check)
+
+    def _repr_html_(self) -> str:
+        return self.check._repr_html_()
+
+
+def check(plan: Plan) -> CheckedPlan:
+    """Judge a plan before any measurement, with the wrist turned onto the target as a servo will turn it.
+
+    Parameters
+    ----------
+    plan
+        From `read_plan`, `Plan.from_arrays` or `optimal_plan(…).plan`.
+
+    Returns
+    -------
+    CheckedPlan
+        Verdict, what each parameter will be known to, what is unidentifiable and what would help.
+
+    Raises
+    ------
+    BadInput
+        From none of the postures the target can be met.
+
+    Examples
+    --------
+    >>> import zerobeam as zb
+    >>> plan = zb.Plan.from_arrays(
+    ...     robot="irb1600",
+    ...     tool=zb.Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)),
+    ...     postures=[[0, 10 * k, 20 - 5 * k, 0, 50 - 5 * k, 0] for k in range(5)],
+    ...     noise=zb.Noise(joint_deg=0.01, spot_mm=0.05),
+    ...     target_priors={"psd": {"guess_mm": (900, 0, 0)}},
+    ... )
+    >>> zb.check(plan)["delta2"].status
+    'unidentifiable'
+    """
+    require_kind(plan, Plan, "plan", "read a file with zerobeam.read_plan(path)")
+    aimed = aim_plan(plan)
+    return _with_plan(check_aimed(plan, aimed), aimed)
+
+
+def optimal_plan(
+    header: Header | Mapping[str, Any] | Path | str,
+    target: Sequence[float],
+    *,
+    shots: int = 7,
+    candidates: int = 10_000,
+    criterion: Literal["A", "D", "E"] = "A",
+    tolerance: float | None = None,
+    max_shots: int = 30,
+    facing: Sequence[float] | None = (0.0, 0.0, 1.0),
+    acceptance_deg: float = 60.0,
+    beam_mm: Sequence[float] = (200.0, 2000.0),
+    margin_deg: float = 5.0,
+    obstacles: Path | str | None = None,
+    seed: int = 0,
+) -> OptimalPlan:
+    """The best of many candidate postures, in an order that shortens the travel.
+
+    Parameters
+    ----------
+    header
+        What all measurements have in common: a mapping with the keys of a header file (`robot`, `tool`,
+        `noise`, …; the last two as `Laser`, `Probe` and `Noise` if you like), or the path of such a file.
+    target
+        (3,) where the target is, base frame, mm.
+    shots
+        Number of measurements.
+    candidates
+        Number of random postures to choose from.
+    criterion
+        What is minimised: "A" the mean, "D" the generalised, "E" the largest variance of the offsets.
+    tolerance
+        The fewest measurements, up to `max_shots`, whose predicted standard uncertainties are all within this
+        (degrees; mm for prismatic joints); `shots` is not read then.
+    max_shots
+        With `tolerance`: the largest number of measurements.
+    facing
+        (3,) outward normal of the target's face, base frame; None for a target that is hit from anywhere.
+    acceptance_deg
+        Largest angle between beam and that normal, degrees.
+    beam_mm
+        (2,) shortest and longest beam, mm.
+    margin_deg
+        Distance that is kept to every joint limit, degrees.
+    obstacles
+        An obstacles file (.yaml).
+    seed
+        Of all random numbers.
+
+    Returns
+    -------
+    OptimalPlan
+        `.plan` and `.check`.
+
+    Raises
+    ------
+    BadInput
+        Names the argument that cannot be used, or the constraint that leaves too few postures, or the
+        tolerance that no number of measurements reaches.
+
+    Examples
+    --------
+    >>> import zerobeam as zb
+    >>> header = {
+    ...     "robot": "irb1600",
+    ...     "tool": zb.Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)),
+    ...     "noise": zb.Noise(joint_deg=0.01, spot_mm=0.05),
+    ... }
+    >>> best = zb.optimal_plan(header, (900, 0, 0), candidates=300)
+    >>> best.plan
+    <Plan optimal: 7 postures at psd, irb1600>
+    >>> best.check.verdict
+    'pass'
+    """
+    require_choice(criterion, ("A", "D", "E"), "criterion")
+    counts = {"shots": (shots, 2), "candidates": (candidates, 10), "max_shots": (max_shots, 2)}
+    for argument, (value, least) in (counts | {"seed": (seed, 0)}).items():
+        require_number(value, least, argument, whole=True)
+    require_number(margin_deg, 0, "margin_deg")
+    require_number(acceptance_deg, 0, "acceptance_deg")
+    if tolerance is not None:
+        require_number(tolerance, 0, "tolerance")
+    stated, folder = _header(header)
+    made = make_plan(
+        PlanRequest(
+            kind="optimal",
+            header=stated,
+            header_folder=folder,
+            target=vector(target, 3, "target"),
+            shots=shots,
+            candidates=candidates,
+            criterion=criterion,
+            tolerance=tolerance,
+            max_shots=max_shots,
+            facing=None if facing is None else vector(facing, 3, "facing"),
+            acceptance_deg=acceptance_deg,
+            beam_mm=vector(beam_mm, 2, "beam_mm"),
+            margin_deg=margin_deg,
+            obstacles=Obstacles() if obstacles is None else read_obstacles(Path(obstacles)),
+            seed=seed,
+        ),
+        None,
+        lambda stage, share: None,
+    )
+    if made.plan is None or made.checked is None:
+        assert made.fewest is not None  # without a tolerance there is a plan
+        most, worst = made.fewest.curve[-1]
+        raise BadInput(
+            f"no plan of up to {max_shots} measurements reaches the tolerance",
+            found=f"{numbers.spread(worst)} with {most} measurements; the limit is {made.fewest.limit}",
+            remedy="allow more measurements or a larger tolerance, or lower the noise",
+            argument="tolerance",
+        )
+    return OptimalPlan(made.plan, _with_plan(made.checked, aim_plan(made.plan)), made)
+
+
+def simulate(
+    plan: Plan, offsets: Mapping[str, float] | None = None, *, seed: int = 0, name: str = "simulated"
+) -> Run:
+    """Measurements of a plan as a simulated arm gives them, servoed onto the target and read with the noise
+    that the plan states.
+
+    Parameters
+    ----------
+    plan
+        What is measured.
+    offsets
+        True values by name, such as {"delta2": 0.3}, in degrees (mm for prismatic joints); other parameters,
+        such as "tool.x", in their units. What is not named is nominal. None: random offsets of about 1 degree
+        (1 mm), and random errors of an uncalibrated tool.
+    seed
+        Of the random numbers.
+    name
+        What reports call the run.
+
+    Returns
+    -------
+    Run
+        Its header's `provenance` states the true values.
+
+    Raises
+    ------
+    BadInput
+        There is no parameter of a name in `offsets`, or its value is not a finite number.
+    RigFault
+        From a posture the target cannot be met.
+
+    Examples
+    --------
+    >>> import zerobeam as zb
+    >>> from zerobeam.experiments.demos import demo_runs
+    >>> good = zb.read_run(demo_runs()[0].path)
+    >>> plan = zb.Plan.from_arrays(
+    ...     robot="irb1600",
+    ...     tool=zb.Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)),
+    ...     postures=good.joints,
+    ...     unit="rad",
+    ...     noise=zb.Noise(joint_deg=0.01, spot_mm=0.05),
+    ...     target_priors={"psd": {"guess_mm": (900, 0, 0)}},
+    ... )
+    >>> zb.simulate(plan, offsets={"delta2": 0.3}, seed=1)
+    <Run simulated: 7 measurements of psd, irb1600>
+    """
+    require_kind(plan, Plan, "plan", "read a file with zerobeam.read_plan(path)")
+    require_number(seed, 0, "seed", whole=True)
+    rng = np.random.default_rng(seed)
+    if offsets is None:
+        truth = Truth.drawn(plan, rng)
+    else:
+        truth = Truth.stated(plan, {})
+        names = truth.problem.parameters.names
+        for own, value in offsets.items():
+            if own not in names:
+                raise BadInput(
+                    "no parameter has this name",
+                    found=own,
+                    allowed=", ".join(names),
+                    remedy=did_you_mean(str(own), names),
+                    argument="offsets",
+                )
+            require_number(value, -np.inf, f"offsets[{own!r}]")
+        truth = Truth.stated(plan, dict(offsets))
+    header = plan.header.model_copy(
+        update={"schema_": RUN_SCHEMA, "provenance": {**plan.header.provenance, **truth.provenance()}}
+    )
+    return Run.of_shots(header, plan.robot, list(simulated_shots(truth, rng)), name)
+
+
+def _with_plan(found: Check, aimed: AimedPlan) -> CheckedPlan:
+    return CheckedPlan(**{field.name: getattr(found, field.name) for field in fields(found)}, aimed=aimed)
+
+
+def _header(header: Header | Mapping[str, Any] | Path | str) -> tuple[Header, Path]:
+    """The header, and the folder that its paths are relative to."""
+    if isinstance(header, Path | str):
+        return read_header(Path(header)), Path(header).parent
+    if isinstance(header, Header):
+        return header, Path(".")
+    if not isinstance(header, Mapping):
+        raise BadInput(
+            "this cannot be used",
+            found=type(header).__name__,
+            allowed="a mapping with the keys of a header, or the path of a header file",
+            argument="header",
+        )
+    names = {str(key): f"header[{key!r}]" for key in (*Header.model_fields, *header)}
+    return checked(Header, plain(header), names), Path(".")
+
+
+def _table(found: CheckedPlan) -> Table:
+    columns = [("offset", "left"), ("predicted u", "right"), ("status", "left")]
+    caption = "Standard uncertainties u that these measurements will give"
+    return table_of(caption, columns, [_row(row) for row in found.offsets])
+
+
+def _row(row: CheckedParameter) -> Row:
+    name, word = label(row.name), Cell(row.status, mark=row.status)
+    if row.held:
+        return row_of(name, "not estimated", word, tone=row.status)
+    said = _NO_NUMBER if row.u is None else numbers.spread(row.u, unit_of(row.unit))
+    return row_of(name, said, word, tone=row.status)
