@@ -112,9 +112,40 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Result:
-    """The whole answer. `findings` are what a reader must not miss, the gravest first.
+    """The whole answer to a recorded run as data, in degrees and mm: what `result.json` and a report say.
 
-    Raises UnsoundResult where one part claims more than the statuses in `parameters` allow.
+    Attributes
+    ----------
+    verdict : str
+        "pass", "weak" or "degenerate", over all offsets.
+    parameters : ParameterTable
+        A row for each parameter.
+    identifiability : Identifiability
+        Rank, singular values, and the null-space directions with causes.
+    likelihood, midpoint, robust, hold_out
+        The fits; the last two are None where they were not asked for.
+    posterior : PosteriorSummary
+        Diagnostics and summaries of the draws.
+    shots, distances, intervals, accuracy, budget, scene
+        Residuals and influence of each measurement, stated distances, 95 % intervals by several methods,
+        accuracy at the TCP, uncertainty budget, what a picture needs.
+    findings : tuple
+        What a reader must not miss, the gravest first.
+    inputs : Inputs
+        What the answer was made from.
+
+    Raises
+    ------
+    UnsoundResult
+        One part claims more than the statuses in `parameters` allow.
+
+    Examples
+    --------
+    >>> import zerobeam as zb
+    >>> from zerobeam.experiments.demos import demo_runs
+    >>> result = zb.analyse(zb.read_run(demo_runs()[0].path), ess=100).result
+    >>> result.likelihood.dof, result.inputs.robot
+    (6, 'irb1600')
     """
 
     verdict: Verdict

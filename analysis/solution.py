@@ -114,9 +114,33 @@ class ParameterTable(Rows[ParameterResult]):
 
 @dataclass(frozen=True, eq=False)
 class Covariance:
-    """The covariance of named parameters in the units that people read: `matrix` (m, m).
+    """The covariance of the m parameters that the data determine, and of nothing else.
 
-    It has rows for what the data determine and for nothing else; raises UnsoundResult for any other status.
+    Attributes
+    ----------
+    names, units : tuple of str
+        (m,) what each row is, and its unit: deg, mm, or 1 for a noise factor.
+    status : tuple of str
+        (m,) "identified" or "weak".
+    matrix : ndarray
+        (m, m) in the products of those units.
+
+    Raises
+    ------
+    UnsoundResult
+        A parameter is of another status.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import zerobeam as zb
+    >>> both = ("identified", "identified")
+    >>> covariance = zb.Covariance(("delta2", "delta3"), ("deg", "deg"), both, np.array([[4, 1], [1, 9.0]]))
+    >>> covariance["delta2", "delta3"], covariance.std.tolist()
+    (1.0, [2.0, 3.0])
+    >>> covariance["delta2", "delta4"]
+    Traceback (most recent call last):
+    zerobeam.model.errors.BadInput: the covariance has no row for this parameter: ...
     """
 
     names: tuple[str, ...]
@@ -172,9 +196,26 @@ class Covariance:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A fit, judged. `identified` is what the data determine at its mode; `trusted` is False where the noise
-    that the fit took as known is not (more measurements are needed to estimate it): nothing is then called
-    known."""
+    """A fit, judged: what the data determine, with its uncertainty, and what they do not.
+
+    Attributes
+    ----------
+    fit : LikelihoodFit
+        The mode and its curvature.
+    identified : Identified
+        What the data determine at the mode.
+    trusted : bool
+        False where the noise that the fit took as known is not (more measurements are needed to estimate it):
+        nothing is then called known.
+
+    Examples
+    --------
+    `zerobeam.analyse` gives one:
+
+    >>> import zerobeam as zb
+    >>> issubclass(zb.Analysed, zb.Solution)
+    True
+    """
 
     fit: LikelihoodFit
     identified: Identified

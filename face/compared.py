@@ -35,6 +35,22 @@ class ComparedRuns(Comparison):
         Mean, scatter and prediction of each offset, degrees (mm for prismatic joints).
     runs : tuple
         Each run, with its offsets without any prior.
+
+    Examples
+    --------
+    >>> import zerobeam as zb
+    >>> from zerobeam.experiments.demos import demo_runs
+    >>> good = zb.read_run(demo_runs()[0].path)
+    >>> plan = zb.Plan.from_arrays(
+    ...     robot="irb1600",
+    ...     tool=zb.Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)),
+    ...     postures=good.joints,
+    ...     unit="rad",
+    ...     noise=zb.Noise(joint_deg=0.01, spot_mm=0.05),
+    ...     target_priors={"psd": {"guess_mm": (950, 150, 100)}},
+    ... )
+    >>> zb.compare([zb.simulate(plan, seed=k, offsets={"delta2": 0.3}) for k in range(3)]).verdict
+    'agrees'
     """
 
     def report(self, folder: Path | str) -> ComparisonPaths:

@@ -29,6 +29,14 @@ class Figure:
         What it shows, in words.
     svg : str
         A whole SVG document.
+
+    Examples
+    --------
+    >>> import zerobeam as zb
+    >>> from zerobeam.experiments.demos import demo_runs
+    >>> sol = zb.analyse(zb.read_run(demo_runs()[0].path), ess=100)
+    >>> sol.plot.offsets()
+    <Figure offsets: ...>
     """
 
     picture: Picture
@@ -91,6 +99,14 @@ class SceneView:
         Of what it is.
     page : str
         A whole HTML page.
+
+    Examples
+    --------
+    >>> import zerobeam as zb
+    >>> from zerobeam.experiments.demos import demo_runs
+    >>> sol = zb.analyse(zb.read_run(demo_runs()[0].path), ess=100)
+    >>> sol.plot.scene()
+    <SceneView of good.jsonl>
     """
 
     name: str

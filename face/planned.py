@@ -55,6 +55,18 @@ class CheckedPlan(Check):
         `plot.scene()`, the postures in 3D.
     aimed : AimedPlan
         The plan with the wrist turned onto the target, as it was judged.
+
+    Examples
+    --------
+    >>> import zerobeam as zb
+    >>> header = {
+    ...     "robot": "irb1600",
+    ...     "tool": zb.Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)),
+    ...     "noise": zb.Noise(joint_deg=0.01, spot_mm=0.05),
+    ... }
+    >>> found = zb.optimal_plan(header, (900, 0, 0), candidates=300).check
+    >>> found["delta2"].status, found["delta2"].u < 0.02
+    ('identified', True)
     """
 
     aimed: AimedPlan
@@ -117,6 +129,18 @@ class OptimalPlan:
     made : MadePlan
         How it was found: `.proposal` has criterion, certified efficiency and travel time, `.removed` what
         removed candidate postures.
+
+    Examples
+    --------
+    >>> import zerobeam as zb
+    >>> header = {
+    ...     "robot": "irb1600",
+    ...     "tool": zb.Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)),
+    ...     "noise": zb.Noise(joint_deg=0.01, spot_mm=0.05),
+    ... }
+    >>> best = zb.optimal_plan(header, (900, 0, 0), candidates=300)
+    >>> best.made.proposal.criterion, 0 < best.made.proposal.efficiency <= 1
+    ('A', True)
     """
 
     plan: Plan

@@ -7,7 +7,19 @@ from pathlib import Path
 
 
 class ZerobeamError(Exception):
-    """Base of all errors that are told to a person in one message; `exit_status` is the command line's."""
+    """Base of all errors that are told to a person in one message.
+
+    Attributes
+    ----------
+    exit_status : int
+        What the command line ends with.
+
+    Examples
+    --------
+    >>> import zerobeam as zb
+    >>> issubclass(zb.BadInput, zb.ZerobeamError)
+    True
+    """
 
     exit_status = 2
 
@@ -16,8 +28,31 @@ class BadInput(ZerobeamError):
     """A file, an option or a value that cannot be used.
 
     The message has one line a fact: where and what is wrong, what was found, what is allowed,
-    what to do. `file` and `line` (counted from 1) say where, if the input came from a file;
-    `argument` does, if it came from a call in Python.
+    what to do.
+
+    Attributes
+    ----------
+    what : str
+        What is wrong.
+    found, allowed, remedy
+        What was found, what is allowed, what to do; None where it is not stated.
+    file : str or None
+        The file, if the input came from one.
+    line : int or None
+        The line in it, counted from 1.
+    argument : str or None
+        The argument, if the input came from a call in Python.
+
+    Examples
+    --------
+    >>> import zerobeam as zb
+    >>> try:
+    ...     zb.Noise(joint_deg=-0.01, spot_mm=0.05)
+    ... except zb.BadInput as error:
+    ...     print(error)
+    argument joint_deg: the standard deviation of a joint reading cannot be used
+      found:   -0.01
+      allowed: one number above 0, or a list of them, one for each joint
     """
 
     def __init__(
@@ -94,12 +129,26 @@ def missing_extra(what: str, extra: str, *, needed: str | None = None) -> BadInp
 
 
 class FitFailed(ZerobeamError):
-    """The estimation could not be carried out; nothing that it left behind may be read as a result."""
+    """The estimation could not be carried out; nothing that it left behind may be read as a result.
+
+    Examples
+    --------
+    >>> import zerobeam as zb
+    >>> zb.FitFailed.exit_status
+    3
+    """
 
     exit_status = 3
 
 
 class RigFault(ZerobeamError):
-    """The rig (controller, sensor or simulated cell) did not do what it was asked to."""
+    """The rig (controller, sensor or simulated cell) did not do what it was asked to.
+
+    Examples
+    --------
+    >>> import zerobeam as zb
+    >>> zb.RigFault.exit_status
+    3
+    """
 
     exit_status = 3

@@ -117,7 +117,35 @@ class PlanInputs:
 
 @dataclass(frozen=True)
 class Check:
-    """The answer to `zerobeam check`, in units that people read."""
+    """The answer to `zerobeam check`, in degrees and mm.
+
+    Attributes
+    ----------
+    verdict : str
+        "pass", "weak" or "degenerate", over all offsets.
+    parameters : tuple of CheckedParameter
+        A row for each parameter: `name`, `unit`, `status`, `u` (predicted standard uncertainty, None where
+        the plan cannot determine it), `data_std` (without prior), `prior_std`, `cause`.
+    identifiability : Identifiability
+        Rank, singular values, and the null-space directions with causes.
+    postures : tuple of CheckedPosture
+        How far each posture's beam is off its target before the wrist is turned, mm.
+    curve, over_target, advice
+        The largest u by number of measurements; u over where the target may be; the single change that helps
+        most.
+    findings, warnings : tuple
+        What a reader must not miss.
+    inputs : PlanInputs
+        What the check was made from.
+
+    Examples
+    --------
+    `zerobeam.check` gives one:
+
+    >>> import zerobeam as zb
+    >>> issubclass(zb.CheckedPlan, zb.Check)
+    True
+    """
 
     verdict: Verdict
     parameters: tuple[CheckedParameter, ...]

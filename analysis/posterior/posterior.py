@@ -94,11 +94,33 @@ class PriorOnly:
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """Posterior draws in the units that people read, `values` (ensembles, walkers, steps, parameters).
+    """Posterior draws of the m parameters that the data determine, and of nothing else.
 
-    Only of what the data determine: the draws of an unidentifiable parameter can be narrow by what the priors
-    of others make of it, and would pass for knowledge. Those parameters are `prior_only`. `converged` gates
-    every use.
+    The draws of an unidentifiable parameter can be narrow by what the priors of others make of it, and would
+    pass for knowledge.
+
+    Attributes
+    ----------
+    names, units, status : tuple of str
+        (m,) of each parameter; units are deg, mm, or 1 for a noise factor.
+    values : ndarray
+        (ensembles, walkers, steps, m). The walkers of one ensemble are not independent of each other.
+    prior_only : tuple of PriorOnly
+        The free parameters that the data do not determine, with their priors.
+    converged : bool
+        False: the draws are no posterior and must not be used as one.
+
+    Raises
+    ------
+    UnsoundResult
+        A parameter is of a status that allows no draws.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import zerobeam as zb
+    >>> zb.Draws(("delta2",), ("deg",), ("identified",), np.zeros((4, 32, 100, 1)), (), True).values.shape
+    (4, 32, 100, 1)
     """
 
     names: tuple[str, ...]

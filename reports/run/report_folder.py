@@ -33,9 +33,35 @@ class ReportPaths:
 
 
 def write_report(folder: Path | str, result: Result, draws: Draws | None) -> ReportPaths:
-    """Write the whole report to `folder`, replacing one that zerobeam wrote there before.
+    """Write the whole report, or nothing: HTML, PDF, result.json, posterior.nc and figures.
 
-    Whole or not at all. Raises BadInput where `folder` is a file, is not ours, or cannot be written.
+    Parameters
+    ----------
+    folder
+        Where to; a report that zerobeam wrote there before is replaced, anything else is not.
+    result, draws
+        Of `analyse`; without draws there is no posterior.nc.
+
+    Returns
+    -------
+    ReportPaths
+        The files.
+
+    Raises
+    ------
+    BadInput
+        `folder` is a file, is not ours, or cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import zerobeam as zb
+    >>> from zerobeam.experiments.demos import demo_runs
+    >>> sol = zb.analyse(zb.read_run(demo_runs()[0].path), ess=100)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     paths = zb.write_report(f"{folder}/report", sol.result, sol.draws)
+    >>> paths.html.name, paths.posterior.name
+    ('report.html', 'posterior.nc')
     """
     folder = Path(folder)
     names = write_folder(folder, _REPORT, lambda aside: _write_files(aside, result, draws))

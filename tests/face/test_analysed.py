@@ -1,0 +1,246 @@
+"""The answer of `zerobeam.analyse` as programs and notebooks hold it."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import sys
+import xml.etree.ElementTree as ElementTree
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import zerobeam as zb
+from zerobeam.experiments.demos import demo_runs
+from zerobeam.face.pictures import Figure
+from zerobeam.reports.words.result_json import to_json
+
+OFFSETS = [f"delta{i}" for i in range(1, 7)]
+HOSTILE = "<script>alert(1)</script>"
+
+
+@pytest.fixture(scope="module")
+def good() -> zb.Analysed:
+    return zb.analyse(zb.read_run(demo_runs()[0].path), ess=400)
+
+
+@pytest.fixture(scope="module")
+def x_pattern() -> zb.Analysed:
+    return zb.analyse(zb.read_run(demo_runs()[1].path), ess=100)
+
+
+@pytest.fixture(scope="module")
+def unconverged(good: zb.Analysed) -> zb.Analysed:
+    """A run that no offsets explain: noise far too small for joints that are not the arm's."""
+    joints = good.run.joints * np.where(np.arange(6) % 2, -1.0, 0.5)
+    run = zb.Run.from_arrays(
+        robot="irb1600",
+        tool=zb.Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)),
+        joints=joints,
+        unit="rad",
+        noise=zb.Noise(joint_deg=1e-9, spot_mm=1e-9),
+        limits="warn",
+    )
+    return zb.analyse(run, ess=100)
+
+
+class Tags(HTMLParser):
+    """The tags and attributes of a piece of HTML, and whether every one is closed."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.seen: list[tuple[str, dict[str, str | None]]] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.seen.append((tag, dict(attrs)))
+        if tag not in {"img", "input", "meta", "link", "br"}:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.seen.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+# --- rows, tables, covariance -----------------------------------------------------------------------
+
+
+def test_it_is_a_solution_with_rows_by_name(good: zb.Analysed) -> None:
+    assert isinstance(good, zb.Solution)
+    row = good["delta2"]
+    assert row is good.result.parameters.named("delta2")
+    assert row.u == row.std
+    low, high = row.interval95
+    assert low < row.estimate < high
+    with pytest.raises(zb.BadInput, match="did you mean 'delta2'"):
+        good["delta22"]
+
+
+def test_the_offsets_are_a_data_frame(x_pattern: zb.Analysed) -> None:
+    frame = x_pattern.offsets.to_frame()
+    assert list(frame.index) == OFFSETS
+    assert frame.loc["delta2"].isna().sum() == 4
+    assert frame.loc["delta3", "u"] == x_pattern["delta3"].u
+    assert frame.loc["delta1", "status"] == "held"
+
+
+def test_what_is_unidentifiable_has_no_row_in_the_covariance(x_pattern: zb.Analysed) -> None:
+    covariance = x_pattern.covariance
+    known = [row.name for row in x_pattern.parameters if row.status in ("identified", "weak")]
+    assert list(covariance.names) == known
+    assert "delta2" not in known
+    frame = covariance.to_frame()
+    assert list(frame.index) == list(frame.columns) == known
+    np.testing.assert_allclose(
+        np.sqrt(np.diag(covariance.matrix)), [x_pattern[name].u for name in known], rtol=1e-12
+    )
+    with pytest.raises(zb.BadInput, match="do not determine it"):
+        covariance["delta2", "delta3"]
+
+
+@pytest.mark.parametrize("missing", ["pandas", "xarray"])
+def test_an_optional_library_that_is_missing_is_said_so(good, missing, monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, missing, None)
+    with pytest.raises(zb.BadInput, match=f"{missing}(.|\n)*zerobeam\\[notebook\\]"):
+        good.offsets.to_frame() if missing == "pandas" else good.posterior
+
+
+# --- text and cards ---------------------------------------------------------------------------------
+
+
+def test_it_says_in_short_what_it_is(good: zb.Analysed, x_pattern: zb.Analysed) -> None:
+    assert repr(good).startswith("Solution of good.jsonl")
+    for sol in (good, x_pattern):
+        lines = repr(sol).splitlines()
+        assert len(lines) < 15
+        assert max(map(len, lines)) < 110
+    (row,) = (line for line in repr(x_pattern).splitlines() if "J2 (δ2)  " in line)
+    assert row.split(maxsplit=2)[2] == "not determined by these data  unidentifiable"
+    (row,) = (line for line in repr(good).splitlines() if "J2 (δ2)  " in line)
+    assert re.search(r"−1\.22\d° ± 0\.0\d\d°  +identified", row)
+
+
+def test_its_card_is_whole_and_has_no_script(good: zb.Analysed, x_pattern: zb.Analysed) -> None:
+    for sol in (good, x_pattern):
+        tags = Tags(sol._repr_html_())
+        assert tags.open == []
+        assert {tag for tag, _ in tags.seen}.isdisjoint({"script", "link", "img", "iframe"})
+        assert "://" not in re.sub(r'xmlns="[^"]+"', "", sol._repr_html_())
+    assert "not determined by these data" in x_pattern._repr_html_()
+
+
+def test_hostile_names_stay_names(good: zb.Analysed) -> None:
+    run = zb.Run.from_arrays(
+        robot="irb1600",
+        tool=zb.Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)),
+        joints=good.run.joints,
+        unit="rad",
+        noise=zb.Noise(joint_deg=0.01, spot_mm=0.05),
+        targets=HOSTILE,
+        name=HOSTILE,
+    )
+    sol = zb.analyse(run, ess=100)
+    for shown in (sol._repr_html_(), sol.plot.residuals()._repr_html_(), sol.plot.scene()._repr_html_()):
+        assert HOSTILE not in shown
+    assert {tag for tag, _ in Tags(sol._repr_html_()).seen}.isdisjoint({"script"})
+
+
+# --- figures ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["offsets", "residuals", "posterior"])
+def test_a_figure_shows_and_saves_itself(good: zb.Analysed, name: str, tmp_path: Path) -> None:
+    figure = getattr(good.plot, name)()
+    assert isinstance(figure, Figure)
+    assert ElementTree.fromstring(figure._repr_svg_()).tag.endswith("svg")
+    ((_, attributes),) = (one for one in Tags(figure._repr_html_()).seen if one[0] == "img")
+    assert attributes["alt"] == figure.alt
+    kind, data = attributes["src"].split(",")
+    assert kind == "data:image/svg+xml;base64"
+    inside = base64.b64decode(data).decode()
+    assert ElementTree.fromstring(inside).tag.endswith("svg")
+    assert "@font-face" in inside
+    for ending, start in ((".svg", b"<svg"), (".pdf", b"%PDF"), (".png", b"\x89PNG")):
+        assert figure.save(tmp_path / f"{name}{ending}").read_bytes().startswith(start)
+    with pytest.raises(zb.BadInput, match="exists already"):
+        figure.save(tmp_path / f"{name}.svg")
+    with pytest.raises(zb.BadInput, match=r"argument path(.|\n)*\.svg, \.pdf, \.png"):
+        figure.save(tmp_path / f"{name}.jpg")
+
+
+def test_the_scene_is_a_page_in_a_frame(good: zb.Analysed, tmp_path: Path) -> None:
+    scene = good.plot.scene()
+    ((tag, attributes),) = Tags(scene._repr_html_()).seen
+    assert (tag, attributes["sandbox"]) == ("iframe", "allow-scripts")
+    assert attributes["srcdoc"] == scene.page
+    page = Tags(scene.page)
+    assert page.open == []
+    assert [tag for tag, _ in page.seen].count("canvas") == 1
+    assert "default-src 'none'" in scene.page
+    assert scene.save(tmp_path / "scene.html").read_text(encoding="utf-8") == scene.page
+
+
+# --- the posterior ----------------------------------------------------------------------------------
+
+
+def test_the_posterior_is_that_of_the_file(good: zb.Analysed, tmp_path: Path) -> None:
+    tree = good.posterior
+    assert isinstance(tree, xr.DataTree)
+    assert list(tree.children) == ["posterior"]
+    paths = good.report(tmp_path / "out")
+    with xr.open_dataset(paths.posterior, group="posterior", engine="h5netcdf") as written:
+        xr.testing.assert_identical(tree["posterior"].to_dataset(), written.load())
+    mean = float(tree["posterior"]["delta2"].mean())
+    assert abs(mean - good["delta2"].estimate) < good["delta2"].u
+
+
+def test_draws_of_what_is_unidentifiable_are_marked(x_pattern: zb.Analysed) -> None:
+    group = x_pattern.posterior["posterior"]
+    assert group["delta2"].attrs["source"] == "prior"
+    assert group["delta3"].attrs["source"] == "data"
+
+
+def test_without_a_fit_there_is_nothing_to_show(unconverged: zb.Analysed) -> None:
+    assert unconverged.draws is None
+    assert unconverged.verdict == "degenerate"
+    assert unconverged.covariance.matrix.shape == (0, 0)
+    assert "not determined" in repr(unconverged)
+    for ask in (
+        lambda: unconverged.posterior,
+        lambda: unconverged.plot.posterior(),
+        lambda: unconverged.plot.scene(),
+    ):
+        with pytest.raises(zb.BadInput, match=r"no (draws|posterior|scene)"):
+            ask()
+
+
+# --- what it passes on ------------------------------------------------------------------------------
+
+
+def test_its_json_is_that_of_the_report(good: zb.Analysed, tmp_path: Path) -> None:
+    paths = good.report(tmp_path / "out")
+    assert good.to_json() == to_json(good.result) == json.loads(paths.result.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "argument"),
+    [
+        ({"run": "run.jsonl"}, "run"),
+        ({"seed": -1}, "seed"),
+        ({"seed": 1.5}, "seed"),
+        ({"ess": 10}, "ess"),
+        ({"ess": float("nan")}, "ess"),
+        ({"robust": "cauchy"}, "robust"),
+    ],
+)
+def test_a_bad_argument_is_named(good: zb.Analysed, arguments, argument) -> None:
+    with pytest.raises(zb.BadInput) as caught:
+        zb.analyse(**{"run": good.run, **arguments})
+    assert caught.value.argument == argument
