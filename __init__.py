@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from .face.analysed import Analysed, analyse
     from .face.compared import ComparedRuns, compare
     from .face.pictures import Figure, SceneView
-    from .face.planned import CheckedPlan, OptimalPlan, check, optimal_plan, simulate
+    from .face.planned import CheckedPlan, OptimalPlan, check, optimal_plan
+    from .face.simulated import simulate
     from .model.errors import BadInput, FitFailed, RigFault, ZerobeamError
     from .model.files.arrays import Laser, Noise, Probe
     from .model.files.plan import Plan, read_plan
@@ -88,7 +89,7 @@ _HOME = {
     "optimal_plan": "face.planned",
     "read_plan": "model.files.plan",
     "read_run": "model.files.run",
-    "simulate": "face.planned",
+    "simulate": "face.simulated",
     "write_report": "reports.run.report_folder",
 }
 

@@ -108,6 +108,7 @@ def compare(runs: Sequence[Run | Path | str], *, seed: int = 0) -> ComparedRuns:
     >>> zb.compare([good, good])
     Traceback (most recent call last):
     zerobeam.model.errors.BadInput: the same run is given twice: it would agree with itself
+    ...
     """
     if isinstance(runs, str | Path) or not isinstance(runs, Sequence):
         raise BadInput(

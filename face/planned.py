@@ -1,4 +1,4 @@
-"""Before the measurements: check a plan, find the best one, rehearse it."""
+"""Before the measurements: check a plan, or find the best one."""
 
 from __future__ import annotations
 
@@ -7,20 +7,15 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
-
 from ..analysis.observability.aim import AimedPlan, aim_plan
 from ..analysis.observability.check import Check, CheckedParameter, CheckedTable
 from ..analysis.observability.check import check as check_aimed
 from ..experiments.plans.make import MadePlan, PlanRequest, make_plan
 from ..experiments.plans.obstacles import Obstacles, read_obstacles
-from ..experiments.simulate import Truth, simulated_shots
 from ..model.errors import BadInput
 from ..model.files.arrays import checked, plain
-from ..model.files.header import RUN_SCHEMA, Header, read_header
+from ..model.files.header import Header, read_header
 from ..model.files.plan import Plan
-from ..model.files.reading import did_you_mean
-from ..model.files.run import Run
 from ..reports.output.cards import card, text
 from ..reports.plan.plan_page import plan_turnable
 from ..reports.plan.plan_scene import postures_of
@@ -304,78 +299,6 @@ def optimal_plan(
             argument="tolerance",
         )
     return OptimalPlan(made.plan, _with_plan(made.checked, aim_plan(made.plan)), made)
-
-
-def simulate(
-    plan: Plan, offsets: Mapping[str, float] | None = None, *, seed: int = 0, name: str = "simulated"
-) -> Run:
-    """Measurements of a plan as a simulated arm gives them, servoed onto the target and read with the noise
-    that the plan states.
-
-    Parameters
-    ----------
-    plan
-        What is measured.
-    offsets
-        True values by name, such as {"delta2": 0.3}, in degrees (mm for prismatic joints); other parameters,
-        such as "tool.x", in their units. What is not named is nominal. None: random offsets of about 1 degree
-        (1 mm), and random errors of an uncalibrated tool.
-    seed
-        Of the random numbers.
-    name
-        What reports call the run.
-
-    Returns
-    -------
-    Run
-        Its header's `provenance` states the true values.
-
-    Raises
-    ------
-    BadInput
-        There is no parameter of a name in `offsets`, or its value is not a finite number.
-    RigFault
-        From a posture the target cannot be met.
-
-    Examples
-    --------
-    >>> import zerobeam as zb
-    >>> from zerobeam.experiments.demos import demo_runs
-    >>> good = zb.read_run(demo_runs()[0].path)
-    >>> plan = zb.Plan.from_arrays(
-    ...     robot="irb1600",
-    ...     tool=zb.Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)),
-    ...     postures=good.joints,
-    ...     unit="rad",
-    ...     noise=zb.Noise(joint_deg=0.01, spot_mm=0.05),
-    ...     target_priors={"psd": {"guess_mm": (900, 0, 0)}},
-    ... )
-    >>> zb.simulate(plan, offsets={"delta2": 0.3}, seed=1)
-    <Run simulated: 7 measurements of psd, irb1600>
-    """
-    require_kind(plan, Plan, "plan", "read a file with zerobeam.read_plan(path)")
-    require_number(seed, 0, "seed", whole=True)
-    rng = np.random.default_rng(seed)
-    if offsets is None:
-        truth = Truth.drawn(plan, rng)
-    else:
-        truth = Truth.stated(plan, {})
-        names = truth.problem.parameters.names
-        for own, value in offsets.items():
-            if own not in names:
-                raise BadInput(
-                    "no parameter has this name",
-                    found=own,
-                    allowed=", ".join(names),
-                    remedy=did_you_mean(str(own), names),
-                    argument="offsets",
-                )
-            require_number(value, -np.inf, f"offsets[{own!r}]")
-        truth = Truth.stated(plan, dict(offsets))
-    header = plan.header.model_copy(
-        update={"schema_": RUN_SCHEMA, "provenance": {**plan.header.provenance, **truth.provenance()}}
-    )
-    return Run.of_shots(header, plan.robot, list(simulated_shots(truth, rng)), name)
 
 
 def _with_plan(found: Check, aimed: AimedPlan) -> CheckedPlan:

@@ -1,0 +1,87 @@
+"""Measurements of a plan without a robot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..experiments.simulate import Truth, simulated_shots
+from ..model.errors import BadInput
+from ..model.files.header import RUN_SCHEMA
+from ..model.files.plan import Plan
+from ..model.files.reading import did_you_mean
+from ..model.files.run import Run
+from .arguments import require_kind, require_number
+
+
+def simulate(
+    plan: Plan, offsets: Mapping[str, float] | None = None, *, seed: int = 0, name: str = "simulated"
+) -> Run:
+    """Measurements of a plan as a simulated arm gives them, servoed onto the target and read with the noise
+    that the plan states.
+
+    Parameters
+    ----------
+    plan
+        What is measured.
+    offsets
+        True values by name, such as {"delta2": 0.3}, in degrees (mm for prismatic joints); other parameters,
+        such as "tool.x", in their units. What is not named is nominal. None: random offsets of about 1 degree
+        (1 mm), and random errors of an uncalibrated tool.
+    seed
+        Of the random numbers.
+    name
+        What reports call the run.
+
+    Returns
+    -------
+    Run
+        Its header's `provenance` states the true values.
+
+    Raises
+    ------
+    BadInput
+        There is no parameter of a name in `offsets`, or its value is not a finite number.
+    RigFault
+        From a posture the target cannot be met.
+
+    Examples
+    --------
+    >>> import zerobeam as zb
+    >>> from zerobeam.experiments.demos import demo_runs
+    >>> good = zb.read_run(demo_runs()[0].path)
+    >>> plan = zb.Plan.from_arrays(
+    ...     robot="irb1600",
+    ...     tool=zb.Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)),
+    ...     postures=good.joints,
+    ...     unit="rad",
+    ...     noise=zb.Noise(joint_deg=0.01, spot_mm=0.05),
+    ...     target_priors={"psd": {"guess_mm": (900, 0, 0)}},
+    ... )
+    >>> zb.simulate(plan, offsets={"delta2": 0.3}, seed=1)
+    <Run simulated: 7 measurements of psd, irb1600>
+    """
+    require_kind(plan, Plan, "plan", "read a file with zerobeam.read_plan(path)")
+    require_number(seed, 0, "seed", whole=True)
+    rng = np.random.default_rng(seed)
+    if offsets is None:
+        truth = Truth.drawn(plan, rng)
+    else:
+        truth = Truth.stated(plan, {})
+        names = truth.problem.parameters.names
+        for own, value in offsets.items():
+            if own not in names:
+                raise BadInput(
+                    "no parameter has this name",
+                    found=own,
+                    allowed=", ".join(names),
+                    remedy=did_you_mean(str(own), names),
+                    argument="offsets",
+                )
+            require_number(value, -np.inf, f"offsets[{own!r}]")
+        truth = Truth.stated(plan, dict(offsets))
+    header = plan.header.model_copy(
+        update={"schema_": RUN_SCHEMA, "provenance": {**plan.header.provenance, **truth.provenance()}}
+    )
+    return Run.of_shots(header, plan.robot, list(simulated_shots(truth, rng)), name)
