@@ -10,16 +10,19 @@ package ziamath brings.
 
 from __future__ import annotations
 
+import contextlib
 import html
 import re
 import shutil
 import subprocess
 import sys
+import tempfile
 from importlib.resources import files
 from pathlib import Path
 
 import command_reference
 import gallery
+import notebook_page
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCE, SITE, PACKAGE = (ROOT / "build" / name for name in ("docs", "site", "package"))
@@ -90,9 +93,19 @@ def stage() -> None:
         (rooms / path.name).symlink_to(path)
 
 
+def carry_out_notebooks() -> None:
+    """A page of each notebook; what they write is not kept."""
+    for path in sorted((ROOT / "docs" / "notebooks").glob("*.py")):
+        there = SOURCE / "notebooks" / f"{path.stem}.md"
+        there.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+            there.write_text(notebook_page.page(path), encoding="utf-8")
+
+
 def main() -> None:
     """Build it all."""
     stage()
+    carry_out_notebooks()
     if "--without-gallery" not in sys.argv[1:]:
         gallery.make(SOURCE / "gallery")
     zensical = Path(sys.executable).with_name("zensical")
