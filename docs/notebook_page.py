@@ -1,4 +1,4 @@
-"""A notebook in jupytext's percent format as a page of the site: its text, its code, and what each cell shows."""
+"""A notebook in jupytext's percent format as a page of the site: text, code, and what each cell shows."""
 
 from __future__ import annotations
 

@@ -11,6 +11,12 @@ from pathlib import Path
 import pytest
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
+CARD = """class Card:
+    def _repr_html_(self):
+        return '<b>\\n\\n</b>'
+
+
+Card()"""
 NOTEBOOKS = sorted((DOCS / "notebooks").glob("*.py"))
 
 
@@ -50,10 +56,10 @@ def test_a_page_shows_what_a_cell_prints_and_gives(notebook_page, tmp_path) -> N
     notebook = tmp_path / "short.py"
     notebook.write_text(
         "# ---\n# jupyter: {}\n# ---\n\n# %% [markdown]\n# # Title\n#\n# Text.\n\n# %%\nx = 2\nprint(x)\n\n"
-        "# %%\nx + 1\n\n# %%\nclass Card:\n    def _repr_html_(self):\n        return '<b>\\n\\n</b>'\n\n\nCard()\n"
+        f"# %%\nx + 1\n\n# %%\n{CARD}\n"
     )
     assert notebook_page.page(notebook) == (
         "# Title\n\nText.\n\n```python\nx = 2\nprint(x)\n```\n\n```text\n2\n```\n\n"
         "```python\nx + 1\n```\n\n```text\n3\n```\n\n"
-        "```python\nclass Card:\n    def _repr_html_(self):\n        return '<b>\\n\\n</b>'\n\n\nCard()\n```\n\n<b>\n</b>\n"
+        f"```python\n{CARD}\n```\n\n<b>\n</b>\n"
     )
