@@ -40,7 +40,7 @@ from zerobeam.model.files.shot import Shot
 pytest.importorskip("abb_robot_client")
 
 TABLE = Path(__file__).resolve().parents[4] / "docs" / "abb-faults.md"
-HEAD = ("what happens", "outcome", "what is said", "shots in the file", "put right and resumed")
+HEAD = ("what happens", "outcome", "message", "measurements in the file", "corrected and resumed")
 SEED, WORD, WRONG = 3, "robotics", "not this one"
 FEW = 2  # shots, where one is to be recorded before the fault is met; else one
 # The run's noise of a shot's spot, and how many of its stds a record may be off: beyond 5 there is one in

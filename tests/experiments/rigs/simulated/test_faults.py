@@ -82,14 +82,14 @@ CONTROL, WITH_CAMERA = "no fault", "no fault, with a camera"
 BUMP = (fault("psd-bump", 3, shift_mm=[0.6, 0.8, 0.0]),)
 CASES = [
     Case(CONTROL, (), "recorded"),
-    Case("no fault, and more shots", (), "recorded", shots=ENOUGH),
+    Case("no fault, and more measurements", (), "recorded", shots=ENOUGH),
     Case("the PSD's link is down for a moment", (fault("psd-dropout", lasts=3),), "recorded"),
     Case("the PSD's link is down", (fault("psd-dropout"),), "refused"),
     Case("a reflection for a moment", (fault("reflection", 3, lasts=3),), "retried"),
-    Case("a reflection, the beam is beside the face", (fault("reflection"),), "refused"),
+    Case("a reflection, the beam is off the face", (fault("reflection"),), "refused"),
     Case("a reflection, the beam is on the face", (fault("reflection", 3),), "refused"),
     Case(
-        "a reflection too faint to be told from a brighter laser",
+        "a reflection too faint to be distinguished from a brighter laser",
         (fault("reflection", 6, light=0.09, at_mm=[8.0, -6.0]),),
         "recorded",
         shots=ENOUGH,
@@ -240,8 +240,8 @@ def noticed(case: Case, sessions: Sessions) -> str:
     moved = carried.state.displaced
     if moved is not None:
         points = " or ".join(f"{p.after_shot} and {p.before_shot}" for p in (moved.at, *moved.elsewhere))
-        told = f"a displacement between shots {points}"
-        return told if moved.alone is None else f"{told}, or shot {moved.alone} off alone"
+        told = f"a displacement between measurements {points}"
+        return told if moved.alone is None else f"{told}, or measurement {moved.alone} off alone"
     return "nothing" if carried.state.consistent else "the misses are larger than the noise"
 
 
@@ -250,7 +250,7 @@ def line(*cells: str) -> str:
 
 
 HEAD = line(
-    "what happens", "`faults` in the cell file", "the shot", "recorded", "the statistics notice"
+    "what happens", "`faults` in the cell file", "the measurement", "recorded", "the statistics notice"
 ) + line(*("---",) * 5)
 
 
