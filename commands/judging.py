@@ -75,10 +75,10 @@ def demo(
     """Analyse three built-in runs: varied postures, an X-Pattern, an uncalibrated tool."""
     from ..experiments.demos import demo_runs
     from ..model.files.run import read_run
-    from ..reports.run.parameters import person
     from ..reports.run.report_folder import check_target, write_report
     from ..reports.run.terminal import print_side_by_side, print_verdict
     from ..reports.words.findings import headline
+    from ..reports.words.wording import person
 
     cases = demo_runs()
     for case in cases:

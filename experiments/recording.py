@@ -17,6 +17,7 @@ from ..model.files.robot_file import rebased
 from ..model.files.run import read_run
 from ..model.files.shot import Shot
 from ..reports.words.findings import finding_sentence, headline
+from ..reports.words.wording import person
 from .procedure.events import Begun, Ended, KnownOffset, Told
 from .procedure.order import Adaptive, Closing, InTurn, Order
 from .procedure.session import Carried, Procedure, recorded_event, told_by
@@ -188,6 +189,7 @@ def _answer(plan: Plan, file: Path, carried: Carried, torn: str | None, why: str
         file=file.name,
         verdict=state.verdict,
         headline=headline(state),
+        said=headline(state, person),
         parameters=tuple(
             KnownOffset(row.name, row.unit, row.status, row.estimate, row.std) for row in state.offsets
         ),

@@ -122,13 +122,15 @@ class KnownOffset:
 class Ended(Event):
     """The answer of `zerobeam run`, `zerobeam/carried/1`.
 
-    `saved` postures were not needed, and `why` an adaptive run ended; None in any other. `seconds` by phase.
+    `headline` calls offsets as files do, `said` is the same for people and is not printed as JSON. `saved`
+    postures were not needed, and `why` an adaptive run ended; None in any other. `seconds` by phase.
     """
 
     event: ClassVar[str] = "end"
     file: str
     verdict: Verdict
     headline: str
+    said: str
     parameters: tuple[KnownOffset, ...]
     p_value: float | None
     consistent: bool
@@ -149,6 +151,7 @@ def event_json(event: Event) -> dict[str, Any]:
     if isinstance(event, Ended):
         content["schema"] = "zerobeam/carried/1"
     content |= asdict(event)
+    content.pop("said", None)
     if isinstance(event, Recorded) and event.seconds is None:
         del content["seconds"]
     return content

@@ -13,7 +13,7 @@ from ...analysis.observability.check import Check, CheckedParameter
 from ...model.files.plan import Plan
 from ..output.html import Turnable
 from ..output.template import TEMPLATES, style, template
-from ..run.parameters import legend, person, reasons, unit_of
+from ..run.parameters import legend, reasons, unit_of
 from ..run.unobservable import direction_words
 from ..scenes.drawing import MOST_DRAWN
 from ..scenes.scene import Scene3D
@@ -32,7 +32,7 @@ from ..style.blocks import (
 from ..words import numbers
 from ..words.findings import VERDICT_WORDS, check_notes, headline
 from ..words.observability import advice_sentence, over_target_sentence, rank_facts
-from ..words.wording import clipped, counted, label, listed, sentence, shown
+from ..words.wording import clipped, counted, label, listed, person, sentence, shown
 from .plan_scene import Postures, plan_scene, postures_of
 
 NOT_DETERMINED = "unidentifiable from these measurements"

@@ -24,7 +24,7 @@ from ..style.blocks import (
 )
 from ..words import numbers
 from ..words.causes import reason
-from ..words.wording import NOT_DETERMINED, clipped, label, listed, sentence
+from ..words.wording import NOT_DETERMINED, label, listed, person, sentence
 
 OFFSETS = "Joint offsets, to be added to the recorded joint positions"
 
@@ -124,8 +124,3 @@ def reasons(parameters: Sequence[Judged]) -> list[Reason]:
         Reason(f"{listed(names)}:", status, sentence(reason(cause, person)))
         for (status, cause), names in grouped.items()
     ]
-
-
-def person(name: str) -> str:
-    """A parameter or target in a sentence for people."""
-    return label(name) if name.startswith("delta") else clipped(name)

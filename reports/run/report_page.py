@@ -7,11 +7,11 @@ from ...analysis.result import Result
 from ..style.blocks import Page, Verdict
 from ..style.canvas import Picture
 from ..words.findings import VERDICT_WORDS, finding_sentence, headline
-from ..words.wording import clipped, counted, ended, sentence
+from ..words.wording import clipped, counted, ended, person, sentence
 from .fit_quality import fit_section, not_converged
 from .inputs import inputs_sections
 from .offsets_figure import offsets_picture
-from .parameters import offsets_section, person
+from .parameters import offsets_section
 from .posterior_figure import posterior_picture
 from .posterior_summary import posterior_section
 from .residuals import residuals_section

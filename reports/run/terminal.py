@@ -20,8 +20,8 @@ from ..style import blocks
 from ..words import numbers
 from ..words.findings import VERDICT_WORDS, check_notes, headline
 from ..words.observability import advice_sentence, over_target_sentence
-from ..words.wording import counted, ended, label, listed, sentence, shown
-from .parameters import OFFSETS, other_tables, parameter_table, person, unit_of
+from ..words.wording import counted, ended, label, listed, person, sentence, shown
+from .parameters import OFFSETS, other_tables, parameter_table, unit_of
 from .posterior_summary import posterior_sentence
 from .report_page import report_notes
 from .second_opinions import hold_out_section, intervals_section, robust_section
@@ -127,7 +127,7 @@ def print_proposal(console: Console, made: MadePlan) -> None:
 
 def print_carried(console: Console, answer: Ended) -> None:
     """The end of `run`: verdict, notes, offsets, what was measured and how long it took, what to do next."""
-    print_verdict(console, answer.verdict, answer.headline)
+    print_verdict(console, answer.verdict, answer.said)
     if not answer.consistent:
         console.print(contradicted(answer.p_value))
     _print_notes(console, map(sentence, answer.notes))
@@ -152,10 +152,10 @@ def print_carried(console: Console, answer: Ended) -> None:
 
 
 def contradicted(p_value: float | None) -> Text:
-    """The warning that shots do not agree with the model, or a target with itself."""
+    """The warning that measurements do not agree with the model, or a target with itself."""
     chance = "" if p_value is None else f" (p {numbers.p_value(p_value)})"
     return Text("! ", style="bold yellow") + Text(
-        f"The shots contradict the model{chance}: no estimate or uncertainty can be relied on."
+        f"The measurements contradict the model{chance}: no estimate or uncertainty can be relied on."
     )
 
 

@@ -9,8 +9,8 @@ from ...analysis.observability.identifiability import Identifiability
 from ..style.blocks import Direction, Directions, Facts, Paragraph, Section, section_of
 from ..words.causes import reason, remedy
 from ..words.observability import combination_words, direction_kind, rank_facts
-from ..words.wording import NOT_DETERMINED, label, listed, sentence
-from .parameters import Judged, person
+from ..words.wording import NOT_DETERMINED, label, listed, person, sentence
+from .parameters import Judged
 
 
 def unobservable_section(parameters: Sequence[Judged], facts: Identifiability) -> Section:

@@ -7,9 +7,8 @@ from ...analysis.result import Result
 from ..style.blocks import FigureBlock, Paragraph, Section, Table, row_of, section_of, table_of
 from ..words import numbers
 from ..words.findings import accuracy_reason, place
-from ..words.wording import label, listed, sentence
+from ..words.wording import label, listed, person, sentence
 from .fit_quality import misfit_factor
-from .parameters import person
 from .workspace_figure import NAME
 
 TITLE = "Accuracy of the TCP"

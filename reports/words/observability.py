@@ -33,7 +33,7 @@ def direction_kind(direction: NullDirection) -> str:
     if direction.data_std is None or direction.data_std >= 1:
         return "not resolvable at this noise level: the data say less than the prior"
     share = numbers.significant(direction.data_std, 2)
-    return f"weakly observable: the data reduce it only to {share} of its prior"
+    return f"weakly observable: its uncertainty is {share} of the prior"
 
 
 def rank_facts(facts: Identifiability) -> list[tuple[str, str]]:

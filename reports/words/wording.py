@@ -51,6 +51,11 @@ def label(name: str, width: int = NAME_WIDTH) -> str:
     return f"J{found.group(1)} (δ{found.group(1)})" if found else clipped(name, width)
 
 
+def person(name: str) -> str:
+    """A parameter or target in a sentence for people."""
+    return label(name) if name.startswith("delta") else clipped(name)
+
+
 def sentence(text: str) -> str:
     """A sentence that holds foreign text, made fit to be shown; endless words clipped."""
     words = re.sub(

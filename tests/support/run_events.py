@@ -24,6 +24,7 @@ def event_of(content: Json) -> Event:
     if "reason" in stated:
         stated["reason"] = Reason(stated["reason"])
     if content["event"] == events.Ended.event:
+        stated["said"] = stated["headline"]
         stated["parameters"] = tuple(events.KnownOffset(**row) for row in stated["parameters"])
         stated["refused"] = tuple(
             RefusedPosture(**{**row, "reason": Reason(row["reason"])}) for row in stated["refused"]

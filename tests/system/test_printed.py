@@ -121,4 +121,9 @@ def test_draws_are_masked_and_nothing_else() -> None:
     whole = f"δ2  1 to 2°\n95 % intervals by three methods\n{text}Posterior:\nδ2  1 to 2°\n"
     left = "n  curvature  profile  …\nδ3  −0.99 to 0.27°  −0.98 to 0.28°  …\n"
     assert without_draws(whole) == whole.replace(text, left)
+    assert without_draws("1 to 2\u00a0mm  3 to 4\u00a0mm") == "1 to 2\u00a0mm  3 to 4\u00a0mm"
+    assert (
+        without_draws("converged (R-hat 1.02,\nsmallest effective sample size 270).")
+        == "converged (R-hat …)."
+    )
     assert without_draws("agree: R-hat 1.001, at least\n4091 effective draws.") == "agree: R-hat …."

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from typing import Any
 
 import pytest
+from cells import good_plan, pattern_plan
 from command_line import WIDTH
-from example_results import EXAMPLES, FORBIDDEN, good, hostile, separate, uncalibrated, x_pattern
-from golden_files import assert_golden
+from example_results import EXAMPLES, FORBIDDEN, good, hostile, uncalibrated, x_pattern
+from golden_files import assert_golden, without_draws
 from rich.console import Console
 from run_events import event_of
 
+from zerobeam.analysis.findings import FileWarning
+from zerobeam.analysis.observability.check import OutsideLimits, check
+from zerobeam.analysis.observability.outlook import Advice, OverTarget
 from zerobeam.analysis.result import Result
 from zerobeam.experiments.procedure.events import Ended
 from zerobeam.reports.run.terminal import print_carried, print_check, print_result, print_side_by_side
-from zerobeam.reports.words.result_json import to_json
 
 SHOWN = [name for name in EXAMPLES if name != "hostile"]
 
@@ -30,72 +34,47 @@ def console(colours: bool = False) -> tuple[Console, io.StringIO]:
 
 def printed(result: Result, colours: bool = False) -> str:
     to, text = console(colours)
-    print_result(to, to_json(result))
+    print_result(to, result)
     return text.getvalue()
-
-
-def check_of(result: Result, **changes: Any) -> dict[str, Any]:
-    """What `check` would say of the plan of such a run."""
-    answer = to_json(result)
-    keys = ("name", "unit", "group", "status", "held", "data_std", "std", "prior_std", "reason")
-    return {
-        "schema": "zerobeam/check/1",
-        "verdict": answer["verdict"],
-        "headline": answer["headline"],
-        "parameters": [{key: row[key] for key in keys} for row in answer["parameters"]],
-        "identifiability": answer["identifiability"],
-        "postures": [{"posture": i, "target": "psd", "off_mm": 12.3 * i, "hit": True} for i in range(7)],
-        "curve": [{"shots": 7, "worst_std": 0.02}],
-        "over_target": None,
-        "advice": None,
-        "notes": [],
-        "inputs": {"plan": "plan.yaml", "robot": "irb1600", "sha256": "0" * 64, "versions": {}},
-        **changes,
-    }
 
 
 @pytest.mark.parametrize("name", SHOWN)
 def test_a_result(name: str) -> None:
-    assert_golden(f"result_{name}.txt", printed(EXAMPLES[name]))
+    assert_golden(f"result_{name}.txt", without_draws(printed(EXAMPLES[name])))
 
 
 def test_a_check_that_passes() -> None:
     to, text = console()
-    print_check(to, check_of(good()))
+    print_check(to, check(good_plan(8)))
     assert_golden("check_good.txt", text.getvalue())
 
 
 def test_a_check_that_is_degenerate_with_notes() -> None:
     to, text = console()
-    notes = ["Posture 3: turned onto the target, joint 5 stands at 118.0 deg, outside -115 to 115."]
-    advice = {
-        "posture": 6,
-        "joint": 1,
-        "change_deg": 30.0,
-        "unit": "deg",
-        "add": True,
-        "worst_std_before": 4.9998,
-        "worst_std_after": 0.6308,
-    }
-    over = {"draws": 16, "hit": 0.964, "worst_std": {"delta2": 4.99, "delta3": 0.61}}
-    print_check(to, check_of(x_pattern(), notes=notes, advice=advice, over_target=over))
+    found = replace(
+        check(pattern_plan("x")),
+        findings=(OutsideLimits(3, 5, 118.0, "deg", (-115.0, 115.0)),),
+        advice=Advice(6, 1, 30.0, "deg", True, 4.9998, 0.6308),
+        over_target=OverTarget(16, 0.964, {"delta2": 4.99, "delta3": 0.61}),
+    )
+    print_check(to, found)
     assert_golden("check_x_pattern.txt", text.getvalue())
 
 
 def test_a_check_of_noise_factors_is_in_multiples_of_the_stated() -> None:
     to, text = console()
-    print_check(to, check_of(separate()))
+    print_check(to, check(good_plan(14, joint_deg=0.05, noise={"scale": "separate"})))
     (row,) = [line for line in text.getvalue().splitlines() if line.startswith("noise.joint")]
-    assert row.split("\u00a0times")[0].split() == ["noise.joint", "0.30"]
+    assert row.split("\u00a0times")[0].split() == ["noise.joint", "1.0"]
     assert row.count("\u00a0times") == 3
 
 
 def test_three_results_side_by_side() -> None:
     to, text = console()
     titles = ["good run", "X-Pattern", "uncalibrated tool"]
-    answers = [to_json(result) for result in (good(), x_pattern(), uncalibrated())]
-    answers[0]["inputs"]["header"]["provenance"] = {"true delta2 (deg)": -0.5, "true delta6 (deg)": -0.32}
-    print_side_by_side(to, titles, answers)
+    provenance = {"true delta2 (deg)": -0.5, "true delta6 (deg)": -0.32}
+    inputs = replace(good().inputs, header={**good().inputs.header, "provenance": provenance})
+    print_side_by_side(to, titles, [replace(good(), inputs=inputs), x_pattern(), uncalibrated()])
     assert_golden("side_by_side.txt", text.getvalue())
 
 
@@ -105,9 +84,19 @@ def test_no_line_is_wider_than_the_terminal(name: str) -> None:
 
 
 def test_what_is_not_determined_has_no_number() -> None:
-    rows = [line for line in printed(x_pattern()).splitlines() if line.startswith("δ2 ")]
+    rows = [line for line in printed(x_pattern()).splitlines() if line.startswith("J2 (δ2) ")]
     assert len(rows) == 1
-    assert rows[0].split() == ["δ2", "not", "determined", "by", "these", "data", "✕", "unidentifiable"]
+    assert rows[0].split() == [
+        "J2",
+        "(δ2)",
+        "not",
+        "determined",
+        "by",
+        "these",
+        "data",
+        "✕",
+        "unidentifiable",
+    ]
     assert f"{FORBIDDEN:.2f}"[1:] not in printed(x_pattern())
 
 
@@ -125,9 +114,7 @@ def test_names_in_a_run_give_the_terminal_no_commands() -> None:
     assert "\x00" not in text
     assert "\u202e" not in text
     to, caught = console()
-    answer = to_json(good())
-    answer["notes"] = ["[bold red]beware[/bold red] \x1b[2J"]
-    print_result(to, answer)
+    print_result(to, replace(good(), findings=(FileWarning("[bold red]beware[/bold red] \x1b[2J"),)))
     assert "[bold red]beware[/bold red] \\x1b[2J" in caught.getvalue()
     assert "\x1b" not in caught.getvalue()
 
@@ -144,7 +131,7 @@ def carried(**changes: Any) -> dict[str, Any]:
         "schema": "zerobeam/carried/1",
         "file": "run.jsonl",
         "verdict": "pass",
-        "headline": "delta2, delta3, delta4, delta5 and delta6 are identified.",
+        "headline": "J2 (δ2), J3 (δ3), J4 (δ4), J5 (δ5) and J6 (δ6) are identified.",
         "parameters": rows,
         "p_value": 0.1753,
         "consistent": True,
@@ -162,7 +149,7 @@ def carried_badly() -> dict[str, Any]:
     """One that tells little: an offset lost, a target that moved, shots refused."""
     answer = carried(
         verdict="degenerate",
-        headline="delta2 is not determined by these shots: the noise hides it.",
+        headline="J2 (δ2) is unidentifiable from these measurements: not resolvable at this noise level.",
         p_value=1e-9,
         consistent=False,
         shots=[0, 2, 3, 5, 6],
@@ -200,8 +187,8 @@ def test_the_end_of_a_run_has_no_number_for_what_is_not_determined() -> None:
     answer = carried_badly()
     # Not even where an answer has one by mistake.
     answer["parameters"][0] |= {"estimate": FORBIDDEN, "std": 0.01}
-    (row,) = [line for line in end_of(answer).splitlines() if line.startswith("δ2 ")]
-    assert row.split() == ["δ2", "—", "—", "✕", "unidentifiable"]
+    (row,) = [line for line in end_of(answer).splitlines() if line.startswith("J2 (δ2) ")]
+    assert row.split() == ["J2", "(δ2)", "—", "—", "✕", "unidentifiable"]
     assert f"{FORBIDDEN:.2f}"[1:] not in end_of(answer)
 
 
@@ -210,7 +197,9 @@ def test_the_end_of_a_run_warns_where_the_shots_contradict_the_model() -> None:
     assert "under the stated noise: 0.18." in end_of(carried())
     for p_value, told in ((1e-9, "the model (p below 0.001): no"), (None, "the model: no")):
         text = end_of(carried(consistent=False, p_value=p_value))
-        assert f"! The shots contradict {told} estimate or std can be relied on." in " ".join(text.split())
+        assert f"! The measurements contradict {told} estimate or uncertainty can be relied on." in " ".join(
+            text.split()
+        )
         assert "under the stated noise" not in text
     assert "under the stated noise" not in end_of(carried(p_value=None))
 
