@@ -15,14 +15,14 @@ from ..analysis.solution import ParameterResult, ParameterTable
 from ..model.errors import BadInput
 from ..model.files.run import Run
 from ..reports.output.cards import card, text
-from ..reports.run.parameters import person, unit_of
+from ..reports.run.parameters import unit_of
 from ..reports.run.report_folder import ReportPaths, write_report
 from ..reports.run.report_page import report_notes
 from ..reports.style.blocks import Cell, Page, Row, Table, Verdict, row_of, table_of
 from ..reports.words import numbers
 from ..reports.words.findings import VERDICT_WORDS, headline
 from ..reports.words.result_json import to_json
-from ..reports.words.wording import NOT_DETERMINED, clipped, counted, label, sentence
+from ..reports.words.wording import NOT_DETERMINED, clipped, counted, label, person, sentence
 from .arguments import require_choice, require_kind, require_number
 from .pictures import Figure, SceneView
 

@@ -19,12 +19,12 @@ from ..model.files.plan import Plan
 from ..reports.output.cards import card, text
 from ..reports.plan.plan_page import plan_turnable
 from ..reports.plan.plan_scene import postures_of
-from ..reports.run.parameters import person, unit_of
+from ..reports.run.parameters import unit_of
 from ..reports.style.blocks import Cell, Page, Row, Table, Verdict, row_of, table_of
 from ..reports.words import numbers
 from ..reports.words.findings import VERDICT_WORDS, check_notes, headline
 from ..reports.words.result_json import check_json
-from ..reports.words.wording import clipped, counted, label, sentence
+from ..reports.words.wording import clipped, counted, label, person, sentence
 from .arguments import require_choice, require_kind, require_number, vector
 from .pictures import SceneView
 

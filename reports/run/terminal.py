@@ -47,7 +47,8 @@ def print_result(console: Console, result: Result) -> None:
     for section in (robust_section(result), hold_out_section(result), intervals_section(result)):
         if section is not None:
             _print_section(console, section)
-    console.print(Text(f"Posterior: {posterior_sentence(result)}."))
+    said = ended(posterior_sentence(result))
+    console.print(Text(f"Posterior: {said}" if result.posterior.converged else said))
 
 
 def print_check(console: Console, check: Check) -> None:
