@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..analysis.analyse import Analysis
+from ..analysis.analyse import Analysis, Progress
 from ..analysis.analyse import analyse as analyse_run
 from ..analysis.estimation.robust import Loss
 from ..analysis.solution import ParameterResult, ParameterTable
@@ -201,6 +201,7 @@ def analyse(
     ess: float = 1000.0,
     robust: Loss | None = None,
     held_out: Sequence[str] = (),
+    progress: Progress | None = None,
 ) -> Analysed:
     """Everything that can be said of a recorded run: fits, identifiability, posterior, influence, verdict.
 
@@ -216,6 +217,8 @@ def analyse(
         "huber" or "student": one more fit with this loss, in which outlying measurements weigh less.
     held_out
         Names of targets (* and ? as in file names): one more fit without them, to see how it does there.
+    progress
+        Called with the stage ("fit", "posterior") and its share, 0 to 1.
 
     Returns
     -------
@@ -244,7 +247,7 @@ def analyse(
     require_choice(robust, (None, "huber", "student"), "robust")
     if isinstance(held_out, str):
         held_out = (held_out,)
-    found = analyse_run(run, seed=seed, ess=ess, robust=robust, held_out=held_out)
+    found = analyse_run(run, seed=seed, ess=ess, robust=robust, held_out=held_out, progress=progress)
     return Analysed(**{field.name: getattr(found, field.name) for field in fields(found)})
 
 

@@ -31,21 +31,30 @@ target_mm = (900, 0, 0)  # base frame
 # %% [markdown]
 # ## A plan that cannot work
 #
-# Five postures in a row from back to front, joint 1 at rest. Ask before you measure:
+# Seven postures in a row from back to front, joint 1 at rest (the X-Pattern of the paper). Check it before
+# you measure:
 
 # %%
 in_a_row = zb.Plan.from_arrays(
     **common,
-    postures=[[0, 10 * k, 20 - 5 * k, 0, 50 - 5 * k, 0] for k in range(5)],
+    postures=[
+        [0, 4.0, 35.8, 0, -50.1, 0],
+        [0, 12.4, 24.6, 0, -39.1, 0],
+        [0, 20.4, 12.1, 0, -26.5, 0],
+        [0, 28.8, -1.9, 0, -12.8, 0],
+        [0, 37.9, -18.3, 0, 1.9, 0],
+        [0, 49.0, -39.2, 0, 18.5, 0],
+        [0, 69.3, -80.4, 0, 45.5, 0],
+    ],
     unit="deg",
     target_priors={"psd": {"guess_mm": target_mm}},
 )
 zb.check(in_a_row)
 
 # %% [markdown]
-# J2 (δ2) is unidentifiable: no number of such measurements would determine it, and no output gives it a
-# number. Were the plan measured all the same, the answer would say so too. Here a simulated arm measures
-# it, whose offset of joint 2 is 0.3°:
+# J2 (δ2) is unidentifiable: measuring more postures of this kind does not help. If the plan is carried out
+# all the same, J2 has no estimate and no uncertainty in any output. Here a simulated arm carries it out;
+# the true offset of its joint 2 is 0.3°:
 
 # %%
 degenerate = zb.analyse(zb.simulate(in_a_row, {"delta2": 0.3}, seed=1))
@@ -68,8 +77,8 @@ best.check.plot.scene()
 # %% [markdown]
 # ## The measurements
 #
-# Recorded joint positions are an array, one posture a row. Here they are of the same simulated arm, as it
-# would be servoed onto the target; yours come from the controller.
+# The recorded joint positions are an array, one posture a row. Here a simulated arm gives them; yours come
+# from the controller.
 
 # %%
 recorded = np.degrees(zb.simulate(best.plan, {"delta2": 0.3, "delta5": -0.1}, seed=1).joints)
@@ -107,7 +116,7 @@ solution.plot.scene()
 # %% [markdown]
 # ## Covariance and posterior
 #
-# The covariance is labelled, and has rows for what the data determine and for nothing else.
+# The covariance is labelled. An unidentifiable parameter has no row in it.
 
 # %%
 offsets = [row.name for row in solution.offsets if row.u is not None]
@@ -117,8 +126,8 @@ solution.covariance.select(offsets).to_frame()
 solution.plot.posterior()
 
 # %% [markdown]
-# The draws are an `xarray.DataTree` with a group `posterior`, as ArviZ takes it. A function of the offsets
-# has the uncertainty that its values over the draws have: here the sum of two.
+# The draws are an `xarray.DataTree` with a group `posterior`, which ArviZ reads. The uncertainty of a
+# function of offsets follows from its values over the draws. Here it is the sum of two:
 
 # %%
 draws = solution.posterior["posterior"]
