@@ -94,8 +94,8 @@ def run(
     from ..experiments.procedure.events import Event, event_json
     from ..experiments.recording import RunRequest, record
     from ..model.files.plan import read_plan
-    from ..reports.run.live import live_view
-    from ..reports.run.terminal import print_carried
+    from ..reports.terminal.answers import print_carried
+    from ..reports.terminal.live import live_view
 
     if tolerance is not None and not adaptive:
         raise BadInput("--tolerance is for an adaptive run", remedy="add --adaptive, or leave it out")

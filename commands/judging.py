@@ -76,7 +76,7 @@ def demo(
     from ..experiments.demos import demo_runs
     from ..model.files.run import read_run
     from ..reports.run.report_folder import check_target, write_report
-    from ..reports.run.terminal import print_side_by_side, print_verdict
+    from ..reports.terminal.answers import print_side_by_side, print_verdict
     from ..reports.words.findings import headline
     from ..reports.words.wording import person
 
@@ -101,7 +101,7 @@ def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> Non
     from ..analysis.observability.aim import aim_plan
     from ..analysis.observability.check import check as judge
     from ..model.files.plan import read_plan
-    from ..reports.run.terminal import print_check
+    from ..reports.terminal.answers import print_check
     from ..reports.words.result_json import check_json
 
     planned = read_plan(plan)
@@ -128,7 +128,7 @@ def analyse(
 ) -> None:
     """Estimate the offsets of a run, with their uncertainty and identifiability."""
     from ..model.files.run import read_run
-    from ..reports.run.terminal import print_result
+    from ..reports.terminal.answers import print_result
     from ..reports.words.result_json import to_json
 
     recorded = read_run(run)
@@ -153,7 +153,7 @@ def report(
     """Write the report of a run: report.html, report.pdf, result.json, posterior.nc and the figures."""
     from ..model.files.run import read_run
     from ..reports.run.report_folder import check_target, write_report
-    from ..reports.run.terminal import print_result
+    from ..reports.terminal.answers import print_result
     from ..reports.words.result_json import to_json
 
     recorded = read_run(run)
@@ -213,7 +213,7 @@ def plan(
     from ..experiments.plans.obstacles import Obstacles, read_obstacles
     from ..model.files.header import read_header
     from ..model.files.plan import read_plan
-    from ..reports.run.terminal import print_proposal
+    from ..reports.terminal.answers import print_proposal
 
     request = PlanRequest(
         kind=kind.value,

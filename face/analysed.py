@@ -151,7 +151,7 @@ class Plots:
 
     def residuals(self) -> Figure:
         """The residual of each measurement, in mm and divided by its standard deviation."""
-        from ..reports.run.residuals_figure import residuals_picture
+        from ..reports.run.residuals import residuals_picture
 
         return Figure(residuals_picture(self.solution.result))
 
@@ -164,7 +164,7 @@ class Plots:
             There is nothing that may be drawn: the fit or the sampler did not converge, or the data determine
             no offset.
         """
-        from ..reports.run.posterior_figure import posterior_picture
+        from ..reports.run.posterior_summary import posterior_picture
         from ..reports.words.findings import posterior_message
 
         result = self.solution.result

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, ClassVar
 
-from ...analysis.status import Status, Verdict
+from ...analysis.status import Status, Verdict, require_no_more_than
 from .refusal import Reason, RefusedPosture
 
 
@@ -116,6 +116,11 @@ class KnownOffset:
     status: Status
     estimate: float | None
     std: float | None
+
+    def __post_init__(self) -> None:
+        require_no_more_than(self.name, self.status, std=self.std)
+        if self.status == "unidentifiable":
+            require_no_more_than(self.name, self.status, estimate=self.estimate)
 
 
 @dataclass(frozen=True)

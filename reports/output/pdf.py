@@ -13,8 +13,7 @@ from typing import Any, Literal
 from ..style.blocks import Page
 from ..style.canvas import Picture
 from ..style.palette import PALETTE
-from ..style.typeface import FAMILY, FOLDER
-from ..words.wording import in_font
+from ..style.typeface import FAMILY, FOLDER, in_font
 from .template import TEMPLATES
 
 _DOCUMENT, _PARTS = "document.typ", "parts.typ"

@@ -10,8 +10,9 @@ from ...analysis.result import Result
 from ...analysis.solution import ParameterResult
 from ..style.canvas import Picture, bare_y, new_figure, style, to_svg
 from ..style.palette import SHAPES, light
+from ..style.typeface import in_font
 from ..words import numbers
-from ..words.wording import NOT_DETERMINED, in_font, label
+from ..words.wording import NOT_DETERMINED, label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,16 +9,13 @@ from ..style.canvas import Picture
 from ..words.findings import VERDICT_WORDS, finding_sentence, headline
 from ..words.wording import clipped, counted, ended, person, sentence
 from .fit_quality import fit_section, not_converged
-from .inputs import inputs_sections
+from .inputs import inputs_sections, traceability_section
 from .offsets_figure import offsets_picture
 from .parameters import offsets_section
-from .posterior_figure import posterior_picture
-from .posterior_summary import posterior_section
-from .residuals import residuals_section
-from .residuals_figure import residuals_picture
+from .posterior_summary import posterior_picture, posterior_section
+from .residuals import residuals_picture, residuals_section
 from .run_scene import scene_section
 from .second_opinions import hold_out_section, intervals_section, robust_section
-from .traceability import traceability_section
 from .uncertainty_budget import budget_section
 from .unobservable import unobservable_section
 from .workspace import workspace_section

@@ -1,13 +1,26 @@
-"""The residuals, measurement by measurement."""
+"""The residuals, measurement by measurement, and their figure."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
+from itertools import groupby
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from ...analysis.diagnostics.influence import ShotResult
 from ...analysis.result import Result
 from ..style.blocks import Cell, FigureBlock, Paragraph, Section, row_of, section_of, table_of
+from ..style.canvas import Picture, new_figure, style, to_svg
+from ..style.palette import light
+from ..style.typeface import in_font
 from ..words import numbers
-from ..words.wording import clipped
+from ..words.wording import clipped, shown
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.lines import Line2D
 
 MOST_SHOTS = 60
 WORST_SHOTS = 20
@@ -65,3 +78,166 @@ def residuals_section(result: Result) -> Section:
             cells.append(Cell("yes", mark="weak") if shot.shot in outliers else "no")
         rows.append(row_of(*cells))
     return section_of("Residuals", Paragraph(said), FigureBlock("misses"), table_of(caption, columns, rows))
+
+
+# ── the figure ────────────────────────────────────────────────────────────────────────────────
+
+FEW_SHOTS = 60
+_FEW_TARGETS = 8
+
+
+def residuals_picture(result: Result) -> Picture:
+    """Above the residuals in mm, dots with the leave-one-out residual as a ring; below in their own σ.
+
+    Shots stand target by target, in the order of the run. For more than 60 the stems go and the
+    dots shrink. The line in the lower panel is the 95 % limit that the stated noise leads one to expect.
+    """
+    shots = result.shots
+    order = sorted(shots, key=_rank(shots))
+    few = len(order) <= FEW_SHOTS
+    with style():
+        figure = new_figure(3.7)
+        above, below = figure.subplots(2, 1, sharex=True)
+        _millimetres(above, order, few)
+        over = _sigmas(below, order, few)
+        room = _targets(above, below, order)
+        if few:
+            below.set_xticks(range(len(order)), [str(shot.shot) for shot in order])
+            below.tick_params(axis="x", labelsize=9 if len(order) <= 25 else 5.5)
+        else:
+            below.tick_params(axis="x", labelbottom=False, length=0)
+        below.set_xlabel(
+            "measurement" if few else f"{len(order)} measurements, target by target", labelpad=room
+        )
+        below.set_xlim(-0.7, len(order) - 0.3)
+        for axes in (above, below):
+            axes.grid(visible=False, axis="x")
+            axes.set_ylim(bottom=0)
+        svg = to_svg(figure, "misses")
+    worst = max(order, key=lambda shot: float(shot.whitened))
+    alt = (
+        f"Residuals of {len(order)} measurements at {_targets_of(order)}. {over} lie beyond "
+        f"the 95 % limit of the noise; the largest is measurement {worst.shot}."
+    )
+    return Picture("misses", "Residuals, measurement by measurement", alt, svg)
+
+
+def _targets_of(shots: Sequence[ShotResult]) -> str:
+    count = len({shot.target for shot in shots})
+    return "one target" if count == 1 else f"{count} targets"
+
+
+def _rank(shots: Sequence[ShotResult]) -> Callable[[ShotResult], int]:
+    first: dict[str, int] = {}
+    for i, shot in enumerate(shots):
+        first.setdefault(shot.target, i)
+    return lambda shot: first[shot.target]
+
+
+def _millimetres(axes: Axes, shots: Sequence[ShotResult], few: bool) -> None:
+    x = np.arange(len(shots))
+    miss = np.array([math.hypot(*shot.miss_mm) for shot in shots])
+    left = [shot.leave_one_out for shot in shots]
+    told = np.array([i for i, value in enumerate(left) if value is not None], dtype=int)
+    ring = np.array([value for value in left if value is not None])
+    if few:
+        axes.vlines(x, 0, miss, color=light("line"), linewidth=1)
+    size = 4.5 if few else 1.8
+    rim = 0.8 if few else 0.4
+    axes.plot(
+        told, ring, "o", markersize=size, markerfacecolor="none", markeredgewidth=rim, color=light("weak")
+    )
+    axes.plot(x, miss, "o", markersize=size, markeredgewidth=0, color=light("identified"))
+    axes.set_ylabel("residual, mm")
+    handles = [_dot("identified", filled=True, words="at the fit")]
+    if len(told):
+        handles.append(_dot("weak", filled=False, words="leave-one-out"))
+    _key(axes, handles)
+
+
+def _key(axes: Axes, handles: list[Line2D]) -> None:
+    """The key above a panel, flush right."""
+    axes.legend(
+        handles=handles,
+        loc="lower right",
+        bbox_to_anchor=(1, 1),
+        ncols=len(handles),
+        frameon=False,
+        fontsize=8.5,
+        handletextpad=0.3,
+        borderaxespad=0.1,
+        columnspacing=1.2,
+        handlelength=1.6,
+    )
+
+
+def _dot(role: str, *, filled: bool, words: str, shape: str = "o") -> Line2D:
+    from matplotlib.lines import Line2D
+
+    fill = light(role) if filled else "none"
+    return Line2D(
+        [],
+        [],
+        linestyle="",
+        marker=shape,
+        markersize=4.5,
+        markerfacecolor=fill,
+        color=light(role),
+        label=words,
+    )
+
+
+def _sigmas(axes: Axes, shots: Sequence[ShotResult], few: bool) -> int:
+    """Draws the lower panel; how many shots lie beyond the 95 % limit."""
+    from matplotlib.lines import Line2D
+    from scipy.special import chdtri
+
+    x = np.arange(len(shots))
+    whitened = np.array([shot.whitened for shot in shots])
+    limit = np.array([math.sqrt(chdtri(len(shot.miss_mm), 0.05)) for shot in shots])
+    beyond = whitened > limit
+    if few:
+        axes.vlines(x, 0, whitened, color=light("line"), linewidth=1)
+    size = 4.5 if few else 1.8
+    axes.plot(
+        x[~beyond], whitened[~beyond], "o", markersize=size, markeredgewidth=0, color=light("identified")
+    )
+    axes.plot(x[beyond], whitened[beyond], "^", markersize=size + 0.7, markeredgewidth=0, color=light("weak"))
+    dashes: dict[str, Any] = {"color": light("muted"), "linewidth": 0.8, "linestyle": (0, (4, 3))}
+    axes.step(np.concatenate([[-0.5], x + 0.5]), np.concatenate([limit[:1], limit]), **dashes)
+    expected = Line2D([], [], **dashes, label="95 % limit of the noise")
+    outside = [_dot("weak", filled=True, words="beyond it", shape="^")] if beyond.any() else []
+    _key(axes, [expected, *outside])
+    axes.set_ylabel("normalised residual")
+    return int(beyond.sum())
+
+
+def _targets(above: Axes, below: Axes, shots: Sequence[ShotResult]) -> float:
+    """Several targets: a line between them and their names below, steep where there are many.
+
+    Returns the room (points) that the axis label has to leave for the names.
+    """
+    runs = [(name, len(list(group))) for name, group in groupby(shots, key=lambda shot: shot.target)]
+    if len(runs) == 1:
+        return 3.0
+    few = len(runs) <= _FEW_TARGETS
+    start = 0
+    for i, (name, count) in enumerate(runs):
+        if i:
+            for axes in (above, below):
+                axes.axvline(start - 0.5, color=light("line"), linewidth=0.6)
+        below.annotate(
+            clipped(in_font(shown(name)), 14),
+            (start + (count - 1) / 2, 0),
+            xycoords=("data", "axes fraction"),
+            xytext=(0, -17 if len(shots) <= FEW_SHOTS else -4),
+            textcoords="offset points",
+            ha="center" if few else "right",
+            va="top",
+            rotation=0 if few else 60,
+            rotation_mode="anchor",
+            fontsize=8.5 if few else 6.5,
+            color=light("muted"),
+        )
+        start += count
+    return 15.0 if few else 52.0

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 from ...experiments.studies.answer import ObservedParameter, Share
 from ..style.canvas import WIDTH, Picture, bare_y, new_figure, style, to_svg
 from ..style.palette import light
+from ..style.typeface import in_font
 from ..words import numbers
-from ..words.wording import clipped, in_font, label
+from ..words.wording import clipped, label
 from .phrases import NOT_DETERMINED
 from .shares import Judged, percent, share, standing, worst_at
 

@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
 from ...experiments.studies.answer import StudyAnswer
 from ...experiments.studies.coverage import CoveragePlan, CoverageStudy, Estimator
-from ..run.terminal import MARK, STYLE
 from ..style import blocks
 from ..style.blocks import Block, Facts, Legend, Paragraph
+from ..style.console import MARK, STYLE, marked, note, rich_table
 from ..words.wording import (
     clipped,
     counted,
@@ -36,8 +35,8 @@ def print_study(out: Console, answer: StudyAnswer) -> None:
     verdict = told.verdict
     style = "bold blue" if verdict.key == "pass" else "bold yellow"
     out.print(Text(f"{verdict.word}. ", style=style) + Text(verdict.sentence))
-    for note in told.notes:
-        out.print(Text("! ", style="bold yellow") + Text(note))
+    for text in told.notes:
+        out.print(note(text))
     if isinstance(answer, CoverageStudy):
         _print_coverage(out, answer)
         return
@@ -59,22 +58,7 @@ def print_block(out: Console, block: Block) -> None:
                 out.print(mark + Text(entry.text))
         case blocks.Table():
             out.print(Text(block.caption, style="italic"))
-            out.print(_table(block))
-
-
-def _table(told: blocks.Table) -> Table:
-    table = Table(box=None, pad_edge=False)
-    for column in told.columns:
-        table.add_column(escape(column.text), justify="right" if column.align == "right" else "left")
-    for row in told.rows:
-        cells: list[Text] = []
-        for cell in row.cells:
-            mark = cell.mark
-            text = f"{MARK[mark]} {cell.text}" if mark else clipped(cell.text, _LONGEST_NAME)
-            cells.append(Text(text, style=STYLE[mark] if mark else ""))
-            cells.extend(Text("") for _ in range(cell.span - 1))
-        table.add_row(*cells)
-    return table
+            out.print(rich_table(block, _LONGEST_NAME))
 
 
 # ── coverage ──────────────────────────────────────────────────────────────────────────────────
@@ -136,4 +120,4 @@ def _worst(estimator: Estimator, level: float) -> Text:
 
 def _standing(part: Marked) -> Text:
     mark, words = standing(part)
-    return Text(f"{MARK[mark]} {words}", style=STYLE[mark])
+    return marked(mark, words)

@@ -9,8 +9,9 @@ from ...experiments.procedure.session import PHASES
 from ...experiments.studies.cell_answer import CellPlan
 from ..style.canvas import Picture, bare_y, new_figure, style, to_svg
 from ..style.palette import light
+from ..style.typeface import in_font
 from ..words import numbers
-from ..words.wording import clipped, in_font
+from ..words.wording import clipped
 from .phrases import seconds
 
 if TYPE_CHECKING:

@@ -7,12 +7,9 @@ report's font lacks. They are written as visible escapes.
 
 from __future__ import annotations
 
-import functools
 import re
 import unicodedata
 from collections.abc import Callable
-
-from ..style.typeface import font_file
 
 Namer = Callable[[str], str]  # writes the name of a parameter or target: `str` in files, `label` for people
 
@@ -31,7 +28,7 @@ def shown(text: str) -> str:
     """`text` with what cannot be seen written out (`\\x00`, `\\u202e`); line breaks become spaces."""
     text = re.sub(r"[\r\n\t]+", " ", text)
     return "".join(
-        _escape(letter) if letter in _TURNING or unicodedata.category(letter) in _UNSEEN else letter
+        escaped(letter) if letter in _TURNING or unicodedata.category(letter) in _UNSEEN else letter
         for letter in text
     )
 
@@ -80,22 +77,7 @@ def listed(names: list[str], most: int = 8) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
-def in_font(text: str) -> str:
-    """`text` with each letter that the report's font lacks written as an escape (`\\u4e2d`)."""
-    if text.isascii():
-        return text
-    known = _letters()
-    return "".join(letter if ord(letter) in known else _escape(letter) for letter in text)
-
-
-@functools.cache
-def _letters() -> frozenset[int]:
-    from matplotlib.ft2font import FT2Font
-
-    return frozenset(FT2Font(str(font_file("Regular"))).get_charmap())
-
-
-def _escape(letter: str) -> str:
+def escaped(letter: str) -> str:
     code = ord(letter)
     if code <= 0xFF:
         return f"\\x{code:02x}"

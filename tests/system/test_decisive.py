@@ -32,7 +32,7 @@ from zerobeam.model.problem import Problem
 from zerobeam.reports.output.html import html
 from zerobeam.reports.output.pdf import pdf
 from zerobeam.reports.run.report_page import report_page
-from zerobeam.reports.run.terminal import print_check, print_result, print_side_by_side
+from zerobeam.reports.terminal.answers import print_check, print_result, print_side_by_side
 from zerobeam.reports.words.result_json import dumps
 
 GOOD, X_PATTERN, UNCALIBRATED = (case.path for case in demo_runs())

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 from ....experiments.studies.sweeps.grid_answer import CaseParameter, GridCase, GridStudy
 from ...style.canvas import Picture, bare_y, new_figure, style, to_svg
 from ...style.palette import light
+from ...style.typeface import in_font
 from ...words import numbers
-from ...words.wording import in_font, label
+from ...words.wording import label
 from .grid_words import NO_PLAN, case_name, dot_pages, shown_unit, standing, unit_signs
 from .marks import (
     FITS,

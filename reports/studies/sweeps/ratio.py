@@ -9,8 +9,8 @@ from ....experiments.studies.sweeps.grid_answer import Fit, GridStudy
 from ....model.robot import Matrix
 from ...style.canvas import Picture, new_figure, style, to_svg
 from ...style.palette import SHAPES, light
+from ...style.typeface import in_font
 from ...words import numbers
-from ...words.wording import in_font
 from .grid_words import rmse_interval, unit_signs
 from .marks import FITS, UNCERTAINTY, dot_style, legend_above, set_log_scale
 

@@ -12,7 +12,7 @@ from example_results import EXAMPLES, drawn, draws, good, hostile, misfit, uncon
 
 from zerobeam.analysis.result import Result
 from zerobeam.reports.run.offsets_figure import offsets_picture
-from zerobeam.reports.run.posterior_figure import posterior_picture
+from zerobeam.reports.run.posterior_summary import posterior_picture
 from zerobeam.reports.style.canvas import themed
 from zerobeam.reports.style.palette import PALETTE
 from zerobeam.reports.words.result_json import to_json

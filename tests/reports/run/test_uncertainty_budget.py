@@ -9,7 +9,7 @@ from example_results import EXAMPLES, HOSTILE_NAMES
 from zerobeam.analysis.diagnostics.budget import Budget, BudgetRow, LinearCheck
 from zerobeam.reports.output.html import html
 from zerobeam.reports.output.pdf import pdf
-from zerobeam.reports.run.traceability import traceability_section
+from zerobeam.reports.run.inputs import traceability_section
 from zerobeam.reports.run.uncertainty_budget import MOST_COLUMNS, MOST_SOURCES, budget_section
 from zerobeam.reports.style.blocks import Page, Verdict
 from zerobeam.reports.words.numbers import MINUS

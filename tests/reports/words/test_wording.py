@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from example_results import HOSTILE_NAMES
 
-from zerobeam.reports.words.wording import clipped, in_font, label, sentence, shown
+from zerobeam.reports.style.typeface import in_font
+from zerobeam.reports.words.wording import clipped, label, sentence, shown
 
 
 def test_what_cannot_be_seen_is_written_out() -> None:

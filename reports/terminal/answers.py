@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
@@ -16,20 +15,18 @@ from ...analysis.solution import ParameterResult
 from ...analysis.status import Verdict
 from ...experiments.plans.make import MadePlan
 from ...experiments.procedure.events import Ended, KnownOffset
+from ..run.parameters import OFFSETS, other_tables, parameter_table, unit_of
+from ..run.posterior_summary import posterior_sentence
+from ..run.report_page import report_notes
+from ..run.second_opinions import hold_out_section, intervals_section, robust_section
+from ..run.unobservable import direction_words
 from ..style import blocks
+from ..style.console import MARK, STYLE, VERDICT_STYLE, marked, note, rich_table
 from ..words import numbers
 from ..words.findings import VERDICT_WORDS, check_notes, headline
 from ..words.observability import advice_sentence, over_target_sentence
 from ..words.wording import counted, ended, label, listed, person, sentence, shown
-from .parameters import OFFSETS, other_tables, parameter_table, unit_of
-from .posterior_summary import posterior_sentence
-from .report_page import report_notes
-from .second_opinions import hold_out_section, intervals_section, robust_section
-from .unobservable import direction_words
 
-STYLE = {"identified": "blue", "weak": "yellow", "unidentifiable": "magenta", "held": "dim"}
-MARK = {"identified": "●", "weak": "◆", "unidentifiable": "✕", "held": "■"}
-_VERDICT_STYLE = {"pass": "bold blue", "weak": "bold yellow", "degenerate": "bold magenta"}
 _MOST_ROWS = 40
 
 
@@ -67,7 +64,7 @@ def print_check(console: Console, check: Check) -> None:
             "—" if row.std is None else numbers.spread(row.std, unit),
             "—" if row.held else alone,
             numbers.spread(row.prior_std, unit),
-            _status(row.status),
+            marked(row.status, row.status),
         )
     console.print(table)
     _print_directions(console, check.identifiability.null_space)
@@ -138,7 +135,7 @@ def print_carried(console: Console, answer: Ended) -> None:
         for name in ("name", "estimate", "u", "status"):
             table.add_column(name, justify="left" if name in ("name", "status") else "right")
         for row in answer.parameters:
-            table.add_row(label(row.name), *_estimate_and_std(row), _status(row.status))
+            table.add_row(label(row.name), *_estimate_and_std(row), marked(row.status, row.status))
         console.print(table)
     if answer.consistent and answer.p_value is not None:
         chance = numbers.p_value(answer.p_value)
@@ -193,7 +190,7 @@ def print_side_by_side(console: Console, titles: Sequence[str], results: Sequenc
             label(name),
             *(_compared(own.get(name), result) for own, result in zip(rows, results, strict=True)),
         )
-    verdicts = [Text(result.verdict, style=_VERDICT_STYLE[result.verdict]) for result in results]
+    verdicts = [Text(result.verdict, style=VERDICT_STYLE[result.verdict]) for result in results]
     table.add_section()
     table.add_row("verdict", *verdicts)
     console.print(table)
@@ -218,12 +215,12 @@ def _compared(row: ParameterResult | None, result: Result) -> Text:
 
 def print_verdict(console: Console, verdict: Verdict, said: str) -> None:
     """A verdict with its sentence."""
-    console.print(Text(f"{VERDICT_WORDS[verdict]}. ", style=_VERDICT_STYLE[verdict]) + Text(sentence(said)))
+    console.print(Text(f"{VERDICT_WORDS[verdict]}. ", style=VERDICT_STYLE[verdict]) + Text(sentence(said)))
 
 
 def _print_notes(console: Console, notes: Iterable[str]) -> None:
-    for note in notes:
-        console.print(Text("! ", style="bold yellow") + Text(ended(note)))
+    for text in notes:
+        console.print(note(ended(text)))
 
 
 def _print_section(console: Console, section: blocks.Section) -> None:
@@ -243,24 +240,7 @@ def _print_table(console: Console, told: blocks.Table) -> None:
         console.print(Text(words, style="italic"))
         return
     console.print(Text(told.caption, style="italic"))
-    console.print(_table(told))
-
-
-def _table(told: blocks.Table) -> Table:
-    table = Table(box=None, pad_edge=False)
-    for column in told.columns:
-        table.add_column(escape(column.text), justify="right" if column.align == "right" else "left")
-    for row in told.rows:
-        cells: list[Text] = []
-        for cell in row.cells:
-            cells.append(_status(cell.mark) if cell.mark else Text(cell.text))
-            cells.extend(Text("") for _ in range(cell.span - 1))
-        table.add_row(*cells)
-    return table
-
-
-def _status(status: str) -> Text:
-    return Text(f"{MARK[status]} {status}", style=STYLE[status])
+    console.print(rich_table(told))
 
 
 def _print_directions(console: Console, directions: Sequence[NullDirection]) -> None:

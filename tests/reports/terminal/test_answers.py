@@ -19,7 +19,7 @@ from zerobeam.analysis.observability.check import OutsideLimits, check
 from zerobeam.analysis.observability.outlook import Advice, OverTarget
 from zerobeam.analysis.result import Result
 from zerobeam.experiments.procedure.events import Ended
-from zerobeam.reports.run.terminal import print_carried, print_check, print_result, print_side_by_side
+from zerobeam.reports.terminal.answers import print_carried, print_check, print_result, print_side_by_side
 
 SHOWN = [name for name in EXAMPLES if name != "hostile"]
 

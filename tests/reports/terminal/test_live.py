@@ -14,8 +14,8 @@ from rich.console import Console
 from run_events import event_of
 
 from zerobeam.experiments.procedure.events import Event
-from zerobeam.reports.run import live
-from zerobeam.reports.run.live import UnderWay, drawn, live_view
+from zerobeam.reports.terminal import live
+from zerobeam.reports.terminal.live import UnderWay, drawn, live_view
 
 Json = dict[str, Any]
 

@@ -25,9 +25,10 @@ from ...experiments.procedure.events import (
     Stopped,
     Told,
 )
+from ..style.console import STYLE
 from ..words import numbers
 from ..words.wording import clipped, label, sentence, shown
-from .terminal import STYLE, contradicted
+from .answers import contradicted
 
 _REDRAWN = 8  # times a second
 _STEPS = 4
