@@ -218,7 +218,7 @@ def analyse(
     held_out
         Names of targets (* and ? as in file names): one more fit without them, to see how it does there.
     progress
-        Called with the stage ("fit", "posterior") and its share, 0 to 1.
+        Called with the name of the present stage and its share, 0 to 1.
 
     Returns
     -------

@@ -162,7 +162,10 @@ def _with_target(request: PlanRequest, folder: Path) -> Header:
 def _view(request: PlanRequest) -> View:
     if request.facing is not None and not any(request.facing):
         raise BadInput(
-            "this direction has no length", found="0,0,0", allowed="any direction", argument="facing"
+            "this direction has no length",
+            found="0,0,0",
+            allowed="a direction, or `any` (None in Python)",
+            argument="facing",
         )
     if not 0 < request.acceptance_deg <= 90:
         raise BadInput(
