@@ -289,7 +289,7 @@ def test_with_a_lost_last_offset_the_place_is_on_the_last_axis(tool, last):
     made = by_hand(irb1600(), tool, delta, covariance, {5: last})
     answer = accuracy(made)
     assert answer.point_mm == pytest.approx((0, 0, 150))
-    assert "axis of joint 6 nearest to the TCP as stated, as delta6 is not determined" in place(answer)
+    assert "axis of joint 6 nearest to the stated point of the tool, as delta6" in place(answer)
     covariance[5, 5] = 1.0
     assert accuracy(by_hand(irb1600(), tool, delta, covariance, {5: last})) == answer
     asked = accuracy(made, np.array(ASIDE))
@@ -297,7 +297,7 @@ def test_with_a_lost_last_offset_the_place_is_on_the_last_axis(tool, last):
     assert (asked.workspace, asked.undetermined) == (None, ("delta6",))
     # With an offset that is known the point is the tool's own.
     answer = accuracy(by_hand(irb1600(), tool, delta, covariance))
-    assert (answer.point_mm, place(answer)) == (tuple(ASIDE), "the TCP as stated")
+    assert (answer.point_mm, place(answer)) == (tuple(ASIDE), "the stated point of the tool")
 
 
 # --- maps -------------------------------------------------------------------------------------------
