@@ -81,7 +81,7 @@ def test_table_2_is_shown_to_the_digits_of_the_paper(tmp_path: Path) -> None:
     for (name, mean, _, std, _), printed_mean, printed_std in zip(
         rows, PRINTED_MEAN, PRINTED_STD, strict=True
     ):
-        assert name.startswith("δ")
+        assert name.startswith("J")
         assert number(mean) == pytest.approx(printed_mean, abs=0.5001e-4)
         assert number(std) == pytest.approx(printed_std, abs=0.5001e-4)
 
@@ -105,7 +105,7 @@ def test_what_no_run_determines_is_shown_without_a_number() -> None:
     told = lost()
     view = comparison_page(told)
     assert view.verdict.word == "Not tested"
-    assert table(view, "Mean over the runs")[1] == ["δ3", "not compared"]
+    assert table(view, "Mean over the runs")[1] == ["J3 (δ3)", "not compared"]
     assert table(view, "Drift")[1] == ["δ3", "not determined"]
     assert {row[2] for row in table(view, "Offsets of each run")} == {"unidentifiable"}
     assert "δ3" not in picture_of(told).alt

@@ -1,5 +1,4 @@
 import dataclasses
-import json
 import math
 import re
 
@@ -13,7 +12,6 @@ from zerobeam.reports.run.inputs import traceability_section
 from zerobeam.reports.run.uncertainty_budget import MOST_COLUMNS, MOST_SOURCES, budget_section
 from zerobeam.reports.style.blocks import Page, Verdict
 from zerobeam.reports.words.numbers import MINUS
-from zerobeam.reports.words.result_json import to_json
 
 PLAIN = {("joint", "1"): 0.6, ("spot",): 0.3995, ("prior", "delta2"): 0.001, ("curvature",): -0.0005}
 YES = LinearCheck(2, 0.0005, 0.0001, 0.0002, 0.00002, True)
@@ -39,21 +37,16 @@ def made(name, std, shares=PLAIN, unit="deg", dof=None, factor=1.96, check=YES):
             )
         )
     assert sum(row.share for row in rows) == pytest.approx(1)
-    return Budget(name, unit, std, tuple(rows), dof, factor, factor * std, check)
+    return Budget(name, unit, "identified", std, tuple(rows), dof, factor, factor * std, check)
 
 
 def result(example="good", budgets=None, **changes):
-    """An example with budgets of all that it tells, as its result.json has it."""
-    answer = to_json(dataclasses.replace(EXAMPLES[example], **changes))
+    """An example with budgets made by hand of all that it determines."""
+    found = dataclasses.replace(EXAMPLES[example], **changes)
     if budgets is None:
-        told = [
-            row
-            for row in answer["parameters"]
-            if row["group"] in ("offset", "tool") and row["std"] is not None
-        ]
-        budgets = [made(row["name"], row["std"], unit=row["unit"]) for row in told]
-    plain = [dataclasses.asdict(own) for own in budgets]
-    return answer | {"budget": json.loads(json.dumps(plain))}
+        told = [row for row in found.parameters if row.group in ("offset", "tool") and row.std is not None]
+        budgets = [made(row.name, row.std, unit=row.unit) for row in told]
+    return dataclasses.replace(found, budget=tuple(budgets))
 
 
 def tables(section):
@@ -71,20 +64,20 @@ def cells(table):
 def test_a_source_a_row_and_an_offset_a_column():
     contributions, sensitivities, check = tables(budget_section(result()))
     heads = [column.text for column in contributions.columns]
-    assert heads == ["source", "its std, type", "δ2 (°)", "δ3 (°)", "δ4 (°)", "δ5 (°)", "δ6 (°)"]
+    assert heads == ["source", "its u, type", *(f"J{i} (δ{i}) (°)" for i in range(2, 7))]
     told = cells(contributions)
-    # The std of δ2 is 0.028: contributions with one digit more.
-    assert told["joint 1"][:2] == ["0.01°, B", "0.0217 (60\u00a0%)"]
-    assert told["spot"][:2] == ["0.01\u00a0mm, B", "0.0177 (40\u00a0%)"]
-    assert told["2 others, each <\u00a01\u00a0%"][:2] == ["", "0.0006 (<1\u00a0%)"]
-    assert told["combined u"][1] == "0.028"
+    # The u of δ2 is 0.020: contributions with one digit more.
+    assert told["joint 1"][:2] == ["0.01°, B", "0.0158 (60\u00a0%)"]
+    assert told["spot"][:2] == ["0.01\u00a0mm, B", "0.0129 (40\u00a0%)"]
+    assert told["2 others, each <\u00a01\u00a0%"][:2] == ["", "0.0005 (<1\u00a0%)"]
+    assert told["combined u"][1] == "0.020"
     assert told["ν effective"][1] == "∞"
     assert told["k for 95 %"][1] == "1.96"
-    assert told["expanded U = k u"][1] == "0.055"
-    assert told["result"][1] == f"{MINUS}0.512 ± 0.055"
-    assert cells(sensitivities)["joint 1"][:2] == ["per °", "2.2"]
+    assert told["expanded U = k u"][1] == "0.040"
+    assert told["result"][1] == f"{MINUS}1.222 ± 0.040"
+    assert cells(sensitivities)["joint 1"][:2] == ["per °", "1.6"]
     assert cells(sensitivities)["spot"][0] == "per mm"
-    assert cells(check)["δ2"] == ["0.00010°", "0.00020°", "0.00050°", "0.000040°", "yes, to 2 digits"]
+    assert cells(check)["J2 (δ2)"] == ["0.00010°", "0.00020°", "0.00050°", "0.000040°", "yes, to 2 digits"]
 
 
 @pytest.mark.parametrize(("std", "u", "expanded"), [(0.0996, "0.10", "0.20"), (0.01251, "0.013", "0.025")])
@@ -122,7 +115,7 @@ def test_many_sources_are_grouped_and_still_add_up(count):
 def test_a_single_minor_source_stands_by_itself():
     shares = {("joint", "1"): 0.999, ("prior", "delta2"): 0.001}
     told = cells(tables(budget_section(result(budgets=[made("delta2", 0.02, shares)])))[0])
-    assert told["prior of δ2"][1] == "0.0006 (<1\u00a0%)"
+    assert told["prior of J2 (δ2)"][1] == "0.0006 (<1\u00a0%)"
     assert not any("others" in name for name in told)
 
 
@@ -135,12 +128,13 @@ def test_wide_tables_are_split():
 
 def test_what_is_not_determined_is_named_and_has_no_number():
     section = budget_section(result("x_pattern"))
-    assert "δ2 (°)" not in [column.text for table in tables(section) for column in table.columns]
+    assert "J2 (δ2) (°)" not in [column.text for table in tables(section) for column in table.columns]
     (legend,) = (block for block in section.blocks if block.kind == "legend")
     (row,) = (row for row in legend.reasons if row.status == "unidentifiable")
-    assert row.names == "δ2"
-    assert "combination that these data do not tell" in row.text
-    assert not any(character.isdigit() for character in row.text.replace("δ2", ""))
+    assert row.names == "J2 (δ2):"
+    assert row.text.startswith("joint 1 varies by no more than 0.022 degrees over the measurements")
+    # No number that could be taken for one of the offset: that one is a range of joint 1.
+    assert "°" not in row.text
 
 
 def test_a_fit_that_did_not_converge_has_no_budget():
@@ -155,7 +149,7 @@ def test_the_check_is_told_by_its_words():
     budgets = [made("delta2", 0.02), made("delta3", 0.02, check=unsure), made("delta4", 0.02, check=failed)]
     section = budget_section(result(budgets=budgets))
     words = [row[-1] for row in cells(tables(section)[-1]).values()]
-    assert words == ["yes, to 2 digits", "the draws do not tell", "no, not to 2 digits"]
+    assert words == ["yes, to 2 digits", "inconclusive: Monte Carlo error too large", "no, not to 2 digits"]
     assert "use the posterior’s interval" in texts(section)
     assert "--ess" in texts(section)
     good = texts(budget_section(result()))
@@ -167,10 +161,10 @@ def test_the_check_is_told_by_its_words():
 
 
 def test_what_the_budget_leaves_out_is_said():
-    assert "the robot’s geometry, the calibrated tool and δ1" in texts(budget_section(result()))
+    assert "the robot’s geometry, the calibrated tool and J1 (δ1)" in texts(budget_section(result()))
     assert "is too small" not in texts(budget_section(result()))
     told = texts(budget_section(result("outlier")))
-    assert "4.8 times as large as the stated noise explains: the budget does not" in told
+    assert "3.1 times the stated noise: the budget does not contain their cause and is too small" in told
 
 
 def test_a_wider_interval_than_that_of_the_table_is_explained():
@@ -183,13 +177,10 @@ def test_a_wider_interval_than_that_of_the_table_is_explained():
 @pytest.mark.parametrize("example", ["uncalibrated", "misfit", "hostile"])
 def test_it_can_be_set(example):
     """As HTML and as accessible PDF, names of all kinds included."""
-    answer = result(example)
+    found = result(example)
     shares = {("joint", "1"): 0.5, ("target", HOSTILE_NAMES[0]): 0.3, ("distance", *HOSTILE_NAMES[1:3]): 0.2}
-    names = [own["name"] for own in answer["budget"]]
-    answer["budget"] = json.loads(
-        json.dumps([dataclasses.asdict(made(name, 0.01, shares)) for name in names])
-    )
-    sections = [budget_section(answer), traceability_section(answer)]
+    found = result(example, [made(own.name, 0.01, shares) for own in found.budget])
+    sections = [budget_section(found), traceability_section(found)]
     page = Page("Budget", "", Verdict("pass", "Pass", "."), [], sections)
     text = html(page, {}, "report")
     assert "<script>alert" not in text
@@ -201,11 +192,11 @@ def test_it_can_be_set(example):
 # ── traceability ──────────────────────────────────────────────────────────────────────────────
 
 
-def form(answer=None, kind="laser", **provenance):
-    answer = answer or result()
-    header = answer["inputs"]["header"] | {"provenance": provenance, "tool": {"kind": kind}}
-    answer = answer | {"inputs": answer["inputs"] | {"header": header}}
-    section = traceability_section(answer)
+def form(kind="laser", **provenance):
+    found = EXAMPLES["good"]
+    header = found.inputs.header | {"provenance": provenance, "tool": {"kind": kind}}
+    inputs = dataclasses.replace(found.inputs, header=header)
+    section = traceability_section(dataclasses.replace(found, inputs=inputs))
     return {name: row[0] for name, row in cells(tables(section)[0]).items()}, texts(section)
 
 
@@ -235,7 +226,7 @@ def test_an_approval_is_never_filled_in():
     }
     filled, _ = form(**stated)
     assert (filled["Signature"], filled["Approved by"], filled["Date of approval"]) == ("", "", "")
-    assert filled["Date of the shots"] == "2026-01-02"
+    assert filled["Date of the measurements"] == "2026-01-02"
 
 
 def test_a_probe_has_its_own_instrument():

@@ -1,42 +1,42 @@
-"""The figure and the section on the tool point's accuracy: what they show is what the result says."""
+"""The figure and the section on the accuracy of the TCP: what they show is what the result says."""
 
 from __future__ import annotations
 
-import dataclasses
-import json
 import re
 import xml.etree.ElementTree as ElementTree
-from typing import Any
+from dataclasses import replace
 
 import pytest
 from cells import PROBE, irb1600
+from example_results import good
 from made_fit import by_hand
 from numpy import diag, radians
+from study_text import texts_of
 
 from zerobeam.analysis.diagnostics.accuracy import accuracy
-from zerobeam.reports.run.workspace import accuracy_section
-from zerobeam.reports.run.workspace_figure import class_of, tool_accuracy_picture
+from zerobeam.analysis.findings import LackOfFit
+from zerobeam.analysis.result import Result
+from zerobeam.analysis.status import Status, UnsoundResult
+from zerobeam.reports.run.workspace import workspace_section
+from zerobeam.reports.run.workspace_figure import class_of, workspace_picture
+from zerobeam.reports.style.blocks import Paragraph, Section, Table
 from zerobeam.reports.style.canvas import themed
 from zerobeam.reports.style.palette import PALETTE
 
-FITTING = {"likelihood": {"p_value": 0.4, "chi2": 6.0, "dof": 6, "rms_mm": 0.13}}
-MISFIT = {"likelihood": {"p_value": 1e-9, "chi2": 96.0, "dof": 6, "rms_mm": 0.95}}
 
-
-def answered(status: dict[int, str] | None = None) -> dict[str, Any]:
+def answered(status: dict[int, Status] | None = None) -> Result:
     delta = radians([0, -1.2, -0.7, 0.1, 0.05, 0.02])
     covariance = diag(radians([0, 0.01, 0.01, 0.03, 0.02, 0.02]) ** 2)
-    found = accuracy(by_hand(irb1600(), PROBE, delta, covariance, status or {}))
-    return {"accuracy": json.loads(json.dumps(dataclasses.asdict(found))), "fits": FITTING}
+    return replace(good(), accuracy=accuracy(by_hand(irb1600(), PROBE, delta, covariance, status or {})))
 
 
 @pytest.fixture(scope="module")
-def result() -> dict[str, Any]:
+def result() -> Result:
     return answered()
 
 
 @pytest.fixture(scope="module")
-def withheld() -> dict[str, Any]:
+def withheld() -> Result:
     return answered({1: "unidentifiable"})
 
 
@@ -44,18 +44,17 @@ def words(svg: str) -> str:
     return " ".join("".join(element.itertext()) for element in ElementTree.fromstring(svg))
 
 
-def texts(section: dict[str, Any]) -> str:
-    blocks = section.all
-    return " ".join(block.text for block in blocks if block.kind == "text")
+def texts(section: Section) -> str:
+    return " ".join(block.text for block in section.all if isinstance(block, Paragraph))
 
 
-def table(section: dict[str, Any]) -> list[list[str]]:
-    (found,) = (block for block in section.blocks if block.kind == "table")
-    return [[cell.text for cell in row.cells] for row in found.rows]
+def table(section: Section) -> list[list[str]]:
+    (found,) = (block for block in section.blocks if isinstance(block, Table))
+    return texts_of(found)
 
 
-def test_the_figure_has_both_planes_units_and_the_base(result: dict[str, Any]) -> None:
-    picture = tool_accuracy_picture(result)
+def test_the_figure_has_both_planes_units_and_the_base(result: Result) -> None:
+    picture = workspace_picture(result)
     assert picture is not None
     shown = words(picture.svg)
     for text in ("without the offsets: error, mm", "with them: 95 % within, mm", "distance from axis 1, mm"):
@@ -70,12 +69,12 @@ def test_the_figure_has_both_planes_units_and_the_base(result: dict[str, Any]) -
     assert not left & {colour.light for colour in PALETTE.values()}
 
 
-def test_every_cell_is_drawn_in_its_class(result: dict[str, Any]) -> None:
+def test_every_cell_is_drawn_in_its_class(result: Result) -> None:
     """Areas of the shapes of one shade against the cells counted by hand, in the first panel."""
-    picture = tool_accuracy_picture(result)
+    picture = workspace_picture(result)
     assert picture is not None
-    own = result["accuracy"]["maps"][0]
-    values = [value for row in own["before_mm"]["median"] for value in row if value is not None]
+    own = result.accuracy.maps[0]
+    values = [value for row in own.before_mm.median for value in row if value is not None]
     legend = re.findall(r"([\d.]+) to ([\d.]+)", words(picture.svg))
     edges = [float(legend[0][0])]
     for low, high in legend:
@@ -133,42 +132,53 @@ def test_classes_begin_at_their_lower_edge(value: float, found: int) -> None:
     assert class_of(value, [0.0, 1.0, 2.0]) == found
 
 
-def test_without_a_claim_there_is_no_number_anywhere(withheld: dict[str, Any]) -> None:
-    assert tool_accuracy_picture(withheld) is None
-    section = accuracy_section(withheld)
-    assert section is not None
-    (block,) = section.all
+def test_without_a_claim_there_is_no_number_anywhere(withheld: Result) -> None:
+    assert workspace_picture(withheld) is None
+    (block,) = workspace_section(withheld).all
+    assert isinstance(block, Paragraph)
     assert block.text.startswith(
-        "No accuracy is claimed: the tool point depends on δ2, which is not determined: the noise hides it."
+        "No accuracy is claimed: the TCP depends on J2 (δ2), which is unidentifiable: not resolvable at this"
+        " noise level. "
     )
-    before_place = block.text.split("The tool point is")[0]
-    assert not re.search(r"\d", before_place.replace("δ2", ""))
+    before_place = block.text.split("The TCP is")[0]
+    assert not re.search(r"\d", before_place.replace("J2 (δ2)", ""))
 
 
-def test_nothing_at_all_where_the_result_has_no_such_part() -> None:
-    assert tool_accuracy_picture({"accuracy": None}) is None
-    assert accuracy_section({"accuracy": None}) is None
+def test_a_claim_that_depends_on_what_is_not_determined_cannot_be_made(
+    result: Result, withheld: Result
+) -> None:
+    claimed = {key: getattr(result.accuracy, key) for key in ("workspace", "near_shots", "maps")}
+    for key, value in claimed.items():
+        with pytest.raises(UnsoundResult, match="accuracy is claimed"):
+            replace(withheld.accuracy, **{key: value})
+        with pytest.raises(UnsoundResult, match="accuracy is claimed"):
+            replace(result.accuracy, converged=False)
 
 
-def test_the_section_tells_the_numbers_of_the_result(result: dict[str, Any]) -> None:
-    section = accuracy_section(result)
-    assert section is not None
+def level_of(result: Result, region: str, key: str, level: str) -> float:
+    value = getattr(getattr(getattr(result.accuracy, region), key), level)
+    assert isinstance(value, float)
+    return value
+
+
+def test_the_section_tells_the_numbers_of_the_result(result: Result) -> None:
+    section = workspace_section(result)
     assert [block.kind for block in section.lead] == ["text", "figure"]
     rows = table(section)
     columns = [(region, level) for region in ("workspace", "near_shots") for level in ("median", "worst")]
     keys = ("before_mm", "before_std_mm", "after95_mm", "after_rms_mm")
     for row, key in zip(rows, keys, strict=True):
         for cell, (region, level) in zip(row[1:], columns, strict=True):
-            value = result["accuracy"][region][key][level]
+            value = level_of(result, region, key, level)
             assert cell.endswith("\u00a0mm")
             # Before: to the last digit of its std's two; the others to two significant digits.
-            std = result["accuracy"][region]["before_std_mm"][level] if key == "before_mm" else value
+            std = level_of(result, region, "before_std_mm", level) if key == "before_mm" else value
             assert float(cell.removesuffix("\u00a0mm")) == pytest.approx(value, abs=0.05 * std)
     said = texts(section)
     assert rows[2][1] in said
     assert rows[2][2] in said
     for level in ("median", "worst"):
-        assert f"{result['accuracy']['workspace']['before_mm'][level]:.2g}\u00a0mm" in said
+        assert f"{level_of(result, 'workspace', 'before_mm', level):.2g}\u00a0mm" in said
     assert "4096 postures" in said
     assert "1024 over the ranges" in said
     assert "(60, 20, 150\u00a0mm in the flange frame)" in said
@@ -176,11 +186,18 @@ def test_the_section_tells_the_numbers_of_the_result(result: dict[str, Any]) -> 
     assert "weakly" not in said
 
 
-def test_doubts_stand_before_the_maps(result: dict[str, Any]) -> None:
-    weak = {**result["accuracy"], "weak": ["delta4", "delta5"]}
-    section = accuracy_section({"accuracy": weak, "fits": MISFIT})
-    assert section is not None
-    said = [block.text for block in section.lead if block.kind == "text"]
-    assert said[1] == ("δ4 and δ5 are only weakly determined and enter with their large standard deviation.")
-    assert "The model does not fit: the misses of the shots, 0.95\u00a0mm rms, are some 4.0 times" in said[2]
-    assert "the error is larger than told here" in said[2]
+def test_doubts_stand_before_the_maps(result: Result) -> None:
+    bad = replace(
+        result,
+        accuracy=replace(result.accuracy, weak=("delta4", "delta5")),
+        likelihood=replace(result.likelihood, p_value=1e-9, chi2=96.0, rms_mm=0.95),
+        findings=(LackOfFit(96.0, 6, 1e-9, 0.95),),
+    )
+    said = [block.text for block in workspace_section(bad).lead if isinstance(block, Paragraph)]
+    assert said[1] == (
+        "J4 (δ4) and J5 (δ5) are only weakly determined and enter with their large standard uncertainty."
+    )
+    assert (
+        "The model does not fit: the residuals, 0.95\u00a0mm rms, are 4.0 times the stated noise" in said[2]
+    )
+    assert "the error is larger than stated here" in said[2]

@@ -1,10 +1,11 @@
-"""result.json: plain types, no NaN, and nothing that claims more than its status."""
+"""result.json: plain types, no NaN, and nothing that claims more than its status: such a result cannot be
+made."""
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,26 +17,23 @@ from example_results import (
     held_out,
     hostile,
     outlier,
-    robust,
-    uncalibrated,
+    separate,
     unconverged,
     x_pattern,
 )
 
-from zerobeam.analysis.diagnostics.scene import Scene, SceneTarget
+from zerobeam.analysis.diagnostics.scene import SceneTarget
 from zerobeam.analysis.posterior.intervals import Intervals
-from zerobeam.analysis.result import Result
-from zerobeam.analysis.result_json import SCHEMA
+from zerobeam.analysis.result import RESULT_SCHEMA, Result
+from zerobeam.analysis.solution import ParameterTable
 from zerobeam.analysis.status import UnsoundResult
 from zerobeam.reports.words.result_json import dumps, to_json
 
 
 def changed(result: Result, name: str, **changes: Any) -> Result:
-    rows = tuple(
-        dataclasses.replace(row, **changes) if row.name == name else row for row in result.parameters
-    )
+    rows = ParameterTable(replace(row, **changes) if row.name == name else row for row in result.parameters)
     assert rows != result.parameters
-    return dataclasses.replace(result, parameters=rows)
+    return replace(result, parameters=rows)
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
@@ -52,7 +50,7 @@ def test_it_survives_a_round_trip_through_strict_json(name: str) -> None:
 
 def test_the_keys_are_those_of_the_design() -> None:
     answer = to_json(good())
-    assert answer["schema"] == SCHEMA
+    assert answer["schema"] == RESULT_SCHEMA
     assert list(answer) == [
         *("schema", "verdict", "headline", "parameters", "identifiability", "fits", "posterior"),
         *("shots", "distances", "intervals", "accuracy", "budget", "robust", "hold_out", "scene"),
@@ -81,19 +79,19 @@ def test_floats_keep_all_their_digits() -> None:
 def test_a_number_that_is_not_finite_is_an_error_and_never_a_quiet_null(bad: float) -> None:
     with pytest.raises(UnsoundResult, match=r"parameter 'delta3', data_std"):
         to_json(changed(good(), "delta3", data_std=bad))
-    shot = dataclasses.replace(good().shots[2], miss_mm=(0.0, bad))
+    shot = replace(good().shots[2], miss_mm=(0.0, bad))
     with pytest.raises(UnsoundResult, match=r"shots\[0\]\.miss_mm\[1\]"):
-        to_json(dataclasses.replace(good(), shots=(shot,)))
+        to_json(replace(good(), shots=(shot,)))
 
 
 def test_numpy_numbers_become_plain_ones_and_other_objects_are_refused() -> None:
-    inputs = dataclasses.replace(good().inputs, header={"count": np.int64(3), "flag": np.bool_(True)})
-    header = to_json(dataclasses.replace(good(), inputs=inputs))["inputs"]["header"]
+    inputs = replace(good().inputs, header={"count": np.int64(3), "flag": np.bool_(True)})
+    header = to_json(replace(good(), inputs=inputs))["inputs"]["header"]
     assert type(header["count"]) is int
     assert header["flag"] is True
-    inputs = dataclasses.replace(inputs, header={"path": {1, 2}})
+    inputs = replace(inputs, header={"path": {1, 2}})
     with pytest.raises(UnsoundResult, match="set"):
-        to_json(dataclasses.replace(good(), inputs=inputs))
+        to_json(replace(good(), inputs=inputs))
 
 
 @pytest.mark.parametrize(
@@ -102,13 +100,13 @@ def test_numpy_numbers_become_plain_ones_and_other_objects_are_refused() -> None
 )
 def test_an_unidentifiable_parameter_may_carry_no_number(key: str, value: object) -> None:
     with pytest.raises(UnsoundResult, match=f"'delta2' is unidentifiable, yet it has a value as {key}"):
-        to_json(changed(x_pattern(), "delta2", **{key: value}))
+        changed(x_pattern(), "delta2", **{key: value})
 
 
 @pytest.mark.parametrize(
     ("name", "changes"),
     [
-        ("delta1", {"reason": None}),
+        ("delta1", {"cause": None}),
         ("delta1", {"std": 0.1}),
         ("delta1", {"estimate": None}),
         ("delta1", {"held": False}),
@@ -119,66 +117,74 @@ def test_an_unidentifiable_parameter_may_carry_no_number(key: str, value: object
 )
 def test_other_contradictions_are_refused(name: str, changes: dict[str, Any]) -> None:
     with pytest.raises(UnsoundResult, match=name):
-        to_json(changed(good(), name, **changes))
+        changed(good(), name, **changes)
 
 
 def test_a_verdict_may_be_no_better_than_the_statuses() -> None:
     with pytest.raises(UnsoundResult, match="degenerate"):
-        to_json(dataclasses.replace(x_pattern(), verdict="weak"))
+        replace(x_pattern(), verdict="weak")
     with pytest.raises(UnsoundResult, match="'weak'"):
-        to_json(changed(good(), "delta3", status="weak"))
+        changed(good(), "delta3", status="weak")
+    assert replace(good(), verdict="degenerate").verdict == "degenerate"  # a graver one is allowed
 
 
 def test_draws_of_an_unidentifiable_parameter_must_be_marked_as_the_priors() -> None:
     result = x_pattern()
     rows = result.posterior.parameters
     assert rows is not None
-    lying = tuple(dataclasses.replace(row, source="data") for row in rows)
-    posterior = dataclasses.replace(result.posterior, parameters=lying)
-    with pytest.raises(UnsoundResult, match="marked as coming from the data"):
-        to_json(dataclasses.replace(result, posterior=posterior))
+    lying = tuple(replace(row, source="data") for row in rows)
+    posterior = replace(result.posterior, parameters=lying)
+    with pytest.raises(UnsoundResult, match=r"delta2, psd\.x, psd\.z .* a posterior from the data of it"):
+        replace(result, posterior=posterior)
 
 
 def test_an_unconverged_posterior_has_no_values() -> None:
     assert to_json(unconverged())["posterior"]["parameters"] is None
-    posterior = dataclasses.replace(good().posterior, converged=False)
     with pytest.raises(UnsoundResult, match="unconverged"):
-        to_json(dataclasses.replace(good(), posterior=posterior))
+        replace(good().posterior, converged=False)
 
 
 def test_a_fit_that_is_not_available_has_no_numbers() -> None:
-    fit = dataclasses.replace(x_pattern().midpoint, chi2=3.0)
     with pytest.raises(UnsoundResult, match="midpoint"):
-        to_json(dataclasses.replace(x_pattern(), midpoint=fit))
+        replace(good().midpoint, available=False)
+    none = replace(good().midpoint, available=False, cost=None, rms_mm=None)
+    fits = to_json(replace(good(), midpoint=none))["fits"]
+    assert (fits["midpoint"]["available"], fits["midpoint"]["rms_mm"]) == (False, None)
 
 
 def test_a_target_that_the_data_do_not_tell_has_no_place_in_the_scene() -> None:
     def shown(at: tuple[float, float, float] | None) -> Result:
-        target = SceneTarget("psd", at, None)
-        return dataclasses.replace(x_pattern(), scene=Scene((), (target,), 7.815))
+        scene = x_pattern().scene
+        assert scene is not None
+        return replace(x_pattern(), scene=replace(scene, targets=(SceneTarget("psd", at, None),)))
 
     assert to_json(shown(None))["scene"]["targets"][0]["at_mm"] is None
-    with pytest.raises(UnsoundResult, match=r"psd\.x, psd\.z cannot be told"):
-        to_json(shown((900.0, 0.0, 0.0)))
+    with pytest.raises(UnsoundResult, match=r"psd\.x, psd\.z cannot be determined"):
+        shown((900.0, 0.0, 0.0))
 
 
 def test_neither_another_interval_nor_a_robust_fit_tells_what_the_data_do_not() -> None:
-    interval = Intervals("delta2", "deg", (-0.01, 0.01), None, None, True)
-    with pytest.raises(UnsoundResult, match="delta2 cannot be told"):
-        to_json(dataclasses.replace(x_pattern(), intervals=(interval,)))
-    # A robust fit of the good run has an estimate for all; the X-Pattern may not borrow it.
-    with pytest.raises(UnsoundResult, match=r"delta2, psd\.x, psd\.z cannot be told"):
-        to_json(dataclasses.replace(x_pattern(), robust=robust(good())))
-    assert to_json(dataclasses.replace(x_pattern(), robust=robust(x_pattern())))["robust"] is not None
-    assert to_json(dataclasses.replace(good(), intervals=(interval,), robust=robust(good())))["intervals"]
+    interval = Intervals("delta2", "deg", "identified", (-0.01, 0.01), None, None, True)
+    with pytest.raises(UnsoundResult, match="delta2 cannot be determined"):
+        replace(x_pattern(), intervals=(interval,))
+    with pytest.raises(UnsoundResult, match="'delta2' is unidentifiable"):
+        replace(interval, status="unidentifiable")
+    # A robust fit of a good run has an estimate for all; the X-Pattern may not borrow it.
+    with pytest.raises(UnsoundResult, match=r"delta2, psd\.x, psd\.z cannot be determined"):
+        replace(x_pattern(), robust=outlier().robust)
+    (budget, *_) = good().budget
+    with pytest.raises(UnsoundResult, match="delta2 cannot be determined, yet the result has a budget"):
+        replace(x_pattern(), budget=(budget,))
+    assert to_json(hostile())["robust"] is not None
+    assert to_json(replace(outlier(), intervals=(interval,)))["intervals"]
 
 
 def test_what_was_not_asked_for_is_null_and_what_was_is_plain() -> None:
     answer = to_json(good())
     assert (answer["intervals"], answer["robust"], answer["hold_out"]) == ([], None, None)
-    assert to_json(uncalibrated())["intervals"][1]["profile"] is None
+    assert [row["profile"] for row in to_json(separate())["intervals"]] == [None, None]
     told = to_json(outlier())["robust"]
-    assert (told["loss"], told["outliers"], len(told["weights"])) == ("huber", [2], 7)
+    assert (told["loss"], told["outliers"], len(told["weights"])) == ("huber", [2], 12)
     assert to_json(held_out())["hold_out"]["targets"] == ["left", "right"]
 
 

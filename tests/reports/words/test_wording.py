@@ -5,7 +5,7 @@ from __future__ import annotations
 from example_results import HOSTILE_NAMES
 
 from zerobeam.reports.style.typeface import in_font
-from zerobeam.reports.words.wording import clipped, label, sentence, shown
+from zerobeam.reports.words.wording import clipped, ended, label, person, sentence, shown
 
 
 def test_what_cannot_be_seen_is_written_out() -> None:
@@ -30,11 +30,19 @@ def test_a_long_name_keeps_its_two_ends() -> None:
 
 
 def test_offsets_are_written_as_people_write_them() -> None:
-    assert label("delta12") == "δ12"
+    assert label("delta12") == "J12 (δ12)"
     assert label("delta1x") == "delta1x"
-    assert sentence("delta2 and delta3.") == "δ2 and δ3."
-    # A target may be called that.
-    assert sentence("delta2.x is told") == "delta2.x is told"
+    assert person("delta3") == "J3 (δ3)"
+    assert person("target") == "target"
+    # A target may be called that, and a sentence is not read back.
+    assert label("delta2.x") == person("delta2.x") == "delta2.x"
+    assert sentence("delta2.x and delta2") == "delta2.x and delta2"
+
+
+def test_a_sentence_ends_with_one_mark() -> None:
+    assert ended("no end") == "no end."
+    for text in ("an end.", "an end?", "an end!"):
+        assert ended(text) == text
 
 
 def test_letters_that_the_typeface_lacks_become_escapes() -> None:
