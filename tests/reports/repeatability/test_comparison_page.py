@@ -106,7 +106,7 @@ def test_what_no_run_determines_is_shown_without_a_number() -> None:
     view = comparison_page(told)
     assert view.verdict.word == "Not tested"
     assert table(view, "Mean over the runs")[1] == ["J3 (δ3)", "not compared"]
-    assert table(view, "Drift")[1] == ["δ3", "not determined"]
+    assert table(view, "Drift")[1] == ["J3 (δ3)", "not determined"]
     assert {row[2] for row in table(view, "Offsets of each run")} == {"unidentifiable"}
     assert "δ3" not in picture_of(told).alt
 
