@@ -156,6 +156,15 @@ class Covariance:
                 f"a covariance of {len(self.names)} parameters has the shape {self.matrix.shape}"
             )
 
+    def __repr__(self) -> str:
+        width = max([8, *map(len, self.names)]) + 2
+        head = " " * width + "".join(name.rjust(width) for name in self.names)
+        rows = (
+            name.ljust(width) + "".join(f"{value:.2g}".rjust(width) for value in row)
+            for name, row in zip(self.names, self.matrix.tolist(), strict=True)
+        )
+        return "\n".join([head, *rows])
+
     def __getitem__(self, names: tuple[str, str]) -> float:
         first, second = names
         return float(self.matrix[self._at(first), self._at(second)])
