@@ -149,13 +149,14 @@ def findings(
         *on_the_model(solution),
         *((NoPosterior(posterior),) if solution.converged and not posterior.converged else ()),
         *(() if moved is None else (moved,)),
-        *_on_held_out(held_out),
+        *on_held_out(held_out),
         *(_on_shots(solution, shots) if robust is None else _on_robust(robust)),
         *(FileWarning(text) for text in warnings),
     )
 
 
-def _on_held_out(held_out: HoldOut | None) -> Iterator[Finding]:
+def on_held_out(held_out: HoldOut | None) -> Iterator[Finding]:
+    """Residuals at held-out targets that noise and fit do not explain."""
     if held_out is None or held_out.p_value is None or held_out.p_value >= LACK_OF_FIT:
         return
     assert held_out.chi2 is not None

@@ -18,8 +18,10 @@ from zerobeam.analysis.result import Result
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.reports.output.html import html
 from zerobeam.reports.run.report_page import report_page
+from zerobeam.reports.run.run_scene import run_turnable
 from zerobeam.reports.words import numbers
 from zerobeam.reports.words.result_json import dumps, to_json
+from zerobeam.reports.words.wording import label
 
 pytestmark = pytest.mark.browser
 
@@ -55,9 +57,9 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def written(folder: Path, result: Result) -> Path:
-    answer = to_json(result)
     file = folder / "report.html"
-    file.write_text(html(report_page(answer), drawn(result), "report", dumps(answer)), encoding="utf-8")
+    page = html(report_page(result), drawn(result), "report", dumps(to_json(result)), run_turnable(result))
+    file.write_text(page, encoding="utf-8")
     return file
 
 
@@ -80,11 +82,11 @@ def test_the_report_says_what_the_result_says_wherever_it_is_read(report: Path, 
     assert found.overflow == 0
     answer: Any = json.loads((report / "result.json").read_text(encoding="utf-8"))
     assert "Pass." in found.text
-    assert answer["headline"].replace("delta", "δ") in found.text
+    assert re.sub(r"delta(\d)", r"J\1 (δ\1)", answer["headline"]) in found.text
     offsets = [row for row in answer["parameters"] if row["group"] == "offset"]
     assert len(offsets) == 6
     for row in offsets:
-        name = row["name"].replace("delta", "δ")
+        name = label(row["name"])
         if row["held"]:
             told = f"{name} held at 0°"
         else:

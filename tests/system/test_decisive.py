@@ -7,13 +7,12 @@ not asked. Every reader of an output is tried on doctored answers, in which a ps
 from __future__ import annotations
 
 import base64
-import copy
 import importlib
 import io
 import json
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,15 +24,21 @@ from command_line import WIDTH, plan_file, zerobeam
 from recordings import DINOVA_1, PANDA_1, imported, places
 from rich.console import Console
 
+from zerobeam.analysis.observability.check import Check, check
+from zerobeam.analysis.posterior.posterior import Draws
+from zerobeam.analysis.result import Result
+from zerobeam.analysis.solution import ParameterTable
+from zerobeam.analysis.status import UnsoundResult
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.plan import read_plan
 from zerobeam.model.files.run import read_run
 from zerobeam.model.problem import Problem
 from zerobeam.reports.output.html import html
 from zerobeam.reports.output.pdf import pdf
+from zerobeam.reports.run import report_folder
 from zerobeam.reports.run.report_page import report_page
 from zerobeam.reports.terminal.answers import print_check, print_result, print_side_by_side
-from zerobeam.reports.words.result_json import dumps
+from zerobeam.reports.words.result_json import check_json, dumps, to_json
 
 GOOD, X_PATTERN, UNCALIBRATED = (case.path for case in demo_runs())
 
@@ -75,7 +80,8 @@ def claims_in_json(answer: Any, untold: Untold, path: str = "") -> Iterator[str]
 
 
 def label(name: str) -> str:
-    return re.sub(r"^delta", "δ", name)
+    """As people read it."""
+    return re.sub(r"^delta(\d+)$", r"J\1 (δ\1)", name)
 
 
 def numbers_of(text: str) -> list[float]:
@@ -123,16 +129,16 @@ def console() -> tuple[Console, io.StringIO]:
     return Console(file=caught, width=WIDTH, highlight=False, color_system=None), caught
 
 
-def claims_of_a_result(answer: Any, untold: Untold, page: str, document: bytes) -> dict[str, list[str]]:
+def claims_of_a_result(result: Result, untold: Untold, page: str, document: bytes) -> dict[str, list[str]]:
     """Every output of `analyse`, `report` and `demo`, by its name."""
     printed, caught = console()
-    print_result(printed, answer)
+    print_result(printed, result)
     beside, caught_beside = console()
-    told = copy.deepcopy(answer)
-    told["inputs"]["header"].pop("provenance", None)  # the truth of a simulation may be known
-    print_side_by_side(beside, ["run"], [told])
+    header = {key: value for key, value in result.inputs.header.items() if key != "provenance"}
+    # The truth of a simulation may be known.
+    print_side_by_side(beside, ["run"], [replace(result, inputs=replace(result.inputs, header=header))])
     return {
-        "json": list(claims_in_json(answer, untold)),
+        "json": list(claims_in_json(to_json(result), untold)),
         "terminal": list(claims_in_rows(rows_of_terminal(caught.getvalue()), untold)),
         "side by side": list(claims_in_rows(rows_of_terminal(caught_beside.getvalue()), untold)),
         "html": list(claims_in_html(page, untold)),
@@ -140,13 +146,13 @@ def claims_of_a_result(answer: Any, untold: Untold, page: str, document: bytes) 
     }
 
 
-def claims_of_a_check(answer: Any, untold: Untold) -> dict[str, list[str]]:
+def claims_of_a_check(found: Check, untold: Untold) -> dict[str, list[str]]:
     printed, caught = console()
-    print_check(printed, answer)
+    print_check(printed, found)
     rows = rows_of_terminal(caught.getvalue())
     assert {label(name) for name in untold} <= {row[0] for row in rows if row}
     return {
-        "json": list(claims_in_json(answer, untold)),
+        "json": list(claims_in_json(check_json(found), untold)),
         "terminal": list(claims_in_rows(rows, untold)),
     }
 
@@ -204,20 +210,29 @@ def test_no_output_of_a_run_claims_what_its_shots_cannot_tell(
                 importlib.import_module("zerobeam.analysis.posterior.sampler"), attribute, value
             )
     folder = tmp_path / "report"
+    made: list[Result] = []
+    write = report_folder.write_report
+
+    def seen(to: Path, result: Result, draws: Draws | None) -> report_folder.ReportPaths:
+        made.append(result)
+        return write(to, result, draws)
+
+    monkeypatch.setattr(report_folder, "write_report", seen)
     told = zerobeam("report", chosen.run, "-o", folder, "--json", "--ess", "400")
     assert told.status == 1
     assert told.json["verdict"] == "degenerate"
     assert (folder / "result.json").read_text(encoding="utf-8") == dumps(told.json)
     page = (folder / "report.html").read_text(encoding="utf-8")
-    claims = claims_of_a_result(told.json, chosen.untold, page, (folder / "report.pdf").read_bytes())
+    (result,) = made
+    assert to_json(result) == told.json
+    claims = claims_of_a_result(result, chosen.untold, page, (folder / "report.pdf").read_bytes())
     assert not any(claims.values()), claims
 
     # And the readers do read: the same outputs, had a pseudo-inverse been asked.
-    doctored = with_pseudo_inverse(told.json, chosen)
-    page = report_page(doctored)
-    claims = claims_of_a_result(
-        doctored, chosen.untold, html(page, {}, "report", dumps(doctored)), pdf(page, {})
-    )
+    doctored = with_pseudo_inverse(result, chosen)
+    shown = report_page(doctored)
+    page = html(shown, {}, "report", dumps(to_json(doctored)))
+    claims = claims_of_a_result(doctored, chosen.untold, page, pdf(shown, {}))
     for output, found in claims.items():
         for untold in chosen.untold:
             # Targets stand in no table of the side-by-side print.
@@ -225,20 +240,25 @@ def test_no_output_of_a_run_claims_what_its_shots_cannot_tell(
                 assert any(untold in claim or label(untold) in claim for claim in found), (output, untold)
 
 
-def with_pseudo_inverse(answer: Any, chosen: Case) -> Any:
-    """The answer as a program would give it that inverts what has no inverse."""
+def with_pseudo_inverse(result: Result, chosen: Case) -> Result:
+    """The result as a program would give it that inverts what has no inverse: statuses and all, since a value
+    beside the right status is refused."""
     problem = Problem.from_run(read_run(chosen.run))
     std = pseudo_inverse_std(problem)
-    doctored = copy.deepcopy(answer)
-    for row in doctored["parameters"]:
-        if row["name"] in chosen.untold:
-            item = problem.parameters.items[problem.parameters.index(row["name"])]
-            tempting = float(std[problem.parameters.index(row["name"])]) * item.display
+    rows = []
+    for row in result.parameters:
+        if row.name in chosen.untold:
+            item = problem.parameters.items[problem.parameters.index(row.name)]
+            tempting = float(std[problem.parameters.index(row.name)]) * item.display
             # Small, as the rule says: it would be believed.
-            assert 0 < tempting < ALMOST * chosen.untold[row["name"]]
-            row |= {"status": "identified", "estimate": 0.123, "std": tempting, "reason": None}
-            row["interval95"] = [0.123 - 2 * tempting, 0.123 + 2 * tempting]
-    return doctored
+            assert 0 < tempting < ALMOST * chosen.untold[row.name]
+            claim: dict[str, Any] = {"estimate": 0.123, "std": tempting}
+            claim["interval95"] = (0.123 - 2 * tempting, 0.123 + 2 * tempting)
+            with pytest.raises(UnsoundResult, match=row.name):
+                replace(row, **claim)
+            row = replace(row, **claim, status="identified", cause=None)
+        rows.append(row)
+    return replace(result, parameters=ParameterTable(rows))
 
 
 def pseudo_inverse_std(problem: Problem) -> np.ndarray:
@@ -272,20 +292,26 @@ def test_no_output_of_a_check_claims_what_its_plan_cannot_tell(
     told = zerobeam("check", file, "--json")
     assert told.status == 1
     assert told.json["verdict"] == "degenerate"
-    claims = claims_of_a_check(told.json, untold)
+    found = check(read_plan(file))
+    assert check_json(found) == told.json
+    claims = claims_of_a_check(found, untold)
     assert not any(claims.values()), claims
 
     # The negative control: what a pseudo-inverse says of the same plan.
     problem = Problem.from_plan(read_plan(file))
     std = pseudo_inverse_std(problem)
-    doctored = copy.deepcopy(told.json)
-    for row, item, tempting in zip(doctored["parameters"], problem.parameters.items, std, strict=True):
+    rows = []
+    for row, item, tempting in zip(found.parameters, problem.parameters.items, std, strict=True):
         if item.name in untold:
             assert 0 < tempting < item.prior_std
-            row |= {"std": float(tempting) * item.display, "status": "identified"}
-    for output, found in claims_of_a_check(doctored, untold).items():
+            with pytest.raises(UnsoundResult, match=row.name):
+                replace(row, std=float(tempting) * item.display)
+            row = replace(row, std=float(tempting) * item.display, status="identified")
+        rows.append(row)
+    doctored = replace(found, parameters=type(found.parameters)(rows))
+    for output, told_of in claims_of_a_check(doctored, untold).items():
         for parameter in untold:
-            assert any(parameter in claim or label(parameter) in claim for claim in found), (
+            assert any(parameter in claim or label(parameter) in claim for claim in told_of), (
                 output,
                 parameter,
             )

@@ -19,10 +19,13 @@ from recordings import DINOVA_1, KUKA_14, PANDA_1, PANDA_2, Arm, imported
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.diagnostics.hold_out import hold_out
 from zerobeam.analysis.estimation.fit import fit_likelihood
+from zerobeam.analysis.findings import on_held_out
+from zerobeam.analysis.result import Result
 from zerobeam.model.files.run import read_run
 from zerobeam.model.problem import Problem
-from zerobeam.reports.run.second_opinions import hold_out_part
-from zerobeam.reports.run.view import view
+from zerobeam.reports.run.fit_quality import fit_section
+from zerobeam.reports.run.second_opinions import hold_out_sentences
+from zerobeam.reports.style.blocks import Paragraph
 from zerobeam.reports.words.result_json import to_json
 
 Row = dict[str, Any]
@@ -32,7 +35,13 @@ Row = dict[str, Any]
 class Analysed:
     import_told: Answer
     run: Path
+    result: Result
     answer: Any
+
+    def fit_quality(self) -> str:
+        """What the report says of the fit."""
+        blocks = fit_section(self.result).all
+        return " ".join(block.text for block in blocks if isinstance(block, Paragraph))
 
     @property
     def rows(self) -> dict[str, Row]:
@@ -56,7 +65,7 @@ def analysed(data: Path, folder: Path, arm: Arm) -> Analysed:
     found = analyse(read_run(run), seed=0, ess=400)
     result, draws = found.result, found.draws
     assert draws is not None
-    return Analysed(told, run, to_json(result))
+    return Analysed(told, run, result, to_json(result))
 
 
 @pytest.fixture(scope="module")
@@ -80,9 +89,9 @@ def dinova_1(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Ana
 
 
 def test_the_import_of_panda_2_tells_what_it_took(panda_2: Analysed) -> None:
-    assert "18 files, 559 shots" in panda_2.import_told.out
+    assert "18 files, 559 measurements" in panda_2.import_told.out
     assert "angles in radians, converted to degrees" in panda_2.import_told.out
-    assert panda_2.import_told.out.endswith(f"559 shots written to {panda_2.run}\n")
+    assert panda_2.import_told.out.endswith(f"559 measurements written to {panda_2.run}\n")
     run = read_run(panda_2.run)
     assert (len(run.shots), len(run.target_names), len(run.header.distances)) == (559, 18, 9)
 
@@ -152,10 +161,9 @@ def test_panda_2_lack_of_fit_is_said_plainly(panda_2: Analysed) -> None:
     assert fit["dof"] == 559 * 3 + 9 - (5 + 18 * 3 + 3)
     assert fit["chi2"] > fit["dof"] + 5 * math.sqrt(2 * fit["dof"])
     assert fit["p_value"] < 1e-6
-    assert panda_2.answer["notes"][0].startswith("Lack of fit: chi-squared is ")
+    assert panda_2.answer["notes"][0].startswith("Lack of fit: residuals are 1.1 times the stated noise")
     assert "does not fit" in panda_2.answer["headline"]
-    told = view(panda_2.answer)
-    assert any(text.startswith("Lack of fit") for text in told["fit"]["sentences"])
+    assert panda_2.fit_quality().startswith("Lack of fit")
 
 
 @pytest.mark.parametrize(("place", "holds"), [("mid-high", True), ("high", False), ("front_right", False)])
@@ -167,9 +175,10 @@ def test_panda_2_without_one_placement(panda_2: Analysed, place: str, holds: boo
     assert held.expected_mm is not None
     assert held.rms_mm < held.rms_before_mm / 4
     assert (held.rms_mm < 1.1 * held.expected_mm) == holds
-    part = hold_out_part(dataclasses.asdict(held))
-    assert part is not None
-    assert ("the offsets hold there too" in " ".join(part["sentences"])) == holds
+    result = dataclasses.replace(panda_2.result, hold_out=held, findings=tuple(on_held_out(held)))
+    said = " ".join(hold_out_sentences(result, held))
+    assert ("they do not contradict the offsets" in said) == holds
+    assert ("the offsets do not carry over to these targets" in said) != holds
 
 
 def test_a_third_of_panda_2_gives_the_same_offsets(panda_2: Analysed) -> None:
@@ -216,7 +225,7 @@ def test_kuka_14_is_as_drawn(kuka_14: Analysed) -> None:
     assert kuka_14.rows["delta7"]["status"] == "unidentifiable"
     assert all(abs(kuka_14.rows[f"delta{i}"]["estimate"]) < 0.1 for i in range(2, 7))
     # A noise that is stated too large is told as well.
-    assert any("smaller than the stated noise" in text for text in view(kuka_14.answer)["fit"]["sentences"])
+    assert "smaller than the stated noise" in kuka_14.fit_quality()
 
 
 @pytest.mark.long
@@ -227,7 +236,7 @@ def test_dinova_1_whose_misfit_is_said_loudly(dinova_1: Analysed) -> None:
     assert fit["chi2"] > 10 * fit["dof"]
     assert fit["p_value"] == 0.0
     # In the first sentence that a reader sees, and again first among the notes.
-    assert "the misses are 3.8 times what the stated noise explains" in dinova_1.answer["headline"]
+    assert "the residuals are 3.8 times the stated noise" in dinova_1.answer["headline"]
     assert dinova_1.answer["notes"][0].startswith("Lack of fit")
     assert "3.27 mm rms" in dinova_1.answer["notes"][0]
     assert dinova_1.rows["delta6"]["status"] == "unidentifiable"
