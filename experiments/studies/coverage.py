@@ -6,7 +6,7 @@ the truth in 95 % of the data sets, and the rank of the truth among the posterio
 (Talts et al. 2018). Two wrong estimators are carried along as negative controls.
 
 The fits are those of `analyse` (`fit_each`, the batch of `fit_likelihood`), and so are density, coordinates,
-moves and walk of the posterior (`posterior_draws` says what is not).
+moves and walk of the posterior (`many_posteriors` says what is not).
 """
 
 from __future__ import annotations
@@ -22,8 +22,10 @@ from scipy import stats
 from threadpoolctl import threadpool_limits
 
 from ...analysis.observability.identifiability import identify
+from ...analysis.posterior.many_posteriors import LEAST_STEPS, many_posteriors
 from ...analysis.posterior.sampler import ROUND
 from ...analysis.status import Status, known, versions
+from ...model.density import Density
 from ...model.files.header import Header
 from ...model.files.robot_file import load_robot
 from ...model.kernel import Index
@@ -39,7 +41,6 @@ from .binomial import Accuracy, accuracy, held_share
 from .case_store import each_case
 from .data_sets import drawn, fitted
 from .estimators import Estimates, likelihood, midpoint, pseudo_inverse, understated
-from .posterior_draws import LEAST_STEPS, posterior_draws
 from .ranks import BINS, DRAWS, Calibration, calibration
 
 _TARGET, _SIGMA_MM = (950.0, 150.0, 100.0), 30.0
@@ -262,7 +263,13 @@ def _studied(plan: StudiedPlan, count: int, seed: int, tell: Callable[[float], N
     else:
         estimates.insert(1, midpoint(data, which))
     tell(0.3)
-    draws, acceptance = posterior_draws(data, fits, rng, lambda share: tell(0.3 + 0.7 * share))
+    draws, acceptance = many_posteriors(
+        lambda part: Density(data.problem, data.joints[part], data.spots[part]),
+        fits,
+        DRAWS,
+        rng,
+        lambda share: tell(0.3 + 0.7 * share),
+    )
     draws = draws[:, :, parameters.among_free[which]]
     scale, mean, true = parameters.prior_std[which], parameters.prior_mean[which], data.truths[:, which]
     ranks = (draws < ((true - mean) / scale)[:, None]).sum(axis=1)

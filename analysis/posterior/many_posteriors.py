@@ -1,4 +1,4 @@
-"""Posterior draws of many data sets side by side, for the ranks of their truths."""
+"""The posteriors of many data sets side by side: a few draws of each."""
 
 from __future__ import annotations
 
@@ -9,15 +9,13 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from ...analysis.estimation.coordinates import SeenCoordinates
-from ...analysis.estimation.fit import Fits
-from ...analysis.posterior.moves import IndependenceProposal, degrees_of_freedom
-from ...analysis.posterior.sampler import BENT_SHARE, ROUND, SHARE, Moves, possible_density
 from ...model.density import Density
 from ...model.kernel import Index
 from ...model.robot import Matrix
-from .data_sets import DataSets
-from .ranks import DRAWS
+from ..estimation.coordinates import SeenCoordinates
+from ..estimation.fit import Fits
+from .moves import IndependenceProposal, degrees_of_freedom
+from .sampler import BENT_SHARE, ROUND, SHARE, Moves, possible_density
 
 _REFITS, _GOOD = 4, 0.5  # the proposal is fitted anew at most so often, while less than this is accepted;
 LEAST_STEPS, _MOST_STEPS = 10, 400  # then so many steps over the square of the acceptance, and at most
@@ -26,10 +24,16 @@ _HEAVY = 5.0  # and its nu this: for the tails
 _CHUNK = 50  # data sets whose walkers go together: what a core keeps near
 
 
-def posterior_draws(
-    data: DataSets, fits: Fits, rng: np.random.Generator, tell: Callable[[float], None]
+def many_posteriors(
+    density_of: Callable[[Index], Density],
+    fits: Fits,
+    draws: int,
+    rng: np.random.Generator,
+    tell: Callable[[float], None],
 ) -> tuple[Matrix, float]:
-    """(W, DRAWS, f) draws of the scaled free parameters of every data set, and the mean acceptance.
+    """(W, draws, f) draws of the scaled free parameters of every data set, and the mean acceptance.
+
+    `density_of` gives the density of some of the data sets (by their index); `fits` are of all of them.
 
     One walker for each draw; its last place is the draw. With `sample_posterior` it shares all that makes a
     draw right: density, coordinates, whitening by the fit, first proposal, moves, their shares, length of a
@@ -41,7 +45,7 @@ def posterior_draws(
     parts = [np.arange(first, min(first + _CHUNK, count)) for first in range(0, count, _CHUNK)]
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         jobs = [
-            pool.submit(_drawn_together, data, fits, part, own)
+            pool.submit(_drawn_together, density_of(part), fits, part, draws, own)
             for part, own in zip(parts, rng.spawn(len(parts)), strict=True)
         ]
         found = []
@@ -52,14 +56,13 @@ def posterior_draws(
         finally:
             for job in jobs:  # after Ctrl-C none is begun any more
                 job.cancel()
-    draws, acceptance = zip(*found, strict=True)
-    return np.concatenate(draws), float(np.average(acceptance, weights=[len(part) for part in parts]))
+    drawn, acceptance = zip(*found, strict=True)
+    return np.concatenate(drawn), float(np.average(acceptance, weights=[len(part) for part in parts]))
 
 
 def _drawn_together(
-    data: DataSets, fits: Fits, part: Index, rng: np.random.Generator
+    density: Density, fits: Fits, part: Index, draws: int, rng: np.random.Generator
 ) -> tuple[Matrix, float]:
-    density = Density(data.problem, data.joints[part], data.spots[part])
     size, count = density.size, len(part)
     every = np.arange(count)
     coordinates = SeenCoordinates(density)
@@ -83,7 +86,7 @@ def _drawn_together(
     def advanced(w: Matrix, steps: int) -> Matrix:
         return moves.walk(log_density, w, steps, last=True)[:, 0]
 
-    w = advanced(proposal.draw(count * DRAWS, rng), ROUND)
+    w = advanced(proposal.draw(count * draws, rng), ROUND)
     for _ in range(_REFITS):
         if _accepted(moves) >= _GOOD:
             break
@@ -91,7 +94,7 @@ def _drawn_together(
         v = place(w)
         centre = v.mean(axis=1)
         around = v - centre[:, None]
-        factor = _WIDER * np.linalg.cholesky(around.transpose(0, 2, 1) @ around / (DRAWS - 1))
+        factor = _WIDER * np.linalg.cholesky(around.transpose(0, 2, 1) @ around / (draws - 1))
         moves = Moves(
             IndependenceProposal(np.zeros(size), np.eye(size), _HEAVY), rng, BENT_SHARE, groups=count
         )
@@ -99,8 +102,8 @@ def _drawn_together(
         w = advanced(w, ROUND)
     steps = min(math.ceil(LEAST_STEPS / max(_accepted(moves), 1e-3) ** 2), _MOST_STEPS)
     v = place(advanced(w, steps))
-    draws = density.scaled(coordinates.to_parameters(v.reshape(-1, size), np.repeat(every, DRAWS)))
-    return draws.reshape(count, DRAWS, size), _accepted(moves)
+    scaled = density.scaled(coordinates.to_parameters(v.reshape(-1, size), np.repeat(every, draws)))
+    return scaled.reshape(count, draws, size), _accepted(moves)
 
 
 def _accepted(moves: Moves) -> float:
