@@ -16,6 +16,7 @@ from zerobeam.analysis.observability.check import Check, CheckedParameter, check
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.problem import Problem
 from zerobeam.model.robot import Matrix, Robot
+from zerobeam.reports.words.causes import reason, remedy
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
@@ -38,12 +39,12 @@ def test_x_pattern_with_the_psd_straight_ahead() -> None:
     answer = check(pattern_plan("x"))
     delta2 = named(answer, "delta2")
     assert (delta2.status, delta2.data_std, delta2.std) == ("unidentifiable", None, None)
-    assert delta2.reason is not None
-    assert delta2.reason.startswith("joint 1 does not change over the shots")
+    assert delta2.cause is not None
+    assert reason(delta2.cause).startswith("joint 1 does not change over the measurements")
     (null,) = [
         d for d in answer.identifiability.null_space if "delta2" in d.combination and d.kind == "exact"
     ]
-    assert null.remedy == "vary joint 1 by 30 degrees or more between shots"
+    assert remedy(null.cause) == "vary joint 1 by 30 degrees or more between measurements"
     # The others are told, if poorly.
     for name in ("delta3", "delta4", "delta5", "delta6"):
         assert named(answer, name).data_std == pytest.approx(0.1, abs=0.25)
@@ -66,7 +67,7 @@ def test_a_jitter_of_joint_1_is_no_information(seed: int) -> None:
     assert 30 < delta2.data_std < 1000
     (null,) = [d for d in answer.identifiability.null_space if d.combination.get("delta2") == 1.0]
     assert null.kind == "noise"
-    assert "joint 1 varies by no more than" in null.reason
+    assert "joint 1 varies by no more than" in reason(null.cause)
 
 
 def straight_ahead(height: float, jitter_deg: float, seed: int = 1) -> Plan:
@@ -154,7 +155,7 @@ def test_delta1_is_the_base_frame() -> None:
     assert (named(freed, "delta1").status, named(freed, "delta1").data_std) == ("unidentifiable", None)
     (null,) = freed.identifiability.null_space
     assert null.kind == "exact"
-    assert "base frame" in null.reason
+    assert "base frame" in reason(null.cause)
     # Freeing it takes nothing from the others, and holding it gives them nothing.
     for name, row in offsets(held).items():
         assert named(freed, name).data_std == pytest.approx(row.data_std, rel=1e-6)
@@ -173,7 +174,7 @@ def test_an_uncalibrated_laser_with_delta6_freed() -> None:
     assert (named(answer, "delta6").status, named(answer, "delta6").data_std) == ("unidentifiable", None)
     (null,) = answer.identifiability.null_space
     assert null.kind == "exact"
-    assert "last joint and an uncalibrated laser" in null.reason
+    assert "last joint is equivalent to one of the uncalibrated laser" in reason(null.cause)
     # The turn by delta6 is undone by the tool's own parameters alone.
     assert set(null.combination) <= {"delta6", "tool.tilt1", "tool.tilt2", "tool.shift1", "tool.shift2"}
     for name in ("delta2", "delta3", "delta4", "delta5"):

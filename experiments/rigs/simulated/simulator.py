@@ -176,7 +176,7 @@ class SimulatedRig:
             f"the PSD is out of view in {count - seeing} of the plan's {count} postures",
             found=f"the face of {target} is turned away from all beams"
             if in_sight.sum() > seeing
-            else f"{target} stands {off:.0f} deg aside of the beams (median)",
+            else f"{target} is {off:.0f} deg off the beams (median)",
             allowed=f"within {np.degrees(_IN_SIGHT):.0f} deg of a beam, on the front of its face",
             remedy="correct psd.placed in the cell file, or the targets of the plan",
         )

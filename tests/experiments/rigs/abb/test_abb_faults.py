@@ -306,7 +306,7 @@ CASES = [
         cable_out,
         in_guidance,
         STOPPED,
-        "the command to stop RAPID did not arrive, and the laser may shine: press the emergency stop",
+        "The command to stop RAPID did not arrive, and the laser may shine: press the emergency stop",
         timed=True,
     ),
     Case(
@@ -314,7 +314,7 @@ CASES = [
         cable_out,
         in_a_far_move,
         STOPPED,
-        "the command to stop RAPID did not arrive: press the emergency stop",
+        "The command to stop RAPID did not arrive: press the emergency stop",
         timed=True,
     ),
     Case(

@@ -753,7 +753,7 @@ def test_a_target_without_a_psd_is_bad_input(controller: SimulatedController, pl
 
 
 def test_the_module_has_the_data_of_the_hand_shake() -> None:
-    text = (Path(sys.modules[AbbRig.__module__].__file__ or "").parents[1] / "rapid/zerobeam.mod").read_text()
+    text = (Path(sys.modules[AbbRig.__module__].__file__ or "").parent / "rapid/zerobeam.mod").read_text()
     assert text.startswith(f"MODULE {MODULE}\n")
     data = RapidData()
     for name in data.names:
