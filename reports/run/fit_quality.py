@@ -13,7 +13,7 @@ from ..words.findings import likelihood_message
 from ..words.wording import NOT_DETERMINED, clipped, label, sentence
 from .parameters import noise_factors, other_tables
 
-_NO_COST = "not defined for this cost"
+_NO_COST = "—"  # not defined for this cost
 
 
 def fit_section(result: Result) -> Section:

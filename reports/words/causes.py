@@ -121,7 +121,8 @@ def _tool(kind: ToolKind) -> str:
 
 
 def _before(cause: CommonMotion) -> str:
-    return "joint 1" if cause.joint == 2 else f"joints 1 to {cause.joint - 1}"
+    last = cause.joint - 1
+    return "joint 1" if last == 1 else "joints 1 and 2" if last == 2 else f"joints 1 to {last}"
 
 
 def _common_motion(cause: CommonMotion) -> str:

@@ -263,8 +263,8 @@ def test_two_joints_constant():
     assert rows["delta2"] == rows["delta3"] == ("unidentifiable", np.inf)
     assert {rows[f"delta{i}"][0] for i in (4, 5, 6)} == {"identified"}
     assert "joint 1 does not change" in reason(direction_of(identified, "delta2", "exact").cause)
-    assert "joints 1 to 2 do not change" in reason(direction_of(identified, "delta3", "exact").cause)
-    assert "vary joints 1 to 2" in remedy(direction_of(identified, "delta3").cause)
+    assert "joints 1 and 2 do not change" in reason(direction_of(identified, "delta3", "exact").cause)
+    assert "vary joints 1 and 2" in remedy(direction_of(identified, "delta3").cause)
 
 
 def test_delta1_freed():
