@@ -12,8 +12,9 @@ from ...model.errors import BadInput
 from ...model.files.reading import parse_json, read_text, shown
 from ..findings import LACK_OF_FIT, LackOfFit
 from ..result import RESULT_SCHEMA as SCHEMA
+from ..status import known
 from .repeat import PriorInEstimate, Repeat, RepeatStatus, RunFinding
-from .run_files import KNOWN, WHEN
+from .run_files import WHEN
 
 _WITHOUT_PRIOR = 0.98  # std over the one without priors: from here on they have no part in an estimate
 
@@ -45,12 +46,12 @@ def _of_result(answer: dict[str, Any], name: str) -> Repeat:
     findings: list[RunFinding] = []
     value, variance = [], []
     for row in free:
-        if row["status"] in KNOWN and not row["std"] > 0:
+        if known(row["status"]) and not row["std"] > 0:
             raise ValueError(f"the std of {row['name']} is not above 0")
-        clean = row["status"] in KNOWN and row["std"] >= _WITHOUT_PRIOR * row["data_std"]
-        if row["status"] in KNOWN and not clean:
+        clean = known(row["status"]) and row["std"] >= _WITHOUT_PRIOR * row["data_std"]
+        if known(row["status"]) and not clean:
             findings.append(PriorInEstimate(str(row["name"])))
-        status.append(row["status"] if clean or row["status"] not in KNOWN else "prior")
+        status.append(row["status"] if clean or not known(row["status"]) else "prior")
         value.append(float(row["estimate"]) if clean else math.nan)
         variance.append((float(row["std"]) / scale) ** 2 if clean else math.nan)
     when = inputs["header"].get("provenance", {}).get(WHEN)

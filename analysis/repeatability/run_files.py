@@ -16,7 +16,6 @@ from .prior_free import without_prior
 from .repeat import Repeat, RunFinding, SharedDistances
 
 WHEN = "when"  # the key of a header's provenance that says when a run was made
-KNOWN = ("identified", "weak")
 
 
 def problem_of(run: Run) -> Problem:

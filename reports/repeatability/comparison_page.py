@@ -16,6 +16,7 @@ from ...analysis.repeatability.compare import (
     OffsetOfRun,
 )
 from ...analysis.repeatability.consistency import Mean, Scatter
+from ...analysis.solution import NORMAL_95
 from ..studies.study_terminal import print_block
 from ..style import blocks
 from ..style.blocks import (
@@ -35,7 +36,6 @@ from ..words import numbers
 from ..words.comparison import headline, notes
 from ..words.wording import clipped, counted, label, listed, sentence, shown
 
-NORMAL_95 = 1.959964
 _VERDICT: dict[Agreement, tuple[str, str]] = {
     "agrees": ("pass", "Agrees"),
     "does not agree": ("weak", "Does not agree"),

@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Protocol
 
+from ...analysis.solution import NORMAL_95
 from ...experiments.studies.answer import ObservedParameter, Share
 from ..style.blocks import Cell, LegendEntry, Reason
 from ..words import numbers
@@ -33,7 +34,6 @@ _MEANING = {
     (True, False): "wrong on purpose, and detected: this study can find such a fault",
     (True, True): "wrong on purpose, and not detected: this study could not find such a fault",
 }
-_NORMAL_95 = 1.959964  # half width of a 95 % interval in standard deviations
 
 
 class Marked(Protocol):
@@ -111,7 +111,7 @@ def share_text(share: float, low: float, high: float, of: int) -> str:
 
 def _share_decimals(low: float, high: float, of: int) -> int:
     """By the binomial uncertainty, but no finer than the count itself: 948 of 1000 is 94.8 %."""
-    std = 100 * (high - low) / (2 * _NORMAL_95)
+    std = 100 * (high - low) / (2 * NORMAL_95)
     return min(numbers.decimals(std), max(0, math.ceil(math.log10(of)) - 2))
 
 
