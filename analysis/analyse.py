@@ -155,15 +155,20 @@ def _midpoint(fit: MidpointFit) -> MidpointSummary:
 def _distances(solution: Solution) -> tuple[DistanceResult, ...]:
     """Each stated distance next to what the fit makes of it, with the std of that."""
     problem, fit, rows = solution.problem, solution.fit, []
-    residual, jacobian = problem.distance_rows(fit.x[None])
-    for stated, off, along in zip(problem.distances, residual[0], jacobian[0], strict=True):
-        by_free = (along * stated.sigma * problem.parameters.prior_std)[problem.parameters.free]
+    parameters, targets = problem.parameters, problem.split(fit.x).targets
+    for stated in problem.distances:
+        between = targets[stated.second] - targets[stated.first]
+        length = float(np.linalg.norm(between))
+        along = np.zeros(len(parameters))
+        along[parameters.block("target", stated.second)] = between / length
+        along[parameters.block("target", stated.first)] = -between / length
+        by_free = (along * parameters.prior_std)[parameters.free]
         rows.append(
             DistanceResult(
                 between=(problem.targets[stated.first], problem.targets[stated.second]),
                 mm=stated.mm,
                 sigma_mm=stated.sigma,
-                estimate=stated.mm + float(off) * stated.sigma if solution.converged else None,
+                estimate=length if solution.converged else None,
                 std=float(np.sqrt(by_free @ fit.covariance @ by_free)) if solution.converged else None,
             )
         )
