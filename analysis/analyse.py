@@ -1,4 +1,4 @@
-"""The street: a run goes in, the whole answer comes out."""
+"""The whole analysis of a run: fit, judgement, posterior, diagnostics, result."""
 
 from __future__ import annotations
 

@@ -116,7 +116,7 @@ def lack_of_fit(solution: Solution) -> LackOfFit | None:
 
 
 def on_the_model(solution: Solution) -> Iterator[Finding]:
-    """What speaks against a fit as a whole, or against a target's having stayed where it was."""
+    """What speaks against a fit as a whole."""
     fit = solution.fit
     misfit = lack_of_fit(solution)
     if not fit.converged:

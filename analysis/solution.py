@@ -138,6 +138,8 @@ class Covariance:
     >>> covariance = zb.Covariance(("delta2", "delta3"), ("deg", "deg"), both, np.array([[4, 1], [1, 9.0]]))
     >>> covariance["delta2", "delta3"], covariance.std.tolist()
     (1.0, [2.0, 3.0])
+    >>> covariance.correlation.round(3).tolist()
+    [[1.0, 0.167], [0.167, 1.0]]
     >>> covariance["delta2", "delta4"]
     Traceback (most recent call last):
     zerobeam.model.errors.BadInput: the covariance has no row for this parameter: ...
@@ -321,11 +323,8 @@ class Solution:
 
     def interval(self, i: int) -> tuple[float, float]:
         """The 95 % interval of the parameter at place `i`, by the curvature at the mode."""
-        item, value, half = (
-            self.problem.parameters.items[i],
-            float(self.fit.x[i]),
-            self.quantile * float(self.std[i]),
-        )
+        item, value = self.problem.parameters.items[i], float(self.fit.x[i])
+        half = self.quantile * float(self.std[i])
         return item.shown(value - half), item.shown(value + half)
 
     def _row(self, i: int, item: Parameter) -> ParameterResult:

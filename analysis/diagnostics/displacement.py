@@ -166,7 +166,7 @@ class _Left(NamedTuple):
         return np.eye(self.miss.shape[1]) - self.basis @ self.basis.transpose(0, 2, 1)
 
     def agrees(self, found: _Explained, i: int) -> bool:
-        """Whether what an explanation leaves of the misses is no more than the noise (if it is known)."""
+        """Whether what an explanation leaves of the residuals is no more than the noise (if it is known)."""
         dof = self.numbers - int(found.rank[i])
         return not self.known or dof <= 0 or bool(chdtrc(dof, self.chi2 - found.drop[i]) >= _CHANCE)
 
@@ -179,7 +179,7 @@ class _Left(NamedTuple):
         return float(fdtrc(rank, rest, drop / rank * rest / max(self.chi2 - drop, 1e-300)))
 
     def estimate(self, found: _Explained, i: int) -> tuple[Matrix, Matrix]:
-        """(a,) what is supposed and its covariance (a, a), which is huge where it is not told."""
+        """(a,) the explanation's size and its covariance (a, a), which is huge where it is not determined."""
         values, vectors = found.values[i], found.vectors[i]
         scale = 1.0
         if not self.known:

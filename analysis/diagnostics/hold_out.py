@@ -115,7 +115,7 @@ def _chance(seen: Problem, chi2: float, dof: int) -> float:
 
 
 def _settled(problem: Problem, x: Matrix, moved: NDArray[np.bool_]) -> Matrix:
-    """x (p,) with the parameters `moved` (the targets') where the shots' misses are smallest."""
+    """x (p,) with the parameters `moved` (the targets') where the residuals are smallest."""
     parameters, rows = problem.parameters, problem.shots * problem.tool.miss_size
     x, moved = x.copy(), moved & parameters.free
     for _ in range(_ROUNDS):

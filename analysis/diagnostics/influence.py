@@ -92,7 +92,7 @@ def influence_by_formula(problem: Problem, fit: LikelihoodFit) -> Influence:
 
 
 def _blocks(problem: Problem, fit: LikelihoodFit) -> tuple[Matrix, Matrix, NDArray[np.bool_]]:
-    """Whitened Jacobians (N, d, f) and misses (N, d) of the shots, and which decide something alone."""
+    """Whitened Jacobians (N, d, f) and residuals (N, d) of the measurements, and which have leverage 1."""
     d, rows = problem.tool.miss_size, problem.shots * problem.tool.miss_size
     root = np.sqrt(fit.weight)
     blocks = problem.roots(fit.whitened) * root

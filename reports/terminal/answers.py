@@ -164,7 +164,7 @@ def _estimate_and_std(row: KnownOffset) -> tuple[str, str]:
 
 
 def _measured(answer: Ended) -> str:
-    """What was found at a refused measurement stands in the notes."""
+    """What was found at a refused measurement is in the notes."""
     line = f"{counted(len(answer.shots), 'measurement')} recorded"
     refused = [f"{item.shot} ({shown(item.reason.value)})" for item in answer.refused]
     return f"{line}; refused: {listed(refused)}." if refused else f"{line}, none refused."
