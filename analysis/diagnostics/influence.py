@@ -1,7 +1,5 @@
-"""What each shot does to the answer: leave-one-out misses and Cook's distances.
-
-Exact, by a fit without each shot, and by the formula of the linearised fit; the tests hold them together.
-"""
+"""What each measurement does to the answer: leave-one-out residuals and Cook's distances, exact, by a fit
+without each measurement. The tests hold them against the formulas of the linearised fit."""
 
 from __future__ import annotations
 
@@ -9,7 +7,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...model.density import Density
 from ...model.problem import Problem
@@ -53,8 +50,8 @@ def shot_results(fit: LikelihoodFit) -> tuple[ShotResult, ...]:
 
 
 class Influence(NamedTuple):
-    """Per shot (N,): `whitened` miss in its own stds, `leave_one_out` miss in mm as the other shots
-    predict it (nan where they cannot), `cooks` distance (nan likewise)."""
+    """Per measurement (N,): the length of its `whitened` residual, of its `leave_one_out` residual in mm, as
+    the other measurements predict it (nan where they cannot), and Cook's distance (nan likewise)."""
 
     whitened: Matrix
     leave_one_out: Matrix
@@ -62,9 +59,11 @@ class Influence(NamedTuple):
 
 
 def influence(problem: Problem, fit: LikelihoodFit) -> Influence:
-    """By N fits, each without one shot. Where one of them fails its shot has nan."""
-    count = problem.shots
-    _, residual, decides = _blocks(problem, fit)
+    """By N fits, each without one measurement. Where one of them fails its measurement has nan."""
+    count, d = problem.shots, problem.tool.miss_size
+    root = np.sqrt(fit.weight)
+    _, decides = leverages(problem.roots(fit.whitened) * root, fit.covariance)
+    residual = fit.whitened.residual[: count * d].reshape(count, d) * root
     density = Density(problem).weighted(1.0 - np.eye(count))
     without = modes(density, np.tile(fit.x, (count, 1)))
     move = density.scaled(without.x) - fit.z
@@ -76,25 +75,3 @@ def influence(problem: Problem, fit: LikelihoodFit) -> Influence:
         np.where(unknown, np.nan, np.linalg.norm(left_out, axis=1)),
         np.where(unknown, np.nan, cooks),
     )
-
-
-def influence_by_formula(problem: Problem, fit: LikelihoodFit) -> Influence:
-    """From the hat matrix H_i = A_i C A_i' of each shot (Cook & Weisberg 1982, chapters 2 and 3)."""
-    blocks, residual, decides = _blocks(problem, fit)
-    open_part, _ = leverages(blocks, fit.covariance)
-    predicted = np.linalg.solve(open_part, residual[:, :, None])
-    hat = blocks @ fit.covariance @ blocks.transpose(0, 2, 1)
-    cooks = (predicted.transpose(0, 2, 1) @ hat @ predicted)[:, 0, 0] / blocks.shape[2]
-    length = np.linalg.norm((fit.whitened.factor @ predicted)[:, :, 0], axis=1) / np.sqrt(fit.weight)
-    return Influence(
-        np.linalg.norm(residual, axis=1), np.where(decides, np.nan, length), np.where(decides, np.nan, cooks)
-    )
-
-
-def _blocks(problem: Problem, fit: LikelihoodFit) -> tuple[Matrix, Matrix, NDArray[np.bool_]]:
-    """Whitened Jacobians (N, d, f) and residuals (N, d) of the measurements, and which have leverage 1."""
-    d, rows = problem.tool.miss_size, problem.shots * problem.tool.miss_size
-    root = np.sqrt(fit.weight)
-    blocks = problem.roots(fit.whitened) * root
-    _, decides = leverages(blocks, fit.covariance)
-    return blocks, fit.whitened.residual[:rows].reshape(problem.shots, d) * root, decides

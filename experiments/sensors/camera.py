@@ -83,11 +83,6 @@ class Camera:
         result: Matrix = directions / np.linalg.norm(directions, axis=1, keepdims=True)
         return result
 
-    def in_view(self, pixels: Matrix) -> NDArray[np.bool_]:
-        """(N,) whether the pixels (N, 2) are in the picture, whose edge is half a pixel before (0, 0)."""
-        inside = (pixels >= -0.5) & (pixels < np.array([self.width, self.height]) - 0.5)
-        return np.asarray(inside.all(axis=1))
-
     @cached_property
     def _limit(self) -> float:
         """The squared slope r² where the distorted r (1 + k1 r² + k2 r⁴ + k3 r⁶) turns back; inf: never."""

@@ -46,15 +46,14 @@ _CLEARLY = 0.5
 class Blob:
     """One light in a picture: its centroid (x, y) px, and how it shines.
 
-    `area` pixels are lit, the brightest by `peak` grey values above the local background; `light` is the sum
-    above the background and `saturated` the share of the area at full scale. A blob that is `cut` goes on
-    beyond the edge of the picture, so that its centre is unknown.
+    `area` pixels are lit; `light` is the sum of the grey values above the local background and `saturated`
+    the share of the area at full scale. A blob that is `cut` extends over the edge of the picture, so that
+    its centre is unknown.
     """
 
     x: float
     y: float
     area: int
-    peak: float
     light: float
     saturated: float
     cut: bool
@@ -197,7 +196,6 @@ def _blob(
         x=column + centre[0],
         y=row + centre[1],
         area=int(np.count_nonzero(own)),
-        peak=float(shine[own].max()),
         light=float(shine.sum()),
         saturated=float(full[window][own].mean()),
         cut=min(row, column) < half or row + half >= height or column + half >= width,

@@ -183,11 +183,6 @@ class Run:
         return np.array([shot.spot_mm or (0.0, 0.0) for shot in self.shots])
 
     @cached_property
-    def has_spot(self) -> NDArray[np.bool_]:
-        """(N,) True where a shot states its spot."""
-        return np.array([shot.spot_mm is not None for shot in self.shots])
-
-    @cached_property
     def target_names(self) -> tuple[str, ...]:
         """The targets in the order in which they first appear."""
         return tuple(dict.fromkeys(shot.target for shot in self.shots))

@@ -15,7 +15,7 @@ from ....model.files.reading import Place, did_you_mean
 from ....model.files.urdf import roll_pitch_yaw
 from ....model.noise import NoiseModel
 from ....model.problem import Problem
-from ....model.robot import Matrix, Robot, shift
+from ....model.robot import Matrix, Robot, same_arm, shift
 from ....model.tool import Tool
 from ...sensors.camera import Camera
 from ...sensors.psd import Psd
@@ -83,18 +83,6 @@ def assemble(plan: Plan, cell: Cell, rng: np.random.Generator) -> Parts:
             for k, name in enumerate(problem.targets)
         },
         camera=None if cell.camera is None else _camera(cell.camera, problem.tool),
-    )
-
-
-def same_arm(one: Robot, other: Robot) -> bool:
-    """Whether two robots have the same joints in the same places, whatever their names and limits."""
-    return (
-        one.n == other.n
-        and all(
-            a.kind == b.kind and np.allclose(a.fixed, b.fixed) and np.allclose(a.axis, b.axis)
-            for a, b in zip(one.joints, other.joints, strict=True)
-        )
-        and np.allclose(one.flange, other.flange)
     )
 
 

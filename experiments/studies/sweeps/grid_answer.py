@@ -1,8 +1,7 @@
 """The answer of a study over a grid of settings: axes, cases and, of each case, its parameters.
 
 Units are those that people read (deg, mm). What a case does not identify has no number: the dataclasses
-refuse to be made otherwise. `case_to_json` and `case_from_json` are the edge of the file of
-finished cases.
+refuse to be made otherwise.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, TypeAdapter
+from pydantic import Field
 
 from ....analysis.status import Status, UnsoundResult, Verdict, known, require_no_more_than
 from ....model.parameters import Group
@@ -169,16 +168,3 @@ class GridStudy(StudyAnswer):
     def has(self, fit: Fit) -> bool:
         """Whether there are errors of this fit."""
         return any(one.errors(fit) is not None for one in self.parameters)
-
-
-_CASE = TypeAdapter(GridCase)
-
-
-def case_to_json(case: GridCase) -> dict[str, Any]:
-    """A finished case, as it is kept on the disk."""
-    return dict(_CASE.dump_python(case, mode="json"))
-
-
-def case_from_json(stored: object) -> GridCase:
-    """A case that was kept. Raises ValueError (pydantic's) where it is none, UnsoundResult as GridCase."""
-    return _CASE.validate_python(stored)

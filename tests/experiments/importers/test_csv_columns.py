@@ -59,7 +59,7 @@ def test_every_column_that_a_shot_can_have(read, tmp_path):
         assert told in found.understood
     write_run(tmp_path / "run.jsonl", found.header, found.shots)
     run = read_run(tmp_path / "run.jsonl")
-    assert run.has_spot.all()
+    assert all(shot.spot_mm is not None for shot in run.shots)
     assert run.target_names == ("left", "right")
 
 

@@ -79,7 +79,7 @@ def test_units_and_defaults():
     run = made(joints=np.radians(POSTURES), unit="rad")
     np.testing.assert_allclose(run.joints, np.radians(POSTURES), rtol=1e-15, atol=1e-15)
     np.testing.assert_allclose([shot.joints_deg for shot in run.shots], POSTURES, rtol=1e-14)
-    assert not run.has_spot.any()
+    assert all(shot.spot_mm is None for shot in run.shots)
     assert run.target_names == ("psd",)
     assert made(targets="ball").target_names == ("ball",)
     assert made(target_priors={"ball": {"guess_mm": [1, 2, 3]}}).target_names == ("ball",)

@@ -50,7 +50,7 @@ def test_a_run_in_internal_units(run_file):
     assert run.robot.name == "irb1600"
     np.testing.assert_allclose(run.joints[2], np.radians(np.array(JOINTS) + 2))
     np.testing.assert_array_equal(run.spots, [[0, 0], [0.5, -0.25], [0, 0], [0, 0]])
-    np.testing.assert_array_equal(run.has_spot, [False, True, False, False])
+    assert [shot.spot_mm is not None for shot in run.shots] == [False, True, False, False]
     assert run.target_names == ("psd", "b")
     np.testing.assert_array_equal(run.target_index, [0, 1, 0, 1])
     assert run.lines == (2, 3, 4, 5)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cells import plan_of
+from pydantic import TypeAdapter
 from scipy import stats
 
 from zerobeam.analysis.observability.check import check
@@ -28,8 +29,6 @@ from zerobeam.experiments.studies.sweeps.grid_answer import (
     GridCase,
     LikelihoodErrors,
     RunErrors,
-    case_from_json,
-    case_to_json,
 )
 from zerobeam.experiments.studies.sweeps.study_file import StatedStudy, read_study
 from zerobeam.experiments.studies.sweeps.sweep import CHANCE, judged, refitted, studied_case, sweep
@@ -37,6 +36,7 @@ from zerobeam.model.errors import BadInput
 from zerobeam.model.problem import Problem
 
 RUNS = 24
+CASE = TypeAdapter(GridCase)  # as finished cases are kept
 Json = dict[str, Any]
 
 STUDY = """\
@@ -56,6 +56,10 @@ axes:
       - {name: Y-Pattern, set: {plan.kind: y}}
   - {key: noise.joint_deg, label: joint noise, unit: deg, values: [0.002, 0.01]}
 """
+
+
+def stored_case(case: GridCase) -> Json:
+    return dict(CASE.dump_python(case, mode="json"))
 
 
 def silent(stage: str, share: float) -> None:
@@ -209,7 +213,7 @@ def test_a_case_is_the_same_in_whatever_study_it_stands(tmp_path: Path, answer: 
     text = STUDY.replace("[0.002, 0.01]", "[0.05, 0.002]").replace(
         "      - {name: X-Pattern, set: {plan.kind: x}}\n", ""
     )
-    other = case_to_json(studied_case(stated(tmp_path, text).cases[1], 3))
+    other = stored_case(studied_case(stated(tmp_path, text).cases[1], 3))
     same = answer["cases"][2]
     assert other["words"] == same["words"]
     bare = [
@@ -223,7 +227,7 @@ def test_a_case_is_the_same_in_whatever_study_it_stands(tmp_path: Path, answer: 
         if row["std"]
     ]
     # Another seed is another set of arms.
-    assert case_to_json(studied_case(stated(tmp_path, text).cases[1], 4))["parameters"] != other["parameters"]
+    assert stored_case(studied_case(stated(tmp_path, text).cases[1], 4))["parameters"] != other["parameters"]
 
 
 def test_a_stopped_study_is_gone_on_with_to_the_same_answer(
@@ -416,13 +420,13 @@ def test_a_parameter_that_is_not_identified_cannot_have_a_number(status: Any, ke
     with pytest.raises(UnsoundResult, match=f"'delta2' is {status}"):
         replace(row, **{key: NUMBERS[key]})
     # Nor can one come from a file of finished cases.
-    stored = case_to_json(GridCase((0,), "it", shots=7, verdict="degenerate", parameters=(row,)))
-    assert case_from_json(stored).parameters == (row,)
-    (bad,) = case_to_json(made(1.0, 0.95))["parameters"]
+    stored = stored_case(GridCase((0,), "it", shots=7, verdict="degenerate", parameters=(row,)))
+    assert CASE.validate_python(stored).parameters == (row,)
+    (bad,) = stored_case(made(1.0, 0.95))["parameters"]
     number = {"std": FORBIDDEN, "likelihood": bad["likelihood"], "midpoint": bad["likelihood"]}[key]
     stored["parameters"][0][key] = number
     with pytest.raises(UnsoundResult, match=f"'delta2' is {status}"):
-        case_from_json(stored)
+        CASE.validate_python(stored)
 
 
 def test_a_case_that_does_not_identify_all_offsets_has_no_worst_one() -> None:
