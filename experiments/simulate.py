@@ -46,14 +46,19 @@ class Truth:
             x[i] = value / problem.parameters.items[i].display
         return cls(problem, x)
 
-    def provenance(self) -> dict[str, float]:
-        """The true offsets and tool by name with the unit, for the run's header."""
+    def values(self) -> dict[str, float]:
+        """The true offsets and tool by name, deg and mm."""
         items = self.problem.parameters.items
         return {
-            f"true {item.name} ({item.unit})": round(float(value) * item.display, 9)
+            item.name: round(float(value) * item.display, 9)
             for item, value in zip(items, self.x, strict=True)
             if item.group != "target"
         }
+
+    def provenance(self) -> dict[str, float]:
+        """The same by name with the unit, for the run's header."""
+        units = {item.name: item.unit for item in self.problem.parameters.items}
+        return {f"true {name} ({units[name]})": value for name, value in self.values().items()}
 
 
 def simulated_shots(truth: Truth, rng: np.random.Generator) -> Iterator[Shot]:

@@ -10,7 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ...model.errors import BadInput
+from ...model.files.limits import require_joint_count
 from ...model.files.reading import did_you_mean, read_text, shown
+from ...model.robot import Robot
 from .imported import J3, J3_TOLD, Found, Imported, Job, from_ground, one_target_each
 
 
@@ -42,7 +44,7 @@ def import_points(
     found = []
     for path, target in zip(job.paths, target_names, strict=True):
         points = _chosen(parse(read_text(path)[0], path), names, path)
-        rows = [_joints(point, job.robot.n, job.robot.name, path) for point in points]
+        rows = [_joints(point, job.robot, path) for point in points]
         joints = from_ground(np.array(rows), job.robot) if ground else np.array(rows)
         listed = f"  points in their order: {', '.join(point.name for point in points)}"
         lines = [point.line for point in points]
@@ -68,7 +70,7 @@ def _chosen(points: Sequence[Point], names: Sequence[str] | None, path: Path) ->
     return [points[known.index(name)] for name in dict.fromkeys(names)]
 
 
-def _joints(point: Point, count: int, robot: str, path: Path) -> tuple[float, ...]:
+def _joints(point: Point, robot: Robot, path: Path) -> tuple[float, ...]:
     if point.joints is None:
         raise BadInput(
             f"point {point.name} has no joint values",
@@ -78,14 +80,7 @@ def _joints(point: Point, count: int, robot: str, path: Path) -> tuple[float, ..
             file=path,
             line=point.line,
         )
-    if len(point.joints) != count:
-        raise BadInput(
-            f"point {point.name} has the wrong number of joints",
-            found=f"{len(point.joints)} values",
-            allowed=f"{count} ({robot} has {count} joints)",
-            file=path,
-            line=point.line,
-        )
+    require_joint_count(point.joints, robot, f"point {point.name}", path, point.line)
     return point.joints
 
 

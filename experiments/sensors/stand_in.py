@@ -12,11 +12,10 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 
+from ...model.files.closing import Closing
 from ...model.robot import Matrix
 from .counts import read_calibration
 from .interface import Sensors
@@ -40,7 +39,7 @@ class LineFaults:
     silent: bool = False
 
 
-class AmplifierStandIn:
+class AmplifierStandIn(Closing):
     """It calls itself `name` and tells `counts(samples)` (samples, 4), a row of NaN: not sent.
 
     `device` is the path of its serial port, which goes when it is closed; `faults` may be changed at any
@@ -74,14 +73,6 @@ class AmplifierStandIn:
             self._thread.join()
             os.close(self._own)
             os.close(self._other)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _serve(self) -> None:
         rest = b""

@@ -1,6 +1,6 @@
 """Many runs of the procedure, each in a simulated cell of its own, side by side in processes.
 
-A run depends on its seed alone: the arm that is drawn, where its PSD stands, all noise. So the answer is the
+A run depends on its seed alone: the arm that is drawn, where its PSD is, all noise. So the answer is the
 same for any number of processes.
 """
 
@@ -42,8 +42,8 @@ class CellRun:
     """What one run came to.
 
     `truth` has the true offsets and tool by name, deg and mm; `seconds` of the cell's clock by phase.
-    `state` is None where no shot was recorded or the rig stopped, and `failure` says why. `computing` is
-    the time that it took, s: the only thing that differs from one computer to another.
+    `state` is None where no measurement was recorded or the rig stopped, and `failure` says why. `computing`
+    is the time that it took, s: the only thing that differs from one computer to another.
     """
 
     seed: int
@@ -88,7 +88,7 @@ def carried(repeated: Repeated, seed: int) -> CellRun:
     failure: str | None = None
     try:
         rig = SimulatedRig(plan, repeated.cell, seed)
-        truth = _truth(rig)
+        truth = rig.truth.values()
         procedure = Procedure(plan, rig, journal, order, _silent)
         seconds = procedure.seconds
         found = procedure.carry_out()
@@ -119,14 +119,6 @@ def campaign(
 
 def _one(job: tuple[Repeated, int]) -> CellRun:
     return carried(*job)
-
-
-def _truth(rig: SimulatedRig) -> dict[str, float]:
-    """As the rig's provenance tells it: true delta2 (deg)."""
-    told = {
-        tuple(name.split()): value for name, value in rig.provenance().items() if name.startswith("true ")
-    }
-    return {name: float(value) for (_, name, _), value in told.items()}
 
 
 def _silent(event: Event) -> None:

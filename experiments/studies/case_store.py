@@ -8,13 +8,13 @@ import os
 from collections.abc import Callable, Mapping
 from io import FileIO
 from pathlib import Path
-from types import TracebackType
-from typing import Generic, Self, TypeVar
+from typing import Generic, TypeVar
 
 from pydantic import TypeAdapter
 
 from ...analysis.status import UnsoundResult
 from ...model.errors import BadInput
+from ...model.files.closing import Closing
 from ...model.files.reading import parse_json, shown
 from ...model.files.whole_file import lock
 
@@ -23,7 +23,7 @@ CASES_SCHEMA = "zerobeam/study-cases/1"
 Case = TypeVar("Case")
 
 
-class CaseStore(Generic[Case]):
+class CaseStore(Closing, Generic[Case]):
     """A file of JSON lines: first what the cases are of, then a line a finished case, a dataclass `kind`.
 
     Each line is on the disk before `add` returns. A torn last line, of a process that was killed, is taken
@@ -65,14 +65,6 @@ class CaseStore(Generic[Case]):
 
     def close(self) -> None:
         self._file.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _lock(self) -> None:
         if not lock(self._file):

@@ -64,8 +64,7 @@ class Laser:
         """The header's key `tool`, plain."""
         sigma = _stated(tilt_deg=self.tilt_deg, shift_mm=self.shift_mm)
         own = {"point_mm": self.point_mm, "direction": self.direction, "calibrated": self.calibrated}
-        content: dict[str, Any] = plain({"kind": "laser", **own, **({"sigma": sigma} if sigma else {})})
-        return content
+        return _tool("laser", own, sigma)
 
 
 @dataclass(frozen=True)
@@ -102,10 +101,8 @@ class Probe:
 
     def content(self) -> dict[str, Any]:
         """The header's key `tool`, plain."""
-        sigma = _stated(shift_mm=self.shift_mm)
         own = {"point_mm": self.point_mm, "calibrated": self.calibrated}
-        content: dict[str, Any] = plain({"kind": "probe", **own, **({"sigma": sigma} if sigma else {})})
-        return content
+        return _tool("probe", own, _stated(shift_mm=self.shift_mm))
 
 
 @dataclass(frozen=True)
@@ -148,9 +145,7 @@ class Noise:
     def content(self) -> dict[str, Any]:
         """The header's key `noise`, plain."""
         own = _stated(joint_deg=self.joint_deg, joint_mm=self.joint_mm, spot_mm=self.spot_mm)
-        scale = {} if self.scale == "known" else {"scale": self.scale}
-        content: dict[str, Any] = plain({**own, **scale})
-        return content
+        return own if self.scale == "known" else {**own, "scale": plain(self.scale)}
 
 
 def checked(model: type[Model], content: object, arguments: Mapping[str, str] | None = None) -> Model:
@@ -183,7 +178,14 @@ def plain(value: Any) -> Any:
 
 
 def _stated(**values: Any) -> dict[str, Any]:
-    return {name: value for name, value in values.items() if value is not None}
+    """The values that are not None, in the types that a file has."""
+    return {name: plain(value) for name, value in values.items() if value is not None}
+
+
+def _tool(kind: str, own: Mapping[str, Any], sigma: Mapping[str, Any]) -> dict[str, Any]:
+    """The header's key `tool`, which has no empty `sigma`."""
+    content: dict[str, Any] = plain({"kind": kind, **own, **({"sigma": sigma} if sigma else {})})
+    return content
 
 
 def stated_header(

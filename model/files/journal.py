@@ -8,10 +8,10 @@ import os
 from collections.abc import Iterator
 from io import FileIO
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 from ..errors import BadInput, RigFault
+from .closing import Closing
 from .header import RUN_SCHEMA, Header, check_header, header_content
 from .reading import shown
 from .robot_file import load_robot
@@ -20,7 +20,7 @@ from .shot import Shot, check_shot
 from .whole_file import lock, refuse_existing, sync_folder, write_whole
 
 
-class RunJournal:
+class RunJournal(Closing):
     """A run file that grows shot by shot; each is on the disk before `append` returns.
 
     `RunJournal(path, header)` makes a new file, which gets its name once the whole header is on the
@@ -137,14 +137,6 @@ class RunJournal:
     def close(self) -> None:
         """End the recording and let others record to the file; nothing happens the second time."""
         self._file.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def _require_same(recorded: Header, wanted: Header, *, file: Path, line: int | None) -> None:

@@ -1,4 +1,4 @@
-"""Joint values against a robot's limits, and the question whether they are in the unit that they claim."""
+"""Joint values against a robot: their number, its limits, and whether they are in the stated unit."""
 
 from __future__ import annotations
 
@@ -15,6 +15,20 @@ from ..robot import Matrix, Robot
 ROUNDING = 1e-6
 ONE_TURN = 6.3  # rad, a little more than 2 pi
 WIDE = 90.0  # degrees: a joint that can go this far is seldom used within a few degrees of zero only
+
+
+def require_joint_count(
+    values: Sequence[float], robot: Robot, what: str, file: Path | None, line: int | None
+) -> None:
+    """BadInput where `what` ('shot 3') has not one value for each joint."""
+    if len(values) != robot.n:
+        raise BadInput(
+            f"{what} has the wrong number of joints",
+            found=f"{len(values)} values",
+            allowed=f"{robot.n} ({robot.name} has {robot.n} joints)",
+            file=file,
+            line=line,
+        )
 
 
 def check_limits(

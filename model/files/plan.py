@@ -20,7 +20,7 @@ from ..errors import BadInput
 from ..robot import Matrix, Robot
 from .arrays import Laser, Noise, Probe, RobotArgument, joint_positions, stated_header, target_of_each
 from .header import DEFAULT_TARGET, PLAN_SCHEMA, Header, TargetName, check_header, header_content
-from .limits import check_limits
+from .limits import check_limits, require_joint_count
 from .reading import read_yaml
 from .robot_file import load_robot
 from .shot import JointValues, check_distances, unknown_targets
@@ -271,14 +271,7 @@ def _check_postures(
     file: Path | None,
 ) -> tuple[str, ...]:
     for i, row in enumerate(rows):
-        if len(row) != robot.n:
-            raise BadInput(
-                f"posture {i} has the wrong number of joints",
-                found=f"{len(row)} values",
-                allowed=f"{robot.n} ({robot.name} has {robot.n} joints)",
-                file=file,
-                line=lines[i],
-            )
+        require_joint_count(row, robot, f"posture {i}", file, lines[i])
     numbers = list(range(len(rows)))
     values = np.array(rows, dtype=float)
     limits = check_limits(robot, values, "posture", numbers, lines, limits=header.limits, file=file)

@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field
 from ..errors import BadInput
 from ..robot import Robot
 from .header import Header, TargetName
-from .limits import check_limits
+from .limits import check_limits, require_joint_count
 from .reading import did_you_mean, shown
 from .validation import FileModel, refusal
 
@@ -128,14 +128,7 @@ def check_shots(
 
 def check_shot(header: Header, robot: Robot, shot: Shot, *, file: Path | None, line: int | None) -> None:
     """BadInput for a shot with too few or too many joints, or with a spot that its tool cannot have."""
-    if len(shot.joints_deg) != robot.n:
-        raise BadInput(
-            f"shot {shot.shot} has the wrong number of joints",
-            found=f"{len(shot.joints_deg)} values",
-            allowed=f"{robot.n} ({robot.name} has {robot.n} joints)",
-            file=file,
-            line=line,
-        )
+    require_joint_count(shot.joints_deg, robot, f"shot {shot.shot}", file, line)
     if shot.spot_mm is not None and header.tool.kind == "probe":
         raise BadInput(
             f"shot {shot.shot} has a spot, but a probe makes none",

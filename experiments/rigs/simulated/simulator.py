@@ -43,7 +43,7 @@ class SimulatedRig:
         self._parts = assemble(plan, cell, self._rng)
         self._functions, self._arm = self._parts.functions, self._parts.arm
         self.psds: Mapping[str, Psd] = self._parts.psds
-        self.camera = self._parts.camera
+        self.camera, self.truth = self._parts.camera, self._parts.truth
         self._faults = Faults(cell.faults, resumed=resumed)
         self._time, self._on = 0.0, False
         self._wander, self._face = np.zeros(2), np.eye(3)
