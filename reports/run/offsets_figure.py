@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from ...analysis.result import Result
 from ...analysis.solution import ParameterResult
-from ..style.canvas import Picture, bare_y, new_figure, style, to_svg
+from ..style.canvas import Picture, bare_y, hatched, new_figure, style, to_svg
 from ..style.palette import SHAPES, light
 from ..style.typeface import in_font
 from ..words import numbers
@@ -57,7 +57,7 @@ def _estimates(axes: Axes, rows: Sequence[ParameterResult], unit: str) -> None:
     for y, row in enumerate(rows):
         colour, shape = light(row.status), SHAPES[row.status]
         if row.estimate is None:
-            _band(axes, y, NOT_DETERMINED)
+            hatched(axes, y, NOT_DETERMINED)
         elif row.interval95 is None:
             axes.plot([row.estimate], [y], shape, markersize=5.5, markerfacecolor="none", color=colour)
             axes.annotate(
@@ -84,7 +84,7 @@ def _widths(axes: Axes, rows: Sequence[ParameterResult], unit: str) -> None:
     halves = []
     for y, row in enumerate(rows):
         if row.estimate is None:
-            _band(axes, y, "")
+            hatched(axes, y, "")
         if row.interval95 is None:
             continue
         low, high = row.interval95
@@ -108,23 +108,6 @@ def _widths(axes: Axes, rows: Sequence[ParameterResult], unit: str) -> None:
     axes.minorticks_off()
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axes.set_xlabel(f"half width of the interval, {unit}")
-
-
-def _band(axes: Axes, y: float, words: str) -> None:
-    """The hatched strip of a parameter that has no estimate."""
-    axes.axhspan(y - 0.36, y + 0.36, facecolor="none", edgecolor=light("line"), hatch="/////", linewidth=0)
-    if words:
-        axes.text(
-            0.5,
-            y,
-            words,
-            transform=axes.get_yaxis_transform(),
-            ha="center",
-            va="center",
-            color=light("unidentifiable"),
-            fontsize=9,
-            bbox={"facecolor": light("ground"), "edgecolor": "none", "pad": 1.5},
-        )
 
 
 def _alt(rows: Sequence[ParameterResult]) -> str:

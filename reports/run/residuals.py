@@ -162,11 +162,7 @@ def _key(axes: Axes, handles: list[Line2D]) -> None:
         loc="lower right",
         bbox_to_anchor=(1, 1),
         ncols=len(handles),
-        frameon=False,
-        fontsize=8.5,
         handletextpad=0.3,
-        borderaxespad=0.1,
-        columnspacing=1.2,
         handlelength=1.6,
     )
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ...experiments.studies.answer import ObservedParameter, Share
-from ..style.canvas import WIDTH, Picture, bare_y, new_figure, style, to_svg
+from ..style.canvas import WIDTH, Picture, bare_y, hatched, new_figure, style, to_svg
 from ..style.palette import light
 from ..style.typeface import in_font
 from ..words import numbers
@@ -93,7 +93,7 @@ def _panel(axes: Axes, rows: Rows, level: float, size: float, data_sets: int) ->
         if row is None:
             _lines(axes, level, _ticks(level, half), y + 0.55, y + 0.4 + len(estimator.parameters))
         elif not row.shares:
-            _hatched(axes, y, size)
+            hatched(axes, y, NOT_DETERMINED, size=size - 0.5)
         else:
             for entry in row.shares:
                 if entry.level == level:
@@ -146,22 +146,6 @@ def _share(axes: Axes, y: int, entry: Share, control: bool, bounds: tuple[float,
         va="center_baseline",
         fontsize=size - 0.5,
         color=colour,
-    )
-
-
-def _hatched(axes: Axes, y: int, size: float) -> None:
-    """The strip of a parameter that has no interval to judge."""
-    axes.axhspan(y - 0.36, y + 0.36, facecolor="none", edgecolor=light("line"), hatch="/////", linewidth=0)
-    axes.text(
-        0.5,
-        y,
-        NOT_DETERMINED,
-        transform=axes.get_yaxis_transform(),
-        ha="center",
-        va="center_baseline",
-        color=light("unidentifiable"),
-        fontsize=size - 0.5,
-        bbox={"facecolor": light("ground"), "edgecolor": "none", "pad": 1},
     )
 
 

@@ -137,9 +137,5 @@ def _finish(left: Axes, right: Axes, ticks: list[tuple[int, str]], count: int) -
         loc="lower left",
         bbox_to_anchor=(-0.02, 1.0),
         ncols=2,
-        frameon=False,
-        fontsize=8.5,
-        borderaxespad=0.1,
-        columnspacing=1.2,
         handlelength=1.3,
     )

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from ...experiments.studies.table2_answer import ScatterParameter, Table2Plan
-from ..style.canvas import Picture, bare_y, new_figure, style, to_svg
+from ..style.canvas import Picture, bare_y, hatched, new_figure, style, to_svg
 from ..style.palette import light
 from ..style.typeface import in_font
 from ..words import numbers
@@ -90,20 +90,7 @@ def _paper(axes: Axes, y: float, row: ScatterParameter) -> None:
 
 def _ours(axes: Axes, y: float, row: ScatterParameter) -> None:
     if not row.is_known:
-        axes.axhspan(
-            y - 0.15, y + 0.15, facecolor="none", edgecolor=light("line"), hatch="/////", linewidth=0
-        )
-        axes.text(
-            0.5,
-            y,
-            NOT_DETERMINED,
-            transform=axes.get_yaxis_transform(),
-            ha="center",
-            va="center_baseline",
-            color=light("unidentifiable"),
-            fontsize=8,
-            bbox={"facecolor": light("ground"), "edgecolor": "none", "pad": 1},
-        )
+        hatched(axes, y, NOT_DETERMINED, half=0.15, size=8)
         return
     blue, simulated = light("identified"), row.simulated
     if simulated is not None:
@@ -143,9 +130,6 @@ def _finish(figure: Figure, axes: Axes, rows: list[tuple[int, ScatterParameter]]
         ],
         loc="outside upper left",
         ncols=4,
-        frameon=False,
-        fontsize=8.5,
-        borderaxespad=0.1,
         columnspacing=1.1,
         handlelength=1.3,
         handletextpad=0.5,

@@ -72,6 +72,10 @@ def style() -> Iterator[None]:
         "savefig.facecolor": "none",
         "svg.fonttype": "none",
         "svg.hashsalt": "zerobeam",
+        "legend.frameon": False,
+        "legend.fontsize": 8.5,
+        "legend.borderaxespad": 0.1,
+        "legend.columnspacing": 1.2,
         "hatch.linewidth": 0.6,
         "hatch.color": line,
         "text.parse_math": False,
@@ -103,6 +107,23 @@ def bare_y(axes: Axes) -> None:
     axes.grid(visible=False, axis="y")
     axes.tick_params(axis="y", length=0)
     axes.spines["left"].set_visible(False)
+
+
+def hatched(axes: Axes, y: float, words: str, *, half: float = 0.36, size: float = 9.0) -> None:
+    """The hatched strip of what has no number, `y` ± `half`, with `words` that say so."""
+    axes.axhspan(y - half, y + half, facecolor="none", edgecolor=light("line"), hatch="/////", linewidth=0)
+    if words:
+        axes.text(
+            0.5,
+            y,
+            words,
+            transform=axes.get_yaxis_transform(),
+            ha="center",
+            va="center_baseline",
+            color=light("unidentifiable"),
+            fontsize=size,
+            bbox={"facecolor": light("ground"), "edgecolor": "none", "pad": 1},
+        )
 
 
 def to_svg(figure: Figure, name: str) -> str:

@@ -137,10 +137,6 @@ def legend_above(figure: Figure, handles: list[Artist] | None, ncols: int) -> No
         **({} if handles is None else {"handles": handles}),
         loc="outside upper left",
         ncols=ncols,
-        frameon=False,
-        fontsize=8.5,
-        borderaxespad=0.1,
-        columnspacing=1.2,
         handlelength=1.6,
         handletextpad=0.5,
     )
