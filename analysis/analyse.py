@@ -52,7 +52,7 @@ def analyse(
     """Everything that can be said of a recorded run: fits, identifiability, posterior, influence, verdict.
 
     `ess` is the effective sample size asked of every parameter; `robust` asks for a fit with that loss
-    beside the others, `held_out` for a fit without the targets of these names (* and ? as in file names)
+    besides the others, `held_out` for a fit without the targets of these names (* and ? as in file names)
     and a look at how it does there. `progress` gets the stage and its share.
     """
     # Small matrices: threads in the linear algebra cost more than they give, and change the last bits.

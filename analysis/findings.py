@@ -1,4 +1,4 @@
-"""What a reader must not miss of an answer, as data: sentences are made in `reports/words`."""
+"""What a reader must see of an answer, as data: sentences are made in `reports/words`."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def lack_of_fit(solution: Solution) -> LackOfFit | None:
 
 
 def on_the_model(solution: Solution) -> Iterator[Finding]:
-    """What speaks against a fit as a whole."""
+    """Findings against a fit as a whole."""
     fit = solution.fit
     misfit = lack_of_fit(solution)
     if not fit.converged:

@@ -54,12 +54,12 @@ class SoFar:
 
     @property
     def findings(self) -> tuple[LackOfFit | Displacement, ...]:
-        """What speaks against the model."""
+        """Findings against the model."""
         return tuple(finding for finding in (self.misfit, self.displaced) if finding is not None)
 
     @property
     def consistent(self) -> bool:
-        """Nothing speaks against the model: no lack of fit, and no target has moved."""
+        """Nothing contradicts the model: no lack of fit, and no target has moved."""
         return not self.findings
 
 

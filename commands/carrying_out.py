@@ -240,7 +240,7 @@ def _caution(speed: float, egm_port: int, laser: str, yes: bool) -> Caution:
 def _controller(
     opened: ExitStack, plan: Plan, access: Access, sensors: Path | None, sensor_port: int, caution: Caution
 ) -> Controller:
-    """How the controller is reached, and what senses beside it: closed with `opened`."""
+    """How the controller is reached, and which sensors belong to it: closed with `opened`."""
     from ..experiments.controller.sensor_server import RemoteSensors
     from ..experiments.recording import Controller
     from ..experiments.sensors.attached import read_sensors

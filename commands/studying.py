@@ -114,7 +114,7 @@ def _sweep(file: Path, folder: Path, runs: int | None, seed: int, as_json: bool)
 
 
 def _store(folder: Path) -> Path:
-    """Where finished cases are kept: beside the folder, which is written whole or not at all."""
+    """Where finished cases are kept: next to the folder, which is written whole or not at all."""
     return Path(f"{folder.resolve()}.cases.jsonl")
 
 

@@ -35,7 +35,7 @@ RigName = Literal["simulated", "replay", "abb"]
 
 @dataclass(frozen=True)
 class Controller:
-    """How an ABB controller is reached, what senses beside it, and how carefully it is driven."""
+    """How an ABB controller is reached, which sensors belong to it, and how carefully it is driven."""
 
     access: Access
     sensors: Sensors

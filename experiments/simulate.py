@@ -25,8 +25,8 @@ class Truth:
 
     @classmethod
     def drawn(cls, plan: Plan, rng: np.random.Generator, offset_deg: float = 1.0) -> Truth:
-        """Offsets of about `offset_deg` (mm for prismatic joints), the targets where the plan supposes
-        them, an uncalibrated tool off by random errors of the header's sigma; held parameters stay held."""
+        """Offsets of about `offset_deg` (mm for prismatic joints), the targets at their nominal
+        positions, an uncalibrated tool off by random errors of the header's sigma. Held ones stay held."""
         problem = Problem.from_plan(plan)
         parameters = problem.parameters
         x = problem.nominal()

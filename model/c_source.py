@@ -51,7 +51,7 @@ class NoSource(Exception):
 
 
 def grid_source(function: ca.Function, hoisted: Collection[str]) -> str:
-    """C source with `zb_sum`: for each outer index the outputs, one beside the other, summed over the inner.
+    """C source with `zb_sum`: for each outer index the outputs, side by side, summed over the inner.
 
     `values[k] + o * step[k] + offset[k][i]` is where input k of element (o, i) starts, with row[k][o] for o
     where it has rows; for an input named in `hoisted` the offset is that of i = 0. Raises NoSource for an
@@ -117,7 +117,7 @@ void zb_sum(const double **values, const long long *step, const long long **row,
 
 
 def _element(sparsity: ca.Sparsity, nonzero: int) -> int:
-    """Where a nonzero stands in the dense matrix, column by column."""
+    """The place of a nonzero in the dense matrix, column by column."""
     return int(sparsity.find()[nonzero])
 
 

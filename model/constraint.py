@@ -8,7 +8,7 @@ One shot has the inputs
     target (3,)   target in the base frame, mm
     tool   (k,)   the free tool parameters (k = 0 if it is calibrated)
 
-and the residual m (d,), kept in the flange frame: there the turn of base and target about joint 1
+and the residual m (d,), kept in the flange frame: there the rotation of base and target about joint 1
 cancels exactly, whatever the residual. Since q and delta enter only as q + delta, the Jacobian
 by delta is the Jacobian by q as well.
 """

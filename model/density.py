@@ -28,7 +28,7 @@ class Slopes(NamedTuple):
 
 class _Block(NamedTuple):
     """Of one target: `free` (m,) the columns among the free parameters, `local` (m,) among those of a shot,
-    `lower` (m, m) where each pair stands in the lower triangle of a shot's information, row by row."""
+    `lower` (m, m) the place of each pair in the lower triangle of a shot's information, row by row."""
 
     free: Index
     local: Index
@@ -76,7 +76,7 @@ class Density:
         With an estimated noise scale the common factor is integrated out (a Student-t in the residuals).
         Values are up to a constant; where a number is not finite the result is -inf.
         """
-        # What overflows or is no number is told by -inf, not by numpy's warnings.
+        # What overflows or is no number is -inf, not by numpy's warnings.
         with np.errstate(all="ignore"):
             quad, logdet = self._shot_sums(x, of)
             value = self._value(quad, logdet, self._distance_quad(x), of)
@@ -233,7 +233,7 @@ class Density:
 
     @cached_property
     def _free_slice(self) -> slice | Index:
-        """The free columns, as a slice where they stand together: that spares a copy."""
+        """The free columns, as a slice where they are contiguous: that spares a copy."""
         free = self._free
         together = len(free) > 0 and free[-1] - free[0] == len(free) - 1
         return slice(int(free[0]), int(free[-1]) + 1) if together else free
@@ -250,7 +250,7 @@ class Density:
 
     @cached_property
     def _blocks(self) -> list[_Block]:
-        """Per target where the slopes of its shots stand among the free parameters."""
+        """Per target the places of the slopes of its shots among the free parameters."""
         parameters, blocks = self.problem.parameters, []
         for k in range(len(self.problem.targets)):
             columns = parameters.of_shot(k)

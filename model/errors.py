@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 class ZerobeamError(Exception):
-    """Base of all errors that are told to a person in one message.
+    """Base of all errors that a person gets as one message.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class BadInput(ZerobeamError):
         super().__init__(self._message())
 
     def at(self, file: Path | str, line: int | None) -> BadInput:
-        """The same error, said to stand in `file` at `line` unless it has a place already."""
+        """The same error, with `file` and `line` as its place unless it has a place already."""
         if self.file is not None or self.argument is not None:
             return self
         return BadInput(
@@ -84,7 +84,7 @@ class BadInput(ZerobeamError):
         )
 
     def of_argument(self, argument: str) -> BadInput:
-        """The same error, said to be in an argument unless it has a place already."""
+        """The same error, with an argument as its place unless it has a place already."""
         if self.file is not None or self.argument is not None:
             return self
         return BadInput(

@@ -53,7 +53,7 @@ class GridInput(NamedTuple):
     """One input over an outer x inner grid: element (o, i) starts at `o * step + offsets[i]` of `values`,
     or at `rows[o] * step + offsets[i]`.
 
-    `fixed` tells that it does not change over the inner index: every offset is 0.
+    `fixed` says that it does not change over the inner index: every offset is 0.
     """
 
     values: Matrix
@@ -174,7 +174,7 @@ class Kernel:
         for k in self._hoisted:
             if not inputs[k].fixed:
                 raise ValueError(
-                    f"{self.function.name()}: {self.function.name_in(k)} must not change over shots"
+                    f"{self.function.name()}: {self.function.name_in(k)} must not change over measurements"
                 )
         return self._shape(self._sum(inputs, outer, inner))
 
@@ -220,7 +220,7 @@ class Kernel:
         return flat if inner == 1 else flat.reshape(outer, inner, -1).sum(axis=1)
 
     def ready(self, inputs: Sequence[GridInput], outer: int, inner: int) -> tuple[Callable[[], None], Matrix]:
-        """The bare call of the C function, and where it leaves all outputs (outer, …), one beside the other.
+        """The bare call of the C function, and where it leaves all outputs (outer, …), side by side.
 
         The inputs must be kept as long as the call. Raises ValueError for a kernel that is not compiled.
         """
@@ -240,7 +240,7 @@ class Kernel:
 
 @cache
 def _compiler() -> tuple[str, tuple[str, ...], str] | None:
-    """Path, flags and predefined macros (they tell version and processor) of the C compiler, or None.
+    """Path, flags and predefined macros (they contain version and processor) of the C compiler, or None.
 
     It is $CC, cc, gcc or clang, made to use all of this machine's processor where it knows how.
     """
@@ -309,7 +309,7 @@ def _whole(library: Path) -> bool:
 
 
 def _compile(command: list[str], source: str, library: Path) -> None:
-    """Compile aside, then rename: two processes may race, each ends with a whole file."""
+    """Compile to another name, then rename: two processes may race, each ends with a whole file."""
     library.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=library.parent) as folder:
         code, built = Path(folder) / "kernel.c", Path(folder) / "kernel.so"

@@ -32,7 +32,7 @@ Group = Literal["offset", "target", "tool", "noise"]
 Unit = Literal["deg", "mm", "1"]
 
 ORDER: tuple[Group, ...] = ("offset", "target", "tool", "noise")
-# The groups that forward kinematics depends on: they stand together, in this order, from the first on.
+# The groups that forward kinematics depends on: they are contiguous, in this order, from the first on.
 ARM: tuple[Group, ...] = ("offset",)
 # The groups that the residual of one shot depends on: of the targets it is its own alone.
 IN_RESIDUAL: tuple[Group, ...] = (*ARM, "target", "tool")
@@ -97,7 +97,7 @@ class Parameters:
     def __post_init__(self) -> None:
         places = [ORDER.index(item.group) for item in self.items]
         if places != sorted(places):
-            raise ValueError(f"the groups of parameters stand in the order {', '.join(ORDER)}")
+            raise ValueError(f"the order of the groups of parameters is {', '.join(ORDER)}")
 
     @classmethod
     def build(
@@ -118,7 +118,7 @@ class Parameters:
     # Blocks
 
     def block(self, group: Group, which: int | None = None) -> slice:
-        """Where the parameters of a group stand in x, an empty slice where there are none.
+        """The slice of a group in x, an empty slice where there are none.
 
         `which` chooses the k-th owner in it, such as `block("target", k)`.
         """
@@ -139,14 +139,14 @@ class Parameters:
         return np.concatenate([np.arange(len(self))[block] for block in blocks])
 
     def in_shot(self, group: Group) -> slice:
-        """Where the columns of a group stand in a shot's own Jacobian (`of_shot`)."""
+        """The columns of a group in a shot's own Jacobian (`of_shot`)."""
         start = 0
         for other in IN_RESIDUAL:
             block = self.block("target", 0) if other == "target" else self.block(other)
             if other == group:
                 return slice(start, start + block.stop - block.start)
             start += block.stop - block.start
-        raise ValueError(f"the residual of a shot does not depend on the group {group}")
+        raise ValueError(f"the residual of a measurement does not depend on the group {group}")
 
     @cached_property
     def _groups(self) -> dict[Group, slice]:
@@ -190,7 +190,7 @@ class Parameters:
 
     @cached_property
     def among_free(self) -> NDArray[np.int64]:
-        """(p,) where each free parameter stands among the free ones."""
+        """(p,) the index of each free parameter among the free ones."""
         return np.cumsum(self.free) - 1
 
     @cached_property
@@ -231,7 +231,7 @@ class Parameters:
         return np.array([item.group for item in self.items])
 
     def index(self, name: str) -> int:
-        """Where the parameter of that name stands; ValueError where there is none."""
+        """Index of the parameter of that name; ValueError where there is none."""
         return self.names.index(name)
 
     def __len__(self) -> int:

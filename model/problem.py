@@ -68,7 +68,7 @@ class Whitened(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class Problem:
     """N shots of one robot and tool at K targets. `joints` (N, n) rad or mm, `spots` (N, d) mm,
-    `guessed` (K,) True where the header says where the target is thought to stand.
+    `guessed` (K,) True where the header says where the target is.
     """
 
     robot: Robot
@@ -171,7 +171,7 @@ class Problem:
 
     @cached_property
     def columns(self) -> Index:
-        """(N, c): where the c columns of each shot's own Jacobian stand among the parameters."""
+        """(N, c): the places of the c columns of each shot's own Jacobian among the parameters."""
         own = [self.parameters.of_shot(k, noise=False) for k in range(len(self.targets))]
         return np.asarray(np.stack(own)[self.target_index])
 
@@ -185,13 +185,13 @@ class Problem:
         """(..., n + 1) of joints and spot at parameter vectors (..., p), or (n + 1,) as stated."""
         if not self.noise.separate:
             return self.noise.variances
-        with np.errstate(over="ignore"):  # what overflows is told by the density: -inf
+        with np.errstate(over="ignore"):  # what overflows is -inf in the density
             factors = np.exp(2 * x[..., self.parameters.block("noise")])
         joints = np.repeat(factors[..., :1], self.robot.n, axis=-1)
         return np.concatenate([joints, factors[..., 1:]], axis=-1) * self.noise.variances
 
     def noise_information(self, x: Matrix, jacobian: Matrix, factor: Matrix) -> Matrix:
-        """(2, 2) what the scatter of the residuals tells of the logarithms of the two noise factors at x.
+        """(2, 2) the information of the residuals' scatter on the logarithms of the two noise factors at x.
 
         Of a normal's covariance: tr(S^-1 dS_a S^-1 dS_b) / 2 (`jacobian` and `factor` as of `linearise`
         and `factors`).
@@ -244,9 +244,9 @@ class Problem:
             return np.asarray(np.linalg.cholesky(covariance), dtype=float)
         except np.linalg.LinAlgError as error:
             raise BadInput(
-                "the stated noise leaves a direction of some miss without any noise",
+                "the stated noise leaves a direction of some residual without any noise",
                 found=f"noise.spot_mm {self.noise.spot:g}",
-                allowed="a spot noise above 0 for an arm that moves the miss in too few directions",
+                allowed="a spot noise above 0 for an arm that moves the residual in too few directions",
                 remedy="state noise.spot_mm, the standard deviation of one spot reading in mm",
             ) from error
 

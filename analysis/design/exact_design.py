@@ -279,7 +279,7 @@ def _highest_under(rows: Matrix, heights: Matrix) -> tuple[Matrix, float, Matrix
 
 
 def _spread(candidates: Candidates, size: int) -> Index:
-    """Candidates to begin with: greedily those that tell most of what is not told yet."""
+    """Candidates to begin with: greedily those with most information on what is not determined yet."""
     roots = candidates.roots
     information = np.eye(roots.shape[2])
     chosen: list[int] = []

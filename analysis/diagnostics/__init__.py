@@ -1,1 +1,1 @@
-"""What speaks for or against a fit, and what it means at the TCP."""
+"""Tests of a fit, and what it means at the TCP."""

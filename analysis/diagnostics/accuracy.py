@@ -1,20 +1,20 @@
-"""What the offsets do to the tool point over the workspace: before the calibration, and after it.
+"""What the offsets do to the TCP over the workspace: before the calibration, and after it.
 
-The *tool point* T(q) is a place on the flange, in the base frame **that joint 1's own encoder draws**: the
+The TCP T(q) is a place on the flange, in the base frame **that joint 1's own encoder draws**: the
 offset of joint 1 never enters it, so neither does the gauge of section 3.3, be delta1 held or free.
 
 - *Before*: the error of the arm without offsets, |T(q; 0) - T(q; delta)| at the estimate, with the std of it.
 - *After*: what the fit leaves open. T is wrong by J times the error of the offsets, J exact, so that its
-  covariance is J C J' (JCGM 102). Told are the radius that holds 95 % and the expected error, rms.
+  covariance is J C J' (JCGM 102). Given are the radius that holds 95 % and the expected error, rms.
 
-The place is the tool's stated point, as a point of the flange: what is open of an uncalibrated tool is not in
-it. Where the last offset is not determined (held beside a free laser, or lost to a free tip) a point off the
-last axis would stand nobody knows where on its circle. Then the place is the nearest point of that axis,
-which that offset does not move.
+The place is the tool's stated point, as a point of the flange: the free tool parameters are not in it. Where
+the last offset is not determined (held with a free laser, or unidentifiable with a free tip) a point off the
+last axis would be anywhere on its circle. Then the place is the nearest point of that axis, which that offset
+does not move.
 
-If T depends on any other offset that the data do not tell (unidentifiable, or held), no accuracy is claimed:
-there is no number, but the reason. (An offset moves a place of the flange nowhere or nearly everywhere.) What
-of the arm is not as drawn, its repeatability and its load are not in the numbers.
+If T depends on any other offset that the data do not determine (unidentifiable, or held), no accuracy is
+claimed: there is no number, but the reason. (An offset moves a place of the flange nowhere or nearly
+everywhere.) What of the arm deviates from nominal, its repeatability and its load are not in the numbers.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ Place = Literal["stated point", "tool", "last axis"]
 COVERAGE = 0.95
 _POSTURES = 4096  # over the joints' limits; of those within the shots' ranges a quarter
 _CELLS = 20  # along the longer side of a map, at most
-_NO_EFFECT = 1e-3  # mm: an offset that moves the tool point by less in one prior std does not enter
+_NO_EFFECT = 1e-3  # mm: an offset that moves the TCP by less in one prior std does not enter
 _ON_AXIS = 1e-6  # mm
 _NODES = 12  # of each ratio of stds
 _COMPILE_FROM = 1000  # postures
@@ -84,7 +84,7 @@ class Map:
 
     `vertical`: distance from axis 1 against height along it (of a prismatic joint 1: the base's z axis).
     `horizontal`: x against y of the base frame. `axes` names both, the one across first. `postures` and
-    `shots` count those whose tool point is there.
+    `shots` count those whose TCP is there.
     """
 
     plane: Literal["vertical", "horizontal"]
@@ -99,11 +99,11 @@ class Map:
 
 @dataclass(frozen=True)
 class Accuracy:
-    """The tool point's accuracy over the workspace.
+    """The TCP's accuracy over the workspace.
 
     `point_mm` in the flange frame, `place` says in words what it is. `workspace` is over the joints' limits,
     `near_shots` over the ranges that the shots' joints span: all else is extrapolation. `maps` are of the
-    workspace. Where nothing can be told both regions are None and there is no map, `undetermined` names the
+    workspace. Where nothing can be stated both regions are None and there is no map, `undetermined` names the
     offsets that it is for and `reason` says why. `weak` names those that enter with a large std.
     """
 
@@ -169,7 +169,7 @@ def accuracy(solution: Solution, point: Matrix | None = None) -> Accuracy:
 
 
 def tool_point(problem: Problem, x: Matrix, point: Matrix, joints: Matrix) -> tuple[Matrix, Matrix]:
-    """(P, 3) mm where the `point` (3,) of the flange stands at recorded `joints` (P, n) with the offsets of
+    """(P, 3) mm where the `point` (3,) of the flange is at recorded `joints` (P, n) with the offsets of
     x (p,), in the base frame as joint 1's encoder draws it; and (P, 3, n) by the offsets, 0 by the first."""
     offsets = problem.parameters.block("offset")
     x = x.copy()

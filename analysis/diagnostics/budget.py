@@ -2,10 +2,11 @@
 
 Near the mode the estimate moves in proportion to what it was made from: the recorded joints and spots, what
 was stated of targets, tool and distances, and the priors. With C the inverse of Fisher's information (of the
-misses and distances, and the priors) its derivative by the miss of shot i is -C A_i' S_i^-1, and S_i is the
-sum of the joints' and the spot's parts. So C is exactly the sum of its parts by source. The result's own
-covariance is the inverse of the Hessian, and with separate noise factors contains what these leave open:
-both differences are rows of their own, so that a budget adds up to the variance that the result reports.
+residuals and distances, and the priors) its derivative by the residual of measurement i is -C A_i' S_i^-1,
+and S_i is the sum of the joints' and the spot's parts. So C is exactly the sum of its parts by source. The
+result's own covariance is the inverse of the Hessian, and with separate noise factors contains what these
+leave open: both differences are rows of their own, so that a budget adds up to the variance that the result
+reports.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from ..status import Status, known, require_no_more_than
 Kind = Literal["joint", "spot", "prior", "target", "distance", "noise factors", "curvature"]
 
 _TWO_SIDED = 0.975  # of the 95 % that an expanded uncertainty covers
-_SURE = 2.0  # standard errors: what the draws tell no better than that is not told (JCGM 101, 7.9.4)
+_SURE = 2.0  # standard errors: what the draws determine no better is not stated (JCGM 101, 7.9.4)
 
 
 @dataclass(frozen=True)
@@ -33,11 +34,11 @@ class BudgetRow:
     """What one source contributes to the uncertainty of one parameter.
 
     `of` names it: a joint by its number, a parameter, a target, the two targets of a distance. `type` is A
-    (from this run's misses) or B (stated), `std` and `unit` are of one reading or one stated number, `dof`
+    (from this run's residuals) or B (stated), `std` and `unit` are of one reading or one stated number, `dof`
     its degrees of freedom (None: infinite). `sensitivity` is contribution over std (the root of the sum of
     squares over all readings), in the parameter's unit per `unit`. `contribution` is a std in the
     parameter's unit, negative where it lowers the variance (curvature alone can); `share` of the variance.
-    `noise factors` is how they weigh the misses, `curvature` that of the log-posterior beyond Fisher's
+    `noise factors` is how they weigh the residuals, `curvature` that of the log-posterior beyond Fisher's
     information: no input quantities, so without type, std and sensitivity.
     """
 
@@ -58,7 +59,7 @@ class LinearCheck:
 
     `d_low` and `d_high` are the distances of their ends, `tolerance` half a unit in the last of `digits`
     significant digits of the std: two, or one where the draws cannot decide by two. `ends_std` is how well
-    they tell the posterior's ends; `validated` is None where that is too poor to decide at all.
+    they give the posterior's ends; `validated` is None where that is too poor to decide at all.
     """
 
     digits: int
@@ -71,7 +72,8 @@ class LinearCheck:
 
 @dataclass(frozen=True)
 class Budget:
-    """One parameter that the data tell: `std` is the combined standard uncertainty, as the result reports it.
+    """One parameter that the data determine: `std` is the combined standard uncertainty, as the result
+    reports it.
 
     `dof` are the effective degrees of freedom (None: infinite), `expanded` is `coverage_factor` times `std`
     and covers 95 %. `check` is None without a converged posterior.
@@ -158,7 +160,7 @@ def _sources(solution: Solution, at: Matrix) -> tuple[list[_Source], Matrix]:
     kept = (np.cumsum(~noise) - 1)[at]
     gain = np.linalg.inv(information)[kept]
 
-    # Of every reading: the miss's derivative by a joint is that by its offset, by the spot -1.
+    # Of every reading: the residual's derivative by a joint is that by its offset, by the spot -1.
     _, own = problem.linearise(fit.x)
     blocks = jacobian[:rows].reshape(problem.shots, -1, jacobian.shape[1])
     by_spot = fit.weight * gain @ blocks.transpose(0, 2, 1) @ np.linalg.inv(whitened.factor)  # (N, t, d)

@@ -1,7 +1,7 @@
 """Has a target been displaced during the run: did someone bump the PSD between two shots?
 
 For each target and each change point between two of its shots the likelihood-ratio test of two places against
-one, at the linearised fit. Misses count there only as far as no offset, place or tool can explain them,
+one, at the linearised fit. Residuals count there only as far as no offset, place or tool can explain them,
 whatever the priors: the drop of their sum of squares is then exactly chi-squared (or an F ratio, where the
 noise scale is estimated; Seber & Lee, Linear Regression Analysis, 2003, section 4.3).
 """
@@ -20,9 +20,9 @@ from ...model.robot import Matrix
 from ..estimation.fit import LikelihoodFit
 
 _CHANCE = 1e-3  # that a run without a displacement is said to have one; that what is left is not noise
-_REACH = 0.01  # what moves the misses by less (stds, within its prior std) explains none of them
-_TELLS_MM = 10.0  # a direction that the shots tell no better than this is not told
-_DECIDES = 1e-4  # a shot that decides something alone: the fit leaves no more of its miss than this share
+_REACH = 0.01  # what moves the residuals by less (stds, within its prior std) explains none of them
+_TELLS_MM = 10.0  # a direction that the measurements determine no better is free
+_DECIDES = 1e-4  # leverage 1: the fit leaves no more of the measurement's residual than this share
 _ROUNDING = 1e-12  # of the information that all shots together have on a place
 _EXCLUDES = 20.0  # likelihood ratio by which one explanation excludes another
 
@@ -42,9 +42,9 @@ class Displacement:
     `p_value` is the chance of one as clear anywhere in a run without any, by Bonferroni's bound over the
     change points. `shift_mm` (base frame) and its `std_mm` have None for a component that the shots do not
     tell; `size_mm` and `size_std_mm` are None while one is. `elsewhere` are the change points that explain
-    the misses nearly as well (likelihood ratio within 20), `alone` is the shot that does so if it alone is
-    off, and `better_alone` says that it does so better. `rest_agrees` says that with the displacement the
-    misses agree with the stated noise (True where its scale is estimated).
+    the residuals nearly as well (likelihood ratio within 20), `alone` is the measurement that does so if it
+    alone is off, and `better_alone` says that it does so better. `rest_agrees` says that with the
+    displacement the residuals agree with the stated noise (True where its scale is estimated).
     """
 
     at: ChangePoint
@@ -60,8 +60,8 @@ class Displacement:
 
     @property
     def significant(self) -> bool:
-        """Not chance, not better explained by one shot that is off, and enough to explain the misses: where
-        the model does not fit, a displacement takes up a part of that too."""
+        """Not chance, not better explained by one measurement that is off, and enough to explain the
+        residuals: where the model does not fit, a displacement takes up a part of that too."""
         return self.p_value < _CHANCE and not self.better_alone and self.rest_agrees
 
 
@@ -105,7 +105,7 @@ class _Explained(NamedTuple):
     """What some explanations (C,) do to the sum of squares: its `drop`, with `rank` degrees of freedom, and
     the `score` of each, twice the log-likelihood's rise less Akaike's price of 2 a degree of freedom.
 
-    `values` (C, a) and `vectors` (C, a, a) of the information on what is supposed, `along` (C, a) the slopes.
+    `values` (C, a) and `vectors` (C, a, a) of the information on what is assumed, `along` (C, a) the slopes.
     """
 
     drop: Matrix
@@ -117,7 +117,7 @@ class _Explained(NamedTuple):
 
 
 class _Left(NamedTuple):
-    """What is left of the misses once all that offsets, places and tool can do is taken out.
+    """What is left of the residuals once all that offsets, places and tool can do is taken out.
 
     `basis` (N, d, r) of what they can do, by shots; `miss` (N, d) what is left, in stds; `chi2` its sum of
     squares (with that of the stated distances) and `numbers` its degrees of freedom; `known` the scale is.
@@ -146,7 +146,7 @@ class _Left(NamedTuple):
 
     def explained(self, gram: Matrix, slope: Matrix, floor: float) -> _Explained:
         """Of explanations with the information `gram` (C, a, a) and the slopes (C, a) of the sum of squares;
-        directions with less information than `floor` are not told, and explain nothing."""
+        directions with less information than `floor` are not determined, and explain nothing."""
         values, vectors = np.linalg.eigh(gram)
         along = (vectors.transpose(0, 2, 1) @ slope[:, :, None])[:, :, 0]
         told = values > floor
@@ -162,7 +162,7 @@ class _Left(NamedTuple):
 
     @property
     def open_part(self) -> Matrix:
-        """(N, d, d) information on a shot that alone is off: the share of its miss that is left."""
+        """(N, d, d) information on a measurement that alone is off: the residual's share that is left."""
         return np.eye(self.miss.shape[1]) - self.basis @ self.basis.transpose(0, 2, 1)
 
     def agrees(self, found: _Explained, i: int) -> bool:
@@ -189,7 +189,7 @@ class _Left(NamedTuple):
 
 def _displaced(fit: LikelihoodFit, left: _Left) -> tuple[list[ChangePoint], Matrix, Matrix, float]:
     """All change points (C,), the information (C, 3, 3) on displacements there (1 / mm^2), the slopes (C, 3),
-    and the information below which a direction is not told."""
+    and the information below which a direction is not determined."""
     problem, parameters = fit.problem, fit.problem.parameters
     shots, d = left.miss.shape
     rows = np.arange(shots)

@@ -1,6 +1,6 @@
 """Targets that the fit has not seen: how well do its offsets and tool hit them?
 
-The offsets and the tool come from the other targets; only where a held-out target stands is found from its
+The offsets and the tool come from the other targets; only the position of a held-out target is found from its
 own shots. What is left there is judged against the noise and what the fit leaves open.
 """
 
@@ -77,7 +77,7 @@ def hold_out(problem: Problem, patterns: Sequence[str], seed: int = 0) -> HoldOu
     rows = unseen.shots * unseen.tool.miss_size
     whitened = unseen.whiten(after)
     residual, jacobian = whitened.residual[:rows], whitened.jacobian[:rows]
-    # What is left of the misses once their targets are placed, with what the fit leaves open of the rest.
+    # What is left of the residuals once their targets are placed, with what the fit leaves open of the rest.
     free = problem.parameters.free
     carried = ~problem.parameters.group("target")[free]
     by_rest = jacobian[:, free & ~problem.parameters.group("target")]

@@ -1,4 +1,4 @@
-"""A robust fit beside the likelihood's, and the measurements that it finds to be outliers."""
+"""A robust fit besides the likelihood's, and the measurements that it finds to be outliers."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..solution import ParameterResult, Solution
 from ..status import Status, UnsoundResult, require_no_more_than
 
 OUTLYING = 1e-3  # chance, over all measurements together, of a residual as long as an outlying one
-_MEDIAN_WORTH = 0.48  # a scale from the median tells as much as one from so large a share of the numbers
+_MEDIAN_WORTH = 0.48  # a scale from the median is as good as one from so large a share of the numbers
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,9 @@ class RobustParameter:
 
 @dataclass(frozen=True)
 class Robust:
-    """A fit in which a large residual weighs less: `loss` with its `tuning` (Huber's bend in stds, Student's
-    nu), `weights` of the measurements in their order, `outliers` the numbers of those too far off for chance.
+    """A fit in which a large residual weighs less: `loss` with its `tuning` (Huber's threshold in stds,
+    Student's nu), `weights` of the measurements in their order, `outliers` the numbers of those too far off
+    for chance.
 
     `with_uncertainty` is False where a measurement has leverage 1, or there are no more numbers than
     unknowns.

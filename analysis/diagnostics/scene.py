@@ -1,7 +1,7 @@
 """What a picture of a run shows: the arm at every shot, its beams, the targets and how well they are known.
 
-Nothing here tells what the data do not: an offset or a tool parameter that they leave open is drawn at its
-prior mean, and a target that they leave open has no place.
+Nothing here shows what the data do not determine: an offset or a tool parameter that they leave open is drawn
+at its prior mean, and a target that they leave open has no place.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ def _target(solution: Solution, k: int) -> SceneTarget:
 
 def _radius2(solution: Solution) -> float:
     """Chi-squared's quantile for three coordinates together, 7.815; Hotelling's 3 F(3, dof) where the noise
-    scale is estimated from the misses (Anderson, Multivariate Statistical Analysis, 2003, section 5.2)."""
+    scale is estimated from the residuals (Anderson, Multivariate Statistical Analysis, 2003, section 5.2)."""
     dof = solution.dof
     if solution.problem.noise.estimated and dof:
         return float(3 * fdtri(3, dof, 0.95))

@@ -120,7 +120,7 @@ class Climb:
             elif converged[row]:
                 converged[row] = False
                 reason[row] = f"the gradient stays at {size[row]:.1e} posterior standard deviations"
-        # Where there is no maximum Fisher's information stands in.
+        # Where there is no maximum Fisher's information is used.
         curvature[np.linalg.eigvalsh(curvature)[:, 0] <= _FLAT] = np.eye(v.shape[1])
         covariance = root @ np.linalg.inv(curvature) @ root.transpose(0, 2, 1)
         covariance[~sound] = np.nan

@@ -1,7 +1,7 @@
 """Coordinates in which the posterior is nearly normal: each target as seen from the flange of its first shot.
 
 In the base frame a poorly known offset drags the target along an arc, and the posterior is a thin
-banana. Seen from the flange of a shot that hit it, the target stays where it is, so that a turn of
+banana. Seen from the flange of a shot that hit it, the target stays where it is, so that a rotation of
 everything after a joint, the target included, is a straight line along one offset. The change is a
 rigid motion for given offsets: no volume factor enters.
 """

@@ -90,7 +90,7 @@ def levenberg_marquardt(
         np.zeros(rows, dtype=bool),
         [f"no convergence in {max_iterations} iterations"] * rows,
     )
-    # What is still under way stands together, so that a step of all is a few operations.
+    # Unfinished rows are contiguous, so that a step of all is a few operations.
     active = np.flatnonzero(np.isfinite(result.cost))
     for row in np.flatnonzero(~np.isfinite(result.cost)):
         result.reason[row], result.iterations[row] = NOT_FINITE, 0

@@ -166,10 +166,10 @@ class _Middles:
             i, j = (problem.shot_numbers[s] for s in parallel[0])
             message = (
                 f"{len(parallel)} of {len(parallel) + len(kept)} pairs of beams are parallel and have no"
-                f" middle (shots {i} and {j}, for one): they are left out"
+                f" middle (measurements {i} and {j}, for one): they are left out"
             )
         if not kept:
-            return None, (message or "no target is seen by two shots") + "; nothing is left to fit"
+            return None, (message or "no target is seen from two measurements") + "; nothing is left to fit"
         first, second = np.array(kept).T
         return cls(problem, (first, second)), message
 

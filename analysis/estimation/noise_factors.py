@@ -1,4 +1,4 @@
-"""Two noise factors beside many other unknowns: found from what the other unknowns leave of the residuals.
+"""Two noise factors with many other unknowns: found from what the other unknowns leave of the residuals.
 
 At the common mode of all parameters the residuals are as small as the fit can make them, and a noise that is
 taken from them is too small: with f unknowns of M numbers by about sqrt(1 - f / M). So the factors are

@@ -24,7 +24,7 @@ from .fit import LikelihoodFit, modes
 Loss = Literal["huber", "student"]
 
 STUDENT_NU = 4.0
-_HUBER_SHARE = 0.95  # of normal residuals are shorter than Huber's bend
+_HUBER_SHARE = 0.95  # of normal residuals are shorter than Huber's threshold
 _ROUNDS = 200
 _SETTLED = 1e-6  # change of the largest weight
 _DETERMINES_ITSELF = 1.0 - 1e-4  # leverage from which on a measurement determines something alone
@@ -34,7 +34,7 @@ _DETERMINES_ITSELF = 1.0 - 1e-4  # leverage from which on a measurement determin
 class RobustFit:
     """`x` internal units, without noise factors; `weights` (N,) of the shots, 1 for a residual of no length
     (Student: at most (nu + d) / nu); `whitened` (N,) their residuals in their own stds; `covariance` (f, f)
-    of the scaled free parameters, None where a shot decides something alone; `scale` of the noise."""
+    of the scaled free parameters, None where a measurement has leverage 1; `scale` of the noise."""
 
     loss: Loss
     tuning: float
@@ -114,7 +114,7 @@ def _bend(length: Matrix, d: int, loss: Loss, tuning: float) -> Matrix:
 def _sandwich(
     problem: Problem, x: Matrix, weights: Matrix, scale: float, loss: Loss, tuning: float
 ) -> Matrix | None:
-    """(f, f), or None where a shot decides something alone or the loss has no minimum here.
+    """(f, f), or None where a measurement has leverage 1 or the loss has no minimum here.
 
     The bread is the curvature of the loss and not the weights': a far residual pulls less the farther it is,
     and Student's even less than before (Huber & Ronchetti 2009, section 7.6).
@@ -148,8 +148,8 @@ def outlying(length: Matrix, d: int, chance: float, dof: int | None = None) -> I
 
 
 def leverages(blocks: Matrix, covariance: Matrix) -> tuple[Matrix, NDArray[np.bool_]]:
-    """(N, d, d) I - H_i of whitened Jacobians (N, d, f), and (N,) where a shot decides something alone
-    (there I - H_i is singular, and I stands in its place)."""
+    """(N, d, d) I - H_i of whitened Jacobians (N, d, f), and (N,) where a measurement has leverage 1
+    (there I - H_i is singular, and I is returned)."""
     hat = blocks @ covariance @ blocks.transpose(0, 2, 1)
     decides = np.linalg.eigvalsh(hat).max(axis=1) > _DETERMINES_ITSELF
     return np.eye(blocks.shape[1]) - np.where(decides[:, None, None], 0.0, hat), decides

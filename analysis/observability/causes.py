@@ -133,7 +133,7 @@ Cause = (
 class NullDirection:
     """A combination of parameters that the data do not determine, weights in prior stds, the largest ±1.
 
-    `data_std` is how well the data alone determine it, in prior stds along it; None for an exact gauge.
+    `data_std` is its std without prior, in prior stds along it; None for an exact gauge.
     """
 
     combination: dict[str, float]

@@ -162,7 +162,7 @@ class Check:
 def check(plan: Plan, turned: AimedPlan | None = None) -> Check:
     """Judge a plan with the wrist turned onto the target, as the servo will turn it (`turned`, once it was).
 
-    Needs no compiler and no sampling: everything follows from the exact Jacobian at what is supposed
+    Needs no compiler and no sampling: everything follows from the exact Jacobian at the nominal values
     before any shot.
     """
     turned = aim_plan(plan) if turned is None else turned
@@ -228,7 +228,7 @@ def _shots(plan: Plan, aimed: Aimed) -> Problem:
 
 
 def _stated_spread(plan: Plan, problem: Problem) -> Matrix:
-    """(p,) std of where each target may stand, mm; 0 where the header does not state its sigma."""
+    """(p,) std of each target's position, mm; 0 where the header does not state its sigma."""
     spread = np.zeros(len(problem.parameters))
     for k, name in enumerate(problem.targets):
         stated = plan.header.targets.get(name)

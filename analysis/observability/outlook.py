@@ -1,4 +1,4 @@
-"""What a plan promises beyond its verdict: with fewer shots, with the target elsewhere, with one change."""
+"""What a plan promises besides its verdict: fewer measurements, the target elsewhere, one change."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class CurvePoint:
 
 @dataclass(frozen=True)
 class OverTarget:
-    """The plan with its targets where they might stand, by their stated sigma.
+    """The plan with its targets moved by random errors, by their stated sigma.
 
     `worst_std` is the largest predicted std (deg; mm) of each offset over the `draws`; `hit` the share
     of the shots that the servo can still turn onto the target.

@@ -1,4 +1,4 @@
-"""The posterior around a fit: sampled by `sampler`, told in the units that people read.
+"""The posterior around a fit: sampled by `sampler`, in the units that people read.
 
 The walkers live in the coordinates of `coordinates`, whitened by the fit: near it a unit normal.
 """
@@ -247,7 +247,7 @@ def _row(
     tail = float(array_stats.ess(chains, method="tail", prob=(0.05, 0.95)))
     if unidentifiable:
         # The draws may be narrow for all that: what the priors of other parameters make of this one. Only
-        # its own prior is told, and exactly, so that no spread can be taken for knowledge from the data.
+        # its own prior is stated, and exactly, so that no spread can be taken for knowledge from the data.
         prior = NormalDist(item.prior_mean, item.prior_std)
         low, middle, high = (item.shown(prior.inv_cdf(q)) for q in (0.025, 0.5, 0.975))
         mean, std = item.shown_prior

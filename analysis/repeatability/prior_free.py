@@ -1,4 +1,4 @@
-"""What the measurements of a run say of its offsets without any prior.
+"""The offsets of a run from its measurements, without any prior.
 
 A prior pulls every estimate of a weakly observable offset to the same place, and so makes runs agree that do
 not. Here it is taken out again.

@@ -23,7 +23,7 @@ both cases zb_done does not rise.
 
 Command 2 runs EGMSetupUC (CommTimeout 1 s), EGMActJoint (MaxSpeedDeviation 20 deg/s) and EGMRunJoint: while
 it lasts, EgmRobot goes to the client every 4 ms and the planned joints (degrees) of EgmSensor are followed.
-It ends with zb_error 0 once zb_command is no longer 2 and the arm stands, with zb_error 1 where no
+It ends with zb_error 0 once zb_command is no longer 2 and the arm is at rest, with zb_error 1 where no
 EgmSensor came for the time-out. The arm stays where it is then (EGM_STOP_HOLD).
 
 The execution starts in automatic mode with the motors on only; an emergency stop, the mode switch and

@@ -67,7 +67,7 @@ class Irc5:
 
     def turn(self, now: float, cycles: int = 1) -> None:
         """What has come by EGM is taken, so many cycles of program and motion are gone through, and where
-        the arm is is told; `now` in seconds."""
+        the arm is is passed on; `now` in seconds."""
         with self.lock:
             self._now = now
             self.egm.receive(now)

@@ -46,7 +46,7 @@ def answer(controller: Irc5, asked: Asked) -> tuple[State, ...] | None:
 def _told(controller: Irc5, asked: Asked) -> tuple[State, ...]:
     path = asked.path
     if path == "ctrl/identity":
-        # What tells it from a real one, as for any virtual controller.
+        # What distinguishes it from a real one, as for any virtual controller.
         values = {"ctrl-name": "zerobeam", "ctrl-type": "Virtual Controller"}
         return (State("ctrl-identity-info", "identity", values),)
     if path == "rw/panel/ctrlstate":

@@ -1,6 +1,6 @@
 """The sensors of the simulated cell: what the PSD's amplifier and the camera see at the arm's real state.
 
-They are not the controller's, and a real cell has them elsewhere; they stand here because the simulated beam
+They are not the controller's, and a real cell has them elsewhere; they are here because the simulated beam
 does. In the same process `CellSensors` reads them, from another one `RemoteSensors` by TCP: one JSON object a
 line, each answered by one line.
 

@@ -111,7 +111,7 @@ class Calibration:
         """Short lines of ASCII that say what a file holds and where that is from."""
         lines = [
             one_line(f"zerobeam {self.versions['zerobeam']}: joint offsets of {self.robot}"),
-            one_line(f"from the run {self.run}, {self.shots} shots"),
+            one_line(f"from the run {self.run}, {self.shots} measurements"),
             f"sha256 of the run: {self.sha256}",
             "applied by, on: ______________________",
             f"{MEANING}. An offset that is held or excluded counts as 0.",
@@ -132,9 +132,9 @@ def calibration(
 ) -> Calibration:
     """The offsets of a run, ready to be applied; `without` are names of offsets to leave out.
 
-    BadInput where an offset is unidentifiable, or weak and not allowed to be, and not left out; where the
+    BadInput where an offset is unidentifiable, or weak and not allowed to be, and not excluded; where the
     shots contradict the model, in which case no status can be relied on; where nothing is left to apply.
-    That a target seems to have moved may be allowed: then it stands among the warnings. FitFailed where the
+    That a target seems to have moved may be allowed: then the warnings say so. FitFailed where the
     fit did not converge.
     """
     # One thread, as in `analyse`: the last bits depend on it.

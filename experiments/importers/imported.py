@@ -89,7 +89,7 @@ class Job:
         _numbered_once(shots)
         joints = np.concatenate([part.joints for part in found])
         numbers = [shot.shot for shot in shots]
-        limits = check_limits(robot, joints, "shot", numbers, numbers, limits="warn", file=None)
+        limits = check_limits(robot, joints, "measurement", numbers, numbers, limits="warn", file=None)
         plural = "s" if len(self.paths) > 1 else ""
         understood = [
             f"{len(self.paths)} file{plural}, {len(shots)} measurements, robot {robot.name}"

@@ -151,7 +151,7 @@ def _with_target(request: PlanRequest, folder: Path) -> Header:
             "the header states other targets than the plan is made for",
             found=", ".join(stated),
             allowed=f"none, or {TARGET}",
-            remedy="remove `targets` from the header; where the target is, is stated beside it",
+            remedy="remove `targets` from the header: the target's position is stated separately",
         )
     guess = {"guess_mm": tuple(request.target)}
     stated[TARGET] = stated[TARGET].model_copy(update=guess) if stated else StatedTarget(**guess)  # type: ignore[arg-type]

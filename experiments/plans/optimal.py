@@ -26,7 +26,7 @@ _SPEED = 1.0  # rad/s (m/s) where the robot file states none
 @dataclass(frozen=True, eq=False)
 class Proposal:
     """An optimal plan. `postures` (k, n) rad or mm in travel order; `std` of each offset that is not
-    held, by name, in degrees (mm), the prior included: one that is near its prior is not told by the
+    held, by name, in degrees (mm), the prior included: one that is near its prior is not determined by the
     measurements; `travel_s` from the first posture to the last at full joint speed, None where the robot file
     states no speeds; `candidates` how many there were to choose from."""
 

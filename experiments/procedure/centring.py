@@ -53,7 +53,7 @@ def centre(
     """Move the spot to the centre from anywhere on the face; MeasurementRefused if that fails.
 
     The laser is on; `dark` (4,) are the currents without it, `frame` (3, 3) the PSD's axes in the base
-    frame as believed. `told` hears how far off the spot is.
+    frame as believed. `told` is called with the distance of the spot.
     """
     spot, follows = _on_face(rig, psd, dark), np.eye(2)
     off = [_length(spot.position)]

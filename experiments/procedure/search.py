@@ -1,7 +1,7 @@
 """Stage 1 of the servo: from an initial posture until the beam is on the PSD's face.
 
 With a camera: the two LEDs in the picture say where the PSD's centre is; the wrist is turned until the beam
-points there, by the image Jacobian. Where that ends beside the face, the spot itself is led there in pictures
+points there, by the image Jacobian. Where that ends off the face, the spot itself is led there in pictures
 with and without the laser. Without a camera, or where its pictures do not help, the beam goes in a spiral.
 """
 

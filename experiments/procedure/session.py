@@ -69,7 +69,7 @@ class Carried:
 
 @dataclass(eq=False)
 class Procedure:
-    """One session of a run: `told` hears what happens, as events (docs/files.md)."""
+    """One session of a run: `told` is called with what happens, as events (docs/files.md)."""
 
     plan: Plan
     rig: Rig

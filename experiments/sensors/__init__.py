@@ -1,1 +1,1 @@
-"""Real sensors beside a controller: PSD amplifiers on serial lines, a camera by OpenCV, and their files."""
+"""Real sensors next to a controller: PSD amplifiers on serial lines, a camera by OpenCV, and their files."""

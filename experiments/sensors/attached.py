@@ -108,7 +108,7 @@ def _calibration(stated: SensorsFile, target: str) -> PsdCalibration:
         raise stated.refuse(
             ("psds", target, "calibration"),
             f"the laser's full light saturates the amplifier of {target}",
-            found=f"an electrode tells {calibration.saturation(psd.kind):.2f} of it at most",
+            found=f"an electrode measures {calibration.saturation(psd.kind):.2f} of it at most",
             allowed=f"above {wanted:.2f}",
             remedy="dim the laser or lower the gain and calibrate again, or correct the calibration",
         )

@@ -11,7 +11,7 @@ from .psd import Psd
 
 
 class Sensors(Protocol):
-    """The sensors beside the controller: PSDs by target, and a camera or none."""
+    """The sensors next to the controller: PSDs by target, and a camera or none."""
 
     psds: Mapping[str, Psd]
     camera: Camera | None

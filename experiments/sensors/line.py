@@ -6,7 +6,7 @@
 
 A request ends the one before it; what it does not understand the amplifier does not answer. CRC4 is the
 CRC-16/IBM-3740 of all before the asterisk, in four hexadecimal digits. The computer's own lines have none:
-what an answer belongs to stands in the answer.
+an answer states what it belongs to.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def heard(line: bytes) -> str | None:
 
 
 def sample_of(body: str) -> Sample | None:
-    """The sample that a line tells; None for another line, and for one with a number too many or too few."""
+    """The sample of a line; None for another line, and for one with a number too many or too few."""
     data = _DATA.fullmatch(body)
     if data is None:
         return None
@@ -59,7 +59,7 @@ def sample_of(body: str) -> Sample | None:
 
 
 def read_sample(sample: Sample) -> str:
-    """The line that tells a sample, without its checksum."""
+    """The line of a sample, without its checksum."""
     return f"D {sample.request} {sample.index} {' '.join(str(count) for count in sample.counts)}"
 
 

@@ -1,4 +1,4 @@
-"""What shines in a picture: bright blobs, the two LEDs that mark a PSD, the laser's spot beside them."""
+"""What shines in a picture: bright blobs, the two LEDs that mark a PSD, the laser's spot near them."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def _in_order(one: Blob, other: Blob, expected: Matrix | None) -> tuple[Blob, Bl
 
 
 def _strangeness(first: Blob, second: Blob, expected: Matrix | None) -> float:
-    """How much speaks against this pair; above 1 it is none."""
+    """The penalty of this pair; above 1 it is none."""
     against = [0.0]
     if not (first.cut or second.cut):  # how bright a light is that is cut off is not known
         against.append(abs(math.log(first.light / second.light)) / math.log(_ALIKE))

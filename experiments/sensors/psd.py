@@ -1,4 +1,4 @@
-"""A position-sensitive detector (PSD) as its data sheet tells it: from four currents to light and position.
+"""A position-sensitive detector (PSD) as in its data sheet: from four currents to light and position.
 
 Currents are shares of the laser's full light, in the order x+, x-, y+, y-. The PSD's frame: origin at the
 centre of the active face, z outward, x and y as it reads.

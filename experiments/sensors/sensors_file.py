@@ -1,4 +1,4 @@
-"""The sensors beside a controller (YAML, `zerobeam/sensors/1`): PSDs at serial ports, a camera or none.
+"""The sensors next to a controller (YAML, `zerobeam/sensors/1`): PSDs at serial ports, a camera or none.
 
 Nothing that a reading depends on has a default.
 """
@@ -53,8 +53,8 @@ class PsdBeside(FileModel):
         description="outward normal of its face, base frame; beam: it is turned towards each beam"
     )
     turn_deg: float = Field(
-        description="turn of its x axis about that normal from the base's x axis made square to it (the y "
-        "axis where the normal is within 20 degrees of x), degrees"
+        description="rotation of its x axis about that normal from the base's x axis made square to it (the "
+        "y axis where the normal is within 20 degrees of x), degrees"
     )
     serial: SerialPort = Field(description="where its amplifier is plugged in")
     calibration: Name = Field(description="path of the calibration file, relative to this file")

@@ -40,7 +40,7 @@ class LineFaults:
 
 
 class AmplifierStandIn(Closing):
-    """It calls itself `name` and tells `counts(samples)` (samples, 4), a row of NaN: not sent.
+    """It calls itself `name` and sends `counts(samples)` (samples, 4), a row of NaN: not sent.
 
     `device` is the path of its serial port, which goes when it is closed; `faults` may be changed at any
     time.

@@ -1,6 +1,6 @@
-"""The header that run and plan files share: which robot and tool, how noisy, what is known beforehand.
+"""The header that run and plan files share: which robot and tool, how noisy, the priors.
 
-Units stand in the names of the keys (degrees and millimetres: this is what people write). The keys
+Units are in the names of the keys (degrees and millimetres: this is what people write). The keys
 are those of `docs/files.md`; what is not among them is an error.
 """
 
@@ -24,7 +24,7 @@ DEFAULT_TARGET = "psd"  # where no target is named anywhere
 
 
 def _name(value: object) -> object:
-    """A name that can stand in a table, in JSON and in front of '.x'."""
+    """A name that fits in a table, in JSON and in front of '.x'."""
     if isinstance(value, str) and (not value or value != value.strip() or not value.isprintable()):
         raise refusal(
             "this cannot be a name",
@@ -279,7 +279,7 @@ class StatedDistance(FileModel):
 
 
 class StatedTolerance(FileModel):
-    """Up to which standard deviation from the data alone a parameter counts as identified."""
+    """Up to which standard deviation without prior a parameter counts as identified."""
 
     offset_deg: Positive = Field(default=0.1, description="offset of a revolute joint, degrees")
     length_mm: Positive = Field(default=1.0, description="any length, millimetres")
@@ -287,12 +287,12 @@ class StatedTolerance(FileModel):
 
 
 class Header(FileModel):
-    """What the shots of one file have in common. Paths in it are relative to the file's folder."""
+    """What the measurements of one file have in common. Paths in it are relative to the file's folder."""
 
     schema_: Literal["zerobeam/run/1", "zerobeam/plan/1"] | None = Field(
         default=None,
         alias="schema",
-        description="kind and version of the file; optional where a header stands alone",
+        description="kind and version of the file; optional in a header file",
     )
     robot: RobotRef = Field(
         description="a built-in name, the path of a robot file (.yaml), or a chain of a URDF file"
@@ -320,7 +320,7 @@ class Header(FileModel):
 
 
 def read_header(path: Path | str) -> Header:
-    """Header that stands alone in a YAML file, for `plan` and the importers."""
+    """Header of a YAML file of its own, for `plan` and the importers."""
     document = read_yaml(Path(path))
     return validate(Header, document.data, file=document.file, line=document.line)
 

@@ -1,4 +1,4 @@
-"""The journal: a run file that grows shot by shot and can be gone on with after a stop at any instant."""
+"""The journal: a run file that grows by each measurement and can be resumed after a stop at any instant."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .whole_file import lock, refuse_existing, sync_folder, write_whole
 
 
 class RunJournal(Closing):
-    """A run file that grows shot by shot; each is on the disk before `append` returns.
+    """A run file that grows measurement by measurement; each is on the disk before `append` returns.
 
     `RunJournal(path, header)` makes a new file, which gets its name once the whole header is on the
     disk, and never writes into or over another; `RunJournal.resumed` goes on with one. Joints outside
@@ -52,17 +52,19 @@ class RunJournal(Closing):
 
     @property
     def shots(self) -> tuple[Shot, ...]:
-        """All shots on the disk, in the order of the file."""
+        """All measurements on the disk, in the order of the file."""
         return tuple(self._shots.values())
 
     def append(self, shot: Shot) -> None:
-        """Record one shot; RigFault if it cannot be brought to the disk."""
+        """Record one measurement; RigFault if it cannot be brought to the disk."""
         if self._file.closed:
-            raise RigFault(f"{self.path}: the run is closed, shot {shot.shot} was not recorded")
+            raise RigFault(f"{self.path}: the run is closed, measurement {shot.shot} was not recorded")
         check_shot(self.header, self.robot, shot, file=self.path, line=None)
         if shot.shot in self._shots:
             raise BadInput(
-                f"the shot number {shot.shot} is recorded already", allowed="each number once", file=self.path
+                f"the measurement number {shot.shot} is recorded already",
+                allowed="each number once",
+                file=self.path,
             )
         self._write(shot_text(shot))
         self._shots[shot.shot] = shot
@@ -91,8 +93,10 @@ class RunJournal(Closing):
             self._shots = {shot.shot: shot for shot in run.shots}
             self.torn: str | None = None
             if torn is not None:
-                self.torn = f"line {torn}, the last, was torn: it is taken out, the shots before it are kept"
-                content = content[: content.rstrip().rfind(b"\n") + 1]  # blank lines may stand behind it
+                self.torn = (
+                    f"line {torn}, the last, was torn: it is removed, the measurements before it are kept"
+                )
+                content = content[: content.rstrip().rfind(b"\n") + 1]  # blank lines may follow it
                 self._file.truncate(len(content))
             self._end = self._file.seek(len(content))
             # Whoever recorded this may have been killed before it was on the disk.
@@ -124,7 +128,7 @@ class RunJournal(Closing):
 
     @contextlib.contextmanager
     def _closed_on_failure(self) -> Iterator[None]:
-        """Close the file if what is done to it fails, and tell a failure of the system as a RigFault."""
+        """Close the file if what is done to it fails, and raise a failure of the system as a RigFault."""
         try:
             yield
         except BaseException as error:
@@ -159,7 +163,7 @@ def _require_same(recorded: Header, wanted: Header, *, file: Path, line: int | N
 
 
 def _first_difference(one: dict[str, Any], other: dict[str, Any]) -> tuple[str, str, str] | None:
-    """The first key that differs, such as 'noise.joint_deg', and its values as they stand in a file."""
+    """The first key that differs, such as 'noise.joint_deg', and its values as in a file."""
     for key in dict.fromkeys((*other, *one)):
         a, b = one.get(key), other.get(key)  # a stated value is never None
         if isinstance(a, dict) and isinstance(b, dict):

@@ -39,7 +39,7 @@ def json_rows(content: bytes, path: Path) -> tuple[list[tuple[int, Any]], int | 
             raise BadInput(
                 f"the line is not JSON: {error.msg} at character {error.pos + 1}",
                 found=shown(text[:70]),
-                allowed="one JSON object a line: the header, then the shots",
+                allowed="one JSON object a line: the header, then the measurements",
                 remedy="remove the line if the recording broke off here"
                 if rows
                 else "give a run file (.jsonl)",

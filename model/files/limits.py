@@ -20,7 +20,7 @@ WIDE = 90.0  # degrees: a joint that can go this far is seldom used within a few
 def require_joint_count(
     values: Sequence[float], robot: Robot, what: str, file: Path | None, line: int | None
 ) -> None:
-    """BadInput where `what` ('shot 3') has not one value for each joint."""
+    """BadInput where `what` ('measurement 3') has not one value for each joint."""
     if len(values) != robot.n:
         raise BadInput(
             f"{what} has the wrong number of joints",
@@ -41,7 +41,7 @@ def check_limits(
     limits: Literal["error", "warn"],
     file: Path | None,
 ) -> tuple[str, ...]:
-    """Judge joint values (N, n), degrees or mm; `noun` ('shot'), `numbers`, `lines` say which row is which.
+    """Judge joint values (N, n), degrees or mm; `noun`, `numbers`, `lines` say which row is which.
 
     A joint outside its limits is BadInput; with `limits` 'warn' it is one sentence for each joint, which
     names all such rows. Values that look like radians, all within limits, are a sentence too.
@@ -101,7 +101,7 @@ def _unit_hint(robot: Robot, joints: Matrix) -> str | None:
     if np.any(np.abs(values) > 3 * furthest) and _inside(robot, np.radians(values), chosen):
         return (
             "radians? all values are within the limits if they are divided by 57.3: "
-            "perhaps degrees were converted from radians once too often"
+            "perhaps they were converted from radians to degrees twice"
         )
     return None
 

@@ -1,4 +1,4 @@
-"""Plans: the postures from which shots are to be taken, in a YAML file that people read and edit."""
+"""Plans: the postures in which measurements are to be taken, in a YAML file that people read and edit."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class PlanFile(Header):
 
     schema_: Literal["zerobeam/plan/1"] = Field(alias="schema", description="kind and version of the file")
     postures_deg: Annotated[tuple[Posture, ...], BeforeValidator(as_tuple), Field(min_length=1)] = Field(
-        description="one row a shot: its joints, degrees (millimetres for a prismatic joint), "
+        description="one row a measurement: its joints, degrees (millimetres for a prismatic joint), "
         "or {joints_deg, target}"
     )
 
@@ -78,7 +78,7 @@ class Plan:
     sha256 : str
         Of the file, or of the text that a file would have.
     warnings : tuple of str
-        Sentences that a reader must see, such as joints beyond their limits.
+        Sentences that a reader must see, such as joints outside their limits.
 
     Examples
     --------
@@ -286,7 +286,7 @@ def write_plan(
 ) -> None:
     """Write a plan: `postures_deg` (N, n) degrees or mm, `targets` the target of each.
 
-    Written aside, then renamed; BadInput if the path exists or if the plan could not be read again.
+    Written to another name, then renamed; BadInput if the path exists or if the plan could not be read again.
     Paths in the header are taken relative to `path`.
     """
     path = Path(path)

@@ -1,7 +1,7 @@
 """Text, YAML and JSON as plain values; every refusal says in which file and line, and what is allowed.
 
 YAML is read by the core schema of YAML 1.2 (`no` and `2024-05-01` are text, not a boolean or a
-date). Keys are text and stand once; numbers are finite, everywhere.
+date). Keys are text and unique; numbers are finite, everywhere.
 """
 
 from __future__ import annotations
@@ -265,7 +265,7 @@ def parse_json(text: str, *, file: Path, line: int) -> Any:
 
 
 def shown(value: object) -> str:
-    """A value as it would stand in a JSON file, cut to a length that a message can carry."""
+    """A value as in a JSON file, cut to a length that a message can carry."""
     try:
         text = json.dumps(value, ensure_ascii=False)
     except (TypeError, ValueError):

@@ -60,7 +60,7 @@ class Run:
     sha256 : str
         Of the file, or of the text that a file would have.
     warnings : tuple of str
-        Sentences that a reader must see: a torn last line, joints beyond their limits.
+        Sentences that a reader must see: a torn last line, joints outside their limits.
     """
 
     header: Header
@@ -200,18 +200,18 @@ class Run:
             tool = "a calibrated" if self.header.tool.calibrated else "an uncalibrated"
             raise BadInput(
                 "one measurement cannot determine any offset",
-                found="1 shot",
-                allowed=f"at least {enough} shots with {tool} tool, in varied postures",
-                remedy="record more shots of the same target",
+                found="1 measurement",
+                allowed=f"at least {enough} measurements with {tool} tool, in varied postures",
+                remedy="record more measurements of the same target",
                 file=self.path,
                 line=self.lines[0],
             )
         if not np.ptp(self.joints, axis=0).any():
             raise BadInput(
                 "all measurements are of one posture: no offset is identifiable",
-                found=f"{len(self.shots)} shots with equal joint positions",
+                found=f"{len(self.shots)} measurements with equal joint positions",
                 allowed=f"at least {enough} varied postures",
-                remedy="record shots in varied postures, or check which columns were imported",
+                remedy="record measurements in varied postures, or check which columns were imported",
                 file=self.path,
                 line=self.lines[0],
             )
@@ -222,9 +222,9 @@ class Run:
                 near = did_you_mean(name, others)
                 raise BadInput(
                     f"the target {name!r} is measured only once: that determines its position at most",
-                    found=f"shot {self.shots[rows[0]].shot}",
-                    allowed="at least two shots of each target",
-                    remedy=near or "record more shots of it, or take this shot out",
+                    found=f"measurement {self.shots[rows[0]].shot}",
+                    allowed="at least two measurements of each target",
+                    remedy=near or "record more measurements of it, or remove this one",
                     file=self.path,
                     line=self.lines[rows[0]],
                 )
@@ -262,7 +262,7 @@ def read_run(path: Path | str) -> Run:
     run, torn = recorded(read_bytes(path), path)
     if not run.shots:
         found = "a header only" if torn is None else "a header and a torn line"
-        raise BadInput("the run has no shots", found=found, file=path, remedy="record some")
+        raise BadInput("the run has no measurements", found=found, file=path, remedy="record some")
     return run
 
 
@@ -276,8 +276,8 @@ def recorded(content: bytes, path: Path) -> tuple[Run, int | None]:
     if isinstance(top, dict) and "schema" not in top and ("shot" in top or "joints_deg" in top):
         raise BadInput(
             "the run's header is not on the first line",
-            found="a shot",
-            allowed="the header first, then one shot a line",
+            found="a measurement",
+            allowed="the header first, then one measurement a line",
             file=path,
             line=header_line,
         )
@@ -289,7 +289,7 @@ def recorded(content: bytes, path: Path) -> tuple[Run, int | None]:
     for line, row in rows[1:]:
         if isinstance(row, dict) and "schema" in row:
             raise BadInput(
-                "a second header stands among the shots",
+                "there is a second header among the measurements",
                 allowed="one header, on the first line",
                 remedy="keep each run in a file of its own",
                 file=path,
@@ -310,7 +310,9 @@ def _always(line: int | None) -> Callable[[Place], int | None]:
 
 
 def _torn(line: int) -> str:
-    return f"line {line}, the last, is torn: the recording broke off there; the shots before it are used"
+    return (
+        f"line {line}, the last, is torn: the recording broke off there; the measurements before it are used"
+    )
 
 
 # --- writing ----------------------------------------------------------------------------------------
@@ -327,7 +329,8 @@ def shot_text(shot: Shot) -> str:
 
 
 def write_run(path: Path | str, header: Header, shots: Iterable[Shot]) -> None:
-    """A whole run at once: written aside, then renamed; BadInput if the path exists or the run is unsound.
+    """A whole run at once: written to another name, then renamed; BadInput if the path exists or the run is
+    unsound.
 
     What could not be read again is not written. Paths in the header are taken relative to `path`.
     """

@@ -1,4 +1,4 @@
-"""One recorded shot, and what a header and a robot allow of shots."""
+"""One recorded measurement, and what a header and a robot allow of measurements."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _joint_values(value: object) -> object:
                 key=(i,),
                 found=shown(item),
                 allowed="a number (degrees; mm for a prismatic joint)",
-                remedy="leave out a shot that was not fully recorded",
+                remedy="leave out a measurement that was not fully recorded",
             )
     return tuple(value)
 
@@ -47,28 +47,28 @@ JointValues = Annotated[tuple[float, ...], BeforeValidator(_joint_values)]
 
 
 class Shot(FileModel):
-    """One recorded shot: the joints when the beam was on the target (or the probe in its socket)."""
+    """One recorded measurement: the joints when the beam was on the target (or the probe in its socket)."""
 
-    shot: int = Field(ge=0, description="number of the shot, unique in its run")
+    shot: int = Field(ge=0, description="number of the measurement, unique in its run")
     target: TargetName = Field(description="name of the target that was hit")
     joints_deg: JointValues = Field(
         description="recorded joint positions, joint 1 first, degrees (millimetres for a prismatic joint)"
     )
     spot_mm: Annotated[tuple[float, float] | None, BeforeValidator(_spot_values)] = Field(
         default=None,
-        description="where the target's centre stands as seen from the beam, along b1 and b2, millimetres; "
+        description="position of the target's centre as seen from the beam, along b1 and b2, millimetres; "
         "without it: on the beam",
     )
     time_s: float | None = Field(default=None, description="when, seconds since the start of the run")
 
 
 def check_distances(header: Header, targets: Sequence[str], *, file: Path | None, line: int | None) -> None:
-    """BadInput for a distance to a target that no shot has."""
+    """BadInput for a distance to a target that no measurement has."""
     for stated in header.distances:
         for name in stated.between:
             if name not in targets:
                 raise BadInput(
-                    "a distance names a target that no shot has",
+                    "a distance names a target that no measurement has",
                     found=name,
                     allowed=", ".join(targets),
                     remedy=did_you_mean(name, targets) or "correct the name, or take the distance out",
@@ -78,12 +78,14 @@ def check_distances(header: Header, targets: Sequence[str], *, file: Path | None
 
 
 def unknown_targets(header: Header, targets: Sequence[str]) -> tuple[str, ...]:
-    """A sentence for each name that stands only in the header, or only in the shots."""
+    """A sentence for each name that is only in the header, or only in the measurements."""
     if not header.targets:
         return ()
     stated = tuple(header.targets)
     sentences = [
-        f"the header states target {name!r}, but no shot has it" for name in stated if name not in targets
+        f"the header states target {name!r}, but no measurement has it"
+        for name in stated
+        if name not in targets
     ]
     for name in targets:
         if name not in stated:
@@ -98,18 +100,18 @@ def unknown_targets(header: Header, targets: Sequence[str]) -> tuple[str, ...]:
 def check_shots(
     header: Header, robot: Robot, shots: Sequence[Shot], lines: Sequence[int | None], *, file: Path | None
 ) -> tuple[str, ...]:
-    """Judge shots against their header and robot: BadInput, or the sentences that a reader must see."""
+    """Judge measurements against header and robot: BadInput, or the sentences that a reader must see."""
     if not shots:
-        raise BadInput("the run has no shots", file=file, remedy="record some")
+        raise BadInput("the run has no measurements", file=file, remedy="record some")
     first_line: dict[int, int | None] = {}
     for shot, line in zip(shots, lines, strict=True):
         check_shot(header, robot, shot, file=file, line=line)
         if shot.shot in first_line:
             raise BadInput(
-                f"duplicate shot number {shot.shot}",
+                f"duplicate measurement number {shot.shot}",
                 found=f"first on line {first_line[shot.shot]}",
                 allowed="each number once",
-                remedy="remove the shot that is not meant, or number it on",
+                remedy="remove the wrong measurement, or give it the next number",
                 file=file,
                 line=line,
             )
@@ -117,7 +119,7 @@ def check_shots(
     limits = check_limits(
         robot,
         np.array([shot.joints_deg for shot in shots]),
-        "shot",
+        "measurement",
         [shot.shot for shot in shots],
         lines,
         limits=header.limits,
@@ -127,11 +129,11 @@ def check_shots(
 
 
 def check_shot(header: Header, robot: Robot, shot: Shot, *, file: Path | None, line: int | None) -> None:
-    """BadInput for a shot with too few or too many joints, or with a spot that its tool cannot have."""
-    require_joint_count(shot.joints_deg, robot, f"shot {shot.shot}", file, line)
+    """BadInput for a measurement with too few or too many joints, or a spot that its tool cannot have."""
+    require_joint_count(shot.joints_deg, robot, f"measurement {shot.shot}", file, line)
     if shot.spot_mm is not None and header.tool.kind == "probe":
         raise BadInput(
-            f"shot {shot.shot} has a spot, but a probe makes none",
+            f"measurement {shot.shot} has a spot, but a probe makes none",
             found=f"spot_mm: {shown(shot.spot_mm)}",
             remedy="remove spot_mm, or state tool.kind: laser",
             file=file,

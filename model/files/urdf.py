@@ -166,7 +166,7 @@ class _Reader:
         above = {edge.child: edge for edge in self.edges}
         chain: list[_Edge] = []
         link = tip
-        # A loop of links that hangs on no root would otherwise be walked for ever.
+        # A loop of links that has no root would otherwise be walked for ever.
         while link != base and link in above and len(chain) <= len(self.edges):
             chain.append(above[link])
             link = above[link].parent

@@ -39,7 +39,7 @@ def refuse_existing(path: Path, *, or_else: str = "move it away first") -> None:
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write text as UTF-8 beside `path`, bring it to the disk, then give it its name."""
+    """Write text as UTF-8 next to `path`, bring it to the disk, then give it its name."""
     refuse_existing(path)
     try:
         handle, aside = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)

@@ -18,7 +18,7 @@ _MOST_LINES = 3  # of a headline
 
 
 def card(page: Page, tables: Sequence[Table]) -> str:
-    """The heading, verdict and notes of a page with some tables, as HTML that stands in another page."""
+    """The heading, verdict and notes of a page with some tables, as HTML for another page."""
     return template("card.html.j2").render(view=page, tables=tables, css=Markup(_style()))
 
 

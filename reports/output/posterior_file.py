@@ -1,7 +1,7 @@
 """`posterior.nc`: the draws of the posterior as netCDF, in the layout that ArviZ and xarray read.
 
 Group `posterior`, dimensions (chain, draw), one variable a parameter in the units that people read; `source`
-says whether the data or only the prior stand behind its draws. The root names the same variables once more
+says whether the data or only the prior determine its draws. The root names the same variables once more
 (hard links, no copy), for readers that know of no groups.
 
 A chain is a walker: chain = ensemble * walkers + walker; `ensemble` and `walker` are coordinates of `chain`.

@@ -22,7 +22,7 @@ Made = TypeVar("Made")
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of folder: `names` is all that may stand in it, `mark` the JSON file that states `schema`."""
+    """A kind of folder: `names` is all that may be in it, `mark` the JSON file that states `schema`."""
 
     noun: str
     names: frozenset[str]
@@ -33,7 +33,7 @@ class Kind:
 def write_folder(folder: Path | str, kind: Kind, fill: Callable[[Path], Made]) -> Made:
     """Let `fill` write into an empty folder, then give that the place of `folder`; returns what `fill` does.
 
-    Everything is written to a folder beside it and renamed at the end, so that a fault leaves what
+    Everything is written to a folder next to it and renamed at the end, so that a fault leaves what
     was there as it was. Raises BadInput where `folder` is a file, is not ours, or cannot be written.
     """
     target = Path(os.path.realpath(folder))

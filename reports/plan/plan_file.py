@@ -18,7 +18,7 @@ _HEAD = 1000  # bytes: where the mark is, before anything that comes from a plan
 def write_plan_page(path: Path | str, aimed: AimedPlan, check: Check) -> None:
     """Write the page of a plan (`plan_page`) to `path`, replacing nothing but such a page.
 
-    Written aside, then renamed. BadInput if something else is there or the folder does not exist.
+    Written to another name, then renamed. BadInput if something else is there or the folder does not exist.
     """
     path = Path(path)
     target = Path(os.path.realpath(path))

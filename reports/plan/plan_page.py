@@ -111,7 +111,7 @@ def _view(plan: Plan, check: Check, seen: Postures) -> PlanView:
 
 
 def _outlook(check: Check) -> list[str]:
-    """What `check` says beyond the verdict."""
+    """What `check` says besides the verdict."""
     said = [] if check.advice is None else [advice_sentence(check.advice)]
     units = {row.name: unit_of(row.unit) for row in check.parameters}
     return said if check.over_target is None else [*said, over_target_sentence(check.over_target, units)]
@@ -213,7 +213,7 @@ def _postures(plan: Plan, check: Check, seen: Postures) -> Table:
 
 
 def _joints_to_copy(plan: Plan, seen: Postures) -> str:
-    """The aimed postures as they stand in a plan file: degrees, or mm for a prismatic joint."""
+    """The aimed postures as in a plan file: degrees, or mm for a prismatic joint."""
     several = len(plan.target_names) > 1
     lines = ["postures_deg:"]
     for row, name in zip((seen.joints * plan.robot.display).tolist(), plan.targets, strict=True):

@@ -17,7 +17,7 @@ _NO_COST = "—"  # not defined for this cost
 
 
 def fit_section(result: Result) -> Section:
-    """The section of a report, with the parameters beside the offsets."""
+    """The section of a report, with the parameters besides the offsets."""
     likelihood, midpoint = result.likelihood, result.midpoint
     separate = noise_factors(result.parameters)
     sides = [_likelihood_facts(likelihood, separate)]
@@ -128,7 +128,7 @@ def _verdict(result: Result, noise: str) -> list[str]:
 
 
 def not_converged(fit: LikelihoodSummary) -> list[str]:
-    """What a reader is told of a fit that did not converge."""
+    """What a reader must know of a fit that did not converge."""
     if fit.converged:
         return []
     return [

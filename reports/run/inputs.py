@@ -42,7 +42,7 @@ def _flat(value: object, path: str = "") -> list[tuple[str, str]]:
     return [(clipped(path, 60), shown(text))] if path else []
 
 
-# What stands in the form, and the keys of `provenance` that state it. An approval is given after the result:
+# The rows of the form, and the keys of `provenance` that state it. An approval is given after the result:
 # nothing in a run can state it.
 _MEASURED = (
     ("Calibrated by", ("who", "operator", "calibrated by")),

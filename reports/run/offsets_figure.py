@@ -100,7 +100,7 @@ def _widths(axes: Axes, rows: Sequence[ParameterResult], unit: str) -> None:
             fontsize=9,
         )
     if halves:
-        # Whole decades, and room for the number beside the last dot.
+        # Whole decades, and room for the number next to the last dot.
         lowest = 10.0 ** math.floor(math.log10(min(halves)))
         axes.set_xlim(lowest * 0.8, max(max(halves) * 12, lowest * 13))
     else:

@@ -68,7 +68,7 @@ def offsets_section(parameters: Sequence[ParameterResult], header: Mapping[str, 
 
 
 def other_tables(parameters: Sequence[ParameterResult]) -> list[Table]:
-    """Of what was estimated beside the offsets."""
+    """Of what was estimated besides the offsets."""
     captions: tuple[tuple[str, Group], ...] = (
         ("Targets in the base frame", "target"),
         ("Tool in the flange frame", "tool"),

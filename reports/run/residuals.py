@@ -89,7 +89,7 @@ _FEW_TARGETS = 8
 def residuals_picture(result: Result) -> Picture:
     """Above the residuals in mm, dots with the leave-one-out residual as a ring; below in their own σ.
 
-    Shots stand target by target, in the order of the run. For more than 60 the stems go and the
+    Measurements are in order of target, in the order of the run. For more than 60 the stems go and the
     dots shrink. The line in the lower panel is the 95 % limit that the stated noise leads one to expect.
     """
     shots = result.shots
@@ -184,7 +184,7 @@ def _dot(role: str, *, filled: bool, words: str, shape: str = "o") -> Line2D:
 
 
 def _sigmas(axes: Axes, shots: Sequence[ShotResult], few: bool) -> int:
-    """Draws the lower panel; how many shots lie beyond the 95 % limit."""
+    """Draws the lower panel; how many measurements lie beyond the 95 % limit."""
     from matplotlib.lines import Line2D
     from scipy.special import chdtri
 

@@ -17,7 +17,7 @@ from ..style.blocks import Paragraph, SceneBlock, Section, section_of
 from ..words import numbers
 from ..words.wording import NOT_DETERMINED, clipped, counted, label, listed
 
-_MOST_TOLD = 6  # targets in the words beside the picture: more are in the report's tables
+_MOST_TOLD = 6  # targets in the words next to the picture: more are in the report's tables
 
 
 def run_scene(result: Result) -> Scene3D | None:
@@ -49,7 +49,7 @@ def half_axes(covariance: Matrix, radius2: float) -> Matrix:
 
 def _placed(target: SceneTarget, seen: Scene) -> Placed:
     if target.at_mm is None:
-        # It has no place: the cross stands where the beams end that are meant for it.
+        # It has no place: the cross is where the beams end that are meant for it.
         ends = [shot.beam_to or shot.links[-1] for shot in seen.shots if shot.target == target.name]
         at = np.mean(ends, axis=0) if ends else np.zeros(3)
         return Placed(target.name, at, "undetermined")
@@ -59,7 +59,7 @@ def _placed(target: SceneTarget, seen: Scene) -> Placed:
     return Placed(target.name, at, "estimated", half_axes(np.array(target.covariance_mm2), seen.radius2))
 
 
-# ── the words beside it ───────────────────────────────────────────────────────────────────────
+# ── its words ───────────────────────────────────────────────────────────────────────────────
 
 
 def run_turnable(result: Result) -> Turnable | None:

@@ -14,7 +14,7 @@ from ..words.wording import label, listed
 from .fit_quality import misfit_factor
 from .parameters import reasons
 
-MINOR = 0.01  # share of every variance in a table below which a source is told with others
+MINOR = 0.01  # share of every variance in a table below which a source is summed with others
 MOST_SOURCES = 12
 MOST_COLUMNS = 6
 _DEGREE = {"deg": "°"}
@@ -23,7 +23,7 @@ _SAME = 1.02  # by less no two significant digits differ
 
 
 def budget_section(result: Result) -> Section | None:
-    """None where the fit did not converge: there is no estimate whose uncertainty could be told."""
+    """None where the fit did not converge: there is no estimate whose uncertainty could be stated."""
     if not result.likelihood.converged:
         return None
     blocks: list[Block | None] = [Paragraph(_lead(result))]

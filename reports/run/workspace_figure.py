@@ -137,7 +137,7 @@ def _shape(grid: Grid, which: int, edges: list[float], size: float, left: float,
 
 
 def _base(axes: Axes, plane: str) -> None:
-    """Where the base is: its level beside axis 1, its place seen from above."""
+    """Where the base is: its level next to axis 1, its place seen from above."""
     ink: dict[str, Any] = {"color": light("ink"), "fontsize": 8.5}
     bottom, top = axes.get_ylim()
     ground = {"facecolor": light("ground"), "edgecolor": "none", "pad": 0.4, "alpha": 0.85}

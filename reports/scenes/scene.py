@@ -141,7 +141,7 @@ class Scene3D:
     @cached_property
     def factor(self) -> int | None:
         """By how much ellipsoids are exaggerated at first: the largest power of ten that leaves every one
-        readable beside the arm; None where there is no ellipsoid."""
+        readable next to the arm; None where there is no ellipsoid."""
         sizes = [
             np.linalg.norm(target.axes, axis=1).max() for target in self.targets if target.axes is not None
         ]

@@ -185,7 +185,7 @@ def _coverage_table(plan: CoveragePlan, levels: Sequence[float]) -> Table:
 def _group(part: Estimator | Calibration, span: int) -> Row:
     """The row that heads the parameters of an estimator, or of its ranks."""
     mark, words = standing(part)
-    # A name beside its own mark and words; what it does is said by the words of the estimator.
+    # A name next to its own mark and words; what it does is said by the words of the estimator.
     about = f"{sentence(part.words)} ({words})" if isinstance(part, Estimator) else words
     return row_of(clipped(part.name, LONGEST_NAME), Cell(about, span=span), tone=mark)
 

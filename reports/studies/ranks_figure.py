@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _ACROSS = 5
-_PANEL, _HEAD, _GAP, _BOTTOM = 0.62, 0.28, 0.24, 0.42  # inches: a panel, and what stands about it
+_PANEL, _HEAD, _GAP, _BOTTOM = 0.62, 0.28, 0.24, 0.42  # inches: a panel, and what surrounds it
 _LEFT, _RIGHT = 0.36, 0.06
 _BAND = 0.99
 
@@ -28,7 +28,7 @@ _BAND = 0.99
 def ranks_picture(plan: CoveragePlan, settings: CoverageSettings, name: str) -> Picture | None:
     """Histograms of the ranks of the truth among the draws, with the band that holds 99 % of uniform bins.
 
-    A bin outside it is solid, so that it stands out in grey too. Everything of one estimator has one
+    A bin outside it is solid, so that it is visible in grey too. Everything of one estimator has one
     scale. None where the plan has no ranks.
     """
     parts = [(part, [row for row in part.parameters if sum(row.ranks)]) for part in plan.sbc]

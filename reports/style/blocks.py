@@ -14,7 +14,7 @@ from ..words.numbers import NO_BREAK
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell of a table; `mark` is the status (a role of the palette) whose shape stands in it, or ""."""
+    """A cell of a table; `mark` is the status (a role of the palette) whose shape is in it, or ""."""
 
     text: str
     span: int = 1
@@ -103,7 +103,7 @@ class FigureBlock:
 
 @dataclass(frozen=True)
 class SceneBlock:
-    """Here stands the picture that can be turned (`run_scene.py`), if the page has one."""
+    """The picture that can be turned (`run_scene.py`), if the page has one."""
 
     kind: ClassVar[str] = "scene"
 

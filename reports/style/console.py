@@ -20,7 +20,7 @@ def marked(mark: str, text: str) -> Text:
 
 
 def note(text: str) -> Text:
-    """A note that a reader must not miss."""
+    """A note that a reader must see."""
     return Text("! ", style="bold yellow") + Text(text)
 
 

@@ -1,8 +1,8 @@
 """One palette for figures, HTML and PDF, in a light and a dark form.
 
 The hues are the blue, vermillion and purple of Okabe & Ito's set, which people of every kind of
-colour vision tell apart, moved in lightness until they can be read as text on their ground
-(WCAG AA, 4.5 : 1). A status is never told by colour alone: it has a word and a shape as well.
+colour vision distinguish, moved in lightness until they can be read as text on their ground
+(WCAG AA, 4.5 : 1). A status is never shown by colour alone: it has a word and a shape as well.
 """
 
 from __future__ import annotations

@@ -33,13 +33,13 @@ from .answers import contradicted
 _REDRAWN = 8  # times a second
 _STEPS = 4
 _NOT_TOLD = "—"
-_CELL = 9  # letters of an offset's std, so that the columns stand still
+_CELL = 9  # letters of an offset's std, so that the columns do not move
 _CLOCK = {"simulated": "simulated", "replay": "as recorded"}
 
 
 @contextmanager
 def live_view(console: Console) -> Iterator[Told]:
-    """Hears the events of a run (docs/files.md) and shows where it stands; nothing remains on the screen.
+    """Takes the events of a run (docs/files.md) and shows its progress; nothing remains on the screen.
 
     Nothing is written where `console` is no terminal on which a line can be drawn anew.
     """
@@ -66,7 +66,7 @@ def live_view(console: Console) -> Iterator[Told]:
 
 @dataclass(frozen=True)
 class UnderWay:
-    """Where a run stands. `off_mm`: the last servo steps; `seconds`: of each measurement of this session;
+    """The state of a run. `off_mm`: the last servo steps; `seconds`: of each measurement of this session;
     `std` by offset (deg; mm), None where it is unidentifiable, and empty before the first measurement."""
 
     file: str = ""

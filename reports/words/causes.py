@@ -103,8 +103,8 @@ def remedy(cause: Cause, name: Namer = str) -> str:
             return _vary(cause)
         case ParallelAxes(_, second):
             return (
-                f"add measurements that differ in the joints up to {second}: vary joint {second} by 30"
-                " degrees or more"
+                f"add measurements that differ in the joints up to {second}: vary joint {second} by 30°"
+                " or more"
             )
         case ToolAgainstTarget():
             return "add measurements with the wrist at very different angles"
@@ -139,7 +139,7 @@ def _common_motion(cause: CommonMotion) -> str:
         return f"{before} {'does' if one else 'do'} not change over the measurements, so {so}{x_pattern}"
     parts = []
     if cause.range_deg is not None:
-        parts.append(f"{numbers.significant(cause.range_deg, 2)} degrees")
+        parts.append(f"{numbers.significant(cause.range_deg, 2)}°")
     if cause.range_mm is not None:
         parts.append(f"{numbers.significant(cause.range_mm, 2)} mm")
     ranges = " and ".join(parts)
@@ -158,6 +158,6 @@ def _common_motion(cause: CommonMotion) -> str:
 
 def _vary(cause: CommonMotion) -> str:
     if cause.constant or cause.nearly_constant:
-        amount = "30 degrees or more" if all(cause.revolute[:-1]) else "a third of the range or more"
+        amount = "30° or more" if all(cause.revolute[:-1]) else "a third of the range or more"
         return f"vary {_before(cause)} by {amount} between measurements"
     return f"add measurements with the axis of joint {cause.joint} at very different places or angles"

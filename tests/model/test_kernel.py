@@ -201,7 +201,7 @@ def test_a_hoisted_input_that_changes_is_refused(compile):
         per_inner(rng.normal(size=(4, 2)), 4),
         selected(rng.normal(size=(3, 2, 2)), np.array([0, 1, 1, 0])),
     ):
-        with pytest.raises(ValueError, match="bent: w must not change over shots"):
+        with pytest.raises(ValueError, match="bent: w must not change over measurements"):
             made.sums([changing, *inputs[1:]], 3, 4)
         assert Kernel(bent(), compile=compile).sums([changing, *inputs[1:]], 3, 4)[0].shape == (3, 3)
     # Rows are walkers of one shot each: there all may change.

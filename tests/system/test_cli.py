@@ -490,7 +490,7 @@ BAD_RUNS: dict[str, tuple[str | bytes, list[str]]] = {
         ["arm.urdf", "tip link is not in the file", "found: c", "allowed: a, b"],
     ),
     "empty file": (b"", ["run.jsonl", "the file is empty"]),
-    "no shots": (run_text(None, []), ["run.jsonl", "the run has no shots"]),
+    "no shots": (run_text(None, []), ["run.jsonl", "the run has no measurements"]),
     "one shot": (run_text(None, SHOTS[:1]), ["line 2:", "one measurement cannot determine", "at least 4"]),
     "one shot and a torn line": (
         run_text(None, SHOTS[:1]) + '{"shot":1,"tar',
@@ -502,11 +502,16 @@ BAD_RUNS: dict[str, tuple[str | bytes, list[str]]] = {
     ),
     "target seen once": (
         run_text(None, one_changed(5, target="pds")),
-        ["line 7:", "'pds' is measured only once", "found: shot 5", "did you mean 'psd'?"],
+        ["line 7:", "'pds' is measured only once", "found: measurement 5", "did you mean 'psd'?"],
     ),
     "distance to an unknown target": (
         run_text(changed(distances=[{"between": ["psd", "b"], "mm": 50, "sigma_mm": 0.1}])),
-        ["run.jsonl, line 1:", "a distance names a target that no shot has", "found: b", "allowed: psd"],
+        [
+            "run.jsonl, line 1:",
+            "a distance names a target that no measurement has",
+            "found: b",
+            "allowed: psd",
+        ],
     ),
     "binary": (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", ["run.jsonl", "binary file"]),
     "not a run": ("schema: zerobeam/plan/1\n", ["run.jsonl, line 1:", "not JSON"]),
@@ -534,7 +539,10 @@ BAD_RUNS: dict[str, tuple[str | bytes, list[str]]] = {
             "8 numbers from 4 measurements for 8 unknowns",
         ],
     ),
-    "shot number twice": (run_text(None, one_changed(6, shot=0)), ["line 8:", "duplicate shot number 0"]),
+    "shot number twice": (
+        run_text(None, one_changed(6, shot=0)),
+        ["line 8:", "duplicate measurement number 0"],
+    ),
 }
 
 

@@ -44,7 +44,7 @@ def test_x_pattern_with_the_psd_straight_ahead() -> None:
     (null,) = [
         d for d in answer.identifiability.null_space if "delta2" in d.combination and d.kind == "exact"
     ]
-    assert remedy(null.cause) == "vary joint 1 by 30 degrees or more between measurements"
+    assert remedy(null.cause) == "vary joint 1 by 30° or more between measurements"
     # The others are told, if poorly.
     for name in ("delta3", "delta4", "delta5", "delta6"):
         assert named(answer, name).data_std == pytest.approx(0.1, abs=0.25)

@@ -15,7 +15,7 @@ _USER = "Default User"
 
 
 class Secret:
-    """A text that stands in no message: only `reveal` tells it."""
+    """A text that is in no message: only `reveal` returns it."""
 
     __slots__ = ("_text",)
 

@@ -1,8 +1,8 @@
 """An ABB robot as a rig: state, readings and RAPID by Robot Web Services, small moves by EGM.
 
 Far moves are MoveAbsJ of the RAPID module `zerobeam_egm` (experiments/rapid), near ones are guided by EGM;
-its data and the hand-shake stand in docs/abb.md. The arm moves only in automatic mode, with the motors on,
-inside the robot file's limits, and once a person has said yes.
+its data and the hand-shake are described in docs/abb.md. The arm moves only in automatic mode, with the
+motors on, inside the robot file's limits, and once a person has said yes.
 """
 
 from __future__ import annotations
@@ -310,7 +310,7 @@ class AbbRig:
             read = self._read_deg()
             if np.abs(at - read).max() > _SAME_DEG:
                 raise RigFault(
-                    f"EGM says that the joints stand at {_told(at)} deg, Robot Web Services "
+                    f"EGM says that the joints are at {_told(at)} deg, Robot Web Services "
                     f"{_told(read)} deg: is --egm-port that of this robot?"
                 )
         self._guidance.go(goal)

@@ -45,7 +45,7 @@ class SimulatedArm:
     _travel: float = field(init=False, repr=False)
 
     def begin(self, rng: np.random.Generator, at: Matrix) -> None:
-        """Stand at the joints `at` (n,), come from below, with a new static error.
+        """Be at the joints `at` (n,), come from below, with a new static error.
 
         What follows depends on `rng` and `at` alone, not on what was before: a resumed run repeats it.
         """

@@ -198,7 +198,7 @@ def _geometry(cell: Cell) -> dict[int, Matrix]:
 
 
 def _centre(plan: Plan, cell: Cell, problem: Problem, name: str, rng: np.random.Generator) -> Matrix:
-    """(3,) mm: as stated, or near where the plan supposes it."""
+    """(3,) mm: as stated, or near the plan's nominal position."""
     by_hand = rng.normal(size=3)  # drawn in any case: other draws do not depend on what is stated
     placed = cell.placed(name)
     if placed.centre_mm is not None:

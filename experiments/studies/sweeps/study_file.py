@@ -245,7 +245,7 @@ def _changed(axis: Axis) -> Iterator[str]:
 
 
 def _stated(settings: Settings) -> dict[str, Any]:
-    """What of the settings is stated, as it would stand in a file."""
+    """What of the settings is stated, as in a file."""
     return settings.model_dump(mode="json", by_alias=True, exclude_unset=True)
 
 

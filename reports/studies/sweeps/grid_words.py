@@ -73,7 +73,7 @@ def shown_unit(thing: GridAxis | CaseParameter) -> str:
 
 
 def unit_signs(things: Iterable[GridAxis | CaseParameter]) -> str:
-    """The units as beside a scale: `°, mm`."""
+    """The units as next to a scale: `°, mm`."""
     return ", ".join(dict.fromkeys("°" if one.unit == "deg" else shown_unit(one) for one in things))
 
 
@@ -86,13 +86,13 @@ def value_text(axis: GridAxis, index: int) -> str:
 
 
 def axis_title(axis: GridAxis) -> str:
-    """Label and unit of an axis, as beside its scale."""
+    """Label and unit of an axis, as next to its scale."""
     unit = unit_signs([axis])
     return f"{clipped(axis.label)}, {unit}" if unit else clipped(axis.label)
 
 
 def place_name(place: Place) -> str:
-    """`measurements 7, Y-Pattern`: words stand alone, numbers with their label."""
+    """`measurements 7, Y-Pattern`: words have no label, numbers with their label."""
     return ", ".join(
         value_text(axis, i)
         if axis.numeric is None

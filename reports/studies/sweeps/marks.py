@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# The two fits by shape and by fill, so that they can be told apart in grey: marker, its size, filled or not.
+# The two fits by shape and by fill, so that they differ in grey too: marker, its size, filled or not.
 FITS: dict[Fit, tuple[str, float, bool]] = {"likelihood": ("o", 3.4, True), "midpoint": ("s", 3.8, False)}
 HELD, NOT_ESTIMATED = "held", "not estimated"
 UNCERTAINTY = "standard uncertainty"

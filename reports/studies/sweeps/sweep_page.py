@@ -184,7 +184,7 @@ def _cells(one: CaseParameter, likelihood: bool, midpoint: bool) -> list[str | C
 
 
 def _predicted(one: CaseParameter, beside: RunErrors | None = None) -> str:
-    """A prediction: two digits, or as many as the RMSE of the runs beside it."""
+    """A prediction: two digits, or as many as the RMSE of the runs next to it."""
     if one.std is None:
         return NOT_GIVEN
     about = one.std if beside is None else _about(beside)

@@ -166,7 +166,7 @@ def test_no_target_is_seen_twice():
     own = header(targets={"a": {}, "b": {}})
     fit = fit_midpoint(Problem.from_plan(plan_of(own, good_plan().postures[:2], ["a", "b"])))
     assert not fit.available
-    assert "no target is seen by two shots" in fit.message
+    assert "no target is seen from two measurements" in fit.message
 
 
 def test_each_target_has_a_mean_of_its_own():
@@ -302,5 +302,5 @@ def test_the_sandwich_is_that_of_the_stated_joint_noise():
 def test_nothing_to_fit_in_many_runs_either():
     own = header(targets={"a": {}, "b": {}})
     problem = Problem.from_plan(plan_of(own, good_plan().postures[:2], ["a", "b"]))
-    with pytest.raises(ValueError, match="no target is seen by two shots"):
+    with pytest.raises(ValueError, match="no target is seen from two measurements"):
         fit_midpoints(problem, problem.joints[None])

@@ -209,7 +209,7 @@ def test_x_pattern_with_joint_1_jittered():
     assert 50 < row.data_std < 5000
     (null,) = [d for d in answer.identifiability.null_space if d.combination.get("delta2") == 1.0]
     assert null.kind == "noise"
-    assert reason(null.cause).startswith("joint 1 varies by no more than 0.020 degrees")
+    assert reason(null.cause).startswith("joint 1 varies by no more than 0.020°")
     assert "vary joint 1" in remedy(null.cause)
     assert answer.identifiability.condition > 1e3
     assert answer.identifiability.rank == 7

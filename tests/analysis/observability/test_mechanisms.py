@@ -52,7 +52,7 @@ def test_how_much_the_joints_before_vary():
     why, what = told(plan)["delta2", *TARGET]
     assert why.startswith("joint 1 does not change over the measurements")
     assert "X-Pattern" in why
-    assert what == "vary joint 1 by 30 degrees or more between measurements"
+    assert what == "vary joint 1 by 30° or more between measurements"
     # Joint 2 does change: the same thing about joint 3 has another reason.
     assert told(plan)["delta3", *TARGET][0].startswith(
         "a rotation about the axis of joint 3 moves the target nearly"
@@ -60,10 +60,10 @@ def test_how_much_the_joints_before_vary():
     postures = plan.postures.copy()
     postures[0, 0] += np.radians(4.0)
     why, _ = told(plan_of(plan.header, postures))["delta2", *TARGET]
-    assert why.startswith("joint 1 varies by no more than 4.0 degrees")
+    assert why.startswith("joint 1 varies by no more than 4.0°")
     postures[0, 0] += np.radians(30.0)
     why, _ = told(plan_of(plan.header, postures))["delta2", *TARGET]
-    assert "although joint 1 varies by up to 34 degrees" in why
+    assert "although joint 1 varies by up to 34°" in why
 
 
 def test_a_slide_is_not_varied_by_degrees():

@@ -151,7 +151,7 @@ def test_what_is_wrong_only_for_the_analysis_names_the_run():
         ({"unit": "grad"}, "unit", "'deg' or 'rad'"),
         ({"joints": POSTURES[0]}, "joints", "(6,)"),
         ({"joints": POSTURES[:, :5]}, "joints", "(N, 6): irb1600 has 6 joints"),
-        ({"joints": POSTURES[:0]}, "joints", "no shots"),
+        ({"joints": POSTURES[:0]}, "joints", "no measurements"),
         ({"joints": "abc"}, "joints", "not an array of numbers"),
         ({"joints": np.where(POSTURES == 5, np.nan, POSTURES)}, "joints", "nan in row 0, column 3"),
         ({"targets": ["a", "b"]}, "targets", "found:   2"),

@@ -234,7 +234,7 @@ def test_wherever_the_file_is_cut_off_the_whole_shots_are_there_and_it_goes_on(
         if count:
             assert read_run(path).shots == tuple(SHOTS[:count])
         else:
-            assert "no shots" in refused(read_run, path).what
+            assert "no measurements" in refused(read_run, path).what
         with RunJournal.resumed(path, HEADER) as journal:
             assert journal.shots == tuple(SHOTS[:count]), left
             assert (journal.torn is not None) is torn, left

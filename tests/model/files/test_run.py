@@ -134,13 +134,13 @@ def test_a_broken_line_in_the_middle_is_an_error(run_file, refused):
         ([shot(0), text(header=shot(1, joints_deg=[float("nan")] * 6))], "not finite", 3),
         ([shot(0, spot_mm=[1, 2, 3])], "spot_mm is not a pair", 2),
         ([shot(0, spot_mm=[1, "2"])], "item 2 of spot_mm", 2),
-        ([shot(0), shot(1), shot(0)], "duplicate shot number 0", 4),
+        ([shot(0), shot(1), shot(0)], "duplicate measurement number 0", 4),
         ([shot(0), HEADER, shot(1)], "a second header", 3),
         ([shot(0), [1, 2], shot(1)], "is not keys and values", 3),
         ([shot(0), '{"shot":1,"shot":2}\n'], "duplicate", 3),
         ([shot(0, joints_deg=[190.0, *JOINTS[1:]])], "joint 1 is outside its limits", 2),
-        ([], "no shots", None),
-        (['{"shot":0,"tar'], "no shots", None),
+        ([], "no measurements", None),
+        (['{"shot":0,"tar'], "no measurements", None),
     ],
 )
 def test_shots_that_cannot_be_used(run_file, refused, rows, what, line):
@@ -196,7 +196,7 @@ def test_a_probe_makes_no_spot(run_file, refused):
 def test_a_joint_outside_its_limits_names_value_and_range(run_file, refused):
     far = [*JOINTS[:4], 120.5, JOINTS[5]]
     error = refused(read_run, run_file(text(shot(0), shot(1, joints_deg=far))))
-    assert error.what == "shot 1: joint 5 is outside its limits"
+    assert error.what == "measurement 1: joint 5 is outside its limits"
     assert error.found == "120.5 deg"
     assert error.allowed.startswith("-115 to 115 deg (irb1600")
     assert "limits: warn" in error.remedy
@@ -266,7 +266,7 @@ def test_a_target_seen_once(run_file, refused):
     rows = [shot(0), shot(1), shot(2, target="pds"), shot(3)]
     error = refused(read_run(run_file(text(*rows))).require_analysable)
     assert "'pds' is measured only once" in error.what
-    assert error.found == "shot 2"
+    assert error.found == "measurement 2"
     assert error.line == 4
     assert "did you mean 'psd'?" in error.remedy
 
@@ -315,7 +315,7 @@ def test_nothing_is_overwritten_and_nothing_unsound_is_written(tmp_path, refused
     assert path.read_text() == "mine"
     other = tmp_path / "other.jsonl"
     assert "duplicate" in refused(write_run, other, model(), [SHOTS[0], SHOTS[0]]).what
-    assert "no shots" in refused(write_run, other, model(), []).what
+    assert "no measurements" in refused(write_run, other, model(), []).what
     assert "no robot" in refused(write_run, other, model(robot="nobody"), SHOTS).what
     assert "does not exist" in refused(write_run, tmp_path / "no" / "r.jsonl", model(), SHOTS).what
     assert [entry.name for entry in tmp_path.iterdir()] == ["r.jsonl"]
