@@ -129,7 +129,7 @@ def _likelihood(solution: Solution) -> LikelihoodSummary:
         reason=fit.reason,
         iterations=fit.iterations,
         cost=chi2 / 2,
-        rms_mm=rms_length(fit.whitened.miss),
+        rms_mm=rms_length(fit.whitened.residual_mm),
         rms_before_mm=rms_length(before),
         chi2=chi2,
         dof=dof,

@@ -112,7 +112,7 @@ def lack_of_fit(solution: Solution) -> LackOfFit | None:
     chi2, dof, p_value = solution.against_noise
     if p_value is None or p_value >= LACK_OF_FIT:
         return None
-    return LackOfFit(chi2, dof, p_value, rms_length(solution.fit.whitened.miss))
+    return LackOfFit(chi2, dof, p_value, rms_length(solution.fit.whitened.residual_mm))
 
 
 def on_the_model(solution: Solution) -> Iterator[Finding]:

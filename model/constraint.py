@@ -120,9 +120,9 @@ class _Shot:
             point, _, across = tool.beam(self.unknown)
         else:
             point, across = tool.tip(self.unknown), ca.SX.eye(3)
-        self.miss = across.T @ (seen - point) - self.spot
+        self.residual = across.T @ (seen - point) - self.spot
         self.by_joints, by_target = robot.seen_jacobian(turns, stations, across)
-        self.jacobian = ca.horzcat(self.by_joints, by_target, ca.jacobian(self.miss, self.unknown))
+        self.jacobian = ca.horzcat(self.by_joints, by_target, ca.jacobian(self.residual, self.unknown))
 
     @property
     def free(self) -> ca.SX:
@@ -135,7 +135,7 @@ def _linear(functions: ShotFunctions) -> ca.Function:
     return ca.Function(
         "linear",
         [q, shot.spot, shot.delta, shot.target, shot.unknown],
-        ca.cse([shot.miss, ca.densify(shot.jacobian)]),
+        ca.cse([shot.residual, ca.densify(shot.jacobian)]),
         ["q", "spot", "delta", "target", "tool"],
         ["m", "jacobian"],
     )
@@ -152,7 +152,7 @@ class _Weighted(_Shot):
         self.variances, self.stated = ca.SX.sym("variances", n + 1), ca.SX.sym("stated", n + 1)
         self.by_noise = self._covariances(self.variances)
         self.factor = _cholesky(sum(self.by_noise, ca.SX(0)))
-        self.quad = self.weight * ca.sumsqr(_forward(self.factor, self.miss))
+        self.quad = self.weight * ca.sumsqr(_forward(self.factor, self.residual))
         self.logdet = ca.SX(0)
         if functions.log_det != "none":
             self.logdet = self.weight * _log_det(self.factor)

@@ -56,12 +56,12 @@ class Whitened(NamedTuple):
     """Residuals and distances in their own standard deviations at one x.
 
     `residual` (M,) and `jacobian` (M, p) by scaled parameters, the shots first (d rows each), then the
-    distances; `miss` (N, d) mm; `factor` (N, d, d) the lower Cholesky factors of the S_i.
+    distances; `residual_mm` (N, d); `factor` (N, d, d) the lower Cholesky factors of the S_i.
     """
 
     residual: Matrix
     jacobian: Matrix
-    miss: Matrix
+    residual_mm: Matrix
     factor: Matrix
 
 
@@ -229,10 +229,10 @@ class Problem:
             own_target = parts.targets[self.target_index[rows]]
         else:
             own_target = parts.targets[np.arange(len(parts.targets)), self.target_index[rows]]
-        miss, jacobian = self.functions.kernel("linear", compile=self.shots > _COMPILE_FROM)(
+        residual, jacobian = self.functions.kernel("linear", compile=self.shots > _COMPILE_FROM)(
             joints, self.spots[rows], parts.arm, own_target, parts.tool
         )
-        return miss, jacobian
+        return residual, jacobian
 
     def factors(self, x: Matrix, jacobian: Matrix) -> Matrix:
         """(N, d, d) lower Cholesky factors of S_i = J_i diag(joint variances) J_i' + spot variance."""
@@ -252,18 +252,18 @@ class Problem:
 
     def whiten(self, x: Matrix, factor: Matrix | None = None) -> Whitened:
         """Whitened residuals and their scaled Jacobian at x; `factor` keeps the weights of another x."""
-        miss, own = self.linearise(x)
+        residual, own = self.linearise(x)
         factor = self.factors(x, own) if factor is None else factor
         d, p = self.tool.miss_size, len(self.parameters)
         scaled = own * self.parameters.prior_std[self.columns][:, None, :]
-        stacked = np.linalg.solve(factor, np.concatenate([miss[:, :, None], scaled], axis=2))
+        stacked = np.linalg.solve(factor, np.concatenate([residual[:, :, None], scaled], axis=2))
         rows = self.shots * d
         jacobian = np.zeros((rows + len(self.distances), p))
         where = np.repeat(self.columns, d, axis=0)
         np.put_along_axis(jacobian[:rows], where, stacked[:, :, 1:].reshape(rows, -1), axis=1)
         distance, by_targets = self.distance_rows(x[None])
         jacobian[rows:] = by_targets[0] * self.parameters.prior_std
-        return Whitened(np.append(stacked[:, :, 0].reshape(-1), distance[0]), jacobian, miss, factor)
+        return Whitened(np.append(stacked[:, :, 0].reshape(-1), distance[0]), jacobian, residual, factor)
 
     def distance_rows(self, x: Matrix) -> tuple[Matrix, Matrix]:
         """Whitened distance residuals (W, D) of parameter vectors (W, p), their Jacobian (W, D, p) by x."""
@@ -330,9 +330,9 @@ class Problem:
         return origin.reshape(rows, shots, 3), direction.reshape(rows, shots, 3)
 
 
-def rms_length(miss: Matrix) -> float:
+def rms_length(residual: Matrix) -> float:
     """Root mean square length of residuals (N, d), mm."""
-    return float(np.sqrt((miss**2).sum(axis=1).mean()))
+    return float(np.sqrt((residual**2).sum(axis=1).mean()))
 
 
 def _distances(header: Header, targets: Sequence[str]) -> tuple[Distance, ...]:

@@ -155,8 +155,10 @@ def _sources(solution: Solution, at: Matrix) -> tuple[list[_Source], Matrix]:
     rows = problem.shots * problem.tool.miss_size
     noise = parameters.group("noise")[parameters.free]
     jacobian = whitened.jacobian[:, parameters.free][:, ~noise]
-    by_miss, by_distance = jacobian[:rows], jacobian[rows:]
-    information = fit.weight * by_miss.T @ by_miss + by_distance.T @ by_distance + np.eye(jacobian.shape[1])
+    by_residual, by_distance = jacobian[:rows], jacobian[rows:]
+    information = (
+        fit.weight * by_residual.T @ by_residual + by_distance.T @ by_distance + np.eye(jacobian.shape[1])
+    )
     kept = (np.cumsum(~noise) - 1)[at]
     gain = np.linalg.inv(information)[kept]
 

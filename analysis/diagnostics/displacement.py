@@ -79,7 +79,7 @@ def displacement(fit: LikelihoodFit) -> Displacement | None:
     best = int(np.argmax(moved.score))
     if moved.rank[best] == 0:
         return None
-    single = left.explained(left.open_part, left.miss, _DECIDES)
+    single = left.explained(left.open_part, left.residual, _DECIDES)
     off = int(np.argmax(single.score))
     near = moved.score[best] - 2 * np.log(_EXCLUDES)
     shift, covariance = left.estimate(moved, best)
@@ -119,12 +119,12 @@ class _Explained(NamedTuple):
 class _Left(NamedTuple):
     """What is left of the residuals once all that offsets, places and tool can do is taken out.
 
-    `basis` (N, d, r) of what they can do, by shots; `miss` (N, d) what is left, in stds; `chi2` its sum of
-    squares (with that of the stated distances) and `numbers` its degrees of freedom; `known` the scale is.
+    `basis` (N, d, r) of what they can do, by shots; `residual` (N, d) what is left, in stds; `chi2` its sum
+    of squares (with that of the stated distances) and `numbers` its degrees of freedom; `known` the scale is.
     """
 
     basis: Matrix
-    miss: Matrix
+    residual: Matrix
     chi2: float
     numbers: int
     known: bool
@@ -163,7 +163,7 @@ class _Left(NamedTuple):
     @property
     def open_part(self) -> Matrix:
         """(N, d, d) information on a measurement that alone is off: the residual's share that is left."""
-        return np.eye(self.miss.shape[1]) - self.basis @ self.basis.transpose(0, 2, 1)
+        return np.eye(self.residual.shape[1]) - self.basis @ self.basis.transpose(0, 2, 1)
 
     def agrees(self, found: _Explained, i: int) -> bool:
         """Whether what an explanation leaves of the residuals is no more than the noise (if it is known)."""
@@ -191,13 +191,13 @@ def _displaced(fit: LikelihoodFit, left: _Left) -> tuple[list[ChangePoint], Matr
     """All change points (C,), the information (C, 3, 3) on displacements there (1 / mm^2), the slopes (C, 3),
     and the information below which a direction is not determined."""
     problem, parameters = fit.problem, fit.problem.parameters
-    shots, d = left.miss.shape
+    shots, d = left.residual.shape
     rows = np.arange(shots)
     own = problem.columns[:, parameters.in_shot("target")]
     by_place = fit.whitened.jacobian[: shots * d].reshape(shots, d, -1)
     by_place = by_place[rows[:, None, None], np.arange(d)[:, None], own[:, None, :]]
     by_place = by_place / parameters.prior_std[own][:, None, :]
-    by_miss = -(by_place.transpose(0, 2, 1) @ left.miss[:, :, None])[:, :, 0]
+    by_residual = -(by_place.transpose(0, 2, 1) @ left.residual[:, :, None])[:, :, 0]
     squares = by_place.transpose(0, 2, 1) @ by_place
     shared = left.basis.transpose(0, 2, 1) @ by_place
     order = np.argsort(problem.shot_numbers, kind="stable")
@@ -207,7 +207,7 @@ def _displaced(fit: LikelihoodFit, left: _Left) -> tuple[list[ChangePoint], Matr
         mine = order[problem.target_index[order] == k]
         # Sums over the shots after each change point.
         square, cross, slope = (
-            np.cumsum(part[mine[:0:-1]], axis=0)[::-1] for part in (squares, shared, by_miss)
+            np.cumsum(part[mine[:0:-1]], axis=0)[::-1] for part in (squares, shared, by_residual)
         )
         grams.append(square - cross.transpose(0, 2, 1) @ cross)
         slopes.append(slope)

@@ -40,7 +40,7 @@ def shot_results(fit: LikelihoodFit) -> tuple[ShotResult, ...]:
         ShotResult(
             shot=number,
             target=problem.targets[problem.target_index[i]],
-            miss_mm=tuple(float(v) for v in fit.whitened.miss[i]),
+            miss_mm=tuple(float(v) for v in fit.whitened.residual_mm[i]),
             whitened=float(effect.whitened[i]),
             leave_one_out=finite(effect.leave_one_out[i]),
             cooks=finite(effect.cooks[i]),

@@ -54,23 +54,23 @@ def _projected(problem: Problem, x: Matrix, targets: Mask, rest: Mask) -> Matrix
     def at(own: Matrix) -> tuple[Whitened, Matrix, Matrix]:
         """At x = own (p,): residuals and the targets' columns, both with the targets' priors below."""
         whitened = problem.whiten(own, factor)
-        misses = np.append(whitened.residual * root, (own - mean)[targets] / scale[targets])
-        return whitened, misses, np.vstack([whitened.jacobian[:, targets] * root, np.eye(count)])
+        residuals = np.append(whitened.residual * root, (own - mean)[targets] / scale[targets])
+        return whitened, residuals, np.vstack([whitened.jacobian[:, targets] * root, np.eye(count)])
 
     def with_targets(z: Matrix) -> Matrix:
         """x with offsets and tool at z, and the targets that are best for them."""
         own = x.copy()
         own[rest] = mean[rest] + z * scale[rest]
-        _, misses, columns = at(own)
-        own[targets] -= np.linalg.lstsq(columns, misses, rcond=None)[0] * scale[targets]
+        _, residuals, columns = at(own)
+        own[targets] -= np.linalg.lstsq(columns, residuals, rcond=None)[0] * scale[targets]
         return own
 
     def residual(z: Matrix, _: Index) -> tuple[Matrix, Matrix]:
-        whitened, misses, columns = at(with_targets(z[0]))
+        whitened, residuals, columns = at(with_targets(z[0]))
         by_rest = np.vstack([whitened.jacobian[:, rest] * root, np.zeros((count, z.shape[1]))])
         basis, _ = np.linalg.qr(columns)
         by_rest -= basis @ (basis.T @ by_rest)  # what the targets do not take up
-        return np.append(misses, z[0])[None], np.vstack([by_rest, np.eye(z.shape[1])])[None]
+        return np.append(residuals, z[0])[None], np.vstack([by_rest, np.eye(z.shape[1])])[None]
 
     z = (x - mean)[rest] / scale[rest]
     return with_targets(levenberg_marquardt(least_squares(residual), z[None], tolerance=1e-12).x[0])

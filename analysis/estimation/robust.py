@@ -104,7 +104,7 @@ def _weights(length: Matrix, d: int, loss: Loss, tuning: float) -> Matrix:
     return np.asarray((tuning + d) / (tuning + length**2))
 
 
-def _bend(length: Matrix, d: int, loss: Loss, tuning: float) -> Matrix:
+def _weight_slope(length: Matrix, d: int, loss: Loss, tuning: float) -> Matrix:
     """(N,) w'(r) / r: how the weights fall, so that the pull w m has the slope w I + (w' / r) m m'."""
     if loss == "huber":
         return np.asarray(np.where(length > tuning, -tuning / np.maximum(length, tuning) ** 3, 0.0))
@@ -122,17 +122,20 @@ def _sandwich(
     d, rows = problem.tool.miss_size, problem.shots * problem.tool.miss_size
     whitened = problem.whiten(x)
     jacobian = problem.roots(whitened) / scale
-    misses = whitened.residual[:rows].reshape(problem.shots, d) / scale
+    residuals = whitened.residual[:rows].reshape(problem.shots, d) / scale
     prior = Density(problem).prior_information(x[None])[0]
     root = np.sqrt(weights)[:, None]
     blocks = jacobian * root[:, :, None]
     open_part, decides = leverages(blocks, np.linalg.inv(np.einsum("idf,idg->fg", blocks, blocks) + prior))
-    bend = _bend(np.linalg.norm(misses, axis=1), d, loss, tuning)
-    slope = weights[:, None, None] * np.eye(d) + bend[:, None, None] * misses[:, :, None] * misses[:, None, :]
+    weight_slope = _weight_slope(np.linalg.norm(residuals, axis=1), d, loss, tuning)
+    slope = (
+        weights[:, None, None] * np.eye(d)
+        + weight_slope[:, None, None] * residuals[:, :, None] * residuals[:, None, :]
+    )
     curvature = np.einsum("iaf,iab,ibg->fg", jacobian, slope, jacobian) + prior
     if decides.any() or np.linalg.eigvalsh(curvature)[0] <= 0:
         return None
-    pulls = (blocks.transpose(0, 2, 1) @ np.linalg.solve(open_part, (root * misses)[:, :, None]))[:, :, 0]
+    pulls = (blocks.transpose(0, 2, 1) @ np.linalg.solve(open_part, (root * residuals)[:, :, None]))[:, :, 0]
     bread = np.linalg.inv(curvature)
     covariance: Matrix = bread @ (pulls.T @ pulls + prior) @ bread
     return covariance

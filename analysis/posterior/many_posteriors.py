@@ -15,7 +15,7 @@ from ...model.robot import Matrix
 from ..estimation.coordinates import SeenCoordinates
 from ..estimation.fit import Fits
 from .moves import IndependenceProposal, degrees_of_freedom
-from .sampler import BENT_SHARE, ROUND, SHARE, Moves, possible_density
+from .sampler import MAPPED_SHARE, ROUND, SHARE, Moves, possible_density
 
 _REFITS, _GOOD = 4, 0.5  # the proposal is fitted anew at most so often, while less than this is accepted;
 LEAST_STEPS, _MOST_STEPS = 10, 400  # then so many steps over the square of the acceptance, and at most
@@ -96,7 +96,7 @@ def _drawn_together(
         around = v - centre[:, None]
         factor = _WIDER * np.linalg.cholesky(around.transpose(0, 2, 1) @ around / (draws - 1))
         moves = Moves(
-            IndependenceProposal(np.zeros(size), np.eye(size), _HEAVY), rng, BENT_SHARE, groups=count
+            IndependenceProposal(np.zeros(size), np.eye(size), _HEAVY), rng, MAPPED_SHARE, groups=count
         )
         w = np.linalg.solve(factor, around.transpose(0, 2, 1)).transpose(0, 2, 1).reshape(-1, size)
         w = advanced(w, ROUND)

@@ -1,7 +1,8 @@
 """Sampling of a density by emcee: an independence move from a multivariate t, and differential evolution.
 
 Nothing here knows of robots: a vectorised log-density goes in, draws and their diagnostics come out. A run
-that mixes badly goes on in bent coordinates (`bend`) with many more walkers, up to a stated budget.
+that mixes badly continues in the coordinates of a triangular map with many more walkers, up to a stated
+budget.
 """
 
 from __future__ import annotations
@@ -30,13 +31,13 @@ ROUNDS = (2, 5)  # at least and at most
 SETTLED = 0.03  # more proposals accepted than in any round before: not yet settled
 _PULLS = 12  # halvings of the way to the proposal's location
 _FIRST_LOOK = 60  # steps: from shorter chains the ESS comes out too large
-_BENT_LOOK = 100
+_MAPPED_LOOK = 100
 _DRIFT_GATE = 4.5  # standard errors; the tails of a curved sheet are found late, by all ensembles alike
 _PLAIN_STEPS = 250
-_BENT_WALKERS = 512
-BENT_SHARE = 0.3
-_BENT_ROUNDS = (6, 12)
-_FITTED = 8_000  # draws to fit a bend to
+_MAPPED_WALKERS = 512
+MAPPED_SHARE = 0.3
+_MAPPED_ROUNDS = (6, 12)
+_FITTED = 8_000  # draws to fit a triangular map to
 _LOOK_WALKERS = 128  # of an ensemble, to take diagnostics of
 _TURNOVER = 2  # effective draws for each walker: on average it has left its start behind
 
@@ -120,7 +121,7 @@ class _Run:
     ) -> None:
         self._log_density, self._pool, self._judged = log_density, pool, judged
         self._first = self._proposal = proposal
-        self._bend: TriangularMap | None = None
+        self._transport: TriangularMap | None = None
         self.randoms = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(ENSEMBLES)]
         self.evaluations = 0
         self.acceptance = self._independent = 0.0
@@ -174,16 +175,16 @@ class _Run:
     def _one(
         self, start: Matrix, random: np.random.Generator, steps: int
     ) -> tuple[Matrix, IndependenceMove, DifferentialMove]:
-        bend = self._bend
+        transport = self._transport
 
         def density(points: Matrix) -> Matrix:
-            return self.density(points if bend is None else bend.forth(points))
+            return self.density(points if transport is None else transport.forth(points))
 
-        points = start if bend is None else bend.back(start)
-        moves = Moves(self._proposal, random, SHARE if bend is None else BENT_SHARE)
+        points = start if transport is None else transport.back(start)
+        moves = Moves(self._proposal, random, SHARE if transport is None else MAPPED_SHARE)
         chain = moves.walk(density, points, steps)
-        if bend is not None:
-            chain = bend.forth(chain.reshape(-1, points.shape[1])).reshape(chain.shape)
+        if transport is not None:
+            chain = transport.forth(chain.reshape(-1, points.shape[1])).reshape(chain.shape)
         return chain, moves.independence, moves.differential
 
     def burn_in(self, starts: Matrix, rounds: tuple[int, int]) -> Matrix:
@@ -191,20 +192,20 @@ class _Run:
         best, values = 0.0, starts[:, :, None]
         for count in range(1, rounds[1] + 1):
             values = self.advance(values[:, :, -1], ROUND)
-            self.refit(values[:, :, ROUND // 2 :], self._bend is not None)
+            self.refit(values[:, :, ROUND // 2 :], self._transport is not None)
             settled = self._independent < best + SETTLED and drift(values) < _DRIFT_GATE
             if count >= rounds[0] and settled:
                 break
             best = max(best, self._independent)
         return values
 
-    def refit(self, values: Matrix, bent: bool) -> None:
+    def refit(self, values: Matrix, mapped: bool) -> None:
         draws = values.reshape(-1, values.shape[-1])
-        if not bent:
+        if not mapped:
             self._proposal = self._proposal.refitted(draws)
             return
         size = draws.shape[1]
-        self._bend = TriangularMap(self.randoms[0].permutation(draws)[:_FITTED], self._first.factor)
+        self._transport = TriangularMap(self.randoms[0].permutation(draws)[:_FITTED], self._first.factor)
         self._proposal = IndependenceProposal(np.zeros(size), np.eye(size), self._first.nu)
 
     def grow(self, starts: Matrix, ess: float, limit: int, progress: Progress) -> _Grown:
@@ -212,7 +213,7 @@ class _Run:
         walkers = starts.shape[1]
         needed = max(ess, _TURNOVER * ENSEMBLES * walkers)
         values = starts[:, :, None][:, :, :0]
-        total = min(_FIRST_LOOK if self._bend is None else _BENT_LOOK, limit)
+        total = min(_FIRST_LOOK if self._transport is None else _MAPPED_LOOK, limit)
         while True:
             last = values[:, :, -1] if values.size else starts
             values = np.concatenate([values, self.advance(last, total - values.shape[2])], axis=2)
@@ -241,7 +242,7 @@ def sample_density(
 ) -> Sampled:
     """Sample a vectorised log-density (W, f) -> (W,) by independent ensembles until `ess` is reached.
 
-    The proposal is refitted during the burn-in, then frozen. A run that would take long goes on in bent
+    The proposal is refitted during the burn-in, then frozen. A run that would take long continues in mapped
     coordinates with many walkers, until the budget is spent; the result says whether it converged. `threads`
     share the ensembles; the draws are the same for any number of them. `judged` turns draws (…, f) into the
     coordinates in which R-hat, ESS and drift are taken. -inf, inf and NaN of the density are
@@ -269,10 +270,10 @@ def sample_density(
                 values = run.advance(run.spread(values, walkers), ROUND // 2)
             found = run.grow(values[:, :, -1], ess, _PLAIN_STEPS, shown)
             if not (found.enough and found.settled):
-                many = max(walkers, _BENT_WALKERS)
+                many = max(walkers, _MAPPED_WALKERS)
                 starts = run.spread(found.values, many)
-                run.refit(found.values, bent=True)
-                values = run.burn_in(starts, _BENT_ROUNDS)
+                run.refit(found.values, mapped=True)
+                values = run.burn_in(starts, _MAPPED_ROUNDS)
                 left = BUDGET + _PER_ESS * ess - run.evaluations
                 limit = max(_FIRST_LOOK, int(left / (ENSEMBLES * many)))
                 found = run.grow(values[:, :, -1], ess, limit, shown)

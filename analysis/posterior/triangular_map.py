@@ -1,9 +1,9 @@
-"""Bent coordinates: a polynomial change of coordinates that straightens a curved cloud of draws.
+"""Triangular map (transport): a polynomial change of coordinates that straightens a curved cloud of draws.
 
-A null-space direction that is a turn drags the well known ones along an arc: the cloud is a thin curved sheet
-on which no normal and no difference of two draws fits. Here each coordinate's mean is a cubic in those before
-it (a triangular map, Marzouk et al. 2016, with constant diagonal), so that what is left is nearly normal.
-The volume factor is constant, and drops out.
+A null-space direction that is a rotation drags the well known ones along an arc: the cloud is a thin curved
+sheet on which no normal and no difference of two draws fits. Here each coordinate's mean is a cubic in those
+before it (a triangular map, Marzouk et al. 2016, with constant diagonal), so that what is left is nearly
+normal. The volume factor is constant, and drops out.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class TriangularMap:
     def __init__(self, draws: Matrix, base: Matrix) -> None:
         """`base` (f, f) is a factor in whose units a straight cloud would be round.
 
-        The bent directions stick out from it, so that those that stick out least come first.
+        Curved directions have a larger spread in these units: those of the least spread come first.
         """
         self._centre = draws.mean(axis=0)
         inner = np.linalg.solve(base, (draws - self._centre).T)

@@ -103,8 +103,8 @@ class _BeamAt:
 
         def residual(q: Matrix, _: Index) -> tuple[Matrix, Matrix]:
             origin, by = self._placed(q, parts.arm, point)
-            miss, own = self._problem.linearise(self._x, q)
-            value = np.concatenate([origin - start, miss, _KEEP_NEAR * (q - seed)], axis=1)
+            residual_mm, own = self._problem.linearise(self._x, q)
+            value = np.concatenate([origin - start, residual_mm, _KEEP_NEAR * (q - seed)], axis=1)
             near = _KEEP_NEAR * np.eye(n)[None]
             by_joints = by[:, :, self._problem.parameters.block("offset")]
             return value, np.concatenate([by_joints, self._problem.by_joints(own), near], axis=1)

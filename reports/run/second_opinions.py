@@ -27,8 +27,8 @@ def robust_sentence(result: Result, robust: Robust) -> str:
     if not robust.converged:
         return f"The robust fit did not converge ({sentence(robust.reason)}) and is not shown."
     if robust.loss == "huber":
-        bend = numbers.significant(robust.tuning)
-        said = [f"Huber’s loss: a normalised residual beyond {bend} weighs less, the larger the less."]
+        threshold = numbers.significant(robust.tuning)
+        said = [f"Huber’s loss: a normalised residual beyond {threshold} weighs less, the larger the less."]
     else:
         nu = numbers.exact(robust.tuning)
         said = [f"Student’s loss with {nu} degrees of freedom: the larger a residual, the less it weighs."]

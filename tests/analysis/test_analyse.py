@@ -82,7 +82,7 @@ def test_fit_quality(good):
     assert told.dof == 20 - 8
     assert told.p_value == pytest.approx(stats.chi2.sf(told.chi2, 12))
     assert told.cost == pytest.approx(told.chi2 / 2)
-    length = np.linalg.norm(fit.whitened.miss, axis=1)
+    length = np.linalg.norm(fit.whitened.residual_mm, axis=1)
     assert told.rms_mm == pytest.approx(np.sqrt((length**2).mean()))
     assert told.rms_before_mm > 5 * told.rms_mm
     assert told.noise_scale is None
@@ -206,7 +206,7 @@ def test_a_freed_gauge_claims_nothing(name, monkeypatch):
     # A curved gauge takes long to sample, and what is claimed does not depend on it.
     monkeypatch.setattr("zerobeam.analysis.posterior.sampler.BUDGET", 0)
     monkeypatch.setattr("zerobeam.analysis.posterior.sampler._PER_ESS", 0)
-    monkeypatch.setattr("zerobeam.analysis.posterior.sampler._BENT_WALKERS", 64)
+    monkeypatch.setattr("zerobeam.analysis.posterior.sampler._MAPPED_WALKERS", 64)
     tool, untold, why = FREED[name]
     plan = good_plan(12, 5, **tool, held=[n for n in ("delta1", "delta6") if n != name and tool])
     result = analyse(simulated(plan, {}, seed=1)[1], ess=400).result
@@ -219,7 +219,7 @@ def test_too_few_shots_claim_nothing(shots, monkeypatch):
     # Such a posterior is a thin curved sheet: sampled at length, and not to be shown in the end.
     monkeypatch.setattr("zerobeam.analysis.posterior.sampler.BUDGET", 0)
     monkeypatch.setattr("zerobeam.analysis.posterior.sampler._PER_ESS", 0)
-    monkeypatch.setattr("zerobeam.analysis.posterior.sampler._BENT_WALKERS", 64)
+    monkeypatch.setattr("zerobeam.analysis.posterior.sampler._MAPPED_WALKERS", 64)
     plan = good_plan()
     own = plan_of(plan.header, plan.postures[:shots])
     result = analyse(simulated(own, TABLE_2, seed=1)[1], ess=400).result

@@ -158,7 +158,7 @@ def test_whitened_misses_and_distances(made):
     for i, (m, covariance) in enumerate(made.gaussians(x)):
         expected = np.linalg.solve(np.linalg.cholesky(covariance), m)
         np.testing.assert_allclose(white.residual[d * i : d * i + d], expected, rtol=1e-8, atol=1e-8)
-        np.testing.assert_allclose(white.miss[i], m, atol=1e-9)
+        np.testing.assert_allclose(white.residual_mm[i], m, atol=1e-9)
     a, b = problem.split(x).targets
     assert white.residual[-1] == pytest.approx((np.linalg.norm(a - b) - 60) / 0.5, rel=1e-12)
 

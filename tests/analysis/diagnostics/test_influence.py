@@ -52,8 +52,8 @@ def test_leave_one_out_against_refits(tool, way, bound):
         std = np.sqrt(np.trace(problem.factors(other.x, own)[i] @ problem.factors(other.x, own)[i].T))
         length = np.linalg.norm(miss[i])
         assert effect.leave_one_out[i] == pytest.approx(length, abs=bound * max(std, length))
-        assert effect.leave_one_out[i] >= np.linalg.norm(fit.whitened.miss[i]) * 0.99
-        worst = max(worst, length / np.linalg.norm(fit.whitened.miss[i]))
+        assert effect.leave_one_out[i] >= np.linalg.norm(fit.whitened.residual_mm[i]) * 0.99
+        worst = max(worst, length / np.linalg.norm(fit.whitened.residual_mm[i]))
     assert worst > 1.5  # control: the misses of the fit itself are others
 
 
@@ -91,7 +91,7 @@ def test_whitened_misses_are_in_stds(way):
     effect = way(problem, fit)
     for i in range(10):
         factor = fit.whitened.factor[i]
-        miss = fit.whitened.miss[i]
+        miss = fit.whitened.residual_mm[i]
         assert effect.whitened[i] == pytest.approx(np.sqrt(miss @ np.linalg.inv(factor @ factor.T) @ miss))
 
 

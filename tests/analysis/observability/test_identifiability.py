@@ -318,7 +318,7 @@ def test_a_free_probe_tip_against_the_last_joint():
         rough.joints + np.radians(0.3) * np.random.default_rng(2).normal(size=rough.joints.shape)
     )
     fit = fit_likelihood(rough, starts=0)
-    assert np.linalg.norm(fit.whitened.miss, axis=1).mean() > 0.5
+    assert np.linalg.norm(fit.whitened.residual_mm, axis=1).mean() > 0.5
     assert by_name(rough, identify(rough, fit.x))["delta6"] == ("unidentifiable", np.inf)
 
 
