@@ -143,7 +143,7 @@ def main() -> None:
         postures: CandidatePostures = candidates(
             header, robot, np.array(TARGET), asked.candidates, obstacles=Obstacles(), seed=SEED
         )
-        print(f"candidates: {time.perf_counter() - start:.2f} s; {postures.told()}")
+        print(f"candidates: {time.perf_counter() - start:.2f} s; {postures.in_words()}")
         start = time.perf_counter()
         planner = Planner(header, robot, np.array(TARGET), postures)
         print(f"exact Jacobians: {time.perf_counter() - start:.2f} s")

@@ -41,10 +41,10 @@ def progress(title: str) -> Iterator[Callable[[str, float], None]]:
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
         task = bar.add_task(title, total=1.0)
 
-        def told(stage: str, share: float) -> None:
+        def tell(stage: str, share: float) -> None:
             bar.update(task, description=f"{title}: {stage}", completed=share)
 
-        yield told
+        yield tell
 
 
 @contextmanager

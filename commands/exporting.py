@@ -149,13 +149,13 @@ def _export(
 
     refuse_existing(file)
     recorded = read_run(run)
-    told = calibration(
+    judged = calibration(
         recorded, allow_weak=allow_weak, allow_displaced=allow_displaced, without=without or ()
     )
-    write_whole(file, text(recorded, told))
+    write_whole(file, text(recorded, judged))
     if as_json:
-        print_json(document(told))
+        print_json(document(judged))
         return
-    for line in told.head:
+    for line in judged.head:
         out.print(line, markup=False, soft_wrap=True)
     out.print(f"Written to {file}", markup=False, soft_wrap=True)

@@ -85,8 +85,8 @@ def demo(
         check_target(folder / case.name)
     answers = []
     for case in cases:
-        with progress(case.title) as told:
-            found = _analysed(read_run(case.path), 0, 1000.0, told)
+        with progress(case.title) as tell:
+            found = _analysed(read_run(case.path), 0, 1000.0, tell)
         write_report(folder / case.name, found.result, found.draws)
         answers.append(found.result)
     print_side_by_side(out, [case.title for case in cases], answers)
@@ -132,8 +132,8 @@ def analyse(
     from ..reports.words.result_json import to_json
 
     recorded = read_run(run)
-    with progress("analyse") as told:
-        found = _analysed(recorded, seed, ess, told, robust, hold_out)
+    with progress("analyse") as tell:
+        found = _analysed(recorded, seed, ess, tell, robust, hold_out)
     if as_json:
         print_json(to_json(found.result))
     else:
@@ -158,11 +158,11 @@ def report(
 
     recorded = read_run(run)
     check_target(folder)
-    with progress("report") as told:
-        found = _analysed(recorded, seed, ess, told, robust, hold_out)
-        told("writing", 0.0)
+    with progress("report") as tell:
+        found = _analysed(recorded, seed, ess, tell, robust, hold_out)
+        tell("writing", 0.0)
         paths = write_report(folder, found.result, found.draws)
-        told("writing", 1.0)
+        tell("writing", 1.0)
     if as_json:
         print_json(to_json(found.result))
     else:
@@ -232,9 +232,9 @@ def plan(
         obstacles=Obstacles() if obstacles is None else read_obstacles(obstacles),
         seed=seed,
     )
-    with progress("plan") as told:
+    with progress("plan") as tell:
         try:
-            made = make_plan(request, file, told)
+            made = make_plan(request, file, tell)
         except BadInput as error:
             raise error.renamed(_OPTIONS) from error
     if picture is not None and made.file is not None:
@@ -277,10 +277,10 @@ def compare(
 
     if folder is not None:
         check_target(folder)
-    with progress("compare") as told:
-        found = compare_runs(runs, seed=seed, progress=told)
+    with progress("compare") as tell:
+        found = compare_runs(runs, seed=seed, progress=tell)
         if folder is not None:
-            told("writing", 1.0)
+            tell("writing", 1.0)
             paths = write_comparison(folder, found)
     if as_json:
         print_json(comparison_json(found))
@@ -333,14 +333,14 @@ def _analysed(
     recorded: Any,
     seed: int,
     ess: float,
-    told: Callable[[str, float], None],
+    tell: Callable[[str, float], None],
     robust: LossName | None = None,
     held_out: list[str] | None = None,
 ) -> Analysis:
     from ..analysis.analyse import analyse as judge
 
     loss: Loss | None = None if robust is None else robust.value
-    return judge(recorded, seed=seed, ess=ess, robust=loss, held_out=held_out or (), progress=told)
+    return judge(recorded, seed=seed, ess=ess, robust=loss, held_out=held_out or (), progress=tell)
 
 
 def _status(found: Analysis) -> int:

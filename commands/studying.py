@@ -32,7 +32,7 @@ def study_coverage(
     from ..experiments.studies.coverage import coverage_study
 
     store = _store(folder)
-    _study(folder, as_json, lambda told: coverage_study(data_sets, seed, told, store=store), store)
+    _study(folder, as_json, lambda tell: coverage_study(data_sets, seed, tell, store=store), store)
 
 
 @studies.command("cell")
@@ -47,7 +47,7 @@ def study_cell(
     from ..experiments.studies.cell import cell_study
 
     store = _store(folder)
-    _study(folder, as_json, lambda told: cell_study(runs, seed, told, camera=camera, store=store), store)
+    _study(folder, as_json, lambda tell: cell_study(runs, seed, tell, camera=camera, store=store), store)
 
 
 @studies.command("table2")
@@ -59,7 +59,7 @@ def study_table2(
     """What joint noise would make three runs scatter as those of the paper's Table 2?"""
     from ..experiments.studies.table2 import table2_study
 
-    _study(folder, as_json, lambda told: table2_study(seed, told))
+    _study(folder, as_json, lambda tell: table2_study(seed, tell))
 
 
 Runs = Annotated[
@@ -110,7 +110,7 @@ def _sweep(file: Path, folder: Path, runs: int | None, seed: int, as_json: bool)
 
     study = read_study(file, runs)
     store = _store(folder)
-    _study(folder, as_json, lambda told: sweep(study, seed, told, store=store), store)
+    _study(folder, as_json, lambda tell: sweep(study, seed, tell, store=store), store)
 
 
 def _store(folder: Path) -> Path:
@@ -134,9 +134,9 @@ def _study(
 
     check_target(folder)
     try:
-        with progress("study") as told:
-            answer = studied(told)
-            told("writing", 1.0)
+        with progress("study") as tell:
+            answer = studied(tell)
+            tell("writing", 1.0)
             paths = write_study(folder, answer)
     except KeyboardInterrupt:
         if store is not None and store.exists():

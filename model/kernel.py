@@ -249,14 +249,14 @@ def _compiler() -> tuple[str, tuple[str, ...], str] | None:
         if path is None:
             continue
         for flags in ((*_FLAGS, "-march=native"), _FLAGS):
-            told = subprocess.run(
+            done = subprocess.run(
                 [path, *flags, "-dM", "-E", "-x", "c", os.devnull],
                 capture_output=True,
                 text=True,
                 check=False,
             )
-            if told.returncode == 0:
-                return path, flags, told.stdout
+            if done.returncode == 0:
+                return path, flags, done.stdout
     return None
 
 

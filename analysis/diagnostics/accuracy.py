@@ -366,10 +366,10 @@ def _map(
         filled, start, count = np.unique(where[order], return_index=True, return_counts=True)
 
         def grid(pick: Index) -> Grid:
-            told: list[float | None] = [None] * (rows * columns)
+            cells: list[float | None] = [None] * (rows * columns)
             for cell, number in zip(filled.tolist(), value[order[pick]].tolist(), strict=True):
-                told[cell] = number
-            return tuple(tuple(told[row * columns : (row + 1) * columns]) for row in range(rows))
+                cells[cell] = number
+            return tuple(tuple(cells[row * columns : (row + 1) * columns]) for row in range(rows))
 
         return LevelMap(grid(start + (count - 1) // 2), grid(start + count - 1))
 

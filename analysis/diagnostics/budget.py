@@ -108,10 +108,10 @@ def budget(solution: Solution, posterior: PosteriorSummary) -> tuple[Budget, ...
     """One for every offset and tool parameter that the data determine."""
     problem, fit = solution.problem, solution.fit
     parameters = problem.parameters
-    told = [i for i in solution.known if parameters.items[i].group in ("offset", "tool")]
-    if not told:
+    determined = [i for i in solution.known if parameters.items[i].group in ("offset", "tool")]
+    if not determined:
         return ()
-    index = np.array(told)
+    index = np.array(determined)
     at = parameters.among_free[index]
     scale = parameters.prior_std[index] * parameters.display[index]
     sources, parts = _sources(solution, at)
@@ -119,7 +119,7 @@ def budget(solution: Solution, posterior: PosteriorSummary) -> tuple[Budget, ...
     dof = _effective_dof(solution, sources, parts, variances)
     draws = {row.name: row for row in posterior.parameters or () if row.source == "data"}
     budgets = []
-    for j, i in enumerate(told):
+    for j, i in enumerate(determined):
         item = parameters.items[i]
         std = float(np.sqrt(variances[j]) * scale[j])
         factor = float(stdtrit(dof[j], _TWO_SIDED) if np.isfinite(dof[j]) else ndtri(_TWO_SIDED))

@@ -21,7 +21,7 @@ from ..estimation.fit import LikelihoodFit
 
 _CHANCE = 1e-3  # that a run without a displacement is said to have one; that what is left is not noise
 _REACH = 0.01  # what moves the residuals by less (stds, within its prior std) explains none of them
-_TELLS_MM = 10.0  # a direction that the measurements determine no better is free
+_DETERMINED_MM = 10.0  # a direction that the measurements determine no better is free
 _DECIDES = 1e-4  # leverage 1: the fit leaves no more of the measurement's residual than this share
 _ROUNDING = 1e-12  # of the information that all shots together have on a place
 _EXCLUDES = 20.0  # likelihood ratio by which one explanation excludes another
@@ -84,13 +84,13 @@ def displacement(fit: LikelihoodFit) -> Displacement | None:
     near = moved.score[best] - 2 * np.log(_EXCLUDES)
     shift, covariance = left.estimate(moved, best)
     std = np.sqrt(np.diag(covariance))
-    told = std < _TELLS_MM
-    size = float(np.linalg.norm(shift)) if told.all() else None
+    determined = std < _DETERMINED_MM
+    size = float(np.linalg.norm(shift)) if determined.all() else None
     return Displacement(
         at=points[best],
         p_value=min(1.0, left.chance(moved, best) * int((moved.rank > 0).sum())),
-        shift_mm=tuple(float(v) if known else None for v, known in zip(shift, told, strict=True)),
-        std_mm=tuple(float(v) if known else None for v, known in zip(std, told, strict=True)),
+        shift_mm=tuple(float(v) if known else None for v, known in zip(shift, determined, strict=True)),
+        std_mm=tuple(float(v) if known else None for v, known in zip(std, determined, strict=True)),
         size_mm=size,
         size_std_mm=float(np.sqrt(shift @ covariance @ shift)) / size if size else None,
         elsewhere=tuple(points[i] for i in np.flatnonzero(moved.score > near) if i != best),
@@ -149,12 +149,12 @@ class _Left(NamedTuple):
         directions with less information than `floor` are not determined, and explain nothing."""
         values, vectors = np.linalg.eigh(gram)
         along = (vectors.transpose(0, 2, 1) @ slope[:, :, None])[:, :, 0]
-        told = values > floor
-        rank = told.sum(axis=1)
+        determined = values > floor
+        rank = determined.sum(axis=1)
         if not self.known:
             # Nothing would be left to tell the scale from.
             rank = np.where(rank < self.numbers, rank, 0)
-        drop = (along**2 / np.maximum(values, floor)).sum(axis=1, where=told & (rank > 0)[:, None])
+        drop = (along**2 / np.maximum(values, floor)).sum(axis=1, where=determined & (rank > 0)[:, None])
         drop = np.minimum(drop, self.chi2)
         rise = drop if self.known else -self.numbers * np.log1p(-drop / max(self.chi2, 1e-300))
         score = np.where(rank > 0, rise - 2.0 * rank, -np.inf)
@@ -214,5 +214,5 @@ def _displaced(fit: LikelihoodFit, left: _Left) -> tuple[list[ChangePoint], Matr
         numbers = [problem.shot_numbers[i] for i in mine]
         points += [ChangePoint(target, a, b) for a, b in pairwise(numbers)]
     # What the fit takes out leaves rounding of the size of what was there.
-    floor = max(_TELLS_MM**-2, _ROUNDING * float(np.trace(squares.sum(axis=0))))
+    floor = max(_DETERMINED_MM**-2, _ROUNDING * float(np.trace(squares.sum(axis=0))))
     return points, np.concatenate(grams), np.concatenate(slopes), floor

@@ -152,8 +152,8 @@ class _Middles:
     def of(cls, problem: Problem) -> tuple[_Middles | None, str | None]:
         """The pairs that have a middle, and a sentence on those that have none."""
         if problem.tool.kind == "probe":
-            told = "a probe has points, not beams: the scatter of the tip's positions is minimised"
-            return cls(problem, (np.arange(problem.shots),)), told
+            note = "a probe has points, not beams: the scatter of the tip's positions is minimised"
+            return cls(problem, (np.arange(problem.shots),)), note
         _, direction = problem.beams(problem.parameters.prior_mean)
         kept: list[tuple[int, int]] = []
         parallel: list[tuple[int, int]] = []

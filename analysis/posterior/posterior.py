@@ -185,10 +185,12 @@ def sample_posterior(
     sampled = sample_density(
         log_density, proposal, seed=seed, ess=ess, threads=threads, judged=shown, progress=progress
     )
-    return _told(problem, shown(sampled.values), sampled, solution.status, ess, time.perf_counter() - began)
+    return _summarised(
+        problem, shown(sampled.values), sampled, solution.status, ess, time.perf_counter() - began
+    )
 
 
-def _told(
+def _summarised(
     problem: Problem,
     shown: Matrix,
     sampled: Sampled,

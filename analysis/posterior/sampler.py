@@ -217,11 +217,11 @@ class _Run:
         while True:
             last = values[:, :, -1] if values.size else starts
             values = np.concatenate([values, self.advance(last, total - values.shape[2])], axis=2)
-            told = self._judged(values)
-            rhat, bulk = diagnostics(told)
+            looked_at = self._judged(values)
+            rhat, bulk = diagnostics(looked_at)
             reached = float(bulk.min())
             progress(min(reached / needed, 0.99))
-            settled = float(rhat.max()) <= RHAT_GATE and drift(told) <= _DRIFT_GATE
+            settled = float(rhat.max()) <= RHAT_GATE and drift(looked_at) <= _DRIFT_GATE
             enough = reached >= needed
             if (enough and settled) or total >= limit:
                 return _Grown(values, rhat, bulk, enough, settled)

@@ -38,12 +38,12 @@ class State:
 def answer(controller: Irc5, asked: Asked) -> tuple[State, ...] | None:
     """The items of the answer, None where there is nothing to say (204). Raises RequestRefused."""
     if asked.method == "GET":
-        return _told(controller, asked)
+        return _states_of(controller, asked)
     _do(controller, asked)
     return None
 
 
-def _told(controller: Irc5, asked: Asked) -> tuple[State, ...]:
+def _states_of(controller: Irc5, asked: Asked) -> tuple[State, ...]:
     path = asked.path
     if path == "ctrl/identity":
         # What distinguishes it from a real one, as for any virtual controller.

@@ -70,7 +70,7 @@ class SensorServer(ThreadingTCPServer):
         self._sensors = CellSensors(controller)
         super().__init__(address, _Handler)
 
-    def told(self, asked: dict[str, Any]) -> dict[str, Any]:
+    def reply(self, asked: dict[str, Any]) -> dict[str, Any]:
         sensors, what, target = self._sensors, asked.get("ask"), str(asked.get("target"))
         if what == "sheets":
             camera = None if sensors.camera is None else asdict(sensors.camera)
@@ -105,9 +105,9 @@ class RemoteSensors:
         return np.array(self._ask(ask="currents", target=target, samples=samples)["currents"], dtype=float)
 
     def image(self, target: str) -> Image:
-        told = self._ask(ask="image", target=target)
-        grey = np.frombuffer(base64.b64decode(told["grey"]), dtype=np.uint8)
-        return grey.reshape(told["height"], told["width"])
+        reply = self._ask(ask="image", target=target)
+        grey = np.frombuffer(base64.b64decode(reply["grey"]), dtype=np.uint8)
+        return grey.reshape(reply["height"], reply["width"])
 
     def close(self) -> None:
         self._lines.close()
@@ -117,12 +117,12 @@ class RemoteSensors:
         try:
             self._lines.write(json.dumps(what).encode() + b"\n")
             self._lines.flush()
-            told = json.loads(self._lines.readline())
+            reply = json.loads(self._lines.readline())
         except (OSError, ValueError):
             raise RigFault("the sensors do not answer: is the simulated controller still there?") from None
-        if "error" in told:
-            raise RigFault(f"the sensors refuse: {told['error']}")
-        return dict(told)
+        if "error" in reply:
+            raise RigFault(f"the sensors refuse: {reply['error']}")
+        return dict(reply)
 
 
 class _Handler(StreamRequestHandler):
@@ -133,12 +133,12 @@ class _Handler(StreamRequestHandler):
         while line := self.rfile.readline(_LONGEST_LINE):
             try:
                 asked = json.loads(line)
-                told = self.server.told(asked) if isinstance(asked, dict) else {"error": "no JSON object"}
+                reply = self.server.reply(asked) if isinstance(asked, dict) else {"error": "no JSON object"}
             except ValueError:
-                told = {"error": "no JSON"}
+                reply = {"error": "no JSON"}
             except ZerobeamError as error:
-                told = {"error": str(error)}
-            self.wfile.write(json.dumps(told, default=np.ndarray.tolist).encode() + b"\n")
+                reply = {"error": str(error)}
+            self.wfile.write(json.dumps(reply, default=np.ndarray.tolist).encode() + b"\n")
 
 
 def _arrays(sheet: dict[str, Any]) -> dict[str, Any]:

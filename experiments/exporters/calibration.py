@@ -84,14 +84,14 @@ class Offset:
     def sentence(self) -> str:
         """The line about it in a file, in ASCII."""
         if self.status == "held":
-            told = f"HELD at 0, not estimated: {self.reason}"
+            said = f"HELD at 0, not estimated: {self.reason}"
         elif self.estimate is None:
-            told = f"UNIDENTIFIABLE, excluded: {self.reason}"
+            said = f"UNIDENTIFIABLE, excluded: {self.reason}"
         else:
-            told = f"{self.estimate:+.6f} {self.unit}, std {self.std:.2g} {self.unit}, "
-            told += self.status if self.status == "identified" else "WEAK: weakly observable"
-            told += ", EXCLUDED on request" if self.left_out else ""
-        return one_line(f"{self.name} ({self.joint}): {told}")
+            said = f"{self.estimate:+.6f} {self.unit}, std {self.std:.2g} {self.unit}, "
+            said += self.status if self.status == "identified" else "WEAK: weakly observable"
+            said += ", EXCLUDED on request" if self.left_out else ""
+        return one_line(f"{self.name} ({self.joint}): {said}")
 
 
 @dataclass(frozen=True)
@@ -123,8 +123,8 @@ class Calibration:
 
 def one_line(text: str) -> str:
     """Text that may hold any character, as ASCII on one line; control and other characters as escapes."""
-    told = text.replace("±", "+-")
-    return re.sub(r"[^ -~]", lambda found: found.group().encode("unicode_escape").decode(), told)
+    said = text.replace("±", "+-")
+    return re.sub(r"[^ -~]", lambda found: found.group().encode("unicode_escape").decode(), said)
 
 
 def calibration(

@@ -46,16 +46,16 @@ class Gears:
     @classmethod
     def stated(cls, ratios: str | None, signs: str | None, n: int) -> Gears:
         """As on the command line, for n joints: numbers separated by commas; one sign may serve for all."""
-        told = None if signs is None else _numbers(signs, "--motor-sign")
-        if told is not None and (len(told) not in (1, n) or not set(told) <= {1.0, -1.0}):
+        stated = None if signs is None else _numbers(signs, "--motor-sign")
+        if stated is not None and (len(stated) not in (1, n) or not set(stated) <= {1.0, -1.0}):
             raise BadInput(
                 "--motor-sign is not understood",
                 found=signs,
                 allowed=f"1 or -1: one for all joints, or {n} separated by commas",
             )
         each: list[Sign] | None = None
-        if told is not None:
-            each = [1 if value > 0 else -1 for value in (told * n if len(told) == 1 else told)]
+        if stated is not None:
+            each = [1 if value > 0 else -1 for value in (stated * n if len(stated) == 1 else stated)]
         numbers = None if ratios is None else _numbers(ratios, "--ratio")
         if numbers is not None and (len(numbers) != n or not all(numbers)):
             raise BadInput(

@@ -14,7 +14,7 @@ from ...model.errors import BadInput
 from ...model.files.reading import shown
 from ...model.robot import Matrix, Robot
 from .dwells import Log, Mark, Stillness, held
-from .imported import J3, J3_TOLD, Found, Imported, Job, from_ground, one_target_each
+from .imported import J3, J3_NOTE, Found, Imported, Job, from_ground, one_target_each
 from .table import Table, check_signs, read_table
 
 PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
@@ -238,15 +238,15 @@ def _units_used(layout: CsvLayout, robot: Robot) -> list[str]:
     angles = "angles in radians, converted to degrees" if layout.units == "rad" else "angles in degrees"
     if not all(joint.kind == "revolute" for joint in robot.joints):
         angles += f"; prismatic joints in {layout.lengths}"
-    return [angles, *([J3_TOLD] if layout.j3 == "ground" else [])]
+    return [angles, *([J3_NOTE] if layout.j3 == "ground" else [])]
 
 
 def _columns_used(layout: CsvLayout) -> list[str]:
     if layout.columns is not None:
-        told = [f"columns by name, joint 1 first: {', '.join(layout.columns)}"]
+        notes = [f"columns by name, joint 1 first: {', '.join(layout.columns)}"]
     else:
         row = "below a header row" if layout.header_row else "no header row"
-        told = [f"columns in file order, joint 1 first; {row}"]
+        notes = [f"columns in file order, joint 1 first; {row}"]
     others = {
         "target": layout.target_column,
         "measurement number": layout.shot_column,
@@ -254,8 +254,8 @@ def _columns_used(layout: CsvLayout) -> list[str]:
         f"time in {layout.time_units}": layout.time_column,
         "marker": layout.marker_column,
     }
-    told += [f"{what}: column {name}" for what, name in others.items() if name is not None]
-    return told
+    notes += [f"{what}: column {name}" for what, name in others.items() if name is not None]
+    return notes
 
 
 # Logs whose layout is known: who writes them, their columns and units

@@ -215,16 +215,16 @@ class Log:
         joints = np.array([dwell.joints for dwell in kept])
         spots = None if self.spots is None else np.array([self.spots[s.used].mean(axis=0) for s in kept])
         times = np.array([(dwell.start_s + dwell.end_s) / 2 for dwell in kept])
-        told = [
+        notes = [
             *_sentences(robot, kept, tolerance),
             *(_rejected(robot, dwell, tolerance) for dwell in drifting),
         ]
         if len(kept) < len(dwells):
-            told.append(f"  dwells without a marker, not imported: {len(dwells) - len(kept)}")
+            notes.append(f"  dwells without a marker, not imported: {len(dwells) - len(kept)}")
         if self.marks is not None and len(self.marks) > len(kept):
             again = len(self.marks) - len(kept)
-            told.append(f"  second and later markers in a dwell: {again}; each dwell is one measurement")
-        return Found(self.path, "dwell", joints, targets, spots=spots, times=times, told=told)
+            notes.append(f"  second and later markers in a dwell: {again}; each dwell is one measurement")
+        return Found(self.path, "dwell", joints, targets, spots=spots, times=times, notes=notes)
 
     def _chosen(
         self, dwells: Sequence[Dwell], still: Stillness, target: str | None
@@ -294,15 +294,15 @@ def _span(dwell: Dwell) -> str:
 
 
 def _sentences(robot: Robot, dwells: Sequence[Dwell], tolerance: Matrix) -> list[str]:
-    told = []
+    notes = []
     for i, (dwell, earlier) in enumerate(zip(dwells, repeats(dwells, tolerance), strict=True)):
         widest = int(np.argmax(dwell.spread / tolerance))
         sentence = (
             f"  dwell {i + 1}: {_span(dwell)}, mean of {dwell.used.stop - dwell.used.start} readings, "
             f"spread up to {dwell.spread[widest]:.4f} {robot.joints[widest].unit} (joint {widest + 1})"
         )
-        told.append(sentence + ("" if earlier is None else f"; repeats dwell {earlier + 1}"))
-    return told
+        notes.append(sentence + ("" if earlier is None else f"; repeats dwell {earlier + 1}"))
+    return notes
 
 
 def _rejected(robot: Robot, dwell: Dwell, tolerance: Matrix) -> str:

@@ -19,7 +19,7 @@ from ...model.files.validation import validate
 from ...model.robot import Matrix, Robot
 
 J3 = Literal["ground", "link"]
-J3_TOLD = "joint 3 is counted from the ground (FANUC): joint 2 is added to it"
+J3_NOTE = "joint 3 is counted from the ground (FANUC): joint 2 is added to it"
 
 
 class Imported(NamedTuple):
@@ -32,7 +32,7 @@ class Imported(NamedTuple):
 
 @dataclass(frozen=True)
 class Found:
-    """The K measurements of one file: `noun` is their name in it ('row', 'dwell', 'point'), `told` sentences.
+    """The K measurements of one file: `noun` is their name in it ('row', 'dwell', 'point').
 
     `joints` (K, n) are degrees or mm; `lines` (K,) of the file, if it is text; `numbers` (K,) of the
     measurements; `spots` (K, 2) mm; `times` (K,) s since the start of the recording.
@@ -46,7 +46,7 @@ class Found:
     numbers: Sequence[int] | None = None
     spots: Matrix | None = None
     times: Matrix | None = None
-    told: Sequence[str] = ()
+    notes: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -73,8 +73,8 @@ class Job:
         check_header(header, robot, file=header_path, line=lambda _: None)
         return cls(paths, header_path, header, robot)
 
-    def finish(self, found: Sequence[Found], out: Path | str, told: Sequence[str]) -> Imported:
-        """The measurements of all files, numbered through; `told` says how the files were read."""
+    def finish(self, found: Sequence[Found], out: Path | str, notes: Sequence[str]) -> Imported:
+        """The measurements of all files, numbered through; `notes` says how the files were read."""
         robot = self.robot
         names = tuple(dict.fromkeys(target for part in found for target in part.targets))
         check_distances(self.header, names, file=self.header_path, line=None)
@@ -84,7 +84,7 @@ class Job:
             new = self._shots(part, len(shots))
             if self.header.limits == "error":
                 self._check_limits(part)
-            sentences += [f"{part.path}: {_counted(new, part)}", *part.told]
+            sentences += [f"{part.path}: {_counted(new, part)}", *part.notes]
             shots += new
         _numbered_once(shots)
         joints = np.concatenate([part.joints for part in found])
@@ -95,7 +95,7 @@ class Job:
             f"{len(self.paths)} file{plural}, {len(shots)} measurements, robot {robot.name}"
             f" ({robot.n} joints)",
             *sentences,
-            *told,
+            *notes,
             *_ranges_told(robot, joints),
             *(f"note: {sentence}" for sentence in (*limits, *unknown_targets(self.header, names))),
         ]

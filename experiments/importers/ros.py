@@ -59,7 +59,7 @@ def import_ros(
         log, read = _read(path, robot, names, topic, marker_topic)
         topics.append(read)
         found.append(log.shots(robot, still, target))
-    told = [
+    notes = [
         f"joint states on {', '.join(dict.fromkeys(topics))}, in radians by definition of JointState"
         + ("" if all(joint.kind == "revolute" for joint in robot.joints) else "; prismatic joints in metres"),
         f"joints by name, joint 1 first: {', '.join(names)}",
@@ -67,7 +67,7 @@ def import_ros(
         if marker_topic is None
         else f"measurements at markers on {marker_topic}",
     ]
-    return job.finish(found, out, told)
+    return job.finish(found, out, notes)
 
 
 def _read(

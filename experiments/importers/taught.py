@@ -13,7 +13,7 @@ from ...model.errors import BadInput
 from ...model.files.limits import require_joint_count
 from ...model.files.reading import did_you_mean, read_text, shown
 from ...model.robot import Robot
-from .imported import J3, J3_TOLD, Found, Imported, Job, from_ground, one_target_each
+from .imported import J3, J3_NOTE, Found, Imported, Job, from_ground, one_target_each
 
 
 class Point(NamedTuple):
@@ -33,7 +33,7 @@ def import_points(
     *,
     names: Sequence[str] | None,
     ground: bool = False,
-    told: str,
+    note: str,
 ) -> Imported:
     """Measurements at the points of files, as `parse` (text, path) reads them; `names` selects some.
 
@@ -48,8 +48,8 @@ def import_points(
         joints = from_ground(np.array(rows), job.robot) if ground else np.array(rows)
         listed = f"  points in their order: {', '.join(point.name for point in points)}"
         lines = [point.line for point in points]
-        found.append(Found(path, "point", joints, [target] * len(points), lines=lines, told=[listed]))
-    return job.finish(found, out, [told, *([J3_TOLD] if ground else [])])
+        found.append(Found(path, "point", joints, [target] * len(points), lines=lines, notes=[listed]))
+    return job.finish(found, out, [note, *([J3_NOTE] if ground else [])])
 
 
 def _chosen(points: Sequence[Point], names: Sequence[str] | None, path: Path) -> list[Point]:
@@ -121,7 +121,7 @@ def import_fanuc(
         out,
         names=points,
         ground=j3 == "ground",
-        told="FANUC positions of group 1, angles in degrees, joint 1 first",
+        note="FANUC positions of group 1, angles in degrees, joint 1 first",
     )
 
 
@@ -203,7 +203,7 @@ def import_kuka(
         header_path,
         out,
         names=points,
-        told="KUKA axis positions, angles in degrees, A1 first, external axes ignored",
+        note="KUKA axis positions, angles in degrees, A1 first, external axes ignored",
     )
 
 

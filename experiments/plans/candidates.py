@@ -47,7 +47,7 @@ class CandidatePostures:
     drawn: int
     removed: dict[str, int]
 
-    def told(self) -> str:
+    def in_words(self) -> str:
         """Which constraint removed how many, in words."""
         parts = [f"{count} {reason}" for reason, count in self.removed.items() if count]
         return f"{len(self.postures)} of {self.drawn} postures are left; " + ", ".join(

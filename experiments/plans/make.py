@@ -89,7 +89,7 @@ class MadePlan:
         }
 
 
-def make_plan(request: PlanRequest, file: Path | None, told: Progress) -> MadePlan:
+def make_plan(request: PlanRequest, file: Path | None, tell: Progress) -> MadePlan:
     """Make the plan, write it to a new `file` (if one is asked for) and check it.
 
     BadInput names the constraint that prevents it.
@@ -110,9 +110,9 @@ def make_plan(request: PlanRequest, file: Path | None, told: Progress) -> MadePl
             obstacles=request.obstacles,
             seed=request.seed,
             name=TARGET,
-            progress=lambda share: told("candidates", share),
+            progress=lambda share: tell("candidates", share),
         )
-        removed = found.told()
+        removed = found.in_words()
         wanted = request.shots if request.tolerance is None else 2
         if len(found.postures) < wanted:
             raise BadInput(
@@ -120,7 +120,7 @@ def make_plan(request: PlanRequest, file: Path | None, told: Progress) -> MadePl
                 found=removed,
                 remedy="loosen what removes most of them, or put the target elsewhere",
             )
-        told("choice", 0.0)
+        tell("choice", 0.0)
         planner = Planner(header, robot, target, found, name=TARGET)
         if request.tolerance is None:
             proposal = planner.optimal(request.shots, request.criterion, seed=request.seed)
@@ -139,7 +139,7 @@ def make_plan(request: PlanRequest, file: Path | None, told: Progress) -> MadePl
     else:
         write_plan(file, header, rows, targets)
         plan = read_plan(file)
-    told("check", 0.0)
+    tell("check", 0.0)
     return MadePlan(request.kind, plan, file, check(plan), proposal, fewest, removed)
 
 

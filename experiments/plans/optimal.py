@@ -16,7 +16,7 @@ from ...model.problem import Problem
 from ...model.robot import Matrix, Robot
 from .candidates import CandidatePostures
 
-_UNTOLD = 0.5  # of its prior: an offset that all candidates leave beyond this is not planned for
+_UNDETERMINED = 0.5  # of its prior: an offset that all candidates leave beyond this is not planned for
 _EXACT_ORDER = 9  # measurements up to which the shortest order is found for certain
 _LOOSEN = "loosen what removes most, move the target, or ask for more candidates"
 _FEW_STARTS = 4  # show which numbers of measurements cannot do
@@ -64,8 +64,8 @@ class Planner:
         self, header: Header, robot: Robot, target: Matrix, found: CandidatePostures, *, name: str = "psd"
     ) -> None:
         if len(found.postures) == 0:
-            raise BadInput("no posture is fit for a plan", found=found.told(), remedy=_LOOSEN)
-        self._robot, self._postures, self._told = robot, found.postures, found.told()
+            raise BadInput("no posture is fit for a plan", found=found.in_words(), remedy=_LOOSEN)
+        self._robot, self._postures, self._removed = robot, found.postures, found.in_words()
         self._problem = Problem.build(header, robot, found.postures, [name] * len(found.postures))
         self._x = self._problem.parameters.prior_mean.copy()
         self._x[self._problem.parameters.group("target")] = target
@@ -80,15 +80,15 @@ class Planner:
         self._columns = np.flatnonzero(parameters.group("offset")[free])
         # What all candidates together leave unidentifiable would swamp the criterion with its prior.
         information = np.einsum("cdf,cdg->fg", roots, roots) + np.eye(roots.shape[2])
-        told = np.sqrt(np.diag(np.linalg.inv(information))) < _UNTOLD
-        offsets = parameters.group("offset")[free] & told
+        determined = np.sqrt(np.diag(np.linalg.inv(information))) < _UNDETERMINED
+        offsets = parameters.group("offset")[free] & determined
         if not offsets.any():
             raise BadInput(
                 "no measurement at this target makes any offset identifiable",
                 found=f"all {len(found.postures)} candidates together carry almost no information",
                 remedy="hold what is unidentifiable (`held`), or calibrate the tool",
             )
-        self._all_told = bool(told[self._columns].all())
+        self._all_determined = bool(determined[self._columns].all())
         self.candidates = Candidates(roots, offsets)
 
     def optimal(
@@ -103,7 +103,7 @@ class Planner:
         if shots > len(self._postures):
             raise BadInput(
                 "there are fewer candidates than measurements",
-                found=f"{shots} measurements; {self._told}",
+                found=f"{shots} measurements; {self._removed}",
                 remedy=_LOOSEN,
             )
         with threadpool_limits(limits=1, user_api="blas"):
@@ -123,7 +123,7 @@ class Planner:
         curve: list[tuple[int, float]] = []
         best = np.inf
         # An unidentifiable offset keeps every number from the tolerance: one is enough to show it.
-        for shots in range(least if self._all_told else most, most + 1):
+        for shots in range(least if self._all_determined else most, most + 1):
             chosen = self._design(shots, criterion, seed, _FEW_STARTS)
             proposal = self._proposal(chosen)
             if tolerance < proposal.worst <= tolerance / 0.9:

@@ -147,8 +147,8 @@ class Procedure:
         parameters = self._problem.parameters
         x = parameters.with_values(x, self._near.parameters, found)
         seen = {shot.target for shot in shots}
-        told = [item.group != "target" or item.of in seen for item in parameters.items]
-        return np.where(told, x, self._supposed)
+        determined = [item.group != "target" or item.of in seen for item in parameters.items]
+        return np.where(determined, x, self._supposed)
 
     def _posture(self, number: int) -> int:
         """The posture of a measurement; a closing measurement repeats one."""

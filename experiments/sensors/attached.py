@@ -16,7 +16,7 @@ from ...model.robot import Matrix, shift
 from .amplifier import Amplifier
 from .camera import Camera, Image
 from .counts import PsdCalibration, read_calibration
-from .line import MOST_SAMPLES, REQUESTS, Sample, read_sample, told
+from .line import MOST_SAMPLES, REQUESTS, Sample, read_sample, sealed
 from .pictures import open_camera
 from .psd import BRIGHTEST, PAIR_LIGHT, Psd
 from .sensors_file import CameraBeside, PsdBeside, SensorsFile, read_sensors_file
@@ -114,7 +114,7 @@ def _calibration(stated: SensorsFile, target: str) -> PsdCalibration:
         )
     counts = [*calibration.saturation_counts, calibration.lowest_counts]
     widest = max(counts, key=lambda count: len(str(count)))
-    line = len(told(read_sample(Sample(REQUESTS - 1, MOST_SAMPLES - 1, (widest,) * 4))))
+    line = len(sealed(read_sample(Sample(REQUESTS - 1, MOST_SAMPLES - 1, (widest,) * 4))))
     if line * _BITS_A_BYTE * psd.rate_hz > psd.serial.baud:
         raise stated.refuse(
             ("psds", target, "serial", "baud"),

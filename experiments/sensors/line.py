@@ -33,7 +33,7 @@ class Sample:
     counts: tuple[int, ...]
 
 
-def told(body: str) -> bytes:
+def sealed(body: str) -> bytes:
     """A line of the amplifier."""
     checksum = binascii.crc_hqx(body.encode("ascii"), 0xFFFF)
     return f"{body}*{checksum:04X}\n".encode("ascii")

@@ -19,7 +19,7 @@ from ...model.files.closing import Closing
 from ...model.robot import Matrix
 from .counts import read_calibration
 from .interface import Sensors
-from .line import IDENTITY, LONGEST, MOST_SAMPLES, Sample, asked, read_sample, told
+from .line import IDENTITY, LONGEST, MOST_SAMPLES, Sample, asked, read_sample, sealed
 
 _POLL_S = 0.02
 
@@ -96,7 +96,7 @@ class AmplifierStandIn(Closing):
 
     def _say(self, body: str) -> None:
         """A line, with what is wrong with it."""
-        line, faults = told(body), self.faults
+        line, faults = sealed(body), self.faults
         lost, torn, wrong, garbage = self._rng.random(4) < (
             faults.lost,
             faults.torn,

@@ -102,7 +102,7 @@ def carried(repeated: Repeated, seed: int) -> CellRun:
 
 
 def campaign(
-    works: Sequence[Repeated], of: Sequence[int], told: Progress, processes: int | None = None
+    works: Sequence[Repeated], of: Sequence[int], progress: Progress, processes: int | None = None
 ) -> list[list[CellRun]]:
     """Each of `works` with each of the seeds `of`, in that order; as many `processes` as there are cores.
 
@@ -113,7 +113,7 @@ def campaign(
     with closing(side_by_side(_one, jobs, processes)) as answers:
         for job, run in answers:
             found[job] = run
-            told(len(found) / len(jobs))
+            progress(len(found) / len(jobs))
     return [[found[k * len(of) + i] for i in range(len(of))] for k in range(len(works))]
 
 

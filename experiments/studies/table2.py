@@ -277,7 +277,7 @@ def _on_eq_8(prediction: Prediction, joint_deg: float) -> str:
 
 def _on_the_paper() -> list[str]:
     """What is printed against what follows from the printed experiments, to the last printed digit."""
-    told = []
+    sentences = []
     for word, printed, own in (
         ("mean", PRINTED_MEAN, EXPERIMENTS.mean(axis=0)),
         ("standard deviation", PRINTED_STD, EXPERIMENTS.std(axis=0, ddof=1)),
@@ -287,6 +287,6 @@ def _on_the_paper() -> list[str]:
             for name, shown, value in zip(OFFSETS, printed, own, strict=True)
             if abs(shown - value) > 0.5001e-4
         ]
-        told += off or [f"every {word} follows from the three experiments, to the last printed digit"]
-    told.append("the standard deviations divide by n - 1 = 2; those by n = 3 would be smaller by 0.82")
-    return told
+        sentences += off or [f"every {word} follows from the three experiments, to the last printed digit"]
+    sentences.append("the standard deviations divide by n - 1 = 2; those by n = 3 would be smaller by 0.82")
+    return sentences

@@ -140,10 +140,10 @@ def validate(
             ) from None
     order = {"extra_forbidden": 0, "missing": 1}
     worst = min(complaints, key=lambda complaint: order.get(complaint["type"], 2))
-    raise _told(model, data, worst, file, line)
+    raise _bad_input(model, data, worst, file, line)
 
 
-def _told(
+def _bad_input(
     model: type[BaseModel],
     data: object,
     complaint: ErrorDetails,

@@ -119,6 +119,6 @@ def _alt(rows: Sequence[ParameterResult]) -> str:
         elif row.interval95 is None or row.std is None:
             parts.append(f"{name} held")
         else:
-            told = numbers.interval(row.interval95, row.std, row.unit)
-            parts.append(f"{name} {told} ({row.status})")
+            interval = numbers.interval(row.interval95, row.std, row.unit)
+            parts.append(f"{name} {interval} ({row.status})")
     return f"95 % intervals of the joint offsets: {'; '.join(parts)}."

@@ -107,10 +107,10 @@ def posterior_picture(result: Result, draws: Draws | None) -> Picture | None:
     """
     if draws is None or not draws.converged or not result.posterior.converged:
         return None
-    told = _told_offsets(result, draws)
-    if not told:
+    determined = _determined_offsets(result, draws)
+    if not determined:
         return None
-    chosen = told[:MOST_PARAMETERS]
+    chosen = determined[:MOST_PARAMETERS]
     values = _thinned(draws, [draws.names.index(row.name) for row in chosen])
     with style():
         height = _BOTTOM + _TOP + (WIDTH - _LEFT - _RIGHT) * _FLAT * len(chosen) / max(len(chosen), 3)
@@ -136,7 +136,9 @@ def posterior_picture(result: Result, draws: Draws | None) -> Picture | None:
         figure.align_labels()
         svg = to_svg(figure, "posterior")
     names = ", ".join(label(row.name) for row in chosen)
-    left_out = f" {len(told) - len(chosen)} more are in posterior.nc." if len(told) > len(chosen) else ""
+    left_out = (
+        f" {len(determined) - len(chosen)} more are in posterior.nc." if len(determined) > len(chosen) else ""
+    )
     return Picture(
         "posterior",
         "Posterior of the offsets: each alone, and each pair with its 50 % and 95 % regions",
@@ -145,13 +147,15 @@ def posterior_picture(result: Result, draws: Draws | None) -> Picture | None:
     )
 
 
-def _told_offsets(result: Result, draws: Draws) -> list[ParameterResult]:
+def _determined_offsets(result: Result, draws: Draws) -> list[ParameterResult]:
     """Offsets that the data determine, the least certain first."""
-    told = [row for row in result.parameters if row.group == "offset" and row.name in draws.names]
-    if len(told) > MOST_PARAMETERS:
-        widest = sorted(told, key=lambda row: -(row.std or 0.0))[:MOST_PARAMETERS]
-        told = [row for row in told if row in widest] + [row for row in told if row not in widest]
-    return told
+    determined = [row for row in result.parameters if row.group == "offset" and row.name in draws.names]
+    if len(determined) > MOST_PARAMETERS:
+        widest = sorted(determined, key=lambda row: -(row.std or 0.0))[:MOST_PARAMETERS]
+        determined = [row for row in determined if row in widest] + [
+            row for row in determined if row not in widest
+        ]
+    return determined
 
 
 def _thinned(draws: Draws, columns: list[int]) -> NDArray[np.float64]:

@@ -138,19 +138,25 @@ def _millimetres(axes: Axes, shots: Sequence[ShotResult], few: bool) -> None:
     x = np.arange(len(shots))
     length = np.array([math.hypot(*shot.miss_mm) for shot in shots])
     left = [shot.leave_one_out for shot in shots]
-    told = np.array([i for i, value in enumerate(left) if value is not None], dtype=int)
+    predicted = np.array([i for i, value in enumerate(left) if value is not None], dtype=int)
     ring = np.array([value for value in left if value is not None])
     if few:
         axes.vlines(x, 0, length, color=light("line"), linewidth=1)
     size = 4.5 if few else 1.8
     rim = 0.8 if few else 0.4
     axes.plot(
-        told, ring, "o", markersize=size, markerfacecolor="none", markeredgewidth=rim, color=light("weak")
+        predicted,
+        ring,
+        "o",
+        markersize=size,
+        markerfacecolor="none",
+        markeredgewidth=rim,
+        color=light("weak"),
     )
     axes.plot(x, length, "o", markersize=size, markeredgewidth=0, color=light("identified"))
     axes.set_ylabel("residual, mm")
     handles = [_dot("identified", filled=True, words="at the fit")]
-    if len(told):
+    if len(predicted):
         handles.append(_dot("weak", filled=False, words="leave-one-out"))
     _key(axes, handles)
 

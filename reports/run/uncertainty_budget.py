@@ -31,15 +31,15 @@ def budget_section(result: Result) -> Section | None:
         budgets = [budget for budget in result.budget if result.parameters.named(budget.name).group == group]
         for first in range(0, len(budgets), MOST_COLUMNS):
             blocks += _tables(result, what, budgets[first : first + MOST_COLUMNS])
-    untold = [
+    undetermined = [
         row
         for row in result.parameters
         if row.group in ("offset", "tool") and row.status in ("unidentifiable", "held")
     ]
-    if untold:
+    if undetermined:
         blocks += [
             Paragraph("Without a budget, as these data do not determine them or they are held:"),
-            Legend([], reasons(untold)),
+            Legend([], reasons(undetermined)),
         ]
     blocks += _check(result)
     return section_of("Uncertainty budget", *blocks)

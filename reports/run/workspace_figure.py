@@ -48,7 +48,7 @@ def workspace_picture(result: Result) -> Picture | None:
     with style():
         figure = new_figure(whole, fitted=False)
         for column, (of, words) in enumerate(_SIDES):
-            edges = _edges([value for own in maps for value in _told(of(own).median)])
+            edges = _edges([value for own in maps for value in _numbers(of(own).median)])
             left, top = (_LEFT + column * (width + _BETWEEN)) / WIDTH, whole - _KEY
             for own, height in zip(maps, heights, strict=True):
                 across = len(own.postures[0]) * own.cell_mm / inch
@@ -63,7 +63,7 @@ def workspace_picture(result: Result) -> Picture | None:
     return Picture(NAME, _title(maps), _alt(accuracy), svg)
 
 
-def _told(grid: Grid) -> list[float]:
+def _numbers(grid: Grid) -> list[float]:
     return [value for row in grid for value in row if value is not None]
 
 
@@ -190,11 +190,11 @@ def _alt(accuracy: Accuracy) -> str:
     region = accuracy.workspace
     assert region is not None
 
-    def told(level: Level) -> str:
+    def said(level: Level) -> str:
         median, worst = (numbers.significant(value, 2, "mm") for value in (level.median, level.worst))
         return f"{median} in the median posture, {worst} in the worst"
 
     return (
         "Maps of the workspace, from the side and from above. Without the offsets the TCP is off"
-        f" by {told(region.before_mm)}; with them 95 % of the error is within {told(region.after95_mm)}."
+        f" by {said(region.before_mm)}; with them 95 % of the error is within {said(region.after95_mm)}."
     )

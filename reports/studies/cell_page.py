@@ -153,8 +153,8 @@ def _parameters(plans: Sequence[CellPlan], level: float) -> Table:
         for row in plan.parameters:
             name = label(row.name)
             if row.coverage is None:
-                untold = Cell(NOT_DETERMINED, span=len(columns) - 1)
-                rows.append(row_of(name, untold, tone="unidentifiable"))
+                undetermined = Cell(NOT_DETERMINED, span=len(columns) - 1)
+                rows.append(row_of(name, undetermined, tone="unidentifiable"))
                 continue
             cell = share_cell(row.coverage, plan.control)
             rows.append(row_of(name, cell, *error_cells(row, row.coverage.of), tone=cell.mark))
@@ -169,9 +169,9 @@ def _time(plans: Sequence[CellPlan]) -> Table:
     columns = [("plan", "left"), *((name, "right") for name in (*PHASES, "total", "longest"))]
     rows = []
     for plan in plans:
-        told = plan.seconds
-        means = [seconds(told[name].mean) for name in (*PHASES, "total")]
-        rows.append(row_of(clipped(plan.name, LONGEST_NAME), *means, seconds(told["total"].max)))
+        found = plan.seconds
+        means = [seconds(found[name].mean) for name in (*PHASES, "total")]
+        rows.append(row_of(clipped(plan.name, LONGEST_NAME), *means, seconds(found["total"].max)))
     return table_of("Mean time of a run by phase, and the longest run", columns, rows)
 
 
@@ -212,8 +212,8 @@ def _runs(plans: Sequence[CellPlan]) -> Table:
 
 def _failures(plan: CellPlan) -> Paragraph | None:
     """Why runs of a plan have no result; None where all have one."""
-    told = [sentence(failure) for failure in plan.failures]
-    return Paragraph(f"{plan_title(plan.name)}, runs without a result: {listed(told)}.") if told else None
+    found = [sentence(failure) for failure in plan.failures]
+    return Paragraph(f"{plan_title(plan.name)}, runs without a result: {listed(found)}.") if found else None
 
 
 def _plans(plans: Sequence[CellPlan]) -> list[tuple[str, str]]:
@@ -258,8 +258,8 @@ def time_rows(answer: CellStudy) -> Iterator[PlainRow]:
     """One row for each plan and phase, and one for its total, seconds."""
     for plan in answer.plans:
         for phase in (*PHASES, "total"):
-            told = plan.seconds[phase]
-            yield {"plan": plan.name, "phase": phase, "mean_s": told.mean, "max_s": told.max}
+            found = plan.seconds[phase]
+            yield {"plan": plan.name, "phase": phase, "mean_s": found.mean, "max_s": found.max}
 
 
 def plan_rows(answer: CellStudy) -> Iterator[PlainRow]:

@@ -150,7 +150,7 @@ def _share(axes: Axes, y: int, entry: Share, control: bool, bounds: tuple[float,
 
 
 def _alt(parts: Sequence[Judged], levels: Sequence[float]) -> str:
-    told = []
+    parts_said = []
     for estimator in parts:
         worst = []
         for level in levels:
@@ -159,8 +159,8 @@ def _alt(parts: Sequence[Judged], levels: Sequence[float]) -> str:
                 row, entry = found
                 worst.append(f"{percent(level)}: {label(row.name)} {share(entry)}{numbers.NO_BREAK}%")
         said = ", ".join(worst) if worst else NOT_DETERMINED
-        told.append(f"{clipped(estimator.name, 40)} ({standing(estimator)[1]}): {said}")
+        parts_said.append(f"{clipped(estimator.name, 40)} ({standing(estimator)[1]}): {said}")
     return (
         "Share of intervals that hold the truth, of each estimator the parameter farthest from each level. "
-        f"{'; '.join(told)}. The table below it has every share."
+        f"{'; '.join(parts_said)}. The table below it has every share."
     )

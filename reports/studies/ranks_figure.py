@@ -64,7 +64,7 @@ def ranks_picture(plan: CoveragePlan, settings: CoverageSettings, name: str) -> 
                     )
                 )
                 beyond += _histogram(axes, row, highest, first=across == 0)
-            outside.append(_told(part, rows, beyond))
+            outside.append(_in_words(part, rows, beyond))
             top -= _HEAD + count * (_PANEL + _GAP)
         figure.supxlabel(
             f"rank of the truth among {settings.draws} draws, from lowest to highest",
@@ -106,12 +106,12 @@ def _histogram(axes: Axes, row: RankedParameter, highest: float, *, first: bool)
     axes.set_yticks([float(ranks.mean())])
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:.0f}")
     axes.tick_params(axis="y", labelsize=7.5, length=2, pad=1.5, labelleft=first)
-    told = "" if row.p_value is None else f"  p {numbers.p_value(row.p_value)}"
-    axes.set_title(in_font(label(row.name, 9)) + told, fontsize=7.5, pad=3, loc="left")
+    p_value = "" if row.p_value is None else f"  p {numbers.p_value(row.p_value)}"
+    axes.set_title(in_font(label(row.name, 9)) + p_value, fontsize=7.5, pad=3, loc="left")
     return int(out.sum())
 
 
-def _told(part: Calibration, rows: Sequence[RankedParameter], beyond: int) -> str:
+def _in_words(part: Calibration, rows: Sequence[RankedParameter], beyond: int) -> str:
     bins = sum(len(row.ranks) for row in rows)
     said = f"{clipped(part.name, 40)} ({standing(part)[1]}): {beyond} of {bins} bins lie outside the band"
     tests = [f"{label(row.name)} {numbers.p_value(row.p_value)}" for row in rows if row.p_value is not None]

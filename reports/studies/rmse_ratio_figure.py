@@ -80,12 +80,12 @@ def rmse_ratio_picture(plans: Sequence[tuple[str, Sequence[RmseRatio]]]) -> Pict
             y += 1 + len(ratios)
         _finish(left, right, ticks, count)
         svg = to_svg(figure, NAME)
-    told = [
+    said = [
         f"plan {clipped(plan, 40)}: "
         + ", ".join(f"{label(own.midpoint.name)} {numbers.estimate(own.ratio, own.std)}" for own in ratios)
         for plan, ratios in found
     ]
-    alt = f"The rmse of the midpoint fit as a multiple of the likelihood fit’s: {'; '.join(told)}."
+    alt = f"The rmse of the midpoint fit as a multiple of the likelihood fit’s: {'; '.join(said)}."
     return Picture(NAME, "The midpoint fit (eq. 8) against the likelihood fit, from the same data", alt, svg)
 
 

@@ -31,16 +31,16 @@ _LONGEST_NAME = 26
 
 def print_study(out: Console, answer: StudyAnswer) -> None:
     """Verdict and notes, then the first section of the study's page, or what it has of its own for this."""
-    told = study_page(answer)
-    verdict = told.verdict
+    page = study_page(answer)
+    verdict = page.verdict
     style = "bold blue" if verdict.key == "pass" else "bold yellow"
     out.print(Text(f"{verdict.word}. ", style=style) + Text(verdict.sentence))
-    for text in told.notes:
+    for text in page.notes:
         out.print(note(text))
     if isinstance(answer, CoverageStudy):
         _print_coverage(out, answer)
         return
-    for block in told.sections[0].all:
+    for block in page.sections[0].all:
         print_block(out, block)
 
 

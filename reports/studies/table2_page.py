@@ -130,8 +130,8 @@ def _scatter(plan: Table2Plan) -> Table:
         name, unit = label(row.name), row.unit
         paper = [spread(row.paper_std, unit), spread_range(row.low, row.high, unit)]
         if not row.is_known:
-            untold = Cell(NOT_DETERMINED, span=len(columns) - 3)
-            rows.append(row_of(name, *paper, untold, tone="unidentifiable"))
+            undetermined = Cell(NOT_DETERMINED, span=len(columns) - 3)
+            rows.append(row_of(name, *paper, undetermined, tone="unidentifiable"))
             continue
         simulated = row.simulated
         rows.append(

@@ -44,18 +44,18 @@ def time_picture(plans: Sequence[CellPlan], limit: float) -> Picture | None:
 
 
 def _bar(axes: Axes, y: int, plan: CellPlan) -> None:
-    told, begin = plan.seconds, 0.0
+    spent, begin = plan.seconds, 0.0
     for phase in PHASES:
-        mean = told[phase].mean or 0.0
+        mean = spent[phase].mean or 0.0
         # On the ground's colour, so that the grid does not show through.
         for colour, alpha in ((light("ground"), 1.0), (light("identified"), _SHADES[phase])):
             axes.barh(y, mean, _BAR, begin, color=colour, alpha=alpha, linewidth=0)
         begin += mean
-    longest = told["total"].max or 0.0
+    longest = spent["total"].max or 0.0
     axes.plot([begin, longest], [y, y], "-", linewidth=1.2, color=light("ink"))
     axes.plot([longest], [y], "|", markersize=7, markeredgewidth=1.2, color=light("ink"))
     axes.annotate(
-        in_font(f"{clipped(plan.name, 36)}: {_told(plan)}"),
+        in_font(f"{clipped(plan.name, 36)}: {_in_words(plan)}"),
         (0, y - _BAR / 2),
         xytext=(0, 2.5),
         textcoords="offset points",
@@ -64,7 +64,7 @@ def _bar(axes: Axes, y: int, plan: CellPlan) -> None:
     )
 
 
-def _told(plan: CellPlan) -> str:
+def _in_words(plan: CellPlan) -> str:
     total = plan.seconds["total"]
     return f"{seconds(total.mean)}, longest {seconds(total.max)}"
 
@@ -106,5 +106,5 @@ def _alt(plans: Sequence[CellPlan], limit: float) -> str:
     parts = []
     for plan in plans:
         phases = ", ".join(f"{phase} {seconds(plan.seconds[phase].mean)}" for phase in PHASES)
-        parts.append(f"{clipped(plan.name, 40)}: {_told(plan)} ({phases})")
+        parts.append(f"{clipped(plan.name, 40)}: {_in_words(plan)} ({phases})")
     return f"Mean time of a run, against the limit of {numbers.exact(limit, 's')}. {'; '.join(parts)}."

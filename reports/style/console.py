@@ -24,12 +24,12 @@ def note(text: str) -> Text:
     return Text("! ", style="bold yellow") + Text(text)
 
 
-def rich_table(told: blocks.Table, longest: int | None = None) -> Table:
+def rich_table(stated: blocks.Table, longest: int | None = None) -> Table:
     """A table of a page, for the terminal; texts of unmarked cells are cut to `longest` letters."""
     table = Table(box=None, pad_edge=False)
-    for column in told.columns:
+    for column in stated.columns:
         table.add_column(escape(column.text), justify="right" if column.align == "right" else "left")
-    for row in told.rows:
+    for row in stated.rows:
         cells: list[Text] = []
         for cell in row.cells:
             text = cell.text if longest is None or cell.mark else clipped(cell.text, longest)

@@ -234,13 +234,13 @@ def _print_section(console: Console, section: blocks.Section) -> None:
             console.print(Text("; ".join(f"{name} {text}" for name, text in block.rows), style="dim"))
 
 
-def _print_table(console: Console, told: blocks.Table) -> None:
-    if len(told.rows) > _MOST_ROWS:
-        words = f"{told.caption}: {len(told.rows)}, see --json or the report"
+def _print_table(console: Console, table: blocks.Table) -> None:
+    if len(table.rows) > _MOST_ROWS:
+        words = f"{table.caption}: {len(table.rows)}, see --json or the report"
         console.print(Text(words, style="italic"))
         return
-    console.print(Text(told.caption, style="italic"))
-    console.print(rich_table(told))
+    console.print(Text(table.caption, style="italic"))
+    console.print(rich_table(table))
 
 
 def _print_directions(console: Console, directions: Sequence[NullDirection]) -> None:

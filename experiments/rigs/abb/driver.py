@@ -179,8 +179,8 @@ class AbbRig:
             return self._session.ask(what, call)
         except RigFault as fault:
             # Guidance is the first to notice that the cable is out.
-            told = self._guidance.fault if self._guidance is not None else ""
-            raise self._failed(told or str(fault)) from None
+            why = self._guidance.fault if self._guidance is not None else ""
+            raise self._failed(why or str(fault)) from None
 
     def _require_ready(self) -> None:
         """Automatic, motors on, no emergency stop; RigFault that says which is not."""
@@ -248,7 +248,7 @@ class AbbRig:
         text = (
             f"{self._robot.name} is about to move, at {self._caution.share:.0%} of its joints' top speeds, "
             f"within the soft limits of its robot file.\n"
-            f"First from {_told(at)} deg\n      to   {_told(goal)} deg, all joints at once.\n"
+            f"First from {_listed(at)} deg\n      to   {_listed(goal)} deg, all joints at once.\n"
             "Nobody may be in the cell, and an emergency stop must be at hand."
         )
         if not self._caution.confirm(text):
@@ -310,8 +310,8 @@ class AbbRig:
             read = self._read_deg()
             if np.abs(at - read).max() > _SAME_DEG:
                 raise RigFault(
-                    f"EGM says that the joints are at {_told(at)} deg, Robot Web Services "
-                    f"{_told(read)} deg: is --egm-port that of this robot?"
+                    f"EGM says that the joints are at {_listed(at)} deg, Robot Web Services "
+                    f"{_listed(read)} deg: is --egm-port that of this robot?"
                 )
         self._guidance.go(goal)
 
@@ -391,5 +391,5 @@ class _Progress:
             )
 
 
-def _told(joints_deg: Matrix) -> str:
+def _listed(joints_deg: Matrix) -> str:
     return ", ".join(f"{value:.2f}" for value in joints_deg)

@@ -39,14 +39,14 @@ def findings(axes: Sequence[GridAxis], cases: Sequence[GridCase]) -> list[str]:
 
 def notes(settings: GridSettings, cases: Sequence[GridCase]) -> list[str]:
     """How the numbers were made and judged."""
-    told = [
+    said = [
         "The predicted standard uncertainty u of a parameter is that of the fit of one run, priors included."
         " The least certain offset of a case is the one with the largest u; a case with an unidentifiable"
         " offset has none"
     ]
     parameters = [one for case in cases for one in case.parameters]
     if any(one.likelihood for one in parameters):
-        told += [
+        said += [
             "Every simulated run has an arm of its own, a random draw from the priors: offsets with a"
             f" standard deviation of {exact(settings.prior.offset_deg, 'deg')}, the target with"
             f" {exact(settings.target.sigma_mm, 'mm')} in each direction about its nominal position, unless"
@@ -63,19 +63,19 @@ def notes(settings: GridSettings, cases: Sequence[GridCase]) -> list[str]:
             " errors",
         ]
     if any(one.midpoint for one in parameters):
-        told.append(
+        said.append(
             "The midpoint fit uses neither spot readings nor priors and starts from zero offsets, as in the"
             " paper. Where it converges to another local optimum its error is large; the RMSE includes those"
             " runs"
         )
-    return told
+    return said
 
 
 def _range(cases: Sequence[GridCase]) -> str:
-    told = [(case.worst_std, case.words) for case in cases if case.worst_std is not None]
-    if not told:
+    said = [(case.worst_std, case.words) for case in cases if case.worst_std is not None]
+    if not said:
         return "In no case are all offsets identifiable."
-    (low, best), (high, worst) = min(told), max(told)
+    (low, best), (high, worst) = min(said), max(said)
     text = "The standard uncertainty of the least certain offset is"
     if best == worst:
         return f"{text} {spread(low, 'deg')} ({best})."
@@ -89,14 +89,14 @@ def _by_word(i: int, axis: GridAxis, cases: Sequence[GridCase]) -> str:
     for j, value in enumerate(axis.values):
         stds = [case.worst_std for case in cases if case.at[i] == j and case.worst_std is not None]
         low, high = (spread(pick(stds)) for pick in (min, max)) if stds else ("", "")
-        told = (
+        said = (
             "never all offsets identifiable"
             if not stds
             else f"{low}°"
             if low == high
             else f"{low} to {high}°"
         )
-        parts.append(f"{value} {told}")
+        parts.append(f"{value} {said}")
     some = any(case.worst_std is not None for case in cases)
     text = f"Standard uncertainty of the least certain offset by {axis.label}: {'; '.join(parts)}"
     return text if some and len(parts) > 1 else ""
@@ -133,8 +133,8 @@ def _midpoint(cases: Sequence[GridCase]) -> str:
         for one in case.parameters
         if one.midpoint is not None and one.likelihood is not None
     ]
-    told = _quantiles(ratios, "cases and parameters") if ratios else ""
-    return f"The RMSE of the midpoint fit is that of the likelihood fit times {told}" if ratios else ""
+    said = _quantiles(ratios, "cases and parameters") if ratios else ""
+    return f"The RMSE of the midpoint fit is that of the likelihood fit times {said}" if ratios else ""
 
 
 def _quantiles(values: Sequence[float], over: str) -> str:

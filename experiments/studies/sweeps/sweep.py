@@ -59,7 +59,7 @@ Progress = Callable[[str, float], None]  # the stage, and the share of the whole
 def sweep(
     study: StatedStudy,
     seed: int,
-    told: Progress,
+    progress: Progress,
     *,
     store: Path | None = None,
     processes: int | None = None,
@@ -71,10 +71,10 @@ def sweep(
     """
     began = time.perf_counter()
     if store is None:
-        answers = _answered(study, seed, told, None, processes)
+        answers = _answered(study, seed, progress, None, processes)
     else:
         with CaseStore(store, heading(study, seed), GridCase) as kept:
-            answers = _answered(study, seed, told, kept, processes)
+            answers = _answered(study, seed, progress, kept, processes)
     content, cases = study.content, judged(answers)
     axes = tuple(
         GridAxis(
@@ -115,20 +115,20 @@ def heading(study: StatedStudy, seed: int) -> dict[str, Any]:
 
 
 def _answered(
-    study: StatedStudy, seed: int, told: Progress, kept: CaseStore[GridCase] | None, processes: int | None
+    study: StatedStudy, seed: int, progress: Progress, kept: CaseStore[GridCase] | None, processes: int | None
 ) -> list[GridCase]:
     """The answers of all cases in their order, not yet judged."""
     total = len(study.cases)
     found = {} if kept is None else kept.done
     left = [number for number in range(total) if number not in found]
-    told("cases", len(found) / total)
+    progress("cases", len(found) / total)
     jobs = [(study.cases[number], seed) for number in left]
     with closing(side_by_side(_case_of, jobs, processes)) as answers:
         for job, answer in answers:
             found[left[job]] = answer
             if kept is not None:
                 kept.add(left[job], answer)
-            told("cases", len(found) / total)
+            progress("cases", len(found) / total)
     return [found[number] for number in range(total)]
 
 

@@ -103,8 +103,8 @@ def _row(axes: Axes, y: int, study: GridStudy, case: GridCase, one: CaseParamete
 def _alt(study: GridStudy, cases: list[GridCase]) -> str:
     parts = []
     for case in cases:
-        told = [f"{label(one.name)} {_in_words(case, one)}" for one in case.parameters]
-        said = NO_PLAN if case.reason is not None else f"{standing(case)[1]}, {'; '.join(told)}"
+        rows = [f"{label(one.name)} {_in_words(case, one)}" for one in case.parameters]
+        said = NO_PLAN if case.reason is not None else f"{standing(case)[1]}, {'; '.join(rows)}"
         parts.append(f"{case_name(study, case)}: {said}")
     return f"Standard uncertainties of the parameters. {'. '.join(parts)}."
 

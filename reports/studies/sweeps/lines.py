@@ -213,5 +213,5 @@ def _alt(axis: GridAxis, wanted: Sequence[tuple[Place, CaseParameter, list[_Poin
         for words in dict.fromkeys(point.gap for point in points if point.gap):
             said.append(f"{words} at {', '.join(point.text for point in points if point.gap == words)}")
         parts.setdefault(place_name(place), []).append(f"{label(one.name)} {', '.join(said)}")
-    series = [f"{name}: {'; '.join(told)}" if name else "; ".join(told) for name, told in parts.items()]
+    series = [f"{name}: {'; '.join(said)}" if name else "; ".join(said) for name, said in parts.items()]
     return f"Predicted {UNCERTAINTY} by {clipped(axis.label)}. {'. '.join(series)}."

@@ -152,9 +152,9 @@ def legend(figure: Figure, study: GridStudy, mark: dict[str, Any], gaps: set[str
             dot, words = dot_style("ink" if filled else "muted", size, filled), f"RMSE of the {fit} fit, 95 %"
             handles.append(Line2D([], [], marker=marker, linewidth=1.1, label=words, **dot))
     at = dict.fromkeys(
-        numbers.exact(told, shown_unit(one))
+        numbers.exact(limit, shown_unit(one))
         for one in study.parameters
-        if (told := tolerance(study, one)) is not None
+        if (limit := tolerance(study, one)) is not None
     )
     if at:
         handles.append(Line2D([], [], label=in_font(f"tolerance {', '.join(at)}"), **_TOLERANCE))

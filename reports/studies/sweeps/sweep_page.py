@@ -125,8 +125,8 @@ def _least_certain(case: GridCase) -> str:
         return f"{label(one.name, 12)}: {_predicted(one)}"
     names = [label(one.name, 12) for one in case.unidentifiable if one.group == "offset"]
     # Short enough for a column of the terminal.
-    told = listed(names) if 0 < len(names) < 3 else counted(len(names), "offset")
-    return f"{told}: {NOT_DETERMINED}" if names else NOT_DETERMINED
+    which = listed(names) if 0 < len(names) < 3 else counted(len(names), "offset")
+    return f"{which}: {NOT_DETERMINED}" if names else NOT_DETERMINED
 
 
 def _agreement(case: GridCase) -> Cell:
@@ -152,13 +152,13 @@ def _parameters(study: GridStudy) -> Table | None:
     for number, case in cases:
         mark, words = standing(case)
         about = f"{case_name(study, case)}: {words}, {counted(case.shots or 0, 'measurement')}"
-        told = [row_of(f"case {number}", Cell(about, span=span), tone=mark)]
+        own = [row_of(f"case {number}", Cell(about, span=span), tone=mark)]
         for one in case.parameters:
             cells = _cells(one, likelihood, midpoint) if one.is_known else [Cell(_unknown(one), span=span)]
-            told.append(row_of(label(one.name), *cells, tone="" if one.is_known else one.status))
-        if count and len(rows) + len(told) > MOST_ROWS:
+            own.append(row_of(label(one.name), *cells, tone="" if one.is_known else one.status))
+        if count and len(rows) + len(own) > MOST_ROWS:
             break
-        rows += told
+        rows += own
         count += 1
     caption = "Predicted standard uncertainty u of each parameter"
     caption += ", and errors of simulated runs" if likelihood else ""
@@ -214,21 +214,21 @@ def _cut(caption: str, count: int, total: int, file: str = "cases.csv") -> str:
 
 
 def _how_to_read(study: GridStudy) -> str:
-    told = "The predicted standard uncertainty u is that of the fit of one run, priors included."
+    meaning = "The predicted standard uncertainty u is that of the fit of one run, priors included."
     if not study.has("likelihood"):
-        return f"{told} No runs were simulated."
+        return f"{meaning} No runs were simulated."
     unmet = sum(case.unmet for case in study.cases)
     more = f" {counted(unmet, 'more arm')} that cannot hit the target had been drawn." if unmet else ""
     return (
-        f"{told} RMSE and bias are those of fits to simulated runs. The share is that of their"
+        f"{meaning} RMSE and bias are those of fits to simulated runs. The share is that of their"
         f" {percent(study.settings.level)} intervals that hold the truth, with its 95 % binomial interval;"
         f" a diamond marks a share or a scatter that contradicts the prediction. {BY_CHANCE}{more}"
     )
 
 
 def _meanings(study: GridStudy) -> list[LegendEntry]:
-    told = {tolerance(study, one) for one in study.parameters if one.is_angular_offset}
-    at = told.pop() if len(told) == 1 else None
+    limits = {tolerance(study, one) for one in study.parameters if one.is_angular_offset}
+    at = limits.pop() if len(limits) == 1 else None
     limit = f"the tolerance of {numbers.exact(at, 'deg')}" if at is not None else "its tolerance"
     texts: dict[CaseVerdict | None, str] = {
         "pass": f"every offset has a predicted u within {limit}",
@@ -246,14 +246,14 @@ def _without_plan(study: GridStudy) -> list[Reason]:
     for case in study.cases:
         if case.reason is not None:
             by_reason.setdefault(sentence(case.reason).rstrip("."), []).append(case_name(study, case))
-    told = []
+    shown = []
     for reason, names in list(by_reason.items())[:_MOST_REASONS]:
         more = f"; and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
-        told.append(Reason(f"No plan for {'; '.join(names[:_MOST_NAMED])}{more}:", "held", f"{reason}."))
-    if len(by_reason) > len(told):
-        text = f"{len(told)} of {len(by_reason)} shown, all in cases.csv."
-        told.append(Reason("Reasons:", "held", text))
-    return told
+        shown.append(Reason(f"No plan for {'; '.join(names[:_MOST_NAMED])}{more}:", "held", f"{reason}."))
+    if len(by_reason) > len(shown):
+        text = f"{len(shown)} of {len(by_reason)} shown, all in cases.csv."
+        shown.append(Reason("Reasons:", "held", text))
+    return shown
 
 
 def _settings(study: GridStudy, value: object, path: str = "") -> Iterator[tuple[str, str]]:

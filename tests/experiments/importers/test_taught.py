@@ -5,7 +5,7 @@ import pytest
 from recorded_logs import HEADER, POSTURES, fanuc_listing, fanuc_position, kuka_list, kuka_point
 
 from zerobeam.experiments.importers import import_fanuc, import_kuka
-from zerobeam.experiments.importers.imported import J3_TOLD
+from zerobeam.experiments.importers.imported import J3_NOTE
 from zerobeam.model.files.run import read_run, write_run
 
 CARTESIAN = """P[9]{
@@ -71,10 +71,10 @@ def test_joint_3_from_the_ground(fanuc, refused):
     assert joints(found)[1, 2] - joints(found)[0, 2] == pytest.approx(15)
     np.testing.assert_array_equal(joints(found)[:, 2], rows[:, 2] + rows[:, 1])
     np.testing.assert_array_equal(np.delete(joints(found), 2, axis=1), np.delete(rows, 2, axis=1))
-    assert J3_TOLD in found.understood
+    assert J3_NOTE in found.understood
     plain = fanuc(text, j3="link")
     np.testing.assert_array_equal(joints(plain), rows)
-    assert J3_TOLD not in plain.understood
+    assert J3_NOTE not in plain.understood
     assert "reference of joint 3" in refused(fanuc, text, j3="base").what
 
 

@@ -116,7 +116,7 @@ def test_any_side_will_do_where_none_is_stated():
 def test_the_counts_add_up(tool):
     own = found(tool)
     assert added_up(own)
-    assert f"300 of {own.drawn} postures are left" in own.told()
+    assert f"300 of {own.drawn} postures are left" in own.in_words()
     assert min(own.removed.values()) >= 0
 
 
@@ -143,10 +143,10 @@ def test_where_nothing_is_left_it_says_what_took_how_many(tool, place, changes, 
     assert len(own.postures) == 0
     assert own.postures.shape == (0, 6)
     assert added_up(own)
-    assert f"0 of {own.drawn} postures are left" in own.told()
+    assert f"0 of {own.drawn} postures are left" in own.in_words()
     (count,) = (count for key, count in own.removed.items() if reason in key)
     assert count > 30
-    assert f"{count} " in own.told()
+    assert f"{count} " in own.in_words()
 
 
 def test_a_lid_over_the_target():
@@ -156,7 +156,7 @@ def test_a_lid_over_the_target():
     )
     assert len(own.postures) == 0
     assert own.removed["have a box in the beam's way"] > 300
-    assert "have a box in the beam's way" in own.told()
+    assert "have a box in the beam's way" in own.in_words()
 
 
 def test_progress_is_told():

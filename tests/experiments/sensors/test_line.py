@@ -12,7 +12,7 @@ from zerobeam.experiments.sensors.line import (
     heard,
     read_sample,
     sample_of,
-    told,
+    sealed,
 )
 
 SAMPLE = Sample(65535, 9999, (-8388608, 8388607, 0, -12))
@@ -20,12 +20,12 @@ SAMPLE = Sample(65535, 9999, (-8388608, 8388607, 0, -12))
 
 def test_the_checksum_is_the_documented_one() -> None:
     """Its check value (Williams, A painless guide to CRC error detection algorithms)."""
-    assert told("123456789") == b"123456789*29B1\n"
-    assert told("D 7 0 1200 1189 1203 1190") == b"D 7 0 1200 1189 1203 1190*6F48\n"
+    assert sealed("123456789") == b"123456789*29B1\n"
+    assert sealed("D 7 0 1200 1189 1203 1190") == b"D 7 0 1200 1189 1203 1190*6F48\n"
 
 
 def test_a_sample_comes_back_as_it_was() -> None:
-    line = told(read_sample(SAMPLE))
+    line = sealed(read_sample(SAMPLE))
     assert len(line) <= LONGEST
     for end in (b"\n", b"\r\n", b""):
         body = heard(line.rstrip(b"\n") + end)
@@ -35,7 +35,7 @@ def test_a_sample_comes_back_as_it_was() -> None:
 
 
 def test_no_changed_character_and_no_missing_one_goes_unnoticed() -> None:
-    line = told(read_sample(SAMPLE)).rstrip()
+    line = sealed(read_sample(SAMPLE)).rstrip()
     for at in range(len(line)):
         assert heard(line[:at]) is None
         assert heard(line[:at] + line[at + 1 :]) is None
@@ -59,6 +59,6 @@ def test_no_changed_character_and_no_missing_one_goes_unnoticed() -> None:
     ],
 )
 def test_a_line_whose_checksum_is_right_is_not_yet_a_sample(body: str) -> None:
-    assert heard(told(body)) == body
+    assert heard(sealed(body)) == body
     assert sample_of(body) is None
     assert sample_of("D 1 0 5 6 7 8") == Sample(1, 0, (5, 6, 7, 8))

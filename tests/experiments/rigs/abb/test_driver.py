@@ -286,7 +286,7 @@ def test_other_motion_tasks_are_refused(
     controller: SimulatedController, rig: AbbRig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """MultiMove: the library would deactivate them without a word."""
-    told = resources._told
+    told = resources._states_of
 
     def two(there: irc5.Irc5, asked: resources.Asked) -> tuple[resources.State, ...]:
         states = told(there, asked)
@@ -295,7 +295,7 @@ def test_other_motion_tasks_are_refused(
         other = {**states[0].values, "name": "T_ROB2", "active": "On" if active else "Off"}
         return (*states, replace(states[0], title="T_ROB2", values=other))
 
-    monkeypatch.setattr(resources, "_told", two)
+    monkeypatch.setattr(resources, "_states_of", two)
     active = True
     with pytest.raises(
         RigFault, match=r"other motion tasks are active \(T_ROB2\), this rig drives the arm of"
