@@ -145,7 +145,7 @@ def test_parallel_pairs_are_left_out_and_told():
     assert fit.available
     assert np.isfinite(fit.x).all()
     assert fit.message.startswith("2 of 21 pairs of beams are parallel")
-    assert "shots 0 and 5" in fit.message
+    assert "measurements 0 and 5" in fit.message
     middles, _ = _Middles.of(problem)
     assert middles.at(fit.x[None], problem.joints[None])[0].shape == (1, 19, 3)
 

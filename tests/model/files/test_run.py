@@ -214,7 +214,7 @@ def test_with_limits_warn_the_shots_are_named_and_used(run_file):
     run = read_run(run_file(text(*rows, limits="warn")))
     assert len(run.shots) == 3
     assert run.warnings == (
-        "joint 5 is outside its limits (-115 to 115 deg), up to -130, in 2 of 3 shots: 7, 9",
+        "joint 5 is outside its limits (-115 to 115 deg), up to -130, in 2 of 3 measurements: 7, 9",
     )
 
 
@@ -283,7 +283,7 @@ def test_a_distance_to_an_unknown_target(run_file, refused):
 def test_targets_of_the_header_that_no_shot_has_are_told(run_file):
     run = read_run(run_file(text(*FOUR, targets={"psd": {}, "bb": {}})))
     assert len(run.warnings) == 2
-    assert "'bb', but no shot" in run.warnings[0]
+    assert "'bb', but no measurement" in run.warnings[0]
     assert "'b' is not among" in run.warnings[1]
 
 
@@ -335,5 +335,5 @@ def test_shots_of_one_and_the_same_posture_are_refused(run_file):
     same = [shot(number, joints_deg=JOINTS) for number in range(5)]
     with pytest.raises(BadInput, match="are of one posture") as refused:
         read_run(run_file(text(*same))).require_analysable()
-    assert "5 shots" in str(refused.value)
+    assert "5 measurements" in str(refused.value)
     read_run(run_file(text(*same, shot(5)))).require_analysable()
