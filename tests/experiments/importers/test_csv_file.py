@@ -187,7 +187,7 @@ def test_limits_warn_is_respected(tmp_path, header, out):
     far[1, 4] = 140
     header.write_text(HEADER + "limits: warn\n")
     found = import_csv([csv(tmp_path, "a.csv", far)], ["one"], CsvLayout("deg"), header, out)
-    assert found.understood[-1].endswith("up to 140, in 1 of 3 shots: 1")
+    assert found.understood[-1].endswith("up to 140, in 1 of 3 measurements: 1")
 
 
 SCARA = """
@@ -266,4 +266,4 @@ def test_the_arm_that_goes_beyond_its_limits(shared_data, tmp_path, out, refused
     write_run(out, found.header, found.shots)
     (warning,) = read_run(out).warnings
     assert warning.startswith("joint 6 is outside its limits (-119.748 to 119.748 deg), up to -157.128")
-    assert "in 33 of 137 shots" in warning
+    assert "in 33 of 137 measurements" in warning
