@@ -3,7 +3,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from plain_model import DESIGNED, by_complex_step, turn
+from plain_model import DESIGNED, TABLE_1, by_complex_step, turn
 from plain_model import arm as plain_arm
 from scipy.spatial.transform import Rotation
 
@@ -59,17 +59,9 @@ def test_irb1600_wrist_centre_against_the_closed_form(q):
 
 
 def test_irb1600_against_equation_1_written_out():
-    rows = [
-        (150, -90, 486.5, 0),
-        (700, 0, 0, -90),
-        (0, 90, 0, 180),
-        (0, -90, 600, 0),
-        (0, 90, 0, 0),
-        (0, 0, 0, 0),
-    ]
     q = [12.0, -34.0, 56.0, -78.0, 90.5, 210.0]
     expected = np.eye(4)
-    for (a, alpha, d, theta), angle in zip(rows, q, strict=True):
+    for (a, alpha, d, theta), angle in zip(TABLE_1, q, strict=True):
         c, s = np.cos(np.radians(theta + angle)), np.sin(np.radians(theta + angle))
         ca_, sa = np.cos(np.radians(alpha)), np.sin(np.radians(alpha))
         expected = expected @ [

@@ -72,12 +72,14 @@ def disagreeing() -> Json:
     return answer
 
 
+def _harmful(answer: Json) -> Json:
+    harm = {"title": HOSTILE_NAMES[0], "headline": HOSTILE_NAMES[1], "notes": [*HOSTILE_NAMES]}
+    return answer | harm
+
+
 def hostile() -> Json:
     """Names and words that would do harm if they were markup, a path or a command."""
-    answer = agreeing()
-    answer["title"] = HOSTILE_NAMES[0]
-    answer["headline"] = HOSTILE_NAMES[1]
-    answer["notes"] = list(HOSTILE_NAMES)
+    answer = _harmful(agreeing())
     answer["versions"][HOSTILE_NAMES[0]] = HOSTILE_NAMES[1]
     for plan, name, robot in zip(answer["plans"], HOSTILE_NAMES, reversed(HOSTILE_NAMES), strict=False):
         plan["name"], plan["robot"], plan["words"] = name, robot, HOSTILE_NAMES[1]
@@ -245,13 +247,7 @@ def cell_study() -> Json:
 
 def hostile_cell() -> Json:
     """Harmful names; a plan without any result, one beyond the limit, a control that is not seen to fail."""
-    answer = cell_study()
-    answer["agrees"] = False
-    answer["title"], answer["headline"], answer["notes"] = (
-        HOSTILE_NAMES[0],
-        HOSTILE_NAMES[1],
-        [*HOSTILE_NAMES],
-    )
+    answer = _harmful(cell_study()) | {"agrees": False}
     for plan, name, robot in zip(answer["plans"], HOSTILE_NAMES, reversed(HOSTILE_NAMES), strict=False):
         plan["name"], plan["robot"], plan["words"], plan["sentence"] = name, robot, name, HOSTILE_NAMES[7]
         plan["parameters"][1]["name"] = HOSTILE_NAMES[0]
@@ -383,13 +379,7 @@ def table2_study() -> Json:
 
 def hostile_table2() -> Json:
     """Harmful names; a plan for which no joint noise could be found, and nothing was simulated."""
-    answer = table2_study()
-    answer["agrees"] = False
-    answer["title"], answer["headline"], answer["notes"] = (
-        HOSTILE_NAMES[0],
-        HOSTILE_NAMES[1],
-        [*HOSTILE_NAMES],
-    )
+    answer = _harmful(table2_study()) | {"agrees": False}
     answer["paper"]["offsets"][1], answer["paper"]["notes"] = HOSTILE_NAMES[3], [*HOSTILE_NAMES]
     for plan, name in zip(answer["plans"], HOSTILE_NAMES, strict=False):
         plan["name"], plan["words"], plan["sentence"] = name, name, HOSTILE_NAMES[7]

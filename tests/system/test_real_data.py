@@ -246,5 +246,5 @@ def test_dinova_1_whose_misfit_is_said_loudly(dinova_1: Analysed) -> None:
 def test_dinova_1_beyond_its_limits_is_told_with_the_joint_and_the_shots(dinova_1: Analysed) -> None:
     (told,) = (note for note in dinova_1.answer["notes"] if "outside its limits" in note)
     assert told.startswith("joint 6 is outside its limits (-119.748 to 119.748 deg), up to -157.128")
-    assert "in 33 of 137 shots: 12, 13," in told
+    assert "in 33 of 137 measurements: 12, 13," in told
     assert "joint 6 is outside its limits" in dinova_1.import_told.out
