@@ -104,7 +104,7 @@ def measure(title: str, run: Path, repeat: int) -> None:
 
 
 def panda_2(data: Path, folder: Path) -> Path:
-    """A run file of the panda_2 recordings: a ball in two sockets 50 mm apart, the tool point free."""
+    """A run file of the panda_2 recordings: a ball in two sockets 50 mm apart, the TCP free."""
     postures = {
         f"{file.parent.name}_{file.stem}": [[float(v) for v in row] for row in csv.reader(file.open())]
         for file in sorted(data.glob("mukca/panda_2/*/hole_*.csv"))

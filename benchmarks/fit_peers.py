@@ -4,7 +4,7 @@
 
 runs in the environment of the peers and prints one line of JSON: the optimum `x`, the `seconds` of each fit,
 and how often it `asked` for residuals and Jacobians. The file holds `joints` (N, 6) rad, `spots` (N, 2) mm,
-`factor` (N, 2, 2) the Cholesky factors of the misses' covariances, and `mean`, `std`, `start`, `mode` (8,)
+`factor` (N, 2, 2) the Cholesky factors of the residuals' covariances, and `mean`, `std`, `start`, `mode` (8,)
 rad and mm of the unknowns: the offsets 2 to 6 and the target.
 """
 
@@ -54,7 +54,7 @@ def frames(joints: Array, delta: Array) -> list[Array]:
 
 
 class Cost:
-    """Half the sum of squares of the whitened misses and of the priors, over x (8,) rad and mm."""
+    """Half the sum of squares of the whitened residuals and of the priors, over x (8,) rad and mm."""
 
     def __init__(self, data: Mapping[str, Array]) -> None:
         self.joints, self.spots, self.start, self.mode = (

@@ -2,8 +2,8 @@
 
 The run is the built-in `good` one: 7 shots of the irb1600, the offsets 2 to 6 and the target unknown.
 zerobeam climbs to the posterior's mode, with weights that move with the parameters. The peers are given less
-to do: the sum of squares of the priors and of the misses whitened by the weights of our mode. Each runs until
-it stops by itself; its distance from the optimum of that cost is told in posterior standard deviations.
+to do: the sum of squares of the priors and of the residuals whitened by the weights of our mode. Each runs until
+it stops by itself; its distance from the optimum of that cost is stated in posterior standard deviations.
 
 The peers get an environment of their own; without it scipy alone is compared.
 
@@ -81,7 +81,7 @@ def shared_optimum(problem: Problem, fit: LikelihoodFit) -> Matrix:
 
 
 def cost_data(problem: Problem, fit: LikelihoodFit) -> dict[str, Matrix]:
-    """What the peers are told (see fit_peers.py), the start being the one that zerobeam takes itself."""
+    """What the peers get (see fit_peers.py), the start being the one that zerobeam takes itself."""
     parameters = problem.parameters
     free = parameters.free
     return {

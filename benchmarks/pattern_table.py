@@ -1,9 +1,9 @@
-"""The paper's section 3.2 in numbers: what its two patterns tell, by how far the PSD stands aside.
+"""The paper's section 3.2 in numbers: what its two patterns determine, by the PSD's lateral position.
 
     .venv/bin/python benchmarks/pattern_table.py
 
 Prints the table of docs/paper.md: data_std of delta2 ... delta6 in degrees for the built-in arm, a calibrated
-laser along the flange's x axis, seven shots and the PSD at x = 900 mm, z = 0. Nothing is drawn by chance.
+laser along the flange's x axis, seven shots and the PSD at x = 900 mm, z = 0. Nothing is random.
 """
 
 from __future__ import annotations
