@@ -2,8 +2,9 @@
 
 The run is the built-in `good` one: 7 shots of the irb1600, the offsets 2 to 6 and the target unknown.
 zerobeam climbs to the posterior's mode, with weights that move with the parameters. The peers are given less
-to do: the sum of squares of the priors and of the residuals whitened by the weights of our mode. Each runs until
-it stops by itself; its distance from the optimum of that cost is stated in posterior standard deviations.
+to do: the sum of squares of the priors and of the residuals whitened by the weights of our mode. Each runs
+until it stops by itself; its distance from the optimum of that cost is stated in posterior standard
+deviations.
 
 The peers get an environment of their own; without it scipy alone is compared.
 
