@@ -8,15 +8,22 @@
 PYTHON ?= python3
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+TYPES := $(BIN)/mypy --no-error-summary -p zerobeam
 
-.PHONY: demo test test-long docs lint format clean
+# The tests start the program many times over: compiled once, by whoever comes first.
+unexport PYTHONDONTWRITEBYTECODE
+
+.PHONY: demo test test-long docs lint style format clean
 .DELETE_ON_ERROR:
 
 demo: .venv/installed
 	@$(BIN)/zerobeam demo
 
-test: lint
-	@$(BIN)/pytest -n auto --dist worksteal -m "not long"
+# Types are checked beside the tests; what was found is told below theirs.
+test: style
+	@$(TYPES) >build/types.txt & types=$$!; \
+	$(BIN)/pytest -n auto --dist worksteal -m "not long"; tests=$$?; \
+	wait $$types || { cat build/types.txt; exit 1; }; exit $$tests
 
 test-long: .venv/installed-test
 	@$(BIN)/pytest -m long
@@ -24,8 +31,11 @@ test-long: .venv/installed-test
 docs: .venv/installed-docs
 	@$(BIN)/python docs/build.py
 
+lint: style
+	@$(TYPES)
+
 # mypy wants to find the package under its name, and an editable install hides it: link the rooms.
-lint: .venv/installed-test
+style: .venv/installed-test
 	@$(BIN)/ruff check --quiet .
 	@$(BIN)/ruff format --quiet --check .
 	@rm -rf build/typing && mkdir -p build/typing/zerobeam
@@ -33,7 +43,6 @@ lint: .venv/installed-test
 		ln -s "$(CURDIR)/$${part%/}" build/typing/zerobeam/; done
 	@PYTHONPATH=build/typing $(BIN)/lint-imports --no-cache --no-logo >build/imports.txt || \
 		{ cat build/imports.txt; exit 1; }
-	@$(BIN)/mypy --no-error-summary -p zerobeam
 
 format: .venv/installed-test
 	@$(BIN)/ruff check --quiet --fix .

@@ -16,7 +16,7 @@ from zerobeam.model.errors import BadInput
 # Combinations that `make test` leaves to `make test-long`: by test, those whose parameters match.
 AT_LENGTH = {
     "test_the_gradients_against_complex_steps_of_the_plain_terms": r"-(none|relative)$",
-    "test_sums_over_shots_by_both_paths": r"^terms-",
+    "test_sums_over_shots_by_both_paths": r"^terms-|^slopes-(?!irb1600|gantry)",
     "test_rows_by_both_paths": r"^(?!irb1600|gantry)",
     "test_without_a_compiler_the_numbers_are_the_same": r"^(?!irb1600|gantry)",
     "test_the_p_values_are_uniform": r"^two",
