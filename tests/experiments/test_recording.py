@@ -74,6 +74,13 @@ def plan(tmp_path_factory: pytest.TempPathFactory) -> Plan:
     return read_plan(plan_file(folder / "plan.yaml", good_plan(7)))
 
 
+@pytest.fixture(scope="module")
+def quick(plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Path]:
+    """The answer and the recording of an unbroken run, which no test may change."""
+    file = tmp_path_factory.mktemp("quick") / "run.jsonl"
+    return record(plan, file, QUICK, silent), file
+
+
 @pytest.fixture
 def short_plan(tmp_path: Path) -> Plan:
     return read_plan(plan_file(tmp_path / "short.yaml", good_plan(5)))
@@ -118,14 +125,15 @@ def test_killed_at_any_instant_no_shot_is_lost_and_the_run_ends_the_same(
 @posix
 @pytest.mark.parametrize("before", [[], DEAF], ids=["heard", "ignored"])
 def test_a_request_to_end_stops_the_motion_and_says_how_to_go_on(
-    tmp_path: Path, plan: Plan, before: list[str]
+    tmp_path: Path, plan: Plan, quick: tuple[dict[str, Any], Path], before: list[str]
 ) -> None:
     """Ctrl-C and SIGTERM, as a person sees them: no traceback, the journal whole, the run resumed.
 
     It is the same where whoever started the run ignores both.
     """
     file = tmp_path / "run.jsonl"
-    command = [*before, *ZEROBEAM, "run", str(plan.path), "-o", str(file), "--seed", "4", "--json-lines"]
+    command = [*before, *ZEROBEAM, "run", str(plan.path), "-o", str(file), "--seed", "4", "--no-camera"]
+    command.append("--json-lines")
     for number in (signal.SIGINT, signal.SIGTERM):
         own = [*command, "--resume"] if file.exists() else command
         with child(own, stderr=subprocess.PIPE) as process:
@@ -144,17 +152,19 @@ def test_a_request_to_end_stops_the_motion_and_says_how_to_go_on(
         assert events[-1] == {"event": "stopped", "why": "interrupted"}
     made = len(read_run(file).shots)
     assert 2 <= made < 7
-    record(plan, file, RunRequest("simulated", seed=4, resume=True), silent)
-    record(plan, tmp_path / "unbroken.jsonl", RunRequest("simulated", seed=4), silent)
-    assert file.read_bytes() == (tmp_path / "unbroken.jsonl").read_bytes()
+    record(plan, file, replace(QUICK, resume=True), silent)
+    assert file.read_bytes() == quick[1].read_bytes()
 
 
-def test_a_run_with_pictures_is_resumed_to_the_same_bytes(tmp_path: Path, plan: Plan) -> None:
+@pytest.mark.parametrize("kept_rows", [(6, 8), pytest.param((1, 3), marks=pytest.mark.long)])
+def test_a_run_with_pictures_is_resumed_to_the_same_bytes(
+    tmp_path: Path, plan: Plan, kept_rows: tuple[int, ...]
+) -> None:
     request = RunRequest("simulated", seed=2)
     record(plan, tmp_path / "unbroken.jsonl", request, silent)
     whole = (tmp_path / "unbroken.jsonl").read_bytes()
     rows = whole.splitlines(keepends=True)
-    for kept in (1, 3, 6, 8):
+    for kept in kept_rows:
         file = tmp_path / f"{kept}.jsonl"
         file.write_bytes(b"".join(rows[:kept]) + (rows[kept][:50] if kept < len(rows) else b""))
         answer = record(plan, file, RunRequest("simulated", seed=2, resume=True), silent)
@@ -162,12 +172,14 @@ def test_a_run_with_pictures_is_resumed_to_the_same_bytes(tmp_path: Path, plan: 
         assert any("torn" in note for note in answer["notes"]) == (kept < len(rows))
 
 
-def test_an_adaptive_run_is_resumed_to_the_same_bytes(tmp_path: Path, plan: Plan) -> None:
+@pytest.mark.parametrize("step", [3, pytest.param(1, marks=pytest.mark.long)])
+def test_an_adaptive_run_is_resumed_to_the_same_bytes(tmp_path: Path, plan: Plan, step: int) -> None:
+    """After every row, or every third."""
     request = RunRequest("simulated", seed=2, camera=False, tolerance=0.03)
     answer = record(plan, tmp_path / "unbroken.jsonl", request, silent)
     whole = (tmp_path / "unbroken.jsonl").read_bytes()
     rows = whole.splitlines(keepends=True)
-    for kept in range(1, len(rows)):
+    for kept in range(2 if step > 1 else 1, len(rows), step):
         file = tmp_path / f"{kept}.jsonl"
         file.write_bytes(b"".join(rows[:kept]))
         again = RunRequest("simulated", seed=2, camera=False, tolerance=0.03, resume=True)
@@ -176,9 +188,9 @@ def test_an_adaptive_run_is_resumed_to_the_same_bytes(tmp_path: Path, plan: Plan
 
 
 def test_the_answer_is_that_of_the_shots_and_names_no_offset_that_they_cannot_tell(
-    tmp_path: Path, plan: Plan
+    tmp_path: Path, quick: tuple[dict[str, Any], Path]
 ) -> None:
-    answer = record(plan, tmp_path / "run.jsonl", QUICK, silent)
+    answer, file = quick
     assert answer["schema"] == "zerobeam/carried/1"
     weak = any(row["status"] == "weak" for row in answer["parameters"])
     assert answer["verdict"] == ("weak" if weak else "pass")
@@ -186,7 +198,7 @@ def test_the_answer_is_that_of_the_shots_and_names_no_offset_that_they_cannot_te
     by_name = {row["name"]: row for row in answer["parameters"]}
     assert by_name["delta1"]["status"] == "held"
     assert by_name["delta1"]["std"] is None
-    run = read_run(tmp_path / "run.jsonl")
+    run = read_run(file)
     for i in range(2, 7):
         row = by_name[f"delta{i}"]
         truth = float(run.header.provenance[f"true delta{i} (deg)"])
@@ -212,10 +224,12 @@ def test_the_provenance_says_what_it_was_made_of(tmp_path: Path, plan: Plan) -> 
     assert len(str(provenance["cell sha256"])) == 64
 
 
-def test_another_plan_seed_or_cell_cannot_go_on_with_a_run(tmp_path: Path, plan: Plan) -> None:
+def test_another_plan_seed_or_cell_cannot_go_on_with_a_run(
+    tmp_path: Path, plan: Plan, quick: tuple[dict[str, Any], Path]
+) -> None:
     file = tmp_path / "run.jsonl"
-    record(plan, file, QUICK, silent)
-    before = file.read_bytes()
+    before = quick[1].read_bytes()
+    file.write_bytes(before)
     other = read_plan(plan_file(tmp_path / "other.yaml", good_plan(8)))
     cell = tmp_path / "cell.yaml"
     cell.write_text("schema: zerobeam/cell/1\n")
@@ -266,9 +280,11 @@ def test_a_probe_is_led_by_hand(tmp_path: Path) -> None:
         record(plan, tmp_path / "other.jsonl", RunRequest("simulated", tolerance=0.1), silent)
 
 
-def test_a_recorded_run_is_replayed_to_the_same_answer(tmp_path: Path, plan: Plan) -> None:
-    told = record(plan, tmp_path / "run.jsonl", QUICK, silent)
-    replay = RunRequest("replay", recording=tmp_path / "run.jsonl")
+def test_a_recorded_run_is_replayed_to_the_same_answer(
+    tmp_path: Path, plan: Plan, quick: tuple[dict[str, Any], Path]
+) -> None:
+    told, recorded = quick
+    replay = RunRequest("replay", recording=recorded)
     answer = record(plan, tmp_path / "again.jsonl", replay, silent)
     for row, other in zip(answer["parameters"], told["parameters"], strict=True):
         if row["estimate"] is not None:

@@ -16,7 +16,7 @@ from zerobeam.model.errors import BadInput
 from zerobeam.model.problem import Problem
 
 SEED = 3
-COUNT = 200
+COUNT = 100
 
 
 @pytest.fixture(scope="module")
@@ -130,7 +130,7 @@ def test_the_structure(two):
 
 
 def test_the_errors_are_as_large_as_predicted(two):
-    """Of the good plan: rmse over the predicted std within 3.5 standard errors of a std from 200 errors."""
+    """Of the good plan: rmse over the predicted std within 3.5 standard errors of a std from so many errors."""
     answer, _ = two
     for name in ("likelihood", "posterior"):
         for row in estimators(answer["plans"][0])[name]["parameters"]:
@@ -139,13 +139,13 @@ def test_the_errors_are_as_large_as_predicted(two):
 
 
 def test_the_same_seed_gives_the_same_study(plans):
-    (first, _), (again, _), (other, _) = (study_of(plans, ["weak"], 40, seed) for seed in (1, 1, 2))
+    (first, _), (again, _), (other, _) = (study_of(plans, ["weak"], 10, seed) for seed in (1, 1, 2))
     assert without_clock(first) == without_clock(again)
     assert first["plans"] != other["plans"]
 
 
 def test_a_study_that_was_stopped_goes_on_with_the_next_plan(plans, tmp_path, monkeypatch):
-    whole, _ = study_of(plans, ["good", "weak"], 40)
+    whole, _ = study_of(plans, ["good", "weak"], 10)
     store, worked = tmp_path / "own.cases.jsonl", []
     monkeypatch.setattr(coverage, "studied_plans", lambda seed: [plans["good"], plans["weak"]])
     studied = coverage._studied
@@ -158,12 +158,12 @@ def test_a_study_that_was_stopped_goes_on_with_the_next_plan(plans, tmp_path, mo
 
     monkeypatch.setattr(coverage, "_studied", stopped)
     with pytest.raises(KeyboardInterrupt):
-        coverage_study(40, SEED, lambda *_: None, store=store)
-    resumed = to_json(coverage_study(40, SEED, lambda *_: None, store=store))
+        coverage_study(10, SEED, lambda *_: None, store=store)
+    resumed = to_json(coverage_study(10, SEED, lambda *_: None, store=store))
     assert worked == ["good", "weak", "weak"]
     assert without_clock(resumed) == without_clock(whole)
     with pytest.raises(BadInput, match="of another study: data_sets differs"):
-        coverage_study(50, SEED, lambda *_: None, store=store)
+        coverage_study(11, SEED, lambda *_: None, store=store)
 
 
 @pytest.mark.long
