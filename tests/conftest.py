@@ -16,6 +16,9 @@ from zerobeam.model.errors import BadInput
 # Combinations that `make test` leaves to `make test-long`: by test, those whose parameters match.
 AT_LENGTH = {
     "test_the_gradients_against_complex_steps_of_the_plain_terms": r"-(none|relative)$",
+    "test_the_gradients_against_differences_of_the_terms": r"-(modified|scara|bent)$",
+    "test_every_input_and_output_is_named": r"-(modified|scara|bent)$",
+    "test_the_weight_multiplies_all_that_a_shot_adds": r"-(modified|scara|bent)-",
     "test_sums_over_shots_by_both_paths": r"^terms-|^slopes-(?!irb1600|gantry)",
     "test_rows_by_both_paths": r"^(?!irb1600|gantry)",
     "test_without_a_compiler_the_numbers_are_the_same": r"^(?!irb1600|gantry)",
@@ -58,12 +61,15 @@ def kernel_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """Folder of compiled kernels for all tests of one session, and not the user's own.
 
     The workers of pytest-xdist share it: a kernel is compiled once (or, in a race, twice), not once a worker.
+    So it is for what `tests/support/made_once.py` keeps, beside it.
     """
     base = tmp_path_factory.getbasetemp()
-    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "kernels"
-    folder.mkdir(exist_ok=True)
+    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    folder, made = shared / "kernels", shared / "made"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ZEROBEAM_CACHE", str(folder))
+        for name, path in (("ZEROBEAM_CACHE", folder), ("ZEROBEAM_TESTS_MADE", made)):
+            path.mkdir(exist_ok=True)
+            patch.setenv(name, str(path))
         yield folder
 
 

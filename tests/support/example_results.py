@@ -7,11 +7,12 @@ import functools
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from unittest.mock import patch
 
 import numpy as np
 from cells import OPEN_LASER, TABLE_2, good_plan, header, irb1600, plan_of, simulated, varied_postures
+from made_once import made_once
 
 from zerobeam.analysis.analyse import Analysis, analyse
 from zerobeam.analysis.observability.causes import NullDirection, TargetUnseen
@@ -211,14 +212,25 @@ def _hostile() -> Analysis:
     return replace(found, result=replace(found.result, identifiability=facts))
 
 
-_MADE: dict[str, Analysis] = {}
+class Example(NamedTuple):
+    """What reports are made of."""
+
+    result: Result
+    draws: Draws | None
 
 
-def analysed(name: str) -> Analysis:
-    """The whole analysis of an example, once in a session."""
+_MADE: dict[str, Example] = {}
+
+
+def analysed(name: str) -> Example:
+    """An example, made once in a session."""
     if name not in _MADE:
-        _MADE[name] = _MAKERS[name]()
+        _MADE[name] = made_once(f"example {name}", lambda: _shown(_MAKERS[name]()))
     return _MADE[name]
+
+
+def _shown(found: Analysis) -> Example:
+    return Example(found.result, found.draws)
 
 
 _MAKERS: dict[str, Callable[[], Analysis]] = {
@@ -303,4 +315,4 @@ def drawn(result: Result, of: Draws | None = None) -> dict[str, Picture]:
 
 @functools.cache
 def _drawn_once(name: str) -> dict[str, Picture]:
-    return pictures(EXAMPLES[name], analysed(name).draws)
+    return made_once(f"figures of {name}", lambda: pictures(EXAMPLES[name], analysed(name).draws))

@@ -3,6 +3,7 @@ import json
 import numpy as np
 import pytest
 from cells import PROBE, TABLE_2, good_plan, simulated_problem
+from made_once import made_once
 from scipy import stats
 
 from zerobeam.analysis.estimation.fit import fit_likelihood
@@ -35,7 +36,7 @@ def study_of(plans, names, count=COUNT, seed=SEED):
 
 @pytest.fixture(scope="module")
 def two(plans):
-    return study_of(plans, ["good", "degenerate"])
+    return made_once("coverage", lambda: study_of(plans, ["good", "degenerate"]))
 
 
 def estimators(plan):
@@ -130,7 +131,7 @@ def test_the_structure(two):
 
 
 def test_the_errors_are_as_large_as_predicted(two):
-    """Of the good plan: rmse over the predicted std within 3.5 standard errors of a std from so many errors."""
+    """Of the good plan: rmse over the predicted std within 3.5 standard errors of that many errors' std."""
     answer, _ = two
     for name in ("likelihood", "posterior"):
         for row in estimators(answer["plans"][0])[name]["parameters"]:

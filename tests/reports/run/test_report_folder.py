@@ -12,13 +12,35 @@ from pathlib import Path
 import pytest
 from example_results import draws, good, hostile, unconverged, x_pattern
 
+from zerobeam.analysis.posterior.posterior import Draws
+from zerobeam.analysis.result import Result
 from zerobeam.analysis.status import UnsoundResult
 from zerobeam.model.errors import BadInput
 from zerobeam.reports.output import whole_folder
+from zerobeam.reports.run import report_page
 from zerobeam.reports.run.report_folder import write_report
+from zerobeam.reports.run.report_page import pictures as pictures_of
+from zerobeam.reports.style.canvas import Picture
 from zerobeam.reports.words.result_json import to_json
 
 Refused = Callable[..., BadInput]
+
+
+@pytest.fixture(autouse=True)
+def drawn_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are drawn once for all tests of the folder, which are about its files."""
+    monkeypatch.setattr(report_page, "pictures", pictures_once)
+
+
+_DRAWN: list[tuple[Result, Draws | None, dict[str, Picture]]] = []
+
+
+def pictures_once(result: Result, of: Draws | None) -> dict[str, Picture]:
+    for own, own_draws, pictures in _DRAWN:
+        if own is result and own_draws is of:
+            return pictures
+    _DRAWN.append((result, of, pictures_of(result, of)))
+    return _DRAWN[-1][2]
 
 
 def everything(root: Path) -> set[str]:

@@ -16,6 +16,7 @@ import pypdf
 import pytest
 from chromium import chromium
 from example_studies import FORBIDDEN, agreeing, cell_study, disagreeing, hostile, typed
+from made_once import made_once
 from pages import Page, assert_fetches_nothing
 from study_text import cells, tables_of, text_of, texts_of, words
 
@@ -50,8 +51,8 @@ WHOLE = {
 
 @functools.cache
 def drawn_of(name: str) -> dict[str, Picture]:
-    answer = ANSWERS[name]()
-    return study_of(typed(answer)).pictures(typed(answer))
+    answer = typed(ANSWERS[name]())
+    return made_once(f"figures of a study {name}", lambda: study_of(answer).pictures(answer))
 
 
 def draw_once(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
@@ -294,9 +295,7 @@ def test_a_study_with_made_up_numbers_cannot_be_made(estimator: int) -> None:
 # ── one file, no network, names as text ───────────────────────────────────────────────────────
 
 
-@pytest.mark.parametrize(
-    "name", ["agreeing", pytest.param("disagreeing", marks=pytest.mark.long), "hostile"]
-)
+@pytest.mark.parametrize("name", ["agreeing", pytest.param("disagreeing", marks=pytest.mark.long), "hostile"])
 def test_the_page_is_one_well_formed_file_that_fetches_nothing(name: str) -> None:
     text = page_of(ANSWERS[name](), drawn_of(name))
     page = Page(text)
