@@ -50,7 +50,7 @@ class NoSource(Exception):
     """The function has an operation for which there is no C here."""
 
 
-def grid_source(function: ca.Function, hoisted: Collection[str]) -> str:
+def grid_source(function: ca.Function, hoisted: Collection[str], *, gram: bool = False) -> str:
     """C source with `zb_sum`: for each outer index the outputs, side by side, summed over the inner.
 
     `values[k] + o * step[k] + offset[k][i]` is where input k of element (o, i) starts, with row[k][o] for o
@@ -91,9 +91,24 @@ def grid_source(function: ca.Function, hoisted: Collection[str]) -> str:
         current[results[0]] = (name, fixed)
         (before if fixed else inside).append(f"V {name} = {text};")
     columns = sorted(sums)
-    first = [f"V s{c} = zb_all(0.0);" for c in columns]
+    first, store = [], []
+    if gram:
+        (d, f), start = (
+            function.size_out(function.n_out() - 1),
+            total - function.numel_out(function.n_out() - 1),
+        )
+        weight, size = sums[start - 1], f * (f + 1) // 2
+        root = ", ".join(sums[c] for c in columns if c >= start)
+        columns, total = [c for c in columns if c < start - 1], start - 1 + size
+        first.append(f"V g[{size}]; for (int c = 0; c < {size}; ++c) g[c] = zb_all(0.0);")
+        product = " + ".join(f"r[{d} * a + {k}] * r[{d} * b + {k}]" for k in range(d))
+        inside.append(f"V r[] = {{{root}}};")
+        inside.append(f"for (int a = 0, c = 0; a < {f}; ++a) for (int b = 0; b <= a; ++b, ++c)")
+        inside.append(f"  g[c] += {weight} * ({product});")
+        store.append(f"for (int c = 0; c < {size}; ++c) out[(o + l) * {total} + {start - 1} + c] = g[c][l];")
+    first += [f"V s{c} = zb_all(0.0);" for c in columns]
     add = [f"s{c} += {sums[c]};" for c in columns]
-    store = [f"out[(o + l) * {total} + {c}] = s{c}[l];" for c in columns]
+    store += [f"out[(o + l) * {total} + {c}] = s{c}[l];" for c in columns]
     return f"""{_HEAD}
 void zb_sum(const double **values, const long long *step, const long long **row,
             const long long **offset, long long outer, long long inner, double *out) {{

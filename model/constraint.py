@@ -37,9 +37,10 @@ class ShotFunctions:
     linear    (q, spot, delta, target, tool) -> m (d,), jacobian (d, n + 3 + k) by delta, target, tool
     terms     (turns, spot, weight, delta, target, tool, variances, stated) -> quad, logdet: weight times
               m' S^-1 m, and the log det of `log_det`
-    slopes    the same -> quad, logdet, their gradients (f,) and the lower triangle of the information
-              weight J' S^-1 J, row by row; f = n + 3 + k (and 2 for the logarithms of the noise factors of
-              joints and spot, where `log_det` is "relative")
+    slopes    the same -> quad, logdet, their gradients (f,), the lower triangle (3,) of the information on
+              the logarithms of the noise factors of joints and spot, root_weight, and root (d, n + 3 + k),
+              the whitened Jacobian: its kernel has weight root' root, the lower triangle row by row, in place
+              of the last two. f = n + 3 + k, and 2 for the noise factors where `log_det` is "relative"
     seen      (q, delta, target) -> y (3,), the target seen from the flange
     sighted   the same -> y (3,), jacobian (3, n) by the joints
     place     (q, delta, y) -> target (3,): the way back
@@ -78,7 +79,9 @@ class ShotFunctions:
         """The same as a fast callable, made once."""
         if (name, compile) not in self._kernels:
             hoisted = _HOISTED if name in ("terms", "slopes") else ()
-            self._kernels[name, compile] = Kernel(self.function(name), compile=compile, hoisted=hoisted)
+            self._kernels[name, compile] = Kernel(
+                self.function(name), compile=compile, hoisted=hoisted, gram=name == "slopes"
+            )
         return self._kernels[name, compile]
 
 
@@ -185,7 +188,7 @@ def _slopes(functions: ShotFunctions) -> ca.Function:
     n = functions.robot.n
     gradients = [ca.gradient(value, shot.free) for value in (shot.quad, shot.logdet)]
     whitened = _forward(shot.factor, shot.jacobian)
-    information = shot.weight * (whitened.T @ whitened)
+    noise_information = ca.SX(3, 1)
     if functions.log_det == "relative":
         # By the logarithm of a factor f of the std: d/d ln f = 2 sum of variance d/d variance; the
         # information of a normal's covariance is tr(S^-1 dS S^-1 dS) / 2 (its share in x is left out).
@@ -193,18 +196,16 @@ def _slopes(functions: ShotFunctions) -> ca.Function:
             own = 2 * shot.variances * ca.gradient(value, shot.variances)
             gradients[k] = ca.vertcat(gradients[k], ca.sum1(own[:n]), own[n])
         halves = [_forward(shot.factor, _forward(shot.factor, 2 * part).T) for part in shot.by_noise]
-        own_information = ca.vertcat(
-            *(ca.horzcat(*(shot.weight * ca.trace(a @ b.T) / 2 for b in halves)) for a in halves)
-        )
-        information = ca.diagcat(information, own_information)
-    lower = ca.vertcat(*(information[i, : i + 1].T for i in range(information.size1())))
-    outputs = ca.cse([shot.quad, shot.logdet, *gradients, lower])
+        joint, spot = halves
+        pairs = ((joint, joint), (spot, joint), (spot, spot))
+        noise_information = ca.vertcat(*(shot.weight * ca.trace(a @ b.T) / 2 for a, b in pairs))
+    outputs = ca.cse([shot.quad, shot.logdet, *gradients, noise_information, shot.weight, whitened])
     return ca.Function(
         "slopes",
         symbols,
         [ca.densify(value) for value in outputs],
         names,
-        ["quad", "logdet", "quad_gradient", "logdet_gradient", "information"],
+        ["quad", "logdet", "quad_gradient", "logdet_gradient", "noise_information", "root_weight", "root"],
     )
 
 

@@ -28,11 +28,22 @@ class Slopes(NamedTuple):
 
 class _Block(NamedTuple):
     """Of one target: `free` (m,) the columns among the free parameters, `local` (m,) among those of a shot,
-    `lower` (m, m) the place of each pair in the lower triangle of a shot's information, row by row."""
+    `lower` (r, r) where each pair of the first r is in the lower triangle of a residual's information, row by
+    row; the rest are noise factors, with `noise_lower` in the triangle of theirs."""
 
     free: Index
     local: Index
     lower: Index
+    noise_lower: Index
+
+    @property
+    def of_residual(self) -> Index:
+        """(r,) columns among the free parameters."""
+        return self.free[: len(self.lower)]
+
+    @property
+    def of_noise(self) -> Index:
+        return self.free[len(self.lower) :]
 
 
 class Density:
@@ -133,7 +144,9 @@ class Density:
             by_quad[:, block.free] += own[2][:, block.local]
             gradient[:, block.free] += own[3][:, block.local]
             if with_information:
-                information[:, block.free[:, None], block.free] += own[4][:, block.lower]
+                own_information = own[5][:, block.lower], own[4][:, block.noise_lower]
+                for places, part in zip((block.of_residual, block.of_noise), own_information, strict=True):
+                    information[:, places[:, None], places] += part
         if problem.noise.estimated:
             weight = self.numbers(of) / quad
             by_quad *= weight[:, None]
@@ -255,15 +268,21 @@ class Density:
         for k in range(len(self.problem.targets)):
             columns = parameters.of_shot(k)
             local = np.flatnonzero(parameters.free[columns])
-            rows, others = np.maximum(*np.ix_(local, local)), np.minimum(*np.ix_(local, local))
-            blocks.append(
-                _Block(parameters.among_free[columns[local]], local, rows * (rows + 1) // 2 + others)
-            )
+            size = len(parameters.of_shot(k, noise=False))
+            own, noise = local[local < size], local[local >= size] - size
+            free = parameters.among_free[columns[local]]
+            blocks.append(_Block(free, local, _lower(own), _lower(noise)))
         return blocks
 
     @cached_property
     def _scale_squared(self) -> Matrix:
         return np.outer(self._scale, self._scale)
+
+
+def _lower(places: Index) -> Index:
+    """(m, m) where each pair of `places` (m,) is in a lower triangle, row by row."""
+    rows, others = np.maximum.outer(places, places), np.minimum.outer(places, places)
+    return np.asarray(rows * (rows + 1) // 2 + others, dtype=np.int64)
 
 
 def _over(values: Matrix, of: Index | None, shots: Index | None) -> GridInput:

@@ -112,10 +112,17 @@ class Kernel:
     `compiled` says which path serves; `compile` True asks for C and falls back, with one
     KernelWarning, where no compiler is found or it fails. `hoisted` names inputs that do not change
     over the inner index of `sums`: what depends on them alone is then computed once for each outer one.
+    With `gram` the last two outputs, a number w and a matrix R, give one in their place: the lower triangle
+    of w R'R, row by row. Its many products are then a loop, and not as many lines to compile.
     """
 
     def __init__(
-        self, function: ca.Function, *, compile: bool = False, hoisted: Collection[str] = ()
+        self,
+        function: ca.Function,
+        *,
+        compile: bool = False,
+        hoisted: Collection[str] = (),
+        gram: bool = False,
     ) -> None:
         if not all(function.sparsity_out(k).is_dense() for k in range(function.n_out())):
             raise ValueError(f"{function.name()} has an output that is not dense")
@@ -123,9 +130,14 @@ class Kernel:
         self._hoisted = [k for k in range(function.n_in()) if function.name_in(k) in hoisted]
         self._in = [function.numel_in(k) for k in range(function.n_in())]
         self._out_shapes = [function.size_out(k) for k in range(function.n_out())]
+        self._own_out = [rows * columns for rows, columns in self._out_shapes]
+        self._gram = self._out_shapes[-1] if gram else None
+        if self._gram is not None:
+            size = self._gram[1]
+            self._out_shapes = [*self._out_shapes[:-2], (size * (size + 1) // 2, 1)]
         self._out = [rows * columns for rows, columns in self._out_shapes]
         self._maps: dict[int, ca.Function] = {}
-        self._library = _load(function, hoisted) if compile else None
+        self._library = _load(function, hoisted, gram) if compile else None
 
     @property
     def compiled(self) -> bool:
@@ -210,12 +222,15 @@ class Kernel:
             start = (row[:, None] * given.step + given.offsets.numbers).reshape(-1, 1)
             keep.append(given.values.reshape(-1)[start + np.arange(self._in[k])])
             buffer.set_arg(k, memoryview(keep[-1].reshape(-1)))  # type: ignore[call-arg]
-        outputs = [np.empty((count, size)) for size in self._out]
+        outputs = [np.empty((count, size)) for size in self._own_out]
         for k, output in enumerate(outputs):
             buffer.set_res(k, memoryview(output.reshape(-1)))  # type: ignore[call-arg, arg-type]
         evaluate()
         if buffer.ret():
             raise ArithmeticError(f"CasADi could not evaluate {self.function.name()}")
+        if self._gram is not None:
+            *outputs, weight, root = outputs
+            outputs.append(_lower_gram(weight, root.reshape(count, *self._gram[::-1])))
         flat = np.concatenate(outputs, axis=1)
         return flat if inner == 1 else flat.reshape(outer, inner, -1).sum(axis=1)
 
@@ -270,7 +285,16 @@ def cache_folder() -> Path:
     return Path(platformdirs.user_cache_dir("zerobeam"))
 
 
-def _load(function: ca.Function, hoisted: Collection[str]) -> ctypes.CDLL | None:
+def _lower_gram(weight: Matrix, root: Matrix) -> Matrix:
+    """(rows, f (f + 1) / 2) of weights (rows, 1) and R' (rows, f, d), the sums in the order of the C code."""
+    rows, others = np.tril_indices(root.shape[1])
+    total = root[:, rows, 0] * root[:, others, 0]
+    for k in range(1, root.shape[2]):
+        total += root[:, rows, k] * root[:, others, k]
+    return np.asarray(weight * total)
+
+
+def _load(function: ca.Function, hoisted: Collection[str], gram: bool) -> ctypes.CDLL | None:
     """The compiled function from the cache, compiling it where it is missing or damaged."""
     compiler = _compiler()
     if compiler is None:
@@ -280,7 +304,7 @@ def _load(function: ca.Function, hoisted: Collection[str]) -> ctypes.CDLL | None
         return None
     path, flags, macros = compiler
     try:
-        source = grid_source(function, hoisted)
+        source = grid_source(function, hoisted, gram=gram)
         key = hashlib.sha256("\0".join([source, *flags, macros]).encode()).hexdigest()
         library = cache_folder() / f"{function.name()}-{key[:32]}.so"
         if not _whole(library):

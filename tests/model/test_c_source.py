@@ -236,7 +236,7 @@ def test_hoisted_or_not_the_slopes_are_the_same(tmp_path):
     functions = shot_functions("irb1600", tmp_path, "relative")
     inputs = weighted_inputs(functions, 9)
     hoisted = functions.kernel("slopes", compile=True)
-    plain = Kernel(functions.function("slopes"), compile=True)
+    plain = Kernel(functions.function("slopes"), compile=True, gram=True)
     assert (len(hoisted._hoisted), len(plain._hoisted)) == (4, 0)
     for one, two in zip(hoisted.sums(inputs(), 9, SHOTS), plain.sums(inputs(), 9, SHOTS), strict=True):
         np.testing.assert_array_equal(one, two)

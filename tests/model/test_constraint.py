@@ -108,7 +108,8 @@ class Case:
         stated = self.variances()
         noise = (stated if variances is None else variances, stated)
         shot = (self.robot.recorded_turns(q), spot, weight, *self.split(free), *noise)
-        return self.call(name, *shot, log_det=log_det)
+        shot = [np.atleast_1d(np.asarray(part, dtype=float)) for part in shot]
+        return [np.atleast_1d(part[0]) for part in self.by_log_det[log_det].kernel(name)(*shot)]
 
     def split(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return free[: self.n], free[self.n : self.n + 3], free[self.n + 3 :]
@@ -299,7 +300,8 @@ def test_the_weight_multiplies_all_that_a_shot_adds(case, name, log_det):
         np.testing.assert_allclose(part, 0.25 * value, rtol=1e-13)
     for value in case.weighted(name, q, spot, free, log_det, 0.0, variances):
         np.testing.assert_array_equal(value, 0)
-    assert all(np.abs(value).max() > 1e-6 for value in whole) == (log_det != "none")
+    told = whole if name == "terms" or log_det == "relative" else [*whole[:4], whole[5]]
+    assert all(np.abs(value).max() > 1e-6 for value in told) == (log_det != "none")
 
 
 @LOG_DETS
@@ -356,7 +358,7 @@ def test_a_gradient_without_the_change_of_the_weights_is_caught(case):
     """Negative control: with S held, as in Gauss-Newton, the gradient is another one."""
     worst = np.zeros(2)
     for q, spot, free in case.hits(near=0.2):
-        _, _, by_quad, by_logdet, _ = case.weighted("slopes", q, spot, free)
+        _, _, by_quad, by_logdet, *_ = case.weighted("slopes", q, spot, free)
         whitened = np.linalg.solve(case.covariance(q, spot, free), case.miss(q, spot, free))
         frozen = 2 * case.jacobian(q, spot, free).T @ whitened
         changes = [np.abs(each - frozen).max() / 2 for each in (by_quad, by_quad + by_logdet)]
@@ -381,8 +383,8 @@ def test_the_information_of_the_misses(case, log_det):
         jacobian = by_complex_step(lambda z, q=q, p=spot: case.plain(q, p, z), free)
         expected = jacobian.T @ np.linalg.solve(s, jacobian)
         unit = np.outer(*2 * [1 / np.sqrt(np.diag(expected))])
-        (flat,) = case.weighted("slopes", q, spot, free, log_det)[4:]
-        found = lower_of(flat)[:size, :size]
+        found = lower_of(case.weighted("slopes", q, spot, free, log_det)[5])
+        assert found.shape == (size, size)
         np.testing.assert_allclose(found * unit, expected * unit, rtol=0, atol=1e-9)
         # Negative controls: with the spot's noise alone, and with the components' noise not correlated.
         for other in (case.variances()[-1] * np.eye(len(s)), np.diag(np.diag(s))):
@@ -400,11 +402,10 @@ def noise_information(case: Case, q: np.ndarray, spot: np.ndarray, free: np.ndar
 
 def test_the_information_on_the_noise_factors(case):
     for q, spot, free in case.hits():
-        whole = lower_of(case.weighted("slopes", q, spot, free, "relative")[4])
-        np.testing.assert_allclose(whole[-2:, -2:], noise_information(case, q, spot, free), rtol=1e-9)
-        np.testing.assert_array_equal(whole[-2:, :-2], 0)  # what S tells of x is left out
+        own = lower_of(case.weighted("slopes", q, spot, free, "relative")[4])
+        np.testing.assert_allclose(own, noise_information(case, q, spot, free), rtol=1e-9)
         # One factor on both: the information is that of a scale, 2 for each component.
-        assert whole[-2:, -2:].sum() == pytest.approx(2 * case.tool.miss_size, rel=1e-9)
+        assert own.sum() == pytest.approx(2 * case.tool.miss_size, rel=1e-9)
 
 
 @pytest.mark.parametrize("kind", ["laser", "probe"])
@@ -422,17 +423,17 @@ def test_the_information_on_the_noise_is_the_covariance_of_its_score(cases, kind
         which: case.by_log_det[which].kernel("slopes")(*shot, case.variances(), case.variances())
         for which in ("relative", "whole")
     }
-    _, _, by_quad, by_logdet, _ = slopes["whole"]
+    _, _, by_quad, by_logdet, *_ = slopes["whole"]
     scores = -(by_quad + by_logdet) / 2
     assert (np.abs(scores.mean(axis=0)) < 5 * scores.std(axis=0) / np.sqrt(len(draws)) + 1e-9).all()
-    _, _, by_quad, by_logdet, information = slopes["relative"]
+    _, _, by_quad, by_logdet, information, _ = slopes["relative"]
     scores = -(by_quad + by_logdet)[:, -2:] / 2
     error = scores.std(axis=0) / np.sqrt(len(draws))
     assert (np.abs(scores.mean(axis=0)) < 5 * error).all()
     assert (np.abs((-by_quad[:, -2:] / 2).mean(axis=0)) > 5 * error).all()  # control: without log det
     products = scores[:, :, None] * scores[:, None, :]
     error = products.std(axis=0) / np.sqrt(len(draws))
-    stated = lower_of(information[0])[-2:, -2:]
+    stated = lower_of(information[0])
     assert (np.abs(products.mean(axis=0) - stated) < 5 * error).all()
     for wrong in (2 * stated, np.diag(np.diag(stated))):  # controls: twice as much; both factors apart
         assert (np.abs(products.mean(axis=0) - wrong) > 5 * error).any()
@@ -743,7 +744,8 @@ def test_a_midpoint_known_by_hand():
 def test_every_input_and_output_is_named(case):
     shot = ["spot", "delta", "target", "tool"]
     weighted = ["turns", "spot", "weight", "delta", "target", "tool", "variances", "stated"]
-    slopes = ["quad", "logdet", "quad_gradient", "logdet_gradient", "information"]
+    slopes = ["quad", "logdet", "quad_gradient", "logdet_gradient"]
+    slopes += ["noise_information", "root_weight", "root"]
     named = {
         "linear": (["q", *shot], ["m", "jacobian"]),
         "terms": (weighted, ["quad", "logdet"]),
@@ -767,8 +769,8 @@ def test_every_input_and_output_is_named(case):
                 assert function.sparsity_out(k).is_dense(), name
     size = len(case.steps())
     for log_det, free in (("none", size), ("relative", size + 2), ("whole", size)):
-        sizes = [case.by_log_det[log_det].function("slopes").numel_out(k) for k in range(5)]
-        assert sizes == [1, 1, free, free, free * (free + 1) // 2]
+        sizes = [case.by_log_det[log_det].function("slopes").numel_out(k) for k in range(7)]
+        assert sizes == [1, 1, free, free, 3, 1, case.tool.miss_size * size]
 
 
 def test_a_function_and_a_kernel_are_made_once(cases):
