@@ -25,15 +25,16 @@ class Truth:
 
     @classmethod
     def drawn(cls, plan: Plan, rng: np.random.Generator, offset_deg: float = 1.0) -> Truth:
-        """Offsets of about `offset_deg` (mm for prismatic joints), the targets at their nominal
-        positions, an uncalibrated tool off by random errors of the header's sigma. Held ones stay held."""
+        """Offsets of about `offset_deg` (mm for prismatic joints), the targets at their nominal positions, an
+        uncalibrated tool and uncertain geometry off by random errors of the header's sigma and tolerances.
+        Held ones stay held."""
         problem = Problem.from_plan(plan)
         parameters = problem.parameters
         x = problem.nominal()
         drawn = rng.normal(size=len(x))
-        offsets, tool = parameters.group("offset"), parameters.group("tool")
+        offsets, others = parameters.group("offset"), parameters.group("tool") | parameters.group("geometry")
         x = x + np.where(offsets, drawn * offset_deg / parameters.display, 0.0)
-        x = x + np.where(tool, drawn * parameters.prior_std, 0.0)
+        x = x + np.where(others, drawn * parameters.prior_std, 0.0)
         return cls(problem, np.where(parameters.free, x, parameters.prior_mean))
 
     @classmethod
@@ -47,7 +48,7 @@ class Truth:
         return cls(problem, x)
 
     def values(self) -> dict[str, float]:
-        """The true offsets and tool by name, deg and mm."""
+        """The true offsets, geometry and tool by name, deg and mm."""
         items = self.problem.parameters.items
         return {
             item.name: round(float(value) * item.display, 9)
