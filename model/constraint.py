@@ -373,9 +373,7 @@ def midpoint_function(functions: ShotFunctions) -> ca.Function:
     return ca.Function(
         "midpoint",
         [q1, q2, arm, unknown],
-        ca.cse(
-            [middle, *(ca.densify(ca.jacobian(middle, by)) for by in (ca.vertcat(arm, unknown), q1, q2))]
-        ),
+        ca.cse([middle, *(ca.densify(ca.jacobian(middle, by)) for by in (ca.vertcat(arm, unknown), q1, q2))]),
         ["q1", "q2", "arm", "tool"],
         ["midpoint", "jacobian", "by_q1", "by_q2"],
     )

@@ -129,6 +129,10 @@ class Geometry:
         angle = float(np.radians(angle_deg))
         return cls(tuple(_links(robot)), length=np.full(robot.n, length_mm), angle=np.full(robot.n, angle))
 
+    def joined(self, more: Geometry) -> Geometry:
+        """The same with the gravity and the harmonics of another one."""
+        return replace(self, gravity=more.gravity or self.gravity, harmonics=more.harmonics or self.harmonics)
+
     def without(self, rung: Literal["gravity", "harmonics"]) -> Geometry:
         """The same without one of the two."""
         return replace(self, gravity=None) if rung == "gravity" else replace(self, harmonics=())

@@ -101,8 +101,8 @@ class LikelihoodFit:
         return chance(self.whitened.residual, self.z)
 
     def against_noise(self, rank: int) -> AgainstNoise:
-        """The residuals, and the geometry by its tolerances, against what is stated of both; the data's `rank`
-        is taken up by the fit."""
+        """The residuals, and the geometry by its tolerances, against what is stated of both; `rank` numbers
+        are taken up by the fit."""
         tolerated = self.z[self.problem.parameters.among_free[self.problem.tolerated]]
         chi2 = float(self.whitened.residual @ self.whitened.residual + tolerated @ tolerated)
         dof = max(self.problem.data_size - rank, 0)
@@ -141,10 +141,22 @@ def fit_likelihood(
     few = _has_few_numbers(problem)
     if 0 < starts < MANY_STARTS and few and fit.chance is not None and fit.chance < CONTRADICTED:
         return fit_likelihood(problem, starts=MANY_STARTS, seed=seed, eliminate_targets=eliminate_targets)
-    if not (problem.noise.separate and fit.converged):
+    return _settled(fit)
+
+
+def fit_from(problem: Problem, start: Matrix) -> LikelihoodFit:
+    """The fit from one start x (p,) alone: for a mode that is known to be near."""
+    found = fit_rows(Density(problem), start[None])
+    return _settled(_single(problem, found, 0, 0))
+
+
+def _settled(fit: LikelihoodFit) -> LikelihoodFit:
+    """The same; with separate noise factors at their marginal mode: the common mode of noise factors and all
+    else has too small a noise."""
+    if not (fit.problem.noise.separate and fit.converged):
         return fit
-    # The common mode of noise factors and all else has too small a noise.
-    x, covariance, settled = marginal_noise(problem, fit.x)
+    x, covariance, settled = marginal_noise(fit.problem, fit.x)
+    density = Density(fit.problem)
     return replace(
         fit,
         x=x,
