@@ -72,7 +72,7 @@ def influence(problem: Problem, fit: LikelihoodFit) -> Influence:
     left_out, _ = problem.linearise(without.x)
     unknown = decides | ~without.converged
     return Influence(
-        np.linalg.norm(residual, axis=1),
+        np.linalg.norm(residual, axis=1) / np.sqrt(problem.weights),
         np.where(unknown, np.nan, np.linalg.norm(left_out, axis=1)),
         np.where(unknown, np.nan, cooks),
     )
@@ -86,8 +86,11 @@ def influence_by_formula(problem: Problem, fit: LikelihoodFit) -> Influence:
     hat = blocks @ fit.covariance @ blocks.transpose(0, 2, 1)
     cooks = (predicted.transpose(0, 2, 1) @ hat @ predicted)[:, 0, 0] / blocks.shape[2]
     length = np.linalg.norm((fit.whitened.factor @ predicted)[:, :, 0], axis=1) / np.sqrt(fit.weight)
+    often = np.sqrt(problem.weights)
     return Influence(
-        np.linalg.norm(residual, axis=1), np.where(decides, np.nan, length), np.where(decides, np.nan, cooks)
+        np.linalg.norm(residual, axis=1) / often,
+        np.where(decides, np.nan, length / often),
+        np.where(decides, np.nan, cooks),
     )
 
 

@@ -98,7 +98,7 @@ class LikelihoodFit:
         `against_noise` it tells of a wrong basin even if no number is left over."""
         if not self.problem.noise.known:
             return None
-        return chance(self.whitened.residual, self.z)
+        return chance(self.problem, self.whitened.residual, self.z)
 
     def against_noise(self, rank: int) -> AgainstNoise:
         """The residuals against the stated noise, of which the data's `rank` is taken up by the fit."""
@@ -108,9 +108,9 @@ class LikelihoodFit:
         return AgainstNoise(chi2, dof, float(chdtrc(dof, chi2)) if judged else None)
 
 
-def chance(residual: Matrix, z: Matrix) -> float:
+def chance(problem: Problem, residual: Matrix, z: Matrix) -> float:
     """That whitened residuals (M,) and scaled parameters (f,) are as large at a mode, their noise known."""
-    return float(chdtrc(len(residual), float(residual @ residual + z @ z)))
+    return float(chdtrc(problem.data_size, float(residual @ residual + z @ z)))
 
 
 def fit_likelihood(
@@ -173,7 +173,7 @@ def fit_each(problem: Problem, joints: Matrix, spots: Matrix, *, starts: int = S
     for row in range(count if doubtful or problem.noise.separate else 0):
         own, more = problem.moved(joints[row], spots[row]), starts
         if doubtful:
-            if chance(own.whiten(x[row]).residual, scaled[row]) >= CONTRADICTED:
+            if chance(own, own.whiten(x[row]).residual, scaled[row]) >= CONTRADICTED:
                 continue
             more = MANY_STARTS
         again = fit_likelihood(own, starts=more, seed=seed)
