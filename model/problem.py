@@ -159,7 +159,9 @@ class Problem:
         return replace(
             rest,
             parameters=Parameters(
-                tuple(item for item in self.parameters.items if item.group != "target" or item.of not in names)
+                tuple(
+                    item for item in self.parameters.items if item.group != "target" or item.of not in names
+                )
             ),
             targets=tuple(self.targets[k] for k in kept),
             target_index=np.array([place[k] for k in rest.target_index.tolist()], dtype=np.int64),

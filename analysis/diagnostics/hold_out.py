@@ -26,7 +26,7 @@ _SEPARATORS = "_-. "
 
 @dataclass(frozen=True)
 class HoldOut:
-    """How the offsets and tool of the other placements' measurements do at placements that they have not seen.
+    """How offsets and tool by the other placements' measurements do at placements that they have not seen.
 
     `targets` are those of the held-out `placements`. `rms_mm` of the residuals once each held-out target is
     placed, `rms_before_mm` the same without any offset, `expected_mm` what `rms_mm` would be by the noise and
@@ -140,7 +140,8 @@ def judged(
     by_place = jacobian[:, own.group("target") & own.free]
     free = [name for name in carried if other.free[other.index(name)]]
     at = other.among_free[[other.index(name) for name in free]]
-    root = np.linalg.cholesky(covariance[np.ix_(at, at)])
+    values, vectors = np.linalg.eigh(covariance[np.ix_(at, at)])
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
     by_rest = jacobian[:, [own.index(name) for name in free]] @ root
     # Only what is carried over has a prior here: the places are free.
     prior = np.hstack([np.zeros((len(free), by_place.shape[1])), np.eye(len(free))])
@@ -180,7 +181,7 @@ def _chance(seen: Problem, chi2: float, dof: int) -> float:
 
 
 def _row_scale(problem: Problem, weight: float) -> Matrix:
-    """(M,) by what whitened rows are multiplied: the noise scale is that of measurements, not of distances."""
+    """(M,) what multiplies whitened rows: the noise scale is that of measurements, not of distances."""
     rows = problem.shots * problem.tool.miss_size
     return np.append(np.full(rows, np.sqrt(weight)), np.ones(len(problem.distances)))
 

@@ -25,7 +25,9 @@ from .placements import Placement, placements
 
 _FEWEST = 3  # placements of a jackknife
 _STEPS = 12
-_SETTLED = 0.02  # size of the gradient, in posterior stds: what is left is along gauges, where only priors pull
+_SETTLED = (
+    0.02  # size of the gradient, in posterior stds: what is left is along gauges, where only priors pull
+)
 _ROUNDING = 1e-11  # singular values below this share are rounding
 
 
@@ -76,7 +78,7 @@ class Jackknife:
 
 @dataclass(frozen=True, eq=False)
 class Without:
-    """The fit `x` (p,) of the problem `seen`, which lacks one placement; `reason` where it did not converge."""
+    """The fit `x` (p,) of the problem `seen`, which lacks one placement; `reason` of how it ended."""
 
     placement: Placement
     seen: Problem
@@ -213,8 +215,10 @@ def _determined(solution: Solution, fits: Sequence[Without]) -> NDArray[np.bool_
     d, result = problem.tool.miss_size, np.zeros((len(fits), len(free)), dtype=bool)
     for row, own in enumerate(fits):
         stay = ~problem.parameters.targets(own.placement.targets)[free]
-        rows = np.delete(np.arange(len(jacobian)), d * np.repeat(own.placement.rows, d)
-                         + np.tile(np.arange(d), len(own.placement.rows)))
+        rows = np.delete(
+            np.arange(len(jacobian)),
+            d * np.repeat(own.placement.rows, d) + np.tile(np.arange(d), len(own.placement.rows)),
+        )
         _, singular, right = np.linalg.svd(np.linalg.qr(jacobian[np.ix_(rows, stay)], mode="r"))
         singular = np.append(singular, np.zeros(right.shape[1] - len(singular)))
         floor = _ROUNDING * max(float(singular.max(initial=0.0)), 1.0)
