@@ -3,7 +3,7 @@
 For each target and each change point between two of its shots the likelihood-ratio test of two places against
 one, at the linearised fit. Misses count there only as far as no offset, place or tool can explain them,
 whatever the priors: the drop of their sum of squares is then exactly chi-squared (or an F ratio, where the
-noise scale is estimated; Seber & Lee, Linear Regression Analysis, 2003, section 4.3). What a rival of a stated
+noise scale is estimated; Seber & Lee, Linear Regression Analysis, 2003, section 4.3). What a rival of stated
 size can do, such as links within their tolerance, is taken out too, as far as it is that small.
 """
 

@@ -91,7 +91,7 @@ def correlated(shots: int, d: int, rho: float) -> Matrix:
     """(n d, n d) the covariance of errors of variance 1 with the correlation rho^k k measurements apart."""
     apart = np.abs(np.subtract.outer(np.arange(shots), np.arange(shots)))
     own = np.eye(shots) if rho == 0 else rho ** apart.astype(float)
-    return np.kron(own, np.eye(d))
+    return np.asarray(np.kron(own, np.eye(d)), dtype=float)
 
 
 def covariances(recorded: Recorded, rho: float) -> list[Matrix]:

@@ -4,7 +4,8 @@ A socket that slips, or settles after some measurements, shifts the residuals of
 vector in the target's frame. For every run of a recording (a run to its end is a single change) the drop of
 the residuals' sum of squares by such a shift is taken, over the sum itself, so that the size of the noise
 does not matter; the largest is compared with the largest of simulated recordings without a step, whose
-residuals are as correlated as these. Circular binary segmentation (Olshen et al., Biostatistics 5, 2004), for vectors.
+residuals are as correlated as these. Circular binary segmentation (Olshen et al., Biostatistics 5, 2004), for
+vectors.
 """
 
 from __future__ import annotations
@@ -64,8 +65,8 @@ class Steps:
 
 class Runs(NamedTuple):
     """All runs of a recording: from measurement `first` (S,) to before `end` (S,); `whitening` (S, 3, 3)
-    turns the sum of the residuals over a run into the root of the drop, along `vectors` (S, 3, 3) of which those
-    `determined` (S, 3) count."""
+    turns the sum of the residuals over a run into the root of the drop, along `vectors` (S, 3, 3) of which
+    those `determined` (S, 3) count."""
 
     first: Index
     end: Index
