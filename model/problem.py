@@ -134,7 +134,8 @@ class Problem:
 
     def moved(self, joints: Matrix, spots: Matrix | None = None) -> Problem:
         """The same problem with its shots at other joint positions (and spots)."""
-        return replace(self, joints=joints, spots=self.spots if spots is None else spots)
+        weights = self.weights if len(joints) == self.shots else np.ones(len(joints))
+        return replace(self, joints=joints, spots=self.spots if spots is None else spots, weights=weights)
 
     def select(self, rows: Index) -> Problem:
         """The same unknowns with some of the shots, by their index."""

@@ -63,7 +63,7 @@ def hold_out(problem: Problem, patterns: Sequence[str], seed: int = 0) -> HoldOu
     groups = [placement for placement in every if placement.name in held]
     if len(groups) == len(every):
         raise BadInput(
-            "all placements are held out: there is nothing left to fit",
+            "all targets are held out: there is nothing left to fit",
             found=", ".join(patterns),
             allowed=f"some of {', '.join(placement.name for placement in every)}",
             remedy="leave at least one target in; a name takes a whole placement, with all targets that are"
