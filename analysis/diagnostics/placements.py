@@ -8,7 +8,7 @@ consistently, and each a little differently.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from os.path import commonprefix
+from os.path import commonprefix  # of names: by characters
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -40,7 +40,7 @@ def placements(problem: Problem) -> tuple[Placement, ...]:
     label = connected_components(ties, directed=False)[1]
     groups = [np.flatnonzero(label == k) for k in dict.fromkeys(label.tolist())]
     members = [tuple(problem.targets[i] for i in group) for group in groups]
-    short = [commonprefix(names).rstrip("_-. ") if len(names) > 1 else names[0] for names in members]
+    short = [commonprefix(names).rstrip("_-. ") if len(names) > 1 else names[0] for names in members]  # noqa: RUF071
     return tuple(
         Placement(
             own if own and short.count(own) == 1 else ", ".join(names),
