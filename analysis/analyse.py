@@ -16,11 +16,12 @@ from .diagnostics.budget import budget
 from .diagnostics.hold_out import hold_out
 from .diagnostics.influence import shot_results
 from .diagnostics.outliers import robust_result
+from .diagnostics.placement_result import placement_result
 from .diagnostics.scene import scene
 from .estimation.fit import fit_likelihood, start_at
 from .estimation.midpoint import MidpointFit, fit_midpoint
 from .estimation.robust import Loss
-from .findings import findings
+from .findings import findings, tolerances
 from .posterior.intervals import intervals
 from .posterior.posterior import UNSAMPLED, Draws, sample_posterior
 from .result import DistanceResult, Inputs, LikelihoodSummary, MidpointSummary, Result
@@ -102,6 +103,7 @@ def _analyse(
         budget=budget(solution, posterior),
         robust=robust,
         hold_out=unseen,
+        placements=placement_result(solution, tolerances(solution)),
         scene=scene(solution),
         findings=findings(solution, posterior, shots, robust, unseen, run.warnings),
         inputs=_inputs(run, problem, seed),

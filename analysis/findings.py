@@ -9,12 +9,14 @@ import numpy as np
 from scipy.special import chdtrc
 
 from ..model.problem import rms_length
+from ..model.robot import Matrix
 from .diagnostics.displacement import Displacement, displacement
 from .diagnostics.hold_out import HoldOut
 from .diagnostics.influence import ShotResult
 from .diagnostics.outliers import OUTLYING, Robust
 from .estimation.fit import CONTRADICTED
 from .posterior.posterior import PosteriorSummary
+from .recordings.rival import link_tolerances
 from .solution import Solution
 
 LACK_OF_FIT = 1e-3  # p-value below which a misfit is not put down to chance
@@ -129,9 +131,18 @@ def on_the_model(solution: Solution) -> Iterator[Finding]:
         yield OtherBasins(fit.other_basins)
 
 
+def tolerances(solution: Solution) -> Matrix | None:
+    """What links within their tolerances do to the residuals at the mode; None where they are fitted."""
+    fit = solution.fit
+    return link_tolerances(fit.problem, fit.x, fit.whitened)
+
+
 def moved_target(solution: Solution) -> Displacement | None:
-    """The displacement of a target, if there is a significant one."""
-    moved = displacement(solution.fit) if solution.converged else None
+    """The displacement of a target, if there is a significant one that links within their tolerances do not
+    explain as well."""
+    if not solution.converged:
+        return None
+    moved = displacement(solution.fit, tolerances(solution))
     return moved if moved is not None and moved.significant else None
 
 

@@ -14,6 +14,7 @@ from .diagnostics.budget import Budget
 from .diagnostics.hold_out import HoldOut
 from .diagnostics.influence import ShotResult
 from .diagnostics.outliers import Robust
+from .diagnostics.placement_result import PlacementResult
 from .diagnostics.scene import Scene
 from .findings import Finding
 from .observability.identifiability import Identifiability
@@ -124,6 +125,8 @@ class Result:
         Rank, singular values, and the null-space directions with causes.
     likelihood, midpoint, robust, hold_out
         The fits; the last two are None where they were not asked for.
+    placements : PlacementResult
+        Each placement left out in turn, jackknife, correlation and steps of the recordings.
     posterior : PosteriorSummary
         Diagnostics and summaries of the draws.
     shots, distances, intervals, accuracy, budget, scene
@@ -161,6 +164,7 @@ class Result:
     budget: tuple[Budget, ...]
     robust: Robust | None
     hold_out: HoldOut | None
+    placements: PlacementResult
     scene: Scene | None
     findings: tuple[Finding, ...]
     inputs: Inputs
@@ -184,6 +188,8 @@ class Result:
                 unknown & {row.name for row in self.robust.parameters if row.estimate is not None},
                 "a robust estimate",
             )
+        if self.placements.jackknife is not None:
+            self._refuse(unknown & {row.name for row in self.placements.jackknife.offsets}, "a jackknife")
         if self.scene is not None:
             self._refuse((unknown - held) & set(self.scene.coordinates), "a place in the scene")
 

@@ -60,7 +60,7 @@ Robust = Annotated[
 HoldOut = Annotated[
     list[str] | None,
     typer.Option(
-        help="Validate on this target, with a fit of the others; repeatable, * and ? match.",
+        help="Validate on this placement, with a fit of the others; repeatable, * and ? match.",
         metavar="NAME",
         show_default=False,
     ),

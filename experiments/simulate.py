@@ -116,6 +116,7 @@ def simulated_readings(problem: Problem, truths: Matrix, rng: np.random.Generato
         spots=np.zeros((count * shots, d)) if problem.tool.kind == "laser" else spots.reshape(-1, d),
         target_index=np.tile(problem.target_index, count),
         shot_numbers=tuple(range(count * shots)),
+        weights=np.tile(problem.weights, count),
     )
     aimed = aim(all_shots, np.repeat(truths, shots, axis=0), servo_joints(problem))
     joints = aimed.problem.joints + rng.normal(size=(count * shots, problem.robot.n)) * problem.noise.joint

@@ -216,7 +216,8 @@ def analyse(
     robust
         "huber" or "student": one more fit with this loss, in which outlying measurements weigh less.
     held_out
-        Names of targets (* and ? as in file names): one more fit without them, to see how it does there.
+        Names of placements or targets (* and ? as in file names): one more fit without these placements,
+        each taken whole, to see how it does there.
     progress
         Called with the name of the present stage and its share, 0 to 1.
 

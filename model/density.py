@@ -49,7 +49,7 @@ class _Block(NamedTuple):
 class Density:
     """Log-posterior of B data sets: `joints` (B, N, n), `spots` (B, N, d), both the problem's own by default.
 
-    `weights` (B, N) multiply what each shot adds (0 leaves it out).
+    `weights` (B, N) multiply what each shot adds (0 leaves it out); the problem's own by default.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class Density:
         self.problem = problem
         self.joints = problem.joints[None] if joints is None else joints
         self.spots = problem.spots[None] if spots is None else spots
-        self.weights = np.ones((1, problem.shots)) if weights is None else weights
+        self.weights = problem.weights[None] if weights is None else weights
         self._kept: dict[int | None, list[GridInput]] = {}  # by target, where they are those of every row
 
     @property
@@ -75,8 +75,8 @@ class Density:
         return len(self._free)
 
     def weighted(self, weights: Matrix) -> Density:
-        """The same data with other weights (B, N)."""
-        return Density(self.problem, self.joints, self.spots, weights)
+        """The same data with weights (B, N) times those of the problem."""
+        return Density(self.problem, self.joints, self.spots, self.problem.weights * weights)
 
     # Values
 

@@ -7,7 +7,7 @@ with the size of a column.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -54,7 +54,7 @@ class Parts:
 
 
 class Whitened(NamedTuple):
-    """Residuals and distances in their own standard deviations at one x.
+    """Residuals and distances in their own standard deviations at one x, by the roots of the shots' weights.
 
     `residual` (M,) and `jacobian` (M, p) by scaled parameters, the shots first (d rows each), then the
     distances; `residual_mm` (N, d); `factor` (N, d, d) the lower Cholesky factors of the S_i.
@@ -69,7 +69,8 @@ class Whitened(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class Problem:
     """N shots of one robot and tool at K targets. `joints` (N, n) rad or mm, `spots` (N, d) mm,
-    `guessed` (K,) True where the header says where the target is.
+    `guessed` (K,) True where the header says where the target is; `weights` (N,) how often each shot counts
+    (2: as if it were recorded twice; 1 / kappa: one of kappa that say the same).
     """
 
     robot: Robot
@@ -84,6 +85,7 @@ class Problem:
     target_index: Index
     guessed: NDArray[np.bool_]
     distances: tuple[Distance, ...]
+    weights: Matrix
 
     @classmethod
     def build(
@@ -112,6 +114,7 @@ class Problem:
             target_index=np.array([names.index(t) for t in targets], dtype=np.int64),
             guessed=np.array([t in header.targets and header.targets[t].guess_mm is not None for t in names]),
             distances=_distances(header, names),
+            weights=np.ones(len(joints)),
         )
 
     @classmethod
@@ -133,7 +136,8 @@ class Problem:
 
     def moved(self, joints: Matrix, spots: Matrix | None = None) -> Problem:
         """The same problem with its shots at other joint positions (and spots)."""
-        return replace(self, joints=joints, spots=self.spots if spots is None else spots)
+        weights = self.weights if len(joints) == self.shots else np.ones(len(joints))
+        return replace(self, joints=joints, spots=self.spots if spots is None else spots, weights=weights)
 
     def select(self, rows: Index) -> Problem:
         """The same unknowns with some of the shots, by their index."""
@@ -143,6 +147,33 @@ class Problem:
             spots=self.spots[rows],
             target_index=self.target_index[rows],
             shot_numbers=tuple(self.shot_numbers[i] for i in rows),
+            weights=self.weights[rows],
+        )
+
+    def weighted(self, weights: Matrix) -> Problem:
+        """The same problem in which each shot counts `weights` (N,) times as often as it did."""
+        return replace(self, weights=self.weights * weights)
+
+    def without_targets(self, names: Collection[str]) -> Problem:
+        """The same problem without some of its targets: their shots, coordinates and distances are gone."""
+        kept = [k for k, name in enumerate(self.targets) if name not in names]
+        place = {k: i for i, k in enumerate(kept)}
+        rest = self.select(np.flatnonzero(np.isin(self.target_index, kept)))
+        return replace(
+            rest,
+            parameters=Parameters(
+                tuple(
+                    item for item in self.parameters.items if item.group != "target" or item.of not in names
+                )
+            ),
+            targets=tuple(self.targets[k] for k in kept),
+            target_index=np.array([place[k] for k in rest.target_index.tolist()], dtype=np.int64),
+            guessed=self.guessed[kept],
+            distances=tuple(
+                replace(d, first=place[d.first], second=place[d.second])
+                for d in self.distances
+                if d.first in place and d.second in place
+            ),
         )
 
     def with_geometry(self, geometry: Geometry) -> Problem:
@@ -178,9 +209,10 @@ class Problem:
 
     @property
     def data_size(self) -> int:
-        """Number of residuals: d for each shot, one for each distance, and one for each geometry parameter,
-        of which the tolerance is knowledge like a measurement."""
-        return self.shots * self.tool.miss_size + len(self.distances) + len(self.tolerated)
+        """Number of residuals: d for each shot (as often as it counts), one for each distance, and one for
+        each geometry parameter, of which the tolerance is knowledge like a measurement."""
+        measured = round(float(self.weights.sum()) * self.tool.miss_size)
+        return measured + len(self.distances) + len(self.tolerated)
 
     @cached_property
     def tolerated(self) -> Index:
@@ -227,7 +259,7 @@ class Problem:
         for part in (joint, spot):
             half = np.linalg.solve(factor, 2 * part)
             halves.append(np.linalg.solve(factor, half.transpose(0, 2, 1)))
-        return np.array([[np.einsum("iab,iab->", a, b) / 2 for b in halves] for a in halves])
+        return np.array([[np.einsum("i,iab,iab->", self.weights, a, b) / 2 for b in halves] for a in halves])
 
     # Residuals and Jacobians at one x
 
@@ -281,6 +313,7 @@ class Problem:
         d, p = self.tool.miss_size, len(self.parameters)
         scaled = own * self.parameters.prior_std[self.columns][:, None, :]
         stacked = np.linalg.solve(factor, np.concatenate([residual[:, :, None], scaled], axis=2))
+        stacked *= np.sqrt(self.weights)[:, None, None]
         rows = self.shots * d
         jacobian = np.zeros((rows + len(self.distances), p))
         where = np.repeat(self.columns, d, axis=0)

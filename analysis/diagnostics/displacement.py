@@ -3,7 +3,8 @@
 For each target and each change point between two of its shots the likelihood-ratio test of two places against
 one, at the linearised fit. Residuals count there only as far as no offset, place or tool can explain them,
 whatever the priors: the drop of their sum of squares is then exactly chi-squared (or an F ratio, where the
-noise scale is estimated; Seber & Lee, Linear Regression Analysis, 2003, section 4.3).
+noise scale is estimated; Seber & Lee, Linear Regression Analysis, 2003, section 4.3). What a rival of stated
+size can do, such as links within their tolerance, is taken out too, as far as it is that small.
 """
 
 from __future__ import annotations
@@ -65,13 +66,16 @@ class Displacement:
         return self.p_value < _CHANCE and not self.better_alone and self.rest_agrees
 
 
-def displacement(fit: LikelihoodFit) -> Displacement | None:
+def displacement(fit: LikelihoodFit, rival: Matrix | None = None) -> Displacement | None:
     """The most likely displacement in the run of `fit`, whether it is significant or not.
+
+    `rival` (M, g) are whitened columns of another explanation of the misses, times the prior stds of its
+    parameters (`link_tolerances`): it is marginalised.
 
     None where no change point can be tested: no target has two shots, or the shots are so few that offsets,
     places and tool explain whatever a displacement would do.
     """
-    left = _Left.of(fit)
+    left = _Left.of(fit, rival)
     points, gram, slope, floor = _displaced(fit, left)
     if not points:
         return None
@@ -130,17 +134,24 @@ class _Left(NamedTuple):
     known: bool
 
     @classmethod
-    def of(cls, fit: LikelihoodFit) -> _Left:
+    def of(cls, fit: LikelihoodFit, rival: Matrix | None = None) -> _Left:
         problem, whitened = fit.problem, fit.whitened
         shots, d = problem.shots, problem.tool.miss_size
-        basis, reach, _ = np.linalg.svd(whitened.jacobian[:, problem.parameters.free], full_matrices=False)
+        residual, columns = whitened.residual, whitened.jacobian[:, problem.parameters.free]
+        if rival is not None:
+            # Least squares with a row for each prior of the rival, in units of the stated noise as well.
+            count = rival.shape[1]
+            priors = np.hstack([np.zeros((count, columns.shape[1])), np.eye(count) / np.sqrt(fit.weight)])
+            columns = np.vstack([np.hstack([columns, rival]), priors])
+            residual = np.append(residual, np.zeros(count))
+        basis, reach, _ = np.linalg.svd(columns, full_matrices=False)
         basis = basis[:, reach > _REACH]
-        rest = whitened.residual - basis @ (basis.T @ whitened.residual)
+        rest = residual - basis @ (basis.T @ residual)
         return cls(
             basis[: shots * d].reshape(shots, d, -1),
             rest[: shots * d].reshape(shots, d),
             float(rest @ rest),
-            problem.data_size - basis.shape[1],
+            problem.data_size + len(residual) - len(whitened.residual) - basis.shape[1],
             problem.noise.known,
         )
 

@@ -1,39 +1,42 @@
-"""Targets that the fit has not seen: how well do its offsets and tool hit them?
+"""Placements that the fit has not seen: how well do its offsets and tool hit them?
 
-The offsets and the tool come from the other targets; only the position of a held-out target is found from its
-own shots. What is left there is judged against the noise and what the fit leaves open.
+The offsets, the tool and all else that is no target come from the other placements; only where the targets of
+a held-out placement are is found from their own measurements and distances. What is left there is judged
+against the noise and the uncertainty of what was carried over.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtrc, fdtrc
 
 from ...model.errors import BadInput
 from ...model.problem import Problem, rms_length
 from ...model.robot import Matrix
 from ..estimation.fit import fit_likelihood
+from .placements import Placement, placements
 
 _ROUNDS = 20
+_SEPARATORS = "_-. "
 
 
 @dataclass(frozen=True)
 class HoldOut:
-    """How the offsets and tool of the other targets' measurements do at targets that they have not seen.
+    """How offsets and tool by the other placements' measurements do at placements that they have not seen.
 
-    `rms_mm` of the residuals once each held-out target is placed, `rms_before_mm` the same without any
-    offset, `expected_mm` what `rms_mm` would be by the noise and what the fit leaves open; chi-squared of
-    these residuals against the noise and what the fit leaves open. None where there is none: without degrees
-    of freedom, or where the fit without these targets did not converge, for which `failure` is the
+    `targets` are those of the held-out `placements`. `rms_mm` of the residuals once each held-out target is
+    placed, `rms_before_mm` the same without any offset, `expected_mm` what `rms_mm` would be by the noise and
+    the uncertainty of the fit; chi-squared of these residuals against both. None where there is none: without
+    degrees of freedom, or where the fit without these targets did not converge, for which `failure` is the
     optimiser's reason.
     """
 
     targets: tuple[str, ...]
+    placements: tuple[str, ...]
     shots: int
     shots_fitted: int
     rms_mm: float | None
@@ -44,60 +47,126 @@ class HoldOut:
     p_value: float | None
     failure: str | None
 
+    @property
+    def factor(self) -> float | None:
+        """Root of chi-squared over its degrees of freedom."""
+        return float(np.sqrt(self.chi2 / self.dof)) if self.chi2 is not None and self.dof else None
+
 
 def hold_out(problem: Problem, patterns: Sequence[str], seed: int = 0) -> HoldOut:
-    """Fit without the targets whose names match one of `patterns` (* and ? as in file names), then look
-    at their shots. Raises BadInput where nothing matches, or nothing would be left to fit."""
-    names = [name for name in problem.targets if any(fnmatchcase(name, pattern) for pattern in patterns)]
-    for pattern in patterns:
-        if not any(fnmatchcase(name, pattern) for name in problem.targets):
-            raise BadInput(
-                "no target of that name can be held out",
-                found=pattern,
-                allowed=", ".join(problem.targets),
-            )
-    if len(names) == len(problem.targets):
+    """Fit without the placements that `patterns` name (`chosen`), then look at their measurements.
+
+    Raises BadInput where nothing matches, or nothing would be left to fit.
+    """
+    every = placements(problem)
+    held = {placement.name for pattern in patterns for placement in chosen(every, pattern)}
+    groups = [placement for placement in every if placement.name in held]
+    if len(groups) == len(every):
         raise BadInput(
             "all targets are held out: there is nothing left to fit",
             found=", ".join(patterns),
-            allowed=f"some of {', '.join(problem.targets)}",
-            remedy="leave at least one target in",
+            allowed=f"some of {', '.join(placement.name for placement in every)}",
+            remedy="leave at least one target in; a name takes a whole placement, with all targets that are"
+            " tied to it by distances",
         )
-    out = np.isin(problem.target_index, [problem.targets.index(name) for name in names])
-    seen, unseen = problem.select(np.flatnonzero(~out)), problem.select(np.flatnonzero(out))
-    # A distance to a target without shots says nothing of the rest, and leaves the fit no mode.
-    there = set(seen.target_index.tolist())
-    seen = replace(seen, distances=tuple(d for d in seen.distances if {d.first, d.second} <= there))
+    names = [name for placement in groups for name in placement.targets]
+    seen = problem.without_targets(names)
     fit = fit_likelihood(seen, starts=0, seed=seed)
     if not fit.converged:
-        return HoldOut(tuple(names), unseen.shots, seen.shots, *(None,) * 6, fit.reason)
-    moved = problem.parameters.targets(names)
-    before = _settled(unseen, problem.nominal(), moved)
-    after = _settled(unseen, fit.x, moved)
-    rows = unseen.shots * unseen.tool.miss_size
-    whitened = unseen.whiten(after)
-    residual, jacobian = whitened.residual[:rows], whitened.jacobian[:rows]
-    # What is left of the residuals once their targets are placed, with what the fit leaves open of the rest.
-    free = problem.parameters.free
-    carried = ~problem.parameters.group("target")[free]
-    by_rest = jacobian[:, free & ~problem.parameters.group("target")]
-    covariance = fit.covariance[np.ix_(carried, carried)]
-    factor = np.linalg.cholesky(np.eye(rows) / fit.weight + by_rest @ covariance @ by_rest.T)
-    left, columns = np.linalg.solve(factor, residual), np.linalg.solve(factor, jacobian[:, moved & free])
-    left = left - columns @ np.linalg.lstsq(columns, left, rcond=None)[0]
-    by_place = jacobian[:, moved & free]
-    placed = factor - by_place @ np.linalg.lstsq(by_place, factor, rcond=None)[0]
-    expected = whitened.factor @ placed.reshape(unseen.shots, -1, rows)
-    chi2, dof = float(left @ left), rows - int(np.linalg.matrix_rank(columns))
+        return not_fitted(problem, groups, seen, fit.reason)
+    return judged(problem, groups, seen, fit.x, fit.covariance, fit.weight)
+
+
+def chosen(every: Sequence[Placement], pattern: str) -> list[Placement]:
+    """The placements that a name or pattern means, always whole.
+
+    The name of a placement means it alone, the name of a target its placement. NAME_* (or NAME-*, NAME.*)
+    means the placement NAME alone if there is one. Any other pattern (* and ? as in file names) means every
+    placement whose name, or the name of one of whose targets, matches. Raises BadInput where there is none.
+    """
+    stem = pattern.removesuffix("*").rstrip(_SEPARATORS)
+    separated = pattern.endswith("*") and pattern[-2:-1] in set(_SEPARATORS)
+    for own in (
+        [p for p in every if p.name == pattern],
+        [p for p in every if pattern in p.targets],
+        [p for p in every if separated and p.name == stem],
+        [p for p in every if any(fnmatchcase(name, pattern) for name in (p.name, *p.targets))],
+    ):
+        if own:
+            return own
+    tied = [placement.name for placement in every if len(placement.targets) > 1]
+    names = [*tied, *(name for placement in every for name in placement.targets)]
+    raise BadInput(
+        "no placement and no target of that name can be held out",
+        found=pattern,
+        allowed=", ".join(dict.fromkeys(names)),
+    )
+
+
+def not_fitted(problem: Problem, groups: Sequence[Placement], seen: Problem, reason: str) -> HoldOut:
+    """The hold-out of placements without which the fit did not converge."""
     return HoldOut(
-        targets=tuple(names),
+        tuple(name for placement in groups for name in placement.targets),
+        tuple(placement.name for placement in groups),
+        problem.shots - seen.shots,
+        seen.shots,
+        *(None,) * 6,
+        reason,
+    )
+
+
+def judged(
+    problem: Problem, groups: Sequence[Placement], seen: Problem, x: Matrix, covariance: Matrix, weight: float
+) -> HoldOut:
+    """The placements `groups` of `problem` by a fit of the problem `seen` without them: its mode `x`, the
+    `covariance` of its scaled free parameters, and `weight` 1 / noise scale^2.
+
+    Generalised least squares with the covariance S = I / weight + B C B' of what is left at the targets' best
+    places, B the Jacobian by all that is carried over and C its covariance (Seber & Lee, Linear Regression
+    Analysis, 2003, section 3.10), solved as an ordinary one by the rows of C's root.
+    """
+    names = tuple(name for placement in groups for name in placement.targets)
+    unseen = problem.without_targets(set(problem.targets) - set(names))
+    own, other = unseen.parameters, seen.parameters
+    carried = [item.name for item in other.items if item.group != "target"]
+    start = unseen.nominal()
+    before = _settled(unseen, start, weight)
+    start[[own.index(name) for name in carried]] = x[[other.index(name) for name in carried]]
+    after = _settled(unseen, start, weight)
+    whitened = unseen.whiten(after)
+    rows = unseen.shots * unseen.tool.miss_size
+    scale = _row_scale(unseen, weight)
+    residual, jacobian = whitened.residual * scale, whitened.jacobian * scale[:, None]
+    by_place = jacobian[:, own.group("target") & own.free]
+    free = [name for name in carried if other.free[other.index(name)]]
+    at = other.among_free[[other.index(name) for name in free]]
+    values, vectors = np.linalg.eigh(covariance[np.ix_(at, at)])
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    by_rest = jacobian[:, [own.index(name) for name in free]] @ root
+    # Only what is carried over has a prior here: the places are free.
+    prior = np.hstack([np.zeros((len(free), by_place.shape[1])), np.eye(len(free))])
+    columns = np.vstack([np.hstack([by_place, by_rest]), prior])
+    whole = np.append(residual, np.zeros(len(free)))
+    left = whole - columns @ np.linalg.lstsq(columns, whole, rcond=None)[0]
+    rank = int(np.linalg.matrix_rank(by_place))
+    basis = np.linalg.svd(by_place, full_matrices=False)[0][:, :rank]
+    noise = whitened.factor / np.sqrt(weight)
+    d = unseen.tool.miss_size
+    placed = basis[:rows].reshape(unseen.shots, d, -1)
+    squares = float((noise**2).sum() - ((noise @ placed) ** 2).sum())
+    rest = (by_rest - basis @ (basis.T @ by_rest))[:rows] / scale[:rows, None]
+    squares += float(((whitened.factor @ rest.reshape(unseen.shots, d, -1)) ** 2).sum())
+    chi2, dof = float(left @ left), unseen.data_size - rank
+    return HoldOut(
+        targets=names,
+        placements=tuple(placement.name for placement in groups),
         shots=unseen.shots,
         shots_fitted=seen.shots,
         rms_mm=rms_length(whitened.residual_mm),
         rms_before_mm=rms_length(unseen.linearise(before)[0]),
-        expected_mm=float(np.sqrt((expected**2).sum() / unseen.shots)),
+        expected_mm=float(np.sqrt(max(squares, 0.0) / unseen.shots)),
         chi2=chi2 if dof > 0 else None,
-        dof=dof,
+        dof=max(dof, 0),
         p_value=_chance(seen, chi2, dof) if dof > 0 else None,
         failure=None,
     )
@@ -105,24 +174,27 @@ def hold_out(problem: Problem, patterns: Sequence[str], seed: int = 0) -> HoldOu
 
 def _chance(seen: Problem, chi2: float, dof: int) -> float:
     """That chi-squared comes out as large: by F where the noise scale is estimated from the shots fitted."""
-    parameters = seen.parameters
-    # A target without shots takes nothing of them.
-    unseen = parameters.targets(set(seen.targets) - {seen.targets[k] for k in seen.target_index})
-    free = seen.data_size - int((parameters.free & ~unseen).sum())
+    free = seen.data_size - int(seen.parameters.free.sum())
     if not seen.noise.estimated or free <= 0:
         return float(chdtrc(dof, chi2))
     return float(fdtrc(dof, free, chi2 / dof))
 
 
-def _settled(problem: Problem, x: Matrix, moved: NDArray[np.bool_]) -> Matrix:
-    """x (p,) with the parameters `moved` (the targets') where the residuals are smallest."""
-    parameters, rows = problem.parameters, problem.shots * problem.tool.miss_size
-    x, moved = x.copy(), moved & parameters.free
+def _row_scale(problem: Problem, weight: float) -> Matrix:
+    """(M,) what multiplies whitened rows: the noise scale is that of measurements, not of distances."""
+    rows = problem.shots * problem.tool.miss_size
+    return np.append(np.full(rows, np.sqrt(weight)), np.ones(len(problem.distances)))
+
+
+def _settled(problem: Problem, x: Matrix, weight: float) -> Matrix:
+    """x (p,) with the free coordinates of its targets where residuals and distances are best met."""
+    parameters, scale = problem.parameters, _row_scale(problem, weight)
+    x, moved = x.copy(), parameters.group("target") & parameters.free
     for _ in range(_ROUNDS):
         whitened = problem.whiten(x)
-        columns = np.vstack([whitened.jacobian[:rows, moved], np.eye(int(moved.sum()))])
+        columns = np.vstack([whitened.jacobian[:, moved] * scale[:, None], np.eye(int(moved.sum()))])
         z = (x - parameters.prior_mean)[moved] / parameters.prior_std[moved]
-        step = -np.linalg.lstsq(columns, np.append(whitened.residual[:rows], z), rcond=None)[0]
+        step = -np.linalg.lstsq(columns, np.append(whitened.residual * scale, z), rcond=None)[0]
         x[moved] += step * parameters.prior_std[moved]
         if np.abs(step).max(initial=0.0) < 1e-12:
             break

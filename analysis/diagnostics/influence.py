@@ -71,7 +71,7 @@ def influence(problem: Problem, fit: LikelihoodFit) -> Influence:
     left_out, _ = problem.linearise(without.x)
     unknown = decides | ~without.converged
     return Influence(
-        np.linalg.norm(residual, axis=1),
+        np.linalg.norm(residual, axis=1) / np.sqrt(problem.weights),
         np.where(unknown, np.nan, np.linalg.norm(left_out, axis=1)),
         np.where(unknown, np.nan, cooks),
     )

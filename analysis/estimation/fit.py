@@ -98,7 +98,7 @@ class LikelihoodFit:
         `against_noise` it tells of a wrong basin even if no number is left over."""
         if not self.problem.noise.known:
             return None
-        return chance(self.whitened.residual, self.z)
+        return chance(self.problem, self.whitened.residual, self.z)
 
     def against_noise(self, rank: int) -> AgainstNoise:
         """The residuals, and the geometry by its tolerances, against what is stated of both; `rank` numbers
@@ -110,9 +110,9 @@ class LikelihoodFit:
         return AgainstNoise(chi2, dof, float(chdtrc(dof, chi2)) if judged else None)
 
 
-def chance(residual: Matrix, z: Matrix) -> float:
+def chance(problem: Problem, residual: Matrix, z: Matrix) -> float:
     """That whitened residuals (M,) and scaled parameters (f,) are as large at a mode, their noise known."""
-    return float(chdtrc(len(residual), float(residual @ residual + z @ z)))
+    return float(chdtrc(problem.data_size, float(residual @ residual + z @ z)))
 
 
 def fit_likelihood(
@@ -187,7 +187,7 @@ def fit_each(problem: Problem, joints: Matrix, spots: Matrix, *, starts: int = S
     for row in range(count if doubtful or problem.noise.separate else 0):
         own, more = problem.moved(joints[row], spots[row]), starts
         if doubtful:
-            if chance(own.whiten(x[row]).residual, scaled[row]) >= CONTRADICTED:
+            if chance(own, own.whiten(x[row]).residual, scaled[row]) >= CONTRADICTED:
                 continue
             more = MANY_STARTS
         again = fit_likelihood(own, starts=more, seed=seed)

@@ -12,6 +12,7 @@ import numpy as np
 
 from ...model.files.run import Run
 from ...model.robot import Matrix
+from ..holm import holm
 from ..status import UnsoundResult, versions
 from .consistency import (
     AgainstOthers,
@@ -23,7 +24,6 @@ from .consistency import (
     against_others,
     consistency,
     drift,
-    holm,
     mean_of,
     scatter,
 )

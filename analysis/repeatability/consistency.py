@@ -7,7 +7,6 @@ what was chi-squared is F. Units are those that people read: degrees, millimetre
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -250,12 +249,3 @@ def against_others(sample: Sample, run: int) -> AgainstOthers | None:
         return None
     p_value = min(1.0, len(p_values) * min(p_values))
     return AgainstOthers(None, None, p_value, p_value)
-
-
-def holm(p_values: Sequence[float]) -> list[float]:
-    """P-values adjusted for being the least of so many (Holm, Scand. J. Statist. 6, 1979)."""
-    raised, adjusted = 0.0, [0.0] * len(p_values)
-    for k, i in enumerate(sorted(range(len(p_values)), key=p_values.__getitem__)):
-        raised = max(raised, min(1.0, (len(p_values) - k) * p_values[i]))
-        adjusted[i] = raised
-    return adjusted

@@ -270,4 +270,5 @@ def with_shots(problem: Problem, shots: Sequence[Shot]) -> Problem:
         spots=np.array([shot.spot_mm or np.zeros(problem.tool.miss_size) for shot in shots]),
         target_index=np.array([problem.targets.index(shot.target) for shot in shots], dtype=np.int64),
         shot_numbers=tuple(shot.shot for shot in shots),
+        weights=np.ones(len(shots)),
     )

@@ -12,6 +12,7 @@ from .fit_quality import fit_section, not_converged
 from .inputs import inputs_sections, traceability_section
 from .offsets_figure import offsets_picture
 from .parameters import offsets_section
+from .placements import placements_picture, placements_section
 from .posterior_summary import posterior_picture, posterior_section
 from .residuals import residuals_picture, residuals_section
 from .run_scene import scene_section
@@ -34,6 +35,7 @@ def report_page(result: Result) -> Page:
         fit_section(result),
         robust_section(result),
         hold_out_section(result),
+        placements_section(result),
         posterior_section(result),
         intervals_section(result),
         residuals_section(result),
@@ -62,5 +64,6 @@ def pictures(result: Result, draws: Draws | None) -> dict[str, Picture]:
         workspace_picture(result),
         posterior_picture(result, draws),
         residuals_picture(result),
+        placements_picture(result),
     )
     return {picture.name: picture for picture in drawn if picture is not None}

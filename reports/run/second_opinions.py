@@ -91,6 +91,7 @@ def hold_out_section(result: Result) -> Section | None:
     names = [clipped(name, 24) for name in held_out.targets]
     missing = "not available"
     rows = [
+        ("Placements", listed([clipped(name, 24) for name in held_out.placements])),
         ("Targets", f"{len(names)}: {listed(names)}"),
         ("Measurements there", str(held_out.shots)),
         ("Measurements of the fit", str(held_out.shots_fitted)),
@@ -102,8 +103,9 @@ def hold_out_section(result: Result) -> Section | None:
         ("p-value", missing if held_out.p_value is None else numbers.p_value(held_out.p_value)),
     ]
     said = (
-        "Offsets and tool are fitted without these targets. Then only the position of each is fitted, to"
-        " its own measurements; what is left of the residuals shows whether the offsets hold there."
+        "Offsets and tool are fitted without these placements, each taken whole. Then only the position of"
+        " each target is fitted, to its own measurements; what is left of the residuals shows whether"
+        " the offsets hold there."
     )
     return section_of(
         "Held-out targets",

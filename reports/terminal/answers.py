@@ -16,6 +16,7 @@ from ...analysis.status import Verdict
 from ...experiments.plans.make import MadePlan
 from ...experiments.procedure.events import Ended, KnownOffset
 from ..run.parameters import OFFSETS, other_tables, parameter_table, unit_of
+from ..run.placements import placements_lines
 from ..run.posterior_summary import posterior_sentence
 from ..run.report_page import report_notes
 from ..run.second_opinions import hold_out_section, intervals_section, robust_section
@@ -41,6 +42,8 @@ def print_result(console: Console, result: Result) -> None:
         _print_table(console, table)
     _print_directions(console, result.identifiability.null_space)
     console.print(Text(_fit_line(result.likelihood)))
+    for line in placements_lines(result):
+        console.print(Text(line))
     for section in (robust_section(result), hold_out_section(result), intervals_section(result)):
         if section is not None:
             _print_section(console, section)

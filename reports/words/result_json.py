@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ...analysis.diagnostics.accuracy import Accuracy
+from ...analysis.diagnostics.placement_result import PlacementResult
 from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.check import Check
 from ...analysis.observability.identifiability import Identifiability
@@ -58,6 +59,7 @@ def to_json(result: Result) -> dict[str, Any]:
         "budget": [_without(row, "budget", "status") for row in result.budget],
         "robust": _robust(result),
         "hold_out": _hold_out(result),
+        "placements": _placements(result.placements),
         "scene": _plain(result.scene, "scene"),
         "notes": list(notes(result)),
         "inputs": _plain(result.inputs, "inputs"),
@@ -149,6 +151,33 @@ def _hold_out(result: Result) -> dict[str, Any] | None:
         return None
     own = _without(result.hold_out, "hold_out", "failure")
     return {**own, "message": hold_out_message(result.hold_out)}
+
+
+def _placements(own: PlacementResult) -> dict[str, Any]:
+    left_out, knife = own.leave_one_out, own.jackknife
+    rows = () if left_out is None else left_out.rows
+    shown = ("shots", "rms_mm", "expected_mm", "factor", "chi2", "dof", "p_value")
+    where = "placements"
+    return {
+        "names": list(own.names),
+        "leave_one_out": [
+            {
+                "placement": ", ".join(row.placements),
+                **{key: _plain(getattr(row, key), f"{where}.leave_one_out.{key}") for key in shown},
+                "message": hold_out_message(row),
+            }
+            for row in rows
+        ],
+        "leave_one_out_rms_mm": _plain(left_out and left_out.rms_mm, where),
+        "leave_one_out_expected_mm": _plain(left_out and left_out.expected_mm, where),
+        "jackknife": knife
+        and {row.name: _plain(row.u, f"{where}.jackknife.{row.name}") for row in knife.offsets},
+        "jackknife_dof": knife and knife.dof,
+        "jackknife_needs": knife and {row.name: list(row.needs) for row in knife.offsets if row.needs},
+        "effective": {**_without(own.effective, f"{where}.effective"), "number": own.effective.number},
+        "steps": _plain(own.steps.rows, f"{where}.steps"),
+        "steps_tested": own.steps.tested,
+    }
 
 
 def _without(value: Any, where: str, *left_out: str) -> dict[str, Any]:

@@ -18,11 +18,15 @@ from recordings import DINOVA_1, KUKA_14, PANDA_1, PANDA_2, Arm, imported
 
 from zerobeam.analysis import analyse as analysing
 from zerobeam.analysis.analyse import analyse
+from zerobeam.analysis.diagnostics.displacement import displacement
 from zerobeam.analysis.diagnostics.hold_out import hold_out
+from zerobeam.analysis.diagnostics.leave_one_out import fits_without, jackknife, leave_one_out
 from zerobeam.analysis.estimation.fit import fit_likelihood
-from zerobeam.analysis.findings import on_held_out
+from zerobeam.analysis.findings import moved_target, on_held_out, tolerances
 from zerobeam.analysis.posterior.posterior import UNSAMPLED
+from zerobeam.analysis.recordings.steps import steps
 from zerobeam.analysis.result import Result
+from zerobeam.analysis.solution import solve
 from zerobeam.model.files.run import read_run
 from zerobeam.model.problem import Problem
 from zerobeam.reports.run.fit_quality import fit_section
@@ -253,3 +257,49 @@ def test_dinova_1_beyond_its_limits_is_told_with_the_joint_and_the_shots(dinova_
     assert told.startswith("joint 6 is outside its limits (-119.748 to 119.748 deg), up to -157.128")
     assert "in 33 of 137 measurements: 12, 13," in told
     assert "joint 6 is outside its limits" in dinova_1.import_told.out
+
+
+LEFT_OUT = [(PANDA_2, 0.986), (PANDA_1, 1.573), (KUKA_14, 0.671)]
+
+
+@pytest.mark.parametrize(("arm", "rms_mm"), LEFT_OUT, ids=[arm.name for arm, _ in LEFT_OUT])
+def test_each_placement_as_the_others_predict_it(
+    arm: Arm, rms_mm: float, shared_data: Path, tmp_path: Path
+) -> None:
+    """Against an independent prototype of offsets only, whose noise settings differ a little."""
+    _, run = imported(shared_data, tmp_path, arm)
+    found = solve(Problem.from_run(read_run(run)), starts=0)
+    fits = fits_without(found)
+    left_out, knife = leave_one_out(found, fits), jackknife(found, fits)
+    assert left_out is not None
+    assert knife is not None
+    assert left_out.rms_mm == pytest.approx(rms_mm, rel=0.025)
+    assert {row.name for row in knife.offsets} == {f"delta{i}" for i in range(2, 7)}
+    # The intervals are too narrow for the arm: the largest of the offsets' jackknives is well above its u.
+    assert max((row.u or 0.0) / (found[row.name].u or 1.0) for row in knife.offsets) > 2
+
+
+def test_panda_2_without_the_placement_that_slipped(shared_data: Path, tmp_path: Path) -> None:
+    _, run = imported(shared_data, tmp_path, PANDA_2)
+    problem = Problem.from_run(read_run(run)).without_targets(["high_0", "high_1"])
+    found = solve(problem, starts=0)
+    left_out = leave_one_out(found, fits_without(found))
+    assert left_out is not None
+    assert left_out.rms_mm == pytest.approx(0.919, rel=0.025)
+    # No target moved: 1.6 mm are claimed where links within their tolerance are no rival.
+    assert moved_target(found) is None
+    plain = displacement(found.fit)
+    assert plain is not None
+    assert plain.p_value < 1e-6
+
+
+def test_the_steps_that_were_found_by_hand(shared_data: Path, tmp_path: Path) -> None:
+    """panda_2: high_0 from its ninth measurement on for some eight; kuka_14: two of raised_left_0."""
+    for arm, target, first, last in ((PANDA_2, "high_0", 9, 16), (KUKA_14, "raised_left_0", 0, 1)):
+        _, run = imported(shared_data, tmp_path, arm)
+        found = solve(Problem.from_run(read_run(run)), starts=0)
+        (step,) = (row for row in steps(found, tolerances(found)).rows if row.target == target)
+        start = found.problem.targets.index(target)
+        at = int(np.argmax(found.problem.target_index == start))
+        assert step.first_shot - at == first
+        assert abs(step.last_shot - at - last) <= 1

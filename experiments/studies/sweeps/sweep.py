@@ -255,10 +255,10 @@ def refitted(data: DataSets, fits: Fits) -> Fits:
     converged = fits.converged.copy()
     for row, (joints, spots) in enumerate(zip(data.joints, data.spots, strict=True)):
         problem = data.problem.moved(joints, spots)
-        if chance(problem.whiten(x[row]).residual, z[row]) < CONTRADICTED:
+        if chance(problem, problem.whiten(x[row]).residual, z[row]) < CONTRADICTED:
             fit = fit_likelihood(problem, starts=MANY_STARTS)
             x[row], z[row], covariance[row] = fit.x, fit.z, fit.covariance
-            converged[row] = fit.converged and chance(fit.whitened.residual, fit.z) >= CONTRADICTED
+            converged[row] = fit.converged and chance(problem, fit.whitened.residual, fit.z) >= CONTRADICTED
     return replace(fits, x=x, z=z, covariance=covariance, converged=converged)
 
 

@@ -15,10 +15,11 @@ from repeated_runs import COVARIANCE, drawn, repeat, repeats, run_files, table_f
 from scipy import stats
 
 from zerobeam.analysis.estimation.fit import fit_likelihood
+from zerobeam.analysis.holm import holm
 from zerobeam.analysis.repeatability.compare import compare as compare_runs
 from zerobeam.analysis.repeatability.compare import compared as compared_runs
 from zerobeam.analysis.repeatability.compare import sample_of
-from zerobeam.analysis.repeatability.consistency import Sample, against_others, consistency, drift, holm
+from zerobeam.analysis.repeatability.consistency import Sample, against_others, consistency, drift
 from zerobeam.analysis.repeatability.prior_free import without_prior
 from zerobeam.analysis.repeatability.repeat import Kind, Repeat
 from zerobeam.analysis.repeatability.run_files import fitted, problem_of, unfitted

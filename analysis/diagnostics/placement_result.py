@@ -1,0 +1,36 @@
+"""What the placements and recordings of a run say, beside the fit of all measurements together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ...model.robot import Matrix
+from ..recordings.effective import Effective, effective
+from ..recordings.steps import Steps, steps
+from ..solution import Solution
+from .leave_one_out import Jackknife, LeaveOneOut, fits_without, jackknife, leave_one_out
+from .placements import placements
+
+
+@dataclass(frozen=True)
+class PlacementResult:
+    """Placements by `names`; each left out in turn (None for one placement, or without an answer), the
+    jackknife (None for less than three); correlation and steps of the recordings."""
+
+    names: tuple[str, ...]
+    leave_one_out: LeaveOneOut | None
+    jackknife: Jackknife | None
+    effective: Effective
+    steps: Steps
+
+
+def placement_result(solution: Solution, rival: Matrix | None = None) -> PlacementResult:
+    """Of a solution's measurements; `rival` is what else may explain their residuals (`link_tolerances`)."""
+    fits = fits_without(solution)
+    return PlacementResult(
+        tuple(placement.name for placement in placements(solution.problem)),
+        leave_one_out(solution, fits),
+        jackknife(solution, fits),
+        effective(solution, rival),
+        steps(solution, rival),
+    )

@@ -1,0 +1,182 @@
+"""The effective number of measurements: how many independent ones would say as much.
+
+Residuals that follow each other in a recording are alike where something drifts slowly: temperature, a socket
+that settles, an arm whose errors change slowly along a row of postures. n measurements with lag-1 correlation
+rho then say as much as n / kappa independent ones, kappa = (1 + rho) / (1 - rho) (Bayley & Hammersley 1946,
+for an autoregressive process of order 1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.special import ndtr
+
+from ...model.robot import Matrix
+from ..solution import Solution
+from .recordings import Recorded, covariances, recordings
+
+CHANCE = 0.01  # p-value below which a correlation is used
+_FEWEST = 4  # measurements of a recording with a correlation of its own
+_GRID = np.array([-0.9, -0.6, -0.3, -0.1, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9])
+_LARGE = 600  # residuals of a recording whose covariance is no longer taken apart
+_LEFT = 1e-3  # of the variance of an error: a recording with less left of all its errors is not tested
+
+
+@dataclass(frozen=True)
+class RecordingCorrelation:
+    """The correlation of the residuals that follow each other in a recording.
+
+    `first_shot` and `last_shot` are its measurements' numbers. `rho` is without the bias that the fit's
+    residuals have, `kappa` what it makes of the number of measurements, `p_value` the probability of a
+    correlation as large if there is none (one-sided). None where a recording is too short.
+    """
+
+    target: str
+    first_shot: int
+    last_shot: int
+    shots: int
+    rho: float | None
+    kappa: float | None
+    p_value: float | None
+
+
+@dataclass(frozen=True)
+class Effective:
+    """The effective number of measurements: `shots` / `divisor`.
+
+    `rho`, `kappa` and `p_value` of all recordings together, None where none is long enough. `divisor` is what
+    the information of the measurements is to be divided by: `kappa` where the correlation is positive beyond
+    chance, else 1.
+    """
+
+    recordings: tuple[RecordingCorrelation, ...]
+    shots: int
+    rho: float | None
+    kappa: float | None
+    p_value: float | None
+    divisor: float
+
+    @property
+    def number(self) -> float:
+        """How many independent measurements would say as much."""
+        return self.shots / self.divisor
+
+
+def effective(solution: Solution, rival: Matrix | None = None) -> Effective:
+    """The lag-1 correlations of the residuals at the mode, per recording and of all; `rival` as of
+    `recordings`."""
+    recorded, numbers = recordings(solution.fit, rival), solution.problem.shot_numbers
+    every = recorded.every
+    found: dict[int, RecordingLag] = {}
+    if solution.converged and any(own.shots >= _FEWEST for own in every):
+        found = lags(recorded)
+    rows = []
+    for i, own in enumerate(every):
+        rho = p_value = None
+        if i in found:
+            rho, p_value = correlation([found[i]])
+        kappa = None if rho is None else _kappa(rho)
+        first, last = numbers[own.rows[0]], numbers[own.rows[-1]]
+        rows.append(RecordingCorrelation(own.target, first, last, own.shots, rho, kappa, p_value))
+    shots = solution.problem.shots
+    if not found:
+        return Effective(tuple(rows), shots, None, None, None, 1.0)
+    rho, p_value = correlation(list(found.values()))
+    kappa = _kappa(rho)
+    return Effective(tuple(rows), shots, rho, kappa, p_value, max(kappa, 1.0) if p_value < CHANCE else 1.0)
+
+
+def _kappa(rho: float) -> float:
+    return (1 + rho) / (1 - rho)
+
+
+class RecordingLag(NamedTuple):
+    """Of a recording: `product` the sum over its neighbours of the products of their residuals, `square` the
+    sum of squares; `products` and `squares` (grid,) what they are expected to be for the correlations of the
+    grid; `white` (n d, n d) the covariance of the residuals without correlation."""
+
+    shots: int
+    product: float
+    square: float
+    products: Matrix
+    squares: Matrix
+    white: Matrix
+
+
+def lags(recorded: Recorded) -> dict[int, RecordingLag]:
+    """Of the recordings that are long enough, by their place."""
+    by_rho = [covariances(recorded, float(rho)) for rho in _GRID]
+    white = by_rho[int(np.argmin(np.abs(_GRID)))]
+    result = {}
+    for i, own in enumerate(recorded.every):
+        d, residual = own.residual.shape[1], own.residual
+        # A fit that takes up all errors leaves rounding.
+        if own.shots < _FEWEST or np.trace(white[i]) < _LEFT * own.shots * d:
+            continue
+        result[i] = RecordingLag(
+            own.shots,
+            float((residual[1:] * residual[:-1]).sum()),
+            float((residual**2).sum()),
+            np.array([np.trace(part[i], offset=d) for part in by_rho]),
+            np.array([np.trace(part[i]) for part in by_rho]),
+            white[i],
+        )
+    return result
+
+
+def correlation(found: Sequence[RecordingLag]) -> tuple[float, float]:
+    """The lag-1 correlation of some recordings together and the one-sided p-value of one as large by chance.
+
+    The correlation is the one for which the ratio of the expected sums is the ratio that was found: so the
+    bias of residuals of a fit (about -1 / n for a mean alone) is out. The p-value is that of a ratio of
+    quadratic forms of normal errors, by the saddle point (Kuonen, Biometrika 86, 1999, eq. 3), and does not
+    depend on the size of the noise.
+    """
+    ratio = sum(own.product for own in found) / max(sum(own.square for own in found), 1e-300)
+    expected = sum(own.products for own in found) / sum(own.squares for own in found)
+    rho = float(np.interp(ratio, expected, _GRID))
+    return rho, _chance(np.concatenate([_values(own, ratio) for own in found]))
+
+
+def _values(own: RecordingLag, ratio: float) -> Matrix:
+    """Weights of the chi-squares of which product - ratio * square is the sum."""
+    size = len(own.white)
+    d = size // own.shots
+    if size > _LARGE:
+        # Of a long recording: those of independent errors, shifted by the bias.
+        bias = float(np.trace(own.white, offset=d) / np.trace(own.white))
+        angles = np.pi * np.arange(1, own.shots + 1) / (own.shots + 1)
+        return np.repeat(np.cos(angles) - (ratio - bias), d)
+    form = (np.eye(size, k=d) + np.eye(size, k=-d)) / 2 - ratio * np.eye(size)
+    values, vectors = np.linalg.eigh(own.white)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    return np.asarray(np.linalg.eigvalsh(root.T @ form @ root))
+
+
+def _chance(weights: Matrix) -> float:
+    """That a sum of chi-squares of one degree of freedom each, times `weights`, is above 0."""
+    scale = float(np.abs(weights).max(initial=0.0))
+    if scale == 0.0:
+        return 1.0
+    weights = weights[np.abs(weights) > 1e-10 * scale] / scale
+    if weights.min() > 0 or weights.max() < 0:
+        return float(weights.min() > 0)
+    low, high = 0.5 / weights.min(), 0.5 / weights.max()
+
+    def slope(t: float) -> float:
+        return float((weights / (1 - 2 * t * weights)).sum())
+
+    t = float(brentq(slope, low * (1 - 1e-9), high * (1 - 1e-9), xtol=1e-12))
+    open_part = 1 - 2 * t * weights
+    bend = float((2 * (weights / open_part) ** 2).sum())
+    height = max(float(np.log(open_part).sum()), 0.0)
+    w, v = np.sign(t) * np.sqrt(height), t * np.sqrt(bend)
+    if abs(w) < 1e-4:
+        skew = float(8 * (weights**3).sum()) / float(2 * (weights**2).sum()) ** 1.5
+        return float(0.5 - skew / (6 * np.sqrt(2 * np.pi)))
+    return float(ndtr(-(w + np.log(v / w) / w)))

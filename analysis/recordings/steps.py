@@ -1,0 +1,197 @@
+"""Steps inside a recording: measurements whose residuals are off together, as if the target had moved.
+
+A socket that slips, or settles after some measurements, shifts the residuals of a run of measurements by one
+vector in the target's frame. For every run of a recording (a run to its end is a single change) the drop of
+the residuals' sum of squares by such a shift is taken, over the sum itself, so that the size of the noise
+does not matter; the largest is compared with the largest of simulated recordings without a step, whose
+residuals are as correlated as these. Circular binary segmentation (Olshen et al., Biostatistics 5, 2004), for
+vectors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...model.kernel import Index
+from ...model.robot import Matrix
+from ..estimation.fit import LikelihoodFit
+from ..holm import holm
+from ..solution import Solution
+from .effective import CHANCE, correlation, lags
+from .recordings import Recording, covariances, recordings
+
+_FEWEST = 6  # measurements of a recording that is tested
+_FEWEST_LEFT = 12.0  # degrees of freedom that the fit leaves to it
+_SHORTEST = 2  # measurements of a run, and of the rest
+_PLACES = 60  # at most so many places of a change: of a longer recording every second, third…
+_SIMULATED = 300
+_TELLS_MM = 10.0
+_EULER = float(np.euler_gamma)
+_RHO_STEP = 0.05
+
+
+@dataclass(frozen=True)
+class Step:
+    """A run of measurements of one recording that are off together.
+
+    `first_shot` to `last_shot` are off the rest of the recording by `shift_mm` of the target (base frame;
+    None for a component that the residuals do not determine; `size_mm` None while one is), or the rest is off
+    these by the opposite. `p_value` is that of a run as clear anywhere in the recording, Holm-adjusted over
+    the recordings.
+    """
+
+    target: str
+    first_shot: int
+    last_shot: int
+    shots: int
+    shift_mm: tuple[float | None, ...]
+    size_mm: float | None
+    p_value: float
+
+
+@dataclass(frozen=True)
+class Steps:
+    """`rows` are the significant steps, one at most of each recording, the clearest first; `tested` of
+    `recordings` are long enough."""
+
+    rows: tuple[Step, ...]
+    tested: int
+    recordings: int
+
+
+class Runs(NamedTuple):
+    """All runs of a recording: from measurement `first` (S,) to before `end` (S,); `whitening` (S, 3, 3)
+    turns the sum of the residuals over a run into the root of the drop, along `vectors` (S, 3, 3) of which
+    those `determined` (S, 3) count."""
+
+    first: Index
+    end: Index
+    whitening: Matrix
+    vectors: Matrix
+    determined: NDArray[np.bool_]
+
+
+def steps(solution: Solution, rival: Matrix | None = None) -> Steps:
+    """The significant steps inside the recordings at the mode; `rival` as of `recordings`."""
+    found, count = all_steps(solution.fit, rival) if solution.converged else ([], 0)
+    rows = tuple(sorted((step for step in found if step.p_value < CHANCE), key=lambda step: step.p_value))
+    return Steps(rows, len(found), count)
+
+
+def all_steps(fit: LikelihoodFit, rival: Matrix | None = None, seed: int = 0) -> tuple[list[Step], int]:
+    """The clearest run of each recording that is long enough, significant or not, and how many recordings
+    there are."""
+    recorded = recordings(fit, rival)
+    every, lag = recorded.every, lags(recorded)
+    tested = [
+        i
+        for i, own in enumerate(every)
+        if i in lag and own.shots >= _FEWEST and np.trace(lag[i].white) >= _FEWEST_LEFT
+    ]
+    if not tested:
+        return [], len(every)
+    pooled, chance = correlation(list(lag.values()))
+    shared = pooled if chance < CHANCE else 0.0
+    by_rho: dict[float, list[Matrix]] = {}
+    found = []
+    rng = np.random.default_rng(seed)
+    for i in tested:
+        own, white = every[i], lag[i].white
+        runs = _runs(own)
+        best, size = _largest(own, runs, own.residual[None])
+        size_mm, design = _size(own, runs, int(best[0]))
+        left = own.residual + (white @ (design.reshape(-1, 3) @ size_mm)).reshape(own.residual.shape)
+        alone = lag[i]._replace(product=float((left[1:] * left[:-1]).sum()), square=float((left**2).sum()))
+        rho = max(0.0, shared, correlation([alone])[0])
+        rho = min(0.95, round(rho / _RHO_STEP) * _RHO_STEP)
+        if rho not in by_rho:
+            by_rho[rho] = covariances(recorded, rho)
+        values, vectors = np.linalg.eigh(by_rho[rho][i])
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        simulated = (rng.normal(size=(_SIMULATED, len(root))) @ root.T).reshape(
+            _SIMULATED, *own.residual.shape
+        )
+        chance = _gumbel(float(size[0]), _largest(own, runs, simulated)[1])
+        found.append(_step(fit, own, runs, int(best[0]), chance))
+    adjusted = holm([step.p_value for step in found])
+    return [replace(step, p_value=p) for step, p in zip(found, adjusted, strict=True)], len(every)
+
+
+def _runs(own: Recording) -> Runs:
+    """All runs that are tested, by their information D'MD on a shift; M is what is left of errors."""
+    shots, d = own.residual.shape
+    stride = -(-shots // _PLACES)
+    places = np.unique(np.append(np.arange(0, shots, stride), shots))
+    first, end = (places[k] for k in np.triu_indices(len(places), 1))
+    size = end - first
+    # Of two complementary runs, which are one and the same step, the shorter.
+    inside = (first > 0) & (end < shots)
+    edge = ~inside & (2 * size <= shots)
+    keep = (size >= _SHORTEST) & (size <= shots - _SHORTEST) & (inside | edge)
+    first, end = first[keep], end[keep]
+    blocks = own.jacobian.reshape(shots, d, -1)
+    shared = blocks.transpose(0, 2, 1) @ own.by_target
+    gram = _between(np.einsum("nda,ndb->nab", own.by_target, own.by_target), first, end)
+    cross = _between(shared, first, end)
+    gram = gram - cross.transpose(0, 2, 1) @ cross
+    values, vectors = np.linalg.eigh(gram)
+    determined = values > max(_TELLS_MM**-2, 1e-10 * float(values.max(initial=0.0)))
+    safe = np.where(determined, values, 1.0)
+    whitening = np.where(determined, 1 / np.sqrt(safe), 0.0)[:, :, None] * vectors.transpose(0, 2, 1)
+    return Runs(first, end, whitening, vectors, determined)
+
+
+def _between(parts: Matrix, first: Index, end: Index) -> Matrix:
+    """(S, …) sums of `parts` (n, …) over runs."""
+    total = np.concatenate([np.zeros_like(parts[:1]), np.cumsum(parts, axis=0)])
+    return np.asarray(total[end] - total[first])
+
+
+def _largest(own: Recording, runs: Runs, residuals: Matrix) -> tuple[Index, Matrix]:
+    """(B,) of recordings (B, n, d) the run whose shift explains most, and -log(1 - share of the squares)."""
+    pull = np.einsum("nda,bnd->nba", own.by_target, residuals)
+    total = _between(pull, runs.first, runs.end)
+    drop = ((total @ runs.whitening.transpose(0, 2, 1)) ** 2).sum(axis=2)
+    share = drop / np.maximum((residuals**2).sum(axis=(1, 2)), 1e-300)
+    best = np.argmax(share, axis=0)
+    largest = np.minimum(share[best, np.arange(len(best))], 1 - 1e-12)
+    return best, -np.log1p(-largest)
+
+
+def _size(own: Recording, runs: Runs, best: int) -> tuple[Matrix, Matrix]:
+    """(3,) mm by which a target elsewhere over a run would explain its residuals, and (n, d, 3) the columns
+    of the residuals by such a shift."""
+    design = np.zeros((*own.residual.shape, 3))
+    run = slice(int(runs.first[best]), int(runs.end[best]))
+    design[run] = own.by_target[run]
+    root = runs.whitening[best]
+    return -(root.T @ root) @ np.einsum("nda,nd->a", design, own.residual), design
+
+
+def _step(fit: LikelihoodFit, own: Recording, runs: Runs, best: int, p_value: float) -> Step:
+    first, end = int(runs.first[best]), int(runs.end[best])
+    shift, _ = _size(own, runs, best)
+    # A component with a part in an undetermined direction is undetermined.
+    lost = np.abs(runs.vectors[best][:, ~runs.determined[best]]).sum(axis=1) > 1e-6
+    numbers = fit.problem.shot_numbers
+    return Step(
+        own.target,
+        numbers[own.rows[first]],
+        numbers[own.rows[end - 1]],
+        end - first,
+        tuple(None if gone else float(value) for value, gone in zip(shift, lost, strict=True)),
+        None if lost.any() else float(np.linalg.norm(shift)),
+        p_value,
+    )
+
+
+def _gumbel(value: float, simulated: Matrix) -> float:
+    """That a largest value is as large, by Gumbel's distribution of the moments of the simulated ones: the
+    tail of -log(1 - share) is exponential (of a beta distribution), and simulations do not reach it."""
+    scale = float(simulated.std(ddof=1)) * np.sqrt(6) / np.pi
+    place = float(simulated.mean()) - _EULER * scale
+    return float(-np.expm1(-np.exp(-(value - place) / scale)))

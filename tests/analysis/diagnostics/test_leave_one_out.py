@@ -1,0 +1,295 @@
+"""Placements left out in turn: against full fits without them, and where one is needed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+from cells import TABLE_2, good_plan, header, irb1600, plan_of, simulated_problem, varied_postures
+from scipy import stats
+
+from zerobeam.analysis.diagnostics.displacement import displacement
+from zerobeam.analysis.diagnostics.hold_out import HoldOut, chosen, hold_out
+from zerobeam.analysis.diagnostics.leave_one_out import (
+    delete_group_std,
+    fits_without,
+    jackknife,
+    leave_one_out,
+)
+from zerobeam.analysis.diagnostics.placement_result import placement_result
+from zerobeam.analysis.diagnostics.placements import Placement, placements
+from zerobeam.analysis.estimation.fit import fit_likelihood
+from zerobeam.analysis.recordings.rival import link_tolerances
+from zerobeam.analysis.solution import Solution, solve
+from zerobeam.model.errors import BadInput
+from zerobeam.model.problem import Problem
+
+PLACES = {
+    "left_a": (800.0, 300.0, 100.0),
+    "left_b": (800.0, 350.0, 100.0),
+    "right_a": (850.0, -350.0, 200.0),
+    "right_b": (850.0, -400.0, 200.0),
+    "psd": (900.0, 0.0, 0.0),
+}
+SHOTS = {"left_a": 5, "left_b": 5, "right_a": 6, "right_b": 4, "psd": 7}
+
+
+def untied(places: dict[str, tuple[float, float, float]], shots: dict[str, int]) -> Problem:
+    """Without distances."""
+    return placed(places, shots, tied=False)
+
+
+def placed(
+    places: dict[str, tuple[float, float, float]], shots: dict[str, int], tied: bool = True, **noise: object
+) -> Problem:
+    targets = {name: {"guess_mm": list(place)} for name, place in places.items()}
+    distances = [
+        {"between": [f"{side}_a", f"{side}_b"], "mm": 50.0, "sigma_mm": 0.05}
+        for side in ("left", "right")
+        if tied and f"{side}_a" in places
+    ]
+    own = header(target=None, targets=targets, distances=distances, noise=noise)
+    postures = [
+        varied_postures(header(target=place), irb1600(), place, shots[name], 5 + i)
+        for i, (name, place) in enumerate(places.items())
+    ]
+    names = [name for name in places for _ in range(shots[name])]
+    return simulated_problem(plan_of(own, np.concatenate(postures), names), TABLE_2, 3)[1]
+
+
+@pytest.fixture(scope="module", params=["known", "estimated"])
+def solution(request: pytest.FixtureRequest) -> Solution:
+    return solve(placed(PLACES, SHOTS, scale=request.param), starts=0)
+
+
+# --- which placement a name means -----------------------------------------------------------------
+
+
+def group(name: str, *targets: str) -> Placement:
+    return Placement(name, targets or (name,), np.arange(1))
+
+
+EVERY = [
+    group("front", "front_0", "front_1"),
+    group("front_rotated", "front_rotated_0", "front_rotated_1"),
+    group("mid-high", "mid-high_0", "mid-high_1"),
+    group("wall"),
+]
+
+
+@pytest.mark.parametrize(
+    ("pattern", "names"),
+    [
+        ("front", ["front"]),
+        ("front_*", ["front"]),  # and not front_rotated, which it matches as well
+        ("front_0", ["front"]),
+        ("front_rotated_*", ["front_rotated"]),
+        ("front_rotated", ["front_rotated"]),
+        ("front*", ["front", "front_rotated"]),
+        ("front_?", ["front"]),
+        ("front_r*", ["front_rotated"]),
+        ("*high*", ["mid-high"]),
+        ("mid-*", ["mid-high"]),
+        ("wall", ["wall"]),
+        ("*_1", ["front", "front_rotated", "mid-high"]),
+    ],
+)
+def test_a_pattern_means_whole_placements(pattern: str, names: list[str]) -> None:
+    assert [placement.name for placement in chosen(EVERY, pattern)] == names
+
+
+def test_a_name_that_is_not_there_is_refused() -> None:
+    with pytest.raises(BadInput) as error:
+        chosen(EVERY, "back_*")
+    assert "front" in str(error.value)
+    assert "wall" in str(error.value)
+
+
+def test_part_of_a_placement_takes_all_of_it(solution: Solution) -> None:
+    held = hold_out(solution.problem, ["left_b"])
+    assert (held.placements, held.targets, held.shots) == (("left",), ("left_a", "left_b"), 10)
+    # 20 numbers and a distance for 6 coordinates.
+    assert held.dof == 2 * 10 + 1 - 6
+    with pytest.raises(BadInput, match="nothing left to fit"):
+        hold_out(solution.problem, ["*_a", "psd"])
+
+
+# --- against full fits ------------------------------------------------------------------------------
+
+
+def test_each_row_is_the_hold_out_of_the_placement(solution: Solution) -> None:
+    """The hold-out fits from zero offsets, to the last digit."""
+    found = leave_one_out(solution, fits_without(solution))
+    assert found is not None
+    assert [row.placements for row in found.rows] == [("left",), ("right",), ("psd",)]
+    for row in found.rows:
+        alone = hold_out(solution.problem, row.placements)
+        assert (row.shots, row.shots_fitted, row.dof) == (alone.shots, alone.shots_fitted, alone.dof)
+        for name in ("rms_mm", "rms_before_mm", "expected_mm", "chi2"):
+            assert getattr(row, name) == pytest.approx(getattr(alone, name), rel=0.02)
+    squares = [row.shots * (row.rms_mm or np.nan) ** 2 for row in found.rows]
+    assert found.rms_mm == pytest.approx(np.sqrt(sum(squares) / solution.problem.shots))
+
+
+def test_the_jackknife_by_full_fits_and_by_the_plain_formula(solution: Solution) -> None:
+    found = jackknife(solution, fits_without(solution))
+    assert found is not None
+    assert (found.placements, found.dof) == (("left", "right", "psd"), 2)
+    fits = [
+        fit_likelihood(solution.problem.without_targets(p.targets), starts=0)
+        for p in placements(solution.problem)
+    ]
+    assert [row.name for row in found.offsets] == ["delta2", "delta3", "delta4", "delta5", "delta6"]
+    for i, row in enumerate(found.offsets, start=1):
+        by_fits = np.degrees([fit.x[i] for fit in fits])
+        stated = solution[row.name].u
+        assert stated is not None
+        assert row.estimates == pytest.approx(by_fits, abs=0.1 * stated)
+        counts = np.array([10, 10, 7])
+        whole = float(np.degrees(solution.fit.x[i]))
+        assert row.u == pytest.approx(delete_group_std(whole, by_fits, counts), abs=0.1 * stated)
+        assert found.u(row.name) == row.u
+        assert row.needs == ()
+
+
+def test_equal_groups_have_the_plain_jackknife() -> None:
+    """Of a mean of groups it is the std of the mean, and of any estimate the textbook's formula."""
+    rng = np.random.default_rng(0)
+    values = rng.normal(size=6)
+    without = (values.sum() - values) / 5
+    counts = np.full(6, 9)
+    assert delete_group_std(values.mean(), without, counts) == pytest.approx(values.std(ddof=1) / np.sqrt(6))
+    # Groups of other sizes: of a mean of measurements, nearly unbiased for its variance (control: the plain
+    # formula, which takes them as equal, is not).
+    counts = np.array([4, 8, 16, 32])
+    ours, plain = [], []
+    for _ in range(4000):
+        sums = rng.normal(size=4) * np.sqrt(counts)
+        left = (sums.sum() - sums) / (counts.sum() - counts)
+        ours.append(delete_group_std(sums.sum() / counts.sum(), left, counts) ** 2)
+        plain.append(3 / 4 * ((left - left.mean()) ** 2).sum())
+    assert np.mean(ours) * counts.sum() == pytest.approx(1, abs=0.12)
+    assert abs(np.mean(plain) * counts.sum() - 1) > 0.15
+
+
+# --- what is not there ---------------------------------------------------------------------------------
+
+
+def test_an_offset_that_needs_one_placement_has_no_jackknife() -> None:
+    """Two measurements each at two places: 8 numbers for 6 coordinates and 5 offsets without the third."""
+    places = {name: PLACES[name] for name in ("psd", "left_a", "right_a")}
+    own = solve(untied(places, {"psd": 14, "left_a": 2, "right_a": 2}), starts=0)
+    assert all(own[f"delta{i}"].status == "identified" for i in range(2, 7))
+    found = jackknife(own, fits_without(own))
+    assert found is not None
+    for row in found.offsets:
+        assert row.needs == ("psd",)
+        assert [value is None for value in row.estimates] == [True, False, False]
+        assert row.u is None
+        assert found.u(row.name) is None
+
+
+def test_two_placements_have_no_jackknife_and_one_nothing() -> None:
+    two = solve(placed({k: PLACES[k] for k in ("left_a", "left_b", "psd")}, SHOTS), starts=0)
+    found = placement_result(two)
+    assert found.names == ("left", "psd")
+    assert found.leave_one_out is not None
+    assert found.jackknife is None
+    one = solve(simulated_problem(good_plan(8), TABLE_2, 1)[1], starts=0)
+    alone = placement_result(one)
+    assert (alone.leave_one_out, alone.jackknife) == (None, None)
+    assert alone.steps.rows == ()
+
+
+def test_without_an_answer_there_is_none(solution: Solution) -> None:
+    failed = replace(solution, trusted=False)
+    found = placement_result(failed)
+    assert (found.leave_one_out, found.jackknife, found.effective.divisor) == (None, None, 1.0)
+
+
+def test_the_factor_is_of_chi_squared() -> None:
+    row = HoldOut(("a",), ("a",), 5, 9, 1.0, 2.0, 0.5, 28.0, 7, 0.01, None)
+    assert row.factor == 2.0
+    assert replace(row, chi2=None).factor is None
+
+
+# --- a rival of a moved target -------------------------------------------------------------------------
+
+
+def test_a_rival_that_explains_the_misses_leaves_no_moved_target() -> None:
+    """Synthetic columns: one is the very effect of the displacement."""
+    _, problem = simulated_problem(good_plan(14), TABLE_2, 2)
+    fit = fit_likelihood(problem, starts=0)
+    shift = np.zeros((14, 2))
+    by_target = fit.whitened.jacobian[: 14 * 2].reshape(14, 2, -1)[:, :, problem.parameters.group("target")]
+    by_target = by_target / problem.parameters.prior_std[problem.parameters.group("target")]
+    shift[7:] = by_target[7:] @ np.array([1.0, -0.8, 0.6])
+    moved = replace(fit)
+    vars(moved)["whitened"] = fit.whitened._replace(residual=fit.whitened.residual + shift.reshape(-1))
+    plain = displacement(moved)
+    assert plain is not None
+    assert plain.significant
+    assert plain.at.before_shot in (7, 8)
+    rival = displacement(moved, 3 * shift.reshape(-1, 1))
+    assert rival is not None
+    assert not rival.significant
+    # A rival that is stated to be small, and one of another kind, do not take it.
+    small = displacement(moved, 1e-3 * shift.reshape(-1, 1))
+    assert small is not None
+    assert small.significant
+    other = displacement(moved, np.random.default_rng(0).normal(size=(28, 1)))
+    assert other is not None
+    assert other.significant
+
+
+def test_p_values_under_a_rival_are_on_the_safe_side() -> None:
+    """Errors of links drawn from the tolerance: with them marginalised no false alarm, without them many."""
+    _, problem = simulated_problem(good_plan(14), TABLE_2, 2)
+    fit = fit_likelihood(problem, starts=0)
+    columns = link_tolerances(problem, fit.x, fit.whitened)
+    assert columns is not None
+    rng, runs, plain, rival = np.random.default_rng(3), 200, 0, 0
+    for _ in range(runs):
+        own = replace(fit)
+        residual = rng.normal(size=28) + columns @ rng.normal(size=columns.shape[1])
+        vars(own)["whitened"] = fit.whitened._replace(residual=residual)
+        one, two = displacement(own), displacement(own, columns)
+        plain += one is not None and one.p_value < 0.01
+        rival += two is not None and two.p_value < 0.01
+    assert rival <= stats.binom.ppf(0.999, runs, 0.01)
+    assert plain > stats.binom.ppf(0.999, runs, 0.01)
+
+
+# --- weights ------------------------------------------------------------------------------------------
+
+
+def test_weight_two_is_the_measurement_twice() -> None:
+    problem = placed(PLACES, SHOTS)
+    twice = problem.select(np.append(np.arange(problem.shots), [2, 12]))
+    weights = np.ones(problem.shots)
+    weights[[2, 12]] = 2.0
+    one, two = solve(problem.weighted(weights), starts=0), solve(twice, starts=0)
+    np.testing.assert_allclose(one.fit.x, two.fit.x, rtol=1e-5, atol=1e-8)
+    np.testing.assert_allclose(one.fit.covariance, two.fit.covariance, rtol=1e-4, atol=1e-12)
+    np.testing.assert_allclose(one.identified.data_std, two.identified.data_std, rtol=1e-4)
+    assert one.against_noise == pytest.approx(two.against_noise, rel=1e-6)
+    # Control: it is not the fit of each once.
+    assert not np.allclose(one.fit.x, solve(problem, starts=0).fit.x, rtol=1e-5, atol=1e-8)
+
+
+def test_information_divided_by_kappa_makes_intervals_wider_by_its_root() -> None:
+    problem = placed(PLACES, SHOTS)
+    plain, divided = (
+        solve(problem, starts=0),
+        solve(problem.weighted(np.full(problem.shots, 1 / 4)), starts=0),
+    )
+    for a, b in zip(plain.offsets, divided.offsets, strict=True):
+        if a.u is not None:
+            assert b.u == pytest.approx(2 * a.u, rel=0.1)
+
+
+def test_every_pair_of_placements_is_apart(solution: Solution) -> None:
+    rows = [set(p.rows.tolist()) for p in placements(solution.problem)]
+    assert not any(a & b for a, b in combinations(rows, 2))

@@ -1,0 +1,216 @@
+"""Correlation, effective number and steps of recordings: against simulation, planted ones as controls."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cells import TABLE_2, header, irb1600, plan_of, simulated_problem, varied_postures
+from scipy import stats
+
+from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
+from zerobeam.analysis.recordings.effective import CHANCE, RecordingLag, _chance, correlation, effective, lags
+from zerobeam.analysis.recordings.recordings import recording_rows, recordings
+from zerobeam.analysis.recordings.rival import link_tolerances
+from zerobeam.analysis.recordings.steps import all_steps, steps
+from zerobeam.analysis.solution import Solution, judge
+from zerobeam.model.constraint import shot_functions
+from zerobeam.model.robot import Matrix, Robot
+
+PLACES = {"left": (800.0, 300.0, 100.0), "right": (850.0, -350.0, 200.0), "psd": (900.0, 0.0, 0.0)}
+EACH = 20
+LEVEL = 1e-3
+
+
+@pytest.fixture(scope="module")
+def solution() -> Solution:
+    """A probe in three places, twenty measurements each."""
+    tool = {"kind": "probe", "calibrated": True, "point_mm": [40.0, 0, 150]}
+    targets = {name: {"guess_mm": list(place)} for name, place in PLACES.items()}
+    own, alone = header(tool, target=None, targets=targets), header(tool, target=None)
+    postures = [
+        varied_postures(alone, irb1600(), place, EACH, seed) for seed, place in enumerate(PLACES.values())
+    ]
+    plan = plan_of(own, np.vstack(postures), [name for name in PLACES for _ in range(EACH)])
+    _, problem = simulated_problem(plan, TABLE_2, 1)
+    return judge(fit_likelihood(problem, starts=0))
+
+
+def errors(rng: np.random.Generator, rho: float) -> Matrix:
+    """(60, 3) of variance 1, correlated within each twenty."""
+    e = rng.normal(size=(3, EACH, 3))
+    for k in range(1, EACH):
+        e[:, k] = rho * e[:, k - 1] + np.sqrt(1 - rho**2) * e[:, k]
+    return e.reshape(-1, 3)
+
+
+def of_errors(solution: Solution, e: Matrix) -> Solution:
+    """The linearised fit to other errors: its residuals are what it cannot explain of them."""
+    fit = solution.fit
+    columns = fit.whitened.jacobian[:, solution.problem.parameters.free]
+    covariance = np.linalg.inv(columns.T @ columns + np.eye(columns.shape[1]))
+    whole = e.reshape(-1)
+    other: LikelihoodFit = replace(fit)
+    vars(other)["whitened"] = fit.whitened._replace(
+        residual=whole - columns @ covariance @ (columns.T @ whole)
+    )
+    return replace(solution, fit=other)
+
+
+def test_recordings_are_consecutive_measurements_of_one_target(solution: Solution) -> None:
+    problem = replace(solution.problem, target_index=np.array([0, 0, 1, 0, 2] + [2] * 55))
+    assert [rows.tolist() for rows in recording_rows(problem)] == [[0, 1], [2], [3], list(range(4, 60))]
+
+
+def lagged(solution: Solution, rho: float, runs: int, seed: int) -> list[list[RecordingLag]]:
+    """The sums of simulated recordings; what is expected of them is that of the linearised fit."""
+    rng = np.random.default_rng(seed)
+    expected = lags(recordings(solution.fit))
+    result = []
+    for _ in range(runs):
+        parts = [own.residual for own in recordings(of_errors(solution, errors(rng, rho)).fit).every]
+        result.append(
+            [
+                own._replace(product=float((r[1:] * r[:-1]).sum()), square=float((r**2).sum()))
+                for own, r in zip(expected.values(), parts, strict=True)
+            ]
+        )
+    return result
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.3, 0.6])
+def test_the_correlation_is_unbiased(solution: Solution, rho: float) -> None:
+    runs = 200
+    found = lagged(solution, rho, runs, 1)
+    pooled = np.array([correlation(own)[0] for own in found])
+    # 3.3 standard errors, and a hundredth for the ratio of expectations.
+    assert abs(pooled.mean() - rho) < 3.3 * pooled.std() / np.sqrt(runs) + 0.01
+    own = np.array([correlation([row])[0] for one in found for row in one])
+    assert abs(own.mean() - rho) < 3.3 * own.std() / np.sqrt(len(own)) + 0.03
+    # Negative control: the plain correlation of the residuals of a fit is too small.
+    plain = np.array([sum(row.product for row in one) / sum(row.square for row in one) for one in found])
+    assert plain.mean() < rho - 3.3 * plain.std() / np.sqrt(runs)
+
+
+def test_the_false_alarm_rate_is_as_stated(solution: Solution) -> None:
+    runs = 400
+    found = lagged(solution, 0.0, runs, 2)
+    pooled = np.array([correlation(own)[1] for own in found])
+    assert stats.kstest(pooled, "uniform").pvalue > LEVEL
+    assert stats.kstest([correlation(own[:1])[1] for own in found], "uniform").pvalue > LEVEL
+    assert (pooled < CHANCE).sum() <= stats.binom.ppf(1 - LEVEL, runs, CHANCE)
+
+
+def test_the_number_is_smaller_only_where_there_is_a_correlation(solution: Solution) -> None:
+    none = effective(of_errors(solution, errors(np.random.default_rng(1), 0.0)))
+    assert (none.divisor, none.number) == (1.0, 60.0)
+    there = effective(of_errors(solution, errors(np.random.default_rng(1), 0.5)))
+    assert there.kappa is not None
+    assert there.divisor == there.kappa > 1.5
+    assert there.number == pytest.approx(60 / there.kappa)
+    assert [(row.first_shot, row.last_shot, row.shots) for row in there.recordings] == [
+        (0, 19, 20),
+        (20, 39, 20),
+        (40, 59, 20),
+    ]
+    assert all(row.rho is not None and row.p_value is not None for row in there.recordings)
+
+
+def test_the_size_of_the_noise_does_not_matter(solution: Solution) -> None:
+    e = errors(np.random.default_rng(3), 0.3)
+    one, ten = (effective(of_errors(solution, times * e)) for times in (1.0, 10.0))
+    assert one.p_value == pytest.approx(ten.p_value, rel=1e-6)
+    assert one.rho == pytest.approx(ten.rho, rel=1e-6)
+
+
+@pytest.mark.parametrize("weights", [[1.0, 1.0, -1.0, -1.0], [3.0, 1.0, 0.5, -2.0, -0.1], [0.2] * 9 + [-3.0]])
+def test_the_saddle_point_against_simulation(weights: list[float]) -> None:
+    rng, count = np.random.default_rng(4), 200_000
+    share = (rng.chisquare(1, size=(count, len(weights))) @ np.array(weights) > 0).mean()
+    assert _chance(np.array(weights)) == pytest.approx(share, abs=0.02)
+
+
+# --- steps --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.4])
+def test_steps_are_not_found_where_there_are_none(solution: Solution, rho: float) -> None:
+    """Correlated recordings must not raise the false alarms."""
+    rng, runs = np.random.default_rng(5), 40
+    found = [all_steps(of_errors(solution, errors(rng, rho)).fit)[0] for _ in range(runs)]
+    least = np.array([min(step.p_value for step in own) for own in found])
+    for level in (CHANCE, 0.05):
+        assert (least < level).sum() <= stats.binom.ppf(1 - LEVEL, runs, level)
+
+
+@pytest.mark.parametrize(("first", "end"), [(26, 33), (20, 27), (34, 40)])
+def test_a_planted_step_is_found(solution: Solution, first: int, end: int) -> None:
+    """The socket `right` slips by a millimetre for some measurements, and maybe back."""
+    e = errors(np.random.default_rng(6), 0.0)
+    shift = np.array([0.7, -0.6, 0.4])
+    by_target = recordings(solution.fit).every[1].by_target
+    e[first:end] -= by_target[first - EACH : end - EACH] @ shift
+    (step,) = steps(of_errors(solution, e)).rows
+    assert step.target == solution.problem.targets[1]
+    assert (step.first_shot, step.last_shot) == (first, end - 1)
+    assert step.shift_mm == pytest.approx(shift, abs=0.3)
+    assert step.size_mm == pytest.approx(1.0, abs=0.3)
+    assert step.p_value < 1e-3
+
+
+def test_a_step_is_the_same_if_the_rest_is_as_well(solution: Solution) -> None:
+    """Seeded: the answer of a solution is one answer."""
+    one = of_errors(solution, errors(np.random.default_rng(7), 0.0))
+    assert all_steps(one.fit) == all_steps(one.fit)
+
+
+# --- links within their tolerance ------------------------------------------------------------------
+
+
+def test_the_columns_of_link_errors_against_an_arm_that_has_them(solution: Solution) -> None:
+    """By differences of another model: the covariance that they make is the same, whatever their axes."""
+    problem, fit = solution.problem, solution.fit
+    columns = link_tolerances(problem, fit.x, fit.whitened)
+    assert columns is not None
+    assert columns.shape == (180, 25)
+    other = []
+    for j in range(1, 6):
+        axis = problem.robot.joints[j].axis
+        across = np.linalg.svd(axis[None])[2][1:]
+        for move in (*np.eye(3), *across):
+            turn = len(other) % 5 >= 3
+            step, size = (1e-5, np.radians(0.1)) if turn else (1e-3, 0.3)
+            extra = np.eye(4)
+            if turn:
+                x, y, z = move * step
+                extra[:3, :3] += np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+            else:
+                extra[:3, 3] = move * step
+            joints = list(problem.robot.joints)
+            joints[j] = replace(joints[j], fixed=joints[j].fixed @ extra)
+            robot = Robot("other", tuple(joints), problem.robot.flange)
+            with_it = replace(problem, robot=robot, functions=shot_functions(robot, problem.tool))
+            miss, _ = with_it.linearise(fit.x)
+            by = np.linalg.solve(fit.whitened.factor, (miss - fit.whitened.miss)[:, :, None]) / step * size
+            other.append(by.reshape(-1))
+    expected = np.array(other).T
+    np.testing.assert_allclose(
+        columns @ columns.T, expected @ expected.T, atol=2e-3 * np.abs(columns).max() ** 2
+    )
+
+
+def test_a_rival_takes_the_correlation_that_it_explains(solution: Solution) -> None:
+    """Errors of links alone: correlated without the rival wherever postures are, small with it."""
+    fit = solution.fit
+    columns = link_tolerances(solution.problem, fit.x, fit.whitened)
+    assert columns is not None
+    rng = np.random.default_rng(8)
+    e = errors(rng, 0.0) + 10 * (columns @ rng.normal(size=columns.shape[1])).reshape(-1, 3)
+    found = of_errors(solution, e)
+
+    def size(rival: Matrix | None) -> float:
+        return float(sum((own.residual**2).sum() for own in recordings(found.fit, rival).every))
+
+    # Four stds of chi-squared of as many degrees of freedom as there are numbers.
+    assert size(10 * columns) < 180 + 4 * np.sqrt(2 * 180) < size(None) / 2
