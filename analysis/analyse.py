@@ -103,6 +103,7 @@ def _analyse(
         robust=robust,
         hold_out=unseen,
         scene=scene(solution),
+        misfit=solution.misfit,
         findings=findings(solution, posterior, shots, robust, unseen, run.warnings),
         inputs=_inputs(run, problem, seed),
     )

@@ -1,52 +1,7 @@
-"""Placements: the targets that stay together while the measurements of one setup are taken.
-
-A placement is a set of targets tied by stated distances (the sockets of one plate), or one target alone.
-What is wrong with a model shows between placements: an arm that is not its drawing hits each place
-consistently, and each a little differently.
-"""
+"""The placements of a run, under the name by which diagnostics import them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from os.path import commonprefix
+from ..placements import Placement, placements
 
-import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-
-from ...model.kernel import Index
-from ...model.problem import Problem
-
-
-@dataclass(frozen=True, eq=False)
-class Placement:
-    """One placement: what it is called, its targets, and the places of its measurements in the problem."""
-
-    name: str
-    targets: tuple[str, ...]
-    rows: Index
-
-
-def placements(problem: Problem) -> tuple[Placement, ...]:
-    """All placements with measurements, in the order of their first target.
-
-    A placement of several targets is called by what their names begin with alike (`front` of `front_0` and
-    `front_1`), by all of their names where that is nothing or names two.
-    """
-    count = len(problem.targets)
-    first = [distance.first for distance in problem.distances]
-    second = [distance.second for distance in problem.distances]
-    ties = coo_array((np.ones(len(first)), (first, second)), shape=(count, count))
-    label = connected_components(ties, directed=False)[1]
-    groups = [np.flatnonzero(label == k) for k in dict.fromkeys(label.tolist())]
-    members = [tuple(problem.targets[i] for i in group) for group in groups]
-    short = [commonprefix(names).rstrip("_-. ") if len(names) > 1 else names[0] for names in members]
-    return tuple(
-        Placement(
-            own if own and short.count(own) == 1 else ", ".join(names),
-            names,
-            np.flatnonzero(np.isin(problem.target_index, group)),
-        )
-        for own, names, group in zip(short, members, groups, strict=True)
-        if np.isin(problem.target_index, group).any()
-    )
+__all__ = ["Placement", "placements"]

@@ -124,6 +124,8 @@ class Noise:
     scale
         "known"; "estimated": right up to one common factor; "separate": up to one factor for the joints and
         one for the spot.
+    plausible_factor
+        An estimated factor above this, or below 1 over it, is a misfit and not noise; above 1.
 
     Raises
     ------
@@ -141,6 +143,7 @@ class Noise:
     spot_mm: float
     joint_mm: float | None = None
     scale: Literal["known", "estimated", "separate"] = "known"
+    plausible_factor: float = 3.0
 
     def __post_init__(self) -> None:
         checked(StatedNoise, self.content())
@@ -149,7 +152,8 @@ class Noise:
         """The header's key `noise`, plain."""
         own = _stated(joint_deg=self.joint_deg, joint_mm=self.joint_mm, spot_mm=self.spot_mm)
         scale = {} if self.scale == "known" else {"scale": self.scale}
-        content: dict[str, Any] = plain({**own, **scale})
+        plausible = {} if self.plausible_factor == 3.0 else {"plausible_factor": self.plausible_factor}
+        content: dict[str, Any] = plain({**own, **scale, **plausible})
         return content
 
 
