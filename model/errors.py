@@ -79,7 +79,7 @@ class BadInput(ZerobeamError):
         """The same error, said to stand in `file` at `line` unless it has a place already."""
         if self.file is not None or self.argument is not None:
             return self
-        return BadInput(
+        return type(self)(
             self.what, found=self.found, allowed=self.allowed, remedy=self.remedy, file=file, line=line
         )
 

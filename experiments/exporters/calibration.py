@@ -211,9 +211,11 @@ def _calibration(
 def _require_validated(solution: Solution) -> None:
     """NotValidated where the model does not describe the measurements: then no status means anything."""
     if solution.misfit is not None:
+        moved = moved_target(solution)
+        also = "" if moved is None else f" {displacement_sentence(moved)}."
         raise NotValidated(
             "the model does not describe the measurements, so no offset can be relied on (misfit)",
-            found=misfit_headline(solution.misfit),
+            found=misfit_headline(solution.misfit) + also,
             allowed="a run without a misfit; as data (json, csv) the offsets are written, marked unvalidated",
             remedy="look for the cause with zerobeam report (joint columns, signs, zeros, units, a target or"
             " placement, geometry); or --unvalidated, if you want the numbers all the same: the file says so",

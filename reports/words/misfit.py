@@ -37,8 +37,8 @@ def criterion_sentence(criterion: Criterion, name: Namer = str) -> str:
             return (
                 f"Lack of fit: residuals are {times(criterion.factor)} times the stated noise"
                 f" (χ² {criterion.chi2:.0f}, {criterion.dof} dof, {_p(criterion.p_value)}{rms}): the nominal"
-                " geometry does not describe this arm, a joint column, sign, zero, unit or target is not as"
-                " stated, or the noise is understated"
+                " geometry does not describe this arm, a column, sign, zero, unit, target or measurement is"
+                " not as stated, or the noise is understated"
             )
         case ImplausibleNoise(of, factor, interval, plausible):
             low, high = (times(end) for end in interval)
