@@ -105,6 +105,7 @@ def _analyse(
         hold_out=unseen,
         placements=placement_result(solution, tolerances(solution)),
         scene=scene(solution),
+        misfit=solution.misfit,
         findings=findings(solution, posterior, shots, robust, unseen, run.warnings),
         inputs=_inputs(run, problem, seed),
     )

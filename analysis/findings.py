@@ -8,18 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc
 
-from ..model.problem import rms_length
 from ..model.robot import Matrix
 from .diagnostics.displacement import Displacement, displacement
 from .diagnostics.hold_out import HoldOut
 from .diagnostics.influence import ShotResult
 from .diagnostics.outliers import OUTLYING, Robust
-from .estimation.fit import CONTRADICTED
+from .misfit import LACK_OF_FIT, Criterion
 from .posterior.posterior import PosteriorSummary
 from .recordings.rival import link_tolerances
 from .solution import Solution
-
-LACK_OF_FIT = 1e-3  # p-value below which a misfit is not put down to chance
 
 
 @dataclass(frozen=True)
@@ -27,27 +24,6 @@ class NotConverged:
     """The fit did not converge; `reason` is the optimiser's."""
 
     reason: str
-
-
-@dataclass(frozen=True)
-class LackOfFit:
-    """The residuals are `factor` times what the stated noise explains; `rms_mm` None where that is not at
-    hand."""
-
-    chi2: float
-    dof: int
-    p_value: float
-    rms_mm: float | None = None
-
-    @property
-    def factor(self) -> float:
-        """Root of chi-squared over its degrees of freedom."""
-        return float(np.sqrt(self.chi2 / self.dof))
-
-
-@dataclass(frozen=True)
-class Contradicted:
-    """Residuals and priors together are larger than chance allows, though no number is left over."""
 
 
 @dataclass(frozen=True)
@@ -97,8 +73,7 @@ class FileWarning:
 
 Finding = (
     NotConverged
-    | LackOfFit
-    | Contradicted
+    | Criterion
     | OtherBasins
     | NoPosterior
     | Displacement
@@ -109,26 +84,14 @@ Finding = (
 )
 
 
-def lack_of_fit(solution: Solution) -> LackOfFit | None:
-    """None where the residuals agree with the stated noise, or where nothing can contradict it."""
-    chi2, dof, p_value = solution.against_noise
-    if p_value is None or p_value >= LACK_OF_FIT:
-        return None
-    return LackOfFit(chi2, dof, p_value, rms_length(solution.fit.whitened.residual_mm))
-
-
 def on_the_model(solution: Solution) -> Iterator[Finding]:
     """Findings against a fit as a whole."""
-    fit = solution.fit
-    misfit = lack_of_fit(solution)
-    if not fit.converged:
-        yield NotConverged(fit.reason)
-    if misfit is not None:
-        yield misfit
-    elif fit.chance is not None and fit.chance < CONTRADICTED:
-        yield Contradicted()
-    if fit.other_basins:
-        yield OtherBasins(fit.other_basins)
+    if not solution.fit.converged:
+        yield NotConverged(solution.fit.reason)
+    if solution.misfit is not None:
+        yield from solution.misfit.criteria
+    if solution.fit.other_basins:
+        yield OtherBasins(solution.fit.other_basins)
 
 
 def tolerances(solution: Solution) -> Matrix | None:

@@ -17,6 +17,7 @@ from .diagnostics.outliers import Robust
 from .diagnostics.placement_result import PlacementResult
 from .diagnostics.scene import Scene
 from .findings import Finding
+from .misfit import Misfit
 from .observability.identifiability import Identifiability
 from .posterior.intervals import Intervals
 from .posterior.posterior import PosteriorSummary
@@ -118,7 +119,8 @@ class Result:
     Attributes
     ----------
     verdict : str
-        "pass", "weak" or "degenerate", over all offsets.
+        "pass", "weak" or "degenerate", over all offsets; "misfit" where the model does not describe the
+        measurements.
     parameters : ParameterTable
         A row for each parameter.
     identifiability : Identifiability
@@ -132,6 +134,8 @@ class Result:
     shots, distances, intervals, accuracy, budget, scene
         Residuals and influence of each measurement, stated distances, 95 % intervals by several methods,
         accuracy at the TCP, uncertainty budget, what a picture needs.
+    misfit : Misfit or None
+        Why the model does not describe the measurements; None where nothing speaks against it.
     findings : tuple
         What a reader must not miss, the gravest first.
     inputs : Inputs
@@ -166,6 +170,7 @@ class Result:
     hold_out: HoldOut | None
     placements: PlacementResult
     scene: Scene | None
+    misfit: Misfit | None
     findings: tuple[Finding, ...]
     inputs: Inputs
 
@@ -175,6 +180,13 @@ class Result:
             raise UnsoundResult(
                 f"verdict {self.verdict!r}, but the statuses of its offsets make it {needed!r}"
             )
+        if (self.verdict == "misfit") != (self.misfit is not None):
+            raise UnsoundResult(f"verdict {self.verdict!r}, but misfit is {self.misfit}")
+        if self.misfit is not None:
+            trusted = {row.name for row in self.parameters if row.status in ("identified", "weak")}
+            self._refuse(trusted, "a status that a misfit does not allow")
+        elif any(row.status == "unvalidated" for row in self.parameters):
+            raise UnsoundResult("a parameter is unvalidated, but there is no misfit")
         held = {row.name for row in self.parameters if row.held}
         unknown = {row.name for row in self.parameters if not known(row.status)}
         self._refuse(unknown & {row.name for row in self.intervals}, "an interval")

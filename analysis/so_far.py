@@ -13,7 +13,8 @@ from ..model.problem import Problem
 from ..model.robot import Matrix
 from .diagnostics.displacement import Displacement
 from .estimation.fit import fit_likelihood
-from .findings import LackOfFit, lack_of_fit, moved_target
+from .findings import Finding, moved_target
+from .misfit import Misfit
 from .observability.causes import NullDirection
 from .solution import ParameterTable, judge
 from .status import Verdict
@@ -38,7 +39,7 @@ class SoFar:
     null_space: tuple[NullDirection, ...]
     dof: int
     p_value: float | None
-    misfit: LackOfFit | None
+    misfit: Misfit | None
     displaced: Displacement | None
 
     @property
@@ -53,13 +54,14 @@ class SoFar:
         return max(stds) if stds and len(stds) == len(self.std) else None
 
     @property
-    def findings(self) -> tuple[LackOfFit | Displacement, ...]:
+    def findings(self) -> tuple[Finding, ...]:
         """Findings against the model."""
-        return tuple(finding for finding in (self.misfit, self.displaced) if finding is not None)
+        criteria = () if self.misfit is None else self.misfit.criteria
+        return criteria if self.displaced is None else (*criteria, self.displaced)
 
     @property
     def consistent(self) -> bool:
-        """Nothing contradicts the model: no lack of fit, and no target has moved."""
+        """Nothing contradicts the model: no misfit, and no target has moved."""
         return not self.findings
 
 
@@ -80,6 +82,6 @@ def so_far(problem: Problem) -> SoFar:
         null_space=solution.identified.facts.null_space,
         dof=solution.dof,
         p_value=solution.against_noise.p_value if solution.converged else None,
-        misfit=lack_of_fit(solution) if solution.converged else None,
+        misfit=solution.misfit,
         displaced=moved_target(solution),
     )

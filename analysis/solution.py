@@ -22,11 +22,20 @@ from ..model.parameters import Group, Parameter
 from ..model.problem import Problem
 from ..model.robot import Matrix
 from .estimation.fit import AgainstNoise, LikelihoodFit, fit_likelihood
+from .misfit import Misfit, misfit_of
 from .observability.causes import Cause, Unconverged
 from .observability.identifiability import Identified, identify, no_better_than
 from .observability.verdict import cause_for
 from .rows import Rows, frame
-from .status import Status, UnsoundResult, Verdict, known, require_no_more_than, verdict_of
+from .status import (
+    Status,
+    UnsoundResult,
+    Verdict,
+    known,
+    require_no_more_than,
+    verdict_of,
+    with_misfit,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -121,7 +130,7 @@ class Covariance:
     names, units : tuple of str
         (m,) what each row is, and its unit: deg, mm, or 1 for a noise factor.
     status : tuple of str
-        (m,) "identified" or "weak".
+        (m,) "identified" or "weak"; "unvalidated" where the model does not describe the measurements.
     matrix : ndarray
         (m, m) in the products of those units.
 
@@ -242,8 +251,15 @@ class Solution:
         return self.fit.converged and self.trusted
 
     @cached_property
+    def misfit(self) -> Misfit | None:
+        """Why the model does not describe the measurements; None where it does, or without an answer."""
+        return misfit_of(self.fit, self.identified) if self.converged else None
+
+    @cached_property
     def status(self) -> tuple[Status, ...]:
         """Of each parameter (p,): this is the only place where a status is decided for an answer."""
+        if self.converged and self.misfit is not None:
+            return tuple(map(with_misfit, self.identified.status))
         if self.converged:
             return self.identified.status
         return tuple("held" if item.held else "unidentifiable" for item in self.problem.parameters.items)
@@ -255,7 +271,10 @@ class Solution:
 
     @property
     def verdict(self) -> Verdict:
-        """Over all offsets; degenerate without a converged fit."""
+        """Over all offsets; misfit where the model does not describe the measurements, degenerate without a
+        converged fit."""
+        if self.misfit is not None:
+            return "misfit"
         return verdict_of(row.status for row in self.offsets) if self.converged else "degenerate"
 
     @cached_property

@@ -1,7 +1,8 @@
 """What may be said of a parameter, and of all offsets together: the words that every answer uses.
 
 `identified` and `weak` are determined by the data (within the tolerance, or beyond it), `unidentifiable` is
-not, `held` is not estimated. This is a leaf: whatever holds an answer imports it.
+not, `held` is not estimated. `unvalidated` is what would be identified or weak if the model described the
+measurements: its numbers are not to be relied on. This is a leaf: whatever holds an answer imports it.
 """
 
 from __future__ import annotations
@@ -13,11 +14,15 @@ from typing import Literal
 
 from ..model.errors import ZerobeamError
 
-Status = Literal["identified", "weak", "unidentifiable", "held"]
-Verdict = Literal["pass", "weak", "degenerate"]
+Status = Literal["identified", "weak", "unidentifiable", "held", "unvalidated"]
+Verdict = Literal["pass", "weak", "degenerate", "misfit"]
 
-_VERDICT_OF: dict[Status, Verdict] = {"unidentifiable": "degenerate", "weak": "weak"}
-_GRAVITY: dict[Verdict, int] = {"pass": 0, "weak": 1, "degenerate": 2}
+_VERDICT_OF: dict[Status, Verdict] = {
+    "unidentifiable": "degenerate",
+    "weak": "weak",
+    "unvalidated": "misfit",
+}
+_GRAVITY: dict[Verdict, int] = {"pass": 0, "weak": 1, "degenerate": 2, "misfit": 3}
 
 
 class UnsoundResult(ZerobeamError):
@@ -27,8 +32,14 @@ class UnsoundResult(ZerobeamError):
 
 
 def known(status: Status) -> bool:
-    """Whether the data determine it: only then has it an estimate, a standard uncertainty, an interval."""
-    return status in ("identified", "weak")
+    """Whether the data determine it, if the model describes them: only then has it an estimate, a standard
+    uncertainty, an interval."""
+    return status in ("identified", "weak", "unvalidated")
+
+
+def with_misfit(status: Status) -> Status:
+    """The status where the model does not describe the data."""
+    return "unvalidated" if known(status) else status
 
 
 def verdict_of(offsets: Iterable[Status]) -> Verdict:

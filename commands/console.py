@@ -13,7 +13,7 @@ from typing import Any
 
 from rich.console import Console
 
-EXIT_STATUS = {"pass": 0, "weak": 1, "degenerate": 1}
+EXIT_STATUS = {"pass": 0, "weak": 1, "degenerate": 1, "misfit": 1}
 FAULT = 3
 INTERRUPTED = 130
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .console import out, print_json
+from .console import EXIT_STATUS, out, print_json
 from .options import Json, RunFile
 
 if TYPE_CHECKING:
@@ -28,6 +29,13 @@ AllowDisplaced = Annotated[
     bool,
     typer.Option("--allow-displaced", help="Export although a target seems to have moved; the file says so."),
 ]
+Unvalidated = Annotated[
+    bool,
+    typer.Option(
+        "--unvalidated",
+        help="Export in spite of a misfit (the model does not describe the run); the file says so.",
+    ),
+]
 Without = Annotated[
     list[str] | None,
     typer.Option(
@@ -41,7 +49,17 @@ Without = Annotated[
 Text = Callable[["Run", "Calibration"], str]
 
 
-def _format(name: str) -> Callable[[Text], Text]:
+@dataclass(frozen=True)
+class Allowed:
+    """What is exported although something speaks against it; `as_data`: the file states every status."""
+
+    weak: bool
+    displaced: bool
+    unvalidated: bool
+    as_data: bool = False
+
+
+def _format(name: str, *, as_data: bool = False) -> Callable[[Text], Text]:
     """Make a command, which its docstring describes, of a function that needs nothing else to be stated."""
 
     def command(text: Text) -> Text:
@@ -50,10 +68,12 @@ def _format(name: str) -> Callable[[Text], Text]:
             file: ExportFile,
             allow_weak: AllowWeak = False,
             allow_displaced: AllowDisplaced = False,
+            unvalidated: Unvalidated = False,
             without: Without = None,
             as_json: Json = False,
         ) -> None:
-            _export(run, file, allow_weak, allow_displaced, without, as_json, text)
+            allowed = Allowed(allow_weak, allow_displaced, unvalidated, as_data)
+            _export(run, file, allowed, without, as_json, text)
 
         exports.command(name, help=text.__doc__)(export)
         return text
@@ -95,6 +115,7 @@ def export_moc(
     unit: Annotated[str, typer.Option(help="Mechanical unit: its motors are UNIT_1, UNIT_2, …")] = "rob1",
     allow_weak: AllowWeak = False,
     allow_displaced: AllowDisplaced = False,
+    unvalidated: Unvalidated = False,
     without: Without = None,
     as_json: Json = False,
 ) -> None:
@@ -105,7 +126,8 @@ def export_moc(
         gears = Gears.stated(ratio, motor_sign, recorded.robot.n)
         return moc_text(calibration, gears, against, unit)
 
-    _export(run, file, allow_weak, allow_displaced, without, as_json, text)
+    allowed = Allowed(allow_weak, allow_displaced, unvalidated)
+    _export(run, file, allowed, without, as_json, text)
 
 
 @_format("rapid")
@@ -116,7 +138,7 @@ def export_rapid(_: Run, calibration: Calibration) -> str:
     return rapid_text(calibration)
 
 
-@_format("json")
+@_format("json", as_data=True)
 def export_json(_: Run, calibration: Calibration) -> str:
     """The offsets with their uncertainty as JSON, for programs."""
     from ..experiments.exporters.offsets_data import json_text
@@ -124,7 +146,7 @@ def export_json(_: Run, calibration: Calibration) -> str:
     return json_text(calibration)
 
 
-@_format("csv")
+@_format("csv", as_data=True)
 def export_csv(_: Run, calibration: Calibration) -> str:
     """The offsets with their uncertainty as a table, for spreadsheets."""
     from ..experiments.exporters.offsets_data import csv_text
@@ -135,8 +157,7 @@ def export_csv(_: Run, calibration: Calibration) -> str:
 def _export(
     run: Path,
     file: Path,
-    allow_weak: bool,
-    allow_displaced: bool,
+    allowed: Allowed,
     without: list[str] | None,
     as_json: bool,
     text: Text,
@@ -150,12 +171,19 @@ def _export(
     refuse_existing(file)
     recorded = read_run(run)
     judged = calibration(
-        recorded, allow_weak=allow_weak, allow_displaced=allow_displaced, without=without or ()
+        recorded,
+        allow_weak=allowed.weak,
+        allow_displaced=allowed.displaced,
+        unvalidated=allowed.unvalidated,
+        as_data=allowed.as_data,
+        without=without or (),
     )
     write_whole(file, text(recorded, judged))
     if as_json:
         print_json(document(judged))
-        return
-    for line in judged.head:
-        out.print(line, markup=False, soft_wrap=True)
-    out.print(f"Written to {file}", markup=False, soft_wrap=True)
+    else:
+        for line in judged.head:
+            out.print(line, markup=False, soft_wrap=True)
+        out.print(f"Written to {file}", markup=False, soft_wrap=True)
+    if judged.misfit:
+        raise typer.Exit(EXIT_STATUS["misfit"])

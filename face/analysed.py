@@ -15,7 +15,7 @@ from ..analysis.solution import ParameterResult, ParameterTable
 from ..model.errors import BadInput
 from ..model.files.run import Run
 from ..reports.output.cards import card, text
-from ..reports.run.parameters import unit_of
+from ..reports.run.parameters import offsets_caption, unit_of
 from ..reports.run.report_folder import ReportPaths, write_report
 from ..reports.run.report_page import report_notes
 from ..reports.style.blocks import Cell, Page, Row, Table, Verdict, row_of, table_of
@@ -40,7 +40,8 @@ class Analysed(Analysis):
     Attributes
     ----------
     verdict : str
-        "pass", "weak" or "degenerate", over all offsets.
+        "pass", "weak" or "degenerate", over all offsets; "misfit" where the model does not describe the
+        measurements: all numbers are then `unvalidated`, and `misfit` says why.
     parameters, offsets : ParameterTable
         Rows in their order: all parameters, the joint offsets alone. Offsets are in degrees (mm for prismatic
         joints) and are added to the recorded joint positions. `.to_frame()` makes a pandas DataFrame.
@@ -256,7 +257,7 @@ def offset_table(solution: Analysed) -> Table:
     """The offsets with their expanded uncertainties; words where there is no number."""
     k = numbers.significant(solution.quantile, 3)
     columns = [("offset", "left"), (f"estimate ± U (k = {k})", "right"), ("status", "left")]
-    caption = "Joint offsets, to be added to the recorded joint positions"
+    caption = offsets_caption(row.status for row in solution.offsets)
     return table_of(caption, columns, [_row(row, solution.quantile) for row in solution.offsets])
 
 

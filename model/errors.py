@@ -95,7 +95,7 @@ class BadInput(ZerobeamError):
         return self._with_place(argument=arguments[self.argument])
 
     def _with_place(self, **place: Any) -> BadInput:
-        return BadInput(self.what, found=self.found, allowed=self.allowed, remedy=self.remedy, **place)
+        return type(self)(self.what, found=self.found, allowed=self.allowed, remedy=self.remedy, **place)
 
     def _message(self) -> str:
         where = ""

@@ -19,13 +19,15 @@ class NoiseModel:
     """Standard deviations of one reading: `joint` (n,) rad or mm, `spot` mm.
 
     With `estimated` they are right up to one common factor, which is integrated out; with `separate` up to
-    one factor for all joints and one for the spot, which are parameters like any other.
+    one factor for all joints and one for the spot, which are parameters like any other. A factor beyond
+    `plausible`, or below 1 over it, is not taken for noise.
     """
 
     joint: Matrix
     spot: float
     estimated: bool
     separate: bool = False
+    plausible: float = 3.0
 
     @classmethod
     def from_header(cls, header: Header, robot: Robot) -> NoiseModel:
@@ -36,6 +38,7 @@ class NoiseModel:
             stated.spot_mm,
             stated.scale == "estimated",
             stated.scale == "separate",
+            stated.plausible_factor,
         )
 
     @property

@@ -18,7 +18,7 @@ from ...model.errors import BadInput
 from ...model.problem import Problem, rms_length
 from ...model.robot import Matrix
 from ..estimation.fit import fit_likelihood
-from .placements import Placement, placements
+from ..placements import Placement, placements
 
 _ROUNDS = 20
 _SEPARATORS = "_-. "

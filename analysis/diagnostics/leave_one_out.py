@@ -21,7 +21,7 @@ from ..observability.identifiability import information_root
 from ..solution import Solution
 from ..status import known
 from .hold_out import HoldOut, judged, not_fitted
-from .placements import Placement, placements
+from ..placements import Placement, placements
 
 _FEWEST = 3  # placements of a jackknife
 _STEPS = 12

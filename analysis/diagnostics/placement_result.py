@@ -9,7 +9,7 @@ from ..recordings.effective import Effective, effective
 from ..recordings.steps import Steps, steps
 from ..solution import Solution
 from .leave_one_out import Jackknife, LeaveOneOut, fits_without, jackknife, leave_one_out
-from .placements import placements
+from ..placements import placements
 
 
 @dataclass(frozen=True)

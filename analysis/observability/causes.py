@@ -23,6 +23,11 @@ class Unconverged:
 
 
 @dataclass(frozen=True)
+class NotTheModel:
+    """The model does not describe the measurements (a misfit), so the number is not validated."""
+
+
+@dataclass(frozen=True)
 class NotResolvable:
     """No direction stands out: the noise is too large for the tolerance."""
 
@@ -114,6 +119,7 @@ class Unexplained:
 Cause = (
     Held
     | Unconverged
+    | NotTheModel
     | NotResolvable
     | TargetUnseen
     | BaseFrame

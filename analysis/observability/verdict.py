@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from ...model.parameters import Parameter
 from ..status import Status
-from .causes import Cause, Held, NotResolvable, NullDirection
+from .causes import Cause, Held, NotResolvable, NotTheModel, NullDirection
 
 
 def worst_direction(null_space: Sequence[NullDirection], name: str) -> NullDirection:
@@ -30,4 +30,6 @@ def cause_for(null_space: Sequence[NullDirection], item: Parameter, status: Stat
     """Why a parameter has no number, or a poor one; None for an identified one."""
     if item.held_by is not None:
         return Held(item.held_by)
+    if status == "unvalidated":
+        return NotTheModel()
     return None if status == "identified" else worst_direction(null_space, item.name).cause

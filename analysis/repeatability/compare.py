@@ -31,7 +31,7 @@ from .repeat import Kind, Repeat, RepeatStatus, RunFinding
 from .repeats import Progress, read_repeats, times
 
 Question = Literal["consistency", "offsets", "odd", "drift"]
-Agreement = Literal["agrees", "does not agree", "not tested"]
+Agreement = Literal["agrees", "does not agree", "not tested", "misfit"]
 
 Adjustable = Consistency | Drift | AgainstOthers
 Row = TypeVar("Row", Consistency, Drift, AgainstOthers)
@@ -44,12 +44,13 @@ class ComparedOffset:
     """One offset over the `runs` that determine it; without two of them the rest is None.
 
     `predicted_std` is the root mean square of the runs' standard uncertainties; it and `test` are None where
-    nothing is predicted.
+    nothing is predicted. `unvalidated`: it is so in a run that its numbers are from, and so are they.
     """
 
     name: str
     unit: str
     runs: int
+    unvalidated: bool
     mean: Mean | None
     scatter: Scatter | None
     predicted_std: float | None
@@ -70,14 +71,14 @@ class OffsetOfRun:
 
     def __post_init__(self) -> None:
         claimed = self.estimate is not None or self.std is not None
-        if claimed and self.status not in ("identified", "weak", "stated"):
+        if claimed and self.status not in ("identified", "weak", "unvalidated", "stated"):
             raise UnsoundResult(f"{self.name!r} of a run is {self.status}, but has numbers")
 
 
 @dataclass(frozen=True)
 class ComparedRun:
     """One run: `at` is hours from the first or its number, `odd` the test against the others. `failure` is
-    why its fit did not converge: then it has no numbers."""
+    why its fit did not converge: then it has no numbers. `misfit`: the model does not describe it."""
 
     name: str
     sha256: str | None
@@ -86,6 +87,7 @@ class ComparedRun:
     when: str | None
     at: float
     failure: str | None
+    misfit: bool
     odd: AgainstOthers | None
     offsets: tuple[OffsetOfRun, ...]
     findings: tuple[RunFinding, ...]
@@ -101,7 +103,10 @@ class Comparison:
     """The answer to `zerobeam compare`, in units that people read.
 
     `differing` and `drifting` are names of offsets, `odd_run` of the run that alone disagrees. `asked` are
-    the questions that could be asked; runs are in the order of time if `by_time`, else as given.
+    the questions that could be asked; runs are in the order of time if `by_time`, else as given. Where the
+    model does not describe a run (`misfits`) the verdict is "misfit", unless the runs do not even agree.
+
+    Raises UnsoundResult where such runs are said to agree.
     """
 
     kind: Kind
@@ -118,6 +123,15 @@ class Comparison:
     by_time: bool
     seed: int
     versions: dict[str, str]
+
+    def __post_init__(self) -> None:
+        if self.misfits and self.verdict not in ("misfit", "does not agree"):
+            raise UnsoundResult(f"{', '.join(self.misfits)}: a misfit, but the verdict is {self.verdict}")
+
+    @property
+    def misfits(self) -> list[str]:
+        """Names of the runs that the model does not describe."""
+        return [run.name for run in self.runs if run.misfit]
 
     @property
     def failed(self) -> list[str]:
@@ -172,6 +186,8 @@ def compared(kind: Kind, repeats: Sequence[Repeat], seed: int) -> Comparison:
         verdict = "does not agree"
     elif whole or any(tests):
         verdict = "agrees"
+    if verdict != "does not agree" and any(repeats[r].misfit for r in used):
+        verdict = "misfit"
     outlier = _outlier(sample, odd, bound) if any(found["odd"]) else None
     of_run = dict(zip(used, odd, strict=True))
     return Comparison(
@@ -186,6 +202,7 @@ def compared(kind: Kind, repeats: Sequence[Repeat], seed: int) -> Comparison:
                 name=names[i],
                 unit=units[i],
                 runs=len(own.values),
+                unvalidated=any(repeats[r].status[i] == "unvalidated" for r in used),
                 mean=mean_of(sample, i, verdict == "agrees"),
                 scatter=scatter(own),
                 predicted_std=None if tests[i] is None else own.predicted_std,
@@ -267,6 +284,7 @@ def _run(repeat: Repeat, at: float, factor: float, odd: AgainstOthers | None) ->
         when=repeat.when,
         at=at,
         failure=repeat.failure,
+        misfit=repeat.misfit and repeat.failure is None,
         odd=odd,
         offsets=tuple(
             OffsetOfRun(

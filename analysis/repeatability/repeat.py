@@ -10,7 +10,8 @@ from typing import Literal
 
 from ...model.robot import Matrix
 from ..diagnostics.displacement import Displacement
-from ..findings import FileWarning, LackOfFit, OtherBasins
+from ..findings import FileWarning, OtherBasins
+from ..misfit import Criterion
 from ..status import Status
 
 Kind = Literal["runs", "results", "table"]
@@ -30,7 +31,16 @@ class PriorInEstimate:
     name: str
 
 
-RunFinding = LackOfFit | OtherBasins | SharedDistances | PriorInEstimate | FileWarning | Displacement
+@dataclass(frozen=True)
+class StatedMisfit:
+    """A result file says that the model does not describe the run: its own sentence."""
+
+    sentence: str
+
+
+RunFinding = (
+    Criterion | StatedMisfit | OtherBasins | SharedDistances | PriorInEstimate | FileWarning | Displacement
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,3 +69,10 @@ class Repeat:
     noise_dof: int | None
     findings: tuple[RunFinding, ...]
     failure: str | None
+
+    @property
+    def misfit(self) -> bool:
+        """Whether the model does not describe the run."""
+        return "unvalidated" in self.status or any(
+            isinstance(own, Criterion | StatedMisfit) for own in self.findings
+        )

@@ -10,10 +10,10 @@ import numpy as np
 
 from ...model.errors import BadInput
 from ...model.files.reading import parse_json, read_text, shown
-from ..findings import LACK_OF_FIT, LackOfFit
+from ..misfit import LACK_OF_FIT, LackOfFit
 from ..result import RESULT_SCHEMA as SCHEMA
 from ..status import known
-from .repeat import PriorInEstimate, Repeat, RepeatStatus, RunFinding
+from .repeat import PriorInEstimate, Repeat, RepeatStatus, RunFinding, StatedMisfit
 from .run_files import WHEN
 
 _WITHOUT_PRIOR = 0.98  # std over the one without priors: from here on they have no part in an estimate
@@ -56,7 +56,12 @@ def _of_result(answer: dict[str, Any], name: str) -> Repeat:
         variance.append((float(row["std"]) / scale) ** 2 if clean else math.nan)
     when = inputs["header"].get("provenance", {}).get(WHEN)
     p_value = fit["p_value"]
-    if p_value is not None and p_value < LACK_OF_FIT:
+    misfit = answer.get("misfit")
+    if misfit is not None:
+        findings.extend(StatedMisfit(str(criterion["sentence"])) for criterion in misfit["criteria"])
+    elif p_value is not None and p_value < LACK_OF_FIT:
+        # A result of before there was a verdict for it.
+        status = ["unvalidated" if own in ("identified", "weak") else own for own in status]
         findings.append(LackOfFit(float(fit["chi2"]), int(fit["dof"]), float(p_value)))
     return Repeat(
         name=name,

@@ -10,7 +10,7 @@ import numpy as np
 from ...model.errors import BadInput
 from ...model.files.run import Run
 from ...model.problem import Problem
-from ..findings import FileWarning, OtherBasins, lack_of_fit, moved_target
+from ..findings import FileWarning, OtherBasins, moved_target
 from ..solution import Solution, require_noise_data, solve
 from .prior_free import without_prior
 from .repeat import Repeat, RunFinding, SharedDistances
@@ -81,8 +81,8 @@ def fitted(repeat: Repeat, problem: Problem, seed: int) -> Repeat:
 
 
 def _on_the_fit(solution: Solution) -> Iterator[RunFinding]:
-    if (misfit := lack_of_fit(solution)) is not None:
-        yield misfit
+    if solution.misfit is not None:
+        yield from solution.misfit.criteria
     if (moved := moved_target(solution)) is not None:
         yield moved
     if solution.fit.other_basins:

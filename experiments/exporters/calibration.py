@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from ...analysis.findings import LACK_OF_FIT, lack_of_fit, moved_target
+from ...analysis.findings import moved_target
 from ...analysis.solution import ParameterResult, Solution, require_noise_data, solve
 from ...analysis.status import Status, known, versions
 from ...model.errors import BadInput, FitFailed
@@ -20,10 +20,17 @@ from ...model.problem import Problem
 from ...model.robot import JointKind
 from ...reports.words.causes import reason
 from ...reports.words.findings import displacement_sentence
+from ...reports.words.misfit import criterion_sentence, misfit_headline
 from ...reports.words.wording import listed
 
 SEED = 0  # of the fit's starts, as of `analyse` unless asked for otherwise
 MEANING = "true position = recorded position + offset"
+
+
+class NotValidated(BadInput):
+    """The model does not describe the run (verdict misfit): it is not written for a controller unasked."""
+
+    exit_status = 1
 
 
 @dataclass(frozen=True)
@@ -31,13 +38,15 @@ class Offset:
     """One joint's offset: its `row` of the answer, in which there is no number where nothing is known.
 
     `applied` is what an exported file adds to the recorded position: the estimate, or 0 where the offset is
-    held or `left_out`. `joint` is the joint's name in its robot file, which may hold any character.
+    held, `left_out`, or unvalidated and not `wanted` all the same. `joint` is the joint's name in its robot
+    file, which may hold any character.
     """
 
     row: ParameterResult
     joint: str
     kind: JointKind
     left_out: bool
+    wanted: bool = False
 
     @property
     def name(self) -> str:
@@ -69,7 +78,8 @@ class Offset:
 
     @property
     def exported(self) -> bool:
-        return known(self.status) and not self.left_out
+        validated = self.status != "unvalidated" or self.wanted
+        return known(self.status) and validated and not self.left_out
 
     @property
     def applied(self) -> float:
@@ -89,7 +99,12 @@ class Offset:
             said = f"UNIDENTIFIABLE, excluded: {self.reason}"
         else:
             said = f"{self.estimate:+.6f} {self.unit}, std {self.std:.2g} {self.unit}, "
-            said += self.status if self.status == "identified" else "WEAK: weakly observable"
+            said += {
+                "identified": "identified",
+                "weak": "WEAK: weakly observable",
+                "unvalidated": "UNVALIDATED: the model does not describe the measurements",
+            }[self.status]
+            said += "" if self.exported or self.left_out else ", not applied"
             said += ", EXCLUDED on request" if self.left_out else ""
         return one_line(f"{self.name} ({self.joint}): {said}")
 
@@ -104,6 +119,7 @@ class Calibration:
     robot: str
     shots: int
     versions: dict[str, str]
+    misfit: bool
     warnings: tuple[str, ...]
 
     @property
@@ -128,24 +144,38 @@ def one_line(text: str) -> str:
 
 
 def calibration(
-    run: Run, *, allow_weak: bool = False, allow_displaced: bool = False, without: Sequence[str] = ()
+    run: Run,
+    *,
+    allow_weak: bool = False,
+    allow_displaced: bool = False,
+    unvalidated: bool = False,
+    as_data: bool = False,
+    without: Sequence[str] = (),
 ) -> Calibration:
     """The offsets of a run, ready to be applied; `without` are names of offsets to leave out.
 
-    BadInput where an offset is unidentifiable, or weak and not allowed to be, and not excluded; where the
-    shots contradict the model, in which case no status can be relied on; where nothing is left to apply.
-    That a target seems to have moved may be allowed: then the warnings say so. FitFailed where the
-    fit did not converge.
+    BadInput where an offset is unidentifiable, or weak and not allowed to be, and not excluded; where other
+    offsets fit nearly as well; where nothing is left to apply. That a target seems to have moved may be
+    allowed: then the warnings say so. NotValidated where the model does not describe the run, unless that is
+    asked for (`unvalidated`) or the file states the statuses (`as_data`), in which nothing is then applied.
+    FitFailed where the fit did not converge.
     """
     # One thread, as in `analyse`: the last bits depend on it.
     with threadpool_limits(limits=1, user_api="blas"):
         try:
-            return _calibration(run, allow_weak, allow_displaced, without)
+            return _calibration(run, allow_weak, allow_displaced, unvalidated, as_data, without)
         except BadInput as error:
             raise error.at(run.path, run.header_line) from error
 
 
-def _calibration(run: Run, allow_weak: bool, allow_displaced: bool, without: Sequence[str]) -> Calibration:
+def _calibration(
+    run: Run,
+    allow_weak: bool,
+    allow_displaced: bool,
+    unvalidated: bool,
+    as_data: bool,
+    without: Sequence[str],
+) -> Calibration:
     run.require_analysable()
     problem = Problem.from_run(run)
     require_noise_data(problem)
@@ -155,14 +185,17 @@ def _calibration(run: Run, allow_weak: bool, allow_displaced: bool, without: Seq
             f"{run.path}: the fit did not converge ({solution.fit.reason}): nothing can be exported\n"
             "  to do:   look at the run with zerobeam analyse; record more measurements, in varied postures"
         )
-    _require_consistent(solution)
-    moved = _displaced(solution, allow_displaced)
+    if not (unvalidated or as_data):
+        _require_validated(solution)
+    _require_one_basin(solution)
+    moved = _displaced(solution, allow_displaced or solution.misfit is not None)
     _check_without(without, solution.offsets)
     offsets = [
-        Offset(row, joint.name, joint.kind, row.name in without)
+        Offset(row, joint.name, joint.kind, row.name in without, unvalidated)
         for row, joint in zip(solution.offsets, run.robot.joints, strict=True)
     ]
-    _require_known(offsets, allow_weak)
+    _require_known(offsets, allow_weak, nothing_applied=as_data and solution.misfit is not None)
+    misfit = () if solution.misfit is None else solution.misfit.criteria
     return Calibration(
         tuple(offsets),
         run.path.name,
@@ -170,26 +203,27 @@ def _calibration(run: Run, allow_weak: bool, allow_displaced: bool, without: Seq
         run.robot.name,
         problem.shots,
         versions(),
-        (*moved, *run.warnings),
+        solution.misfit is not None,
+        (*map(criterion_sentence, misfit), *moved, *run.warnings),
     )
 
 
-def _require_consistent(solution: Solution) -> None:
-    """BadInput where estimates and stds may not be relied on although the fit converged.
-
-    There is no option to go on: with noise that is understated no status means anything, and the run's header
-    can state it as it is.
-    """
-    misfit = lack_of_fit(solution)
-    if misfit is not None:
-        raise BadInput(
-            "the measurements contradict the model, so no offset can be relied on",
-            found=f"residuals {misfit.factor:.1f} times the stated noise",
-            allowed=f"residuals as large as these with a p-value of at least {LACK_OF_FIT:g}",
-            remedy="look for the cause with zerobeam report (a wrong measurement or target, geometry,"
-            " backlash); or state the noise as it is: noise.scale: estimated in the header widens all"
-            " intervals",
+def _require_validated(solution: Solution) -> None:
+    """NotValidated where the model does not describe the measurements: then no status means anything."""
+    if solution.misfit is not None:
+        moved = moved_target(solution)
+        also = "" if moved is None else f" {displacement_sentence(moved)}."
+        raise NotValidated(
+            "the model does not describe the measurements, so no offset can be relied on (misfit)",
+            found=misfit_headline(solution.misfit) + also,
+            allowed="a run without a misfit; as data (json, csv) the offsets are written, marked unvalidated",
+            remedy="look for the cause with zerobeam report (joint columns, signs, zeros, units, a target or"
+            " placement, geometry); or --unvalidated, if you want the numbers all the same: the file says so",
         )
+
+
+def _require_one_basin(solution: Solution) -> None:
+    """BadInput where several sets of offsets fit nearly as well."""
     if solution.fit.other_basins:
         raise BadInput(
             "the measurements do not determine which of several sets of offsets is the true one",
@@ -229,7 +263,7 @@ def _check_without(without: Sequence[str], items: Sequence[ParameterResult]) -> 
             )
 
 
-def _require_known(offsets: Sequence[Offset], allow_weak: bool) -> None:
+def _require_known(offsets: Sequence[Offset], allow_weak: bool, nothing_applied: bool) -> None:
     def named(status: Status) -> list[Offset]:
         return [offset for offset in offsets if offset.status == status and not offset.left_out]
 
@@ -250,7 +284,7 @@ def _require_known(offsets: Sequence[Offset], allow_weak: bool) -> None:
             allowed="identified offsets, and weak ones with --allow-weak",
             remedy=f"record more measurements; or --allow-weak; or exclude by name: {_leaving_out(weak)}",
         )
-    if not any(offset.exported for offset in offsets):
+    if not (nothing_applied or any(offset.exported for offset in offsets)):
         raise BadInput(
             "there is nothing to export: every offset is held or excluded",
             found="; ".join(offset.sentence for offset in offsets),

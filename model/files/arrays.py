@@ -121,6 +121,8 @@ class Noise:
     scale
         "known"; "estimated": right up to one common factor; "separate": up to one factor for the joints and
         one for the spot.
+    plausible_factor
+        An estimated factor above this, or below 1 over it, is a misfit and not noise; above 1.
 
     Raises
     ------
@@ -138,6 +140,7 @@ class Noise:
     spot_mm: float
     joint_mm: float | None = None
     scale: Literal["known", "estimated", "separate"] = "known"
+    plausible_factor: float = 3.0
 
     def __post_init__(self) -> None:
         checked(StatedNoise, self.content())
@@ -145,7 +148,11 @@ class Noise:
     def content(self) -> dict[str, Any]:
         """The header's key `noise`, plain."""
         own = _stated(joint_deg=self.joint_deg, joint_mm=self.joint_mm, spot_mm=self.spot_mm)
-        return own if self.scale == "known" else {**own, "scale": plain(self.scale)}
+        if self.scale != "known":
+            own["scale"] = plain(self.scale)
+        if self.plausible_factor != 3.0:
+            own["plausible_factor"] = plain(self.plausible_factor)
+        return own
 
 
 def checked(model: type[Model], content: object, arguments: Mapping[str, str] | None = None) -> Model:

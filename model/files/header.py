@@ -161,6 +161,11 @@ class StatedNoise(FileModel):
         description="estimated: the figures are right up to one common factor; separate: up to one "
         "factor for the joints and one for the spot",
     )
+    plausible_factor: Annotated[float, Field(gt=1)] = Field(
+        default=3.0,
+        description="an estimated factor on the stated noise that is above this, or below 1 over it, is a"
+        " misfit and not noise",
+    )
 
     @model_validator(mode="after")
     def _agree(self) -> Self:

@@ -22,6 +22,7 @@ def comparison_json(found: Comparison) -> dict[str, Any]:
         "odd_run": found.odd_run,
         "differing": list(found.differing),
         "drifting": list(found.drifting),
+        "misfit": found.misfits,
         "consistency": _plain(found.consistency),
         "offsets": [_offset(row) for row in found.offsets],
         "runs": [_run(run) for run in found.runs],
@@ -46,6 +47,7 @@ def _offset(row: ComparedOffset) -> dict[str, Any]:
         "name": row.name,
         "unit": row.unit,
         "runs": row.runs,
+        "unvalidated": row.unvalidated,
         "std": scatter and scatter.std,
         "std_interval95": scatter and list(scatter.interval95),
         "predicted_std": row.predicted_std,
@@ -71,6 +73,7 @@ def _run(run: ComparedRun) -> dict[str, Any]:
         "when": run.when,
         "at": run.at,
         "failure": None if run.failure is None else failure(run.failure),
+        "misfit": run.misfit,
         "odd": _plain(run.odd),
         "offsets": [asdict(own) for own in run.offsets],
     }

@@ -32,6 +32,7 @@ from ..style.blocks import (
     section_of,
     table_of,
 )
+from ..style.console import VERDICT_STYLE
 from ..words import numbers
 from ..words.comparison import headline, notes
 from ..words.wording import clipped, counted, label, listed, sentence, shown
@@ -40,8 +41,8 @@ _VERDICT: dict[Agreement, tuple[str, str]] = {
     "agrees": ("pass", "Agrees"),
     "does not agree": ("weak", "Does not agree"),
     "not tested": ("weak", "Not tested"),
+    "misfit": ("misfit", "Misfit"),
 }
-_STYLE = {"pass": "bold blue", "weak": "bold yellow"}
 _NOT_COMPARED = "not compared"
 _NOT_GIVEN = "not given"
 _NO_NUMBER = {"unidentifiable": "unidentifiable", "prior": _NOT_COMPARED}
@@ -77,7 +78,9 @@ def comparison_page(found: Comparison) -> Page:
 def print_comparison(out: Console, found: Comparison) -> None:
     """Verdict and notes, the means and scatter, then drift and each run against the others."""
     page = comparison_page(found)
-    out.print(Text(f"{page.verdict.word}. ", style=_STYLE[page.verdict.key]) + Text(page.verdict.sentence))
+    out.print(
+        Text(f"{page.verdict.word}. ", style=VERDICT_STYLE[page.verdict.key]) + Text(page.verdict.sentence)
+    )
     for note in page.notes:
         out.print(Text("! ", style="bold yellow") + Text(note))
     for section in page.sections[:3]:
@@ -108,7 +111,9 @@ def _means_row(row: ComparedOffset, published: bool) -> Row:
     if row.mean is None or row.scatter is None:
         return row_of(label(row.name), Cell(_NOT_COMPARED, span=4), tone="unidentifiable")
     mean = _mean(row.mean, row.scatter, row.unit, published)
-    return row_of(label(row.name), *mean, _range(row.scatter.interval95, row.unit))
+    name = f"{label(row.name)}, unvalidated" if row.unvalidated else label(row.name)
+    tone = "unvalidated" if row.unvalidated else ""
+    return row_of(name, *mean, _range(row.scatter.interval95, row.unit), tone=tone)
 
 
 def _mean(mean: Mean, scatter: Scatter, unit: str, published: bool) -> list[str]:
@@ -214,6 +219,8 @@ def _against_row(number: int, run: ComparedRun, found: Comparison) -> Row:
     outlier = run.name == found.odd_run
     if outlier:
         cell = Cell(f"outlier, {cell}", mark="weak")
+    elif run.misfit:
+        cell = Cell(f"misfit, {cell}", mark="unvalidated")
     if run.failure is not None:
         cell = Cell("no result", mark="weak")
     at = numbers.significant(run.at, 3, "h") if found.by_time else str(number)

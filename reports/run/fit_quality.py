@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ...analysis.findings import LACK_OF_FIT, LackOfFit
+from ...analysis.misfit import LACK_OF_FIT, LackOfFit
 from ...analysis.result import DistanceResult, LikelihoodSummary, MidpointSummary, Result
 from ...analysis.solution import ParameterResult
 from ..style.blocks import Cell, Paragraph, Section, Table, row_of, section_of, table_of
 from ..words import numbers
 from ..words.findings import likelihood_message
-from ..words.wording import NOT_DETERMINED, clipped, label, sentence
+from ..words.misfit import criterion_sentence
+from ..words.wording import NOT_DETERMINED, clipped, label, person, sentence
 from .parameters import noise_factors, other_tables
 
 _NO_COST = "—"  # not defined for this cost
@@ -110,8 +111,10 @@ def _verdict(result: Result, noise: str) -> list[str]:
     """The goodness of fit in plain words, the gravest first; against the `stated` or the `fitted` noise."""
     fit = result.likelihood
     said = not_converged(fit)
+    others = () if result.misfit is None else result.misfit.criteria
+    beside = [f"{criterion_sentence(own, person)}." for own in others if not isinstance(own, LackOfFit)]
     if fit.p_value is None or not fit.dof:
-        return said
+        return said + beside
     measure = (
         f"χ²\u00a0{numbers.significant(fit.chi2)}, {fit.dof}\u00a0dof, p\u00a0{numbers.p_value(fit.p_value)}"
     )
@@ -124,7 +127,7 @@ def _verdict(result: Result, noise: str) -> list[str]:
         said.append(f"The residuals are smaller than the {noise} noise ({measure}): it may be overstated.")
     else:
         said.append(f"The residuals agree with the {noise} noise ({measure}).")
-    return said
+    return said + beside
 
 
 def not_converged(fit: LikelihoodSummary) -> list[str]:

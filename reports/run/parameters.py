@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol
 
 from ...analysis.observability.causes import Cause
@@ -27,6 +27,9 @@ from ..words.causes import reason
 from ..words.wording import NOT_DETERMINED, label, listed, person, sentence
 
 OFFSETS = "Joint offsets, to be added to the recorded joint positions"
+UNVALIDATED_OFFSETS = (
+    "Joint offsets, unvalidated: the model does not describe the measurements; not to be applied"
+)
 
 
 class Judged(Protocol):
@@ -46,6 +49,11 @@ class Judged(Protocol):
     def cause(self) -> Cause | None: ...
 
 
+def offsets_caption(statuses: Iterable[Status]) -> str:
+    """What stands above a table of offsets with these statuses."""
+    return UNVALIDATED_OFFSETS if "unvalidated" in statuses else OFFSETS
+
+
 def unit_of(unit: str) -> str:
     """What follows a number in this unit; a noise factor is so many times the stated noise."""
     return "times" if unit == "1" else unit
@@ -61,7 +69,7 @@ def offsets_section(parameters: Sequence[ParameterResult], header: Mapping[str, 
     offsets = [row for row in parameters if row.group == "offset"]
     return section_of(
         "Offsets",
-        parameter_table(OFFSETS, offsets),
+        parameter_table(offsets_caption(row.status for row in offsets), offsets),
         Legend(legend(parameters, header), reasons(parameters)),
         FigureBlock("offsets"),
     )
@@ -107,6 +115,10 @@ def legend(parameters: Sequence[Judged], header: Mapping[str, object]) -> list[L
     meaning: dict[Status, str] = {
         "identified": f"determined by the data without prior, standard uncertainty within {within}",
         "weak": f"weakly observable: determined by the data, standard uncertainty beyond {within}",
+        "unvalidated": (
+            "the data determine a number, but the model does not describe the measurements: neither estimate"
+            " nor uncertainty can be relied on"
+        ),
         "unidentifiable": "the data say less about it than its prior; it has no estimate",
         "held": "not estimated; the reason is stated below",
     }

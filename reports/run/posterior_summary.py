@@ -206,7 +206,9 @@ def _pair(
     ranked = np.sort(heights, axis=None)[::-1]
     mass = np.cumsum(ranked) / ranked.sum()
     levels = [float(ranked[np.searchsorted(mass, level)]) for level in _LEVELS]
-    worst = "weak" if "weak" in (across.status, up.status) else "identified"
+    worst = next(
+        (status for status in ("unvalidated", "weak") if status in (across.status, up.status)), "identified"
+    )
     middles = (xs[:-1] + xs[1:]) / 2, (ys[:-1] + ys[1:]) / 2
     bounds = [*levels, float(heights.max()) * 1.01]
     if all(low < high for low, high in pairwise(bounds)):

@@ -53,7 +53,7 @@ def report_page(result: Result) -> Page:
 
 def report_notes(result: Result) -> list[str]:
     """What a reader must see, the gravest first."""
-    notes = [ended(sentence(finding_sentence(finding))) for finding in result.findings]
+    notes = [ended(sentence(finding_sentence(finding, person))) for finding in result.findings]
     return not_converged(result.likelihood) + notes
 
 

@@ -67,6 +67,8 @@ def _lead(result: Result) -> str:
             f" The residuals are {times} times the stated noise: the budget does not contain their cause and"
             " is too small."
         )
+    elif result.misfit is not None:
+        said += " The model does not describe the measurements: the budget is unvalidated and too small."
     return said
 
 

@@ -28,6 +28,11 @@ def _sentence(parameters: Sequence[Judged], facts: Identifiability) -> str:
     if lost:
         verb = "is" if len(lost) == 1 else "are"
         said = f"{listed(lost)} {verb} {NOT_DETERMINED}. No value is given, since any would be made up."
+    elif any(row.status == "unvalidated" for row in parameters):
+        said = (
+            "The measurements would determine every parameter that was not held, but the model does not"
+            " describe them: nothing here is validated."
+        )
     elif facts.null_space:
         said = (
             "Every parameter that was not held has an estimate, but some combinations are only weakly"

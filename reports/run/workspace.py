@@ -58,6 +58,11 @@ def _doubts(result: Result) -> list[str]:
             " these numbers: with the offsets the error is larger than stated here. Held-out targets"
             " (--hold-out) show where."
         )
+    elif result.misfit is not None:
+        said.append(
+            "The model does not describe the measurements: these numbers are unvalidated, and the error with"
+            " the offsets is larger than stated here."
+        )
     return said
 
 

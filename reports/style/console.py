@@ -9,9 +9,20 @@ from rich.text import Text
 from ..words.wording import clipped
 from . import blocks
 
-STYLE = {"identified": "blue", "weak": "yellow", "unidentifiable": "magenta", "held": "dim"}
-MARK = {"identified": "●", "weak": "◆", "unidentifiable": "✕", "held": "■"}
-VERDICT_STYLE = {"pass": "bold blue", "weak": "bold yellow", "degenerate": "bold magenta"}
+STYLE = {
+    "identified": "blue",
+    "weak": "yellow",
+    "unidentifiable": "magenta",
+    "held": "dim",
+    "unvalidated": "dim",
+}
+MARK = {"identified": "●", "weak": "◆", "unidentifiable": "✕", "held": "■", "unvalidated": "?"}
+VERDICT_STYLE = {
+    "pass": "bold blue",
+    "weak": "bold yellow",
+    "degenerate": "bold magenta",
+    "misfit": "bold red",
+}
 
 
 def marked(mark: str, text: str) -> Text:

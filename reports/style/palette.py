@@ -28,10 +28,18 @@ PALETTE: dict[str, Colour] = {
     "weak": Colour("#a84a00", "#f0a35c"),
     "unidentifiable": Colour("#963072", "#e08fc0"),
     "held": Colour("#5b636d", "#a6aeb8"),
+    "unvalidated": Colour("#6b6157", "#b3a99e"),
+    "misfit": Colour("#b3261e", "#f2908a"),
 }
 
 # What a shape says, the same in every table and figure (matplotlib's marker, and the mark's name).
-SHAPES: dict[str, str] = {"identified": "o", "weak": "D", "unidentifiable": "x", "held": "s"}
+SHAPES: dict[str, str] = {
+    "identified": "o",
+    "weak": "D",
+    "unidentifiable": "x",
+    "held": "s",
+    "unvalidated": "^",
+}
 
 
 def css_variables(theme: str) -> str:

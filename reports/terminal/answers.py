@@ -15,7 +15,7 @@ from ...analysis.solution import ParameterResult
 from ...analysis.status import Verdict
 from ...experiments.plans.make import MadePlan
 from ...experiments.procedure.events import Ended, KnownOffset
-from ..run.parameters import OFFSETS, other_tables, parameter_table, unit_of
+from ..run.parameters import offsets_caption, other_tables, parameter_table, unit_of
 from ..run.placements import placements_lines
 from ..run.posterior_summary import posterior_sentence
 from ..run.report_page import report_notes
@@ -37,7 +37,7 @@ def print_result(console: Console, result: Result) -> None:
     print_verdict(console, result.verdict, headline(result, person))
     _print_notes(console, report_notes(result))
     offsets = [row for row in result.parameters if row.group == "offset"]
-    _print_table(console, parameter_table(OFFSETS, offsets))
+    _print_table(console, parameter_table(offsets_caption(row.status for row in offsets), offsets))
     for table in other_tables(result.parameters):
         _print_table(console, table)
     _print_directions(console, result.identifiability.null_space)
@@ -133,7 +133,8 @@ def print_carried(console: Console, answer: Ended) -> None:
         console.print(contradicted(answer.p_value))
     _print_notes(console, map(sentence, answer.notes))
     if answer.parameters:
-        console.print(Text(OFFSETS, style="italic"))
+        caption = offsets_caption(row.status for row in answer.parameters)
+        console.print(Text(caption, style="italic"))
         table = Table(box=None, pad_edge=False)
         for name in ("name", "estimate", "u", "status"):
             table.add_column(name, justify="left" if name in ("name", "status") else "right")

@@ -9,6 +9,7 @@ from ...analysis.observability.causes import (
     Held,
     NoiseSplit,
     NotResolvable,
+    NotTheModel,
     OnAxis,
     OnePosition,
     ParallelAxes,
@@ -41,6 +42,8 @@ def reason(cause: Cause, name: Namer = str) -> str:
             return "held by the header"
         case Unconverged():
             return "the fit did not converge"
+        case NotTheModel():
+            return "the model does not describe the measurements"
         case NotResolvable():
             return "not resolvable at this noise level"
         case TargetUnseen(target, 1):
@@ -88,6 +91,8 @@ def remedy(cause: Cause, name: Namer = str) -> str:
             return f"hold {joint}, or calibrate the tool separately and state it as calibrated"
         case Unconverged():
             return "look for a wrong measurement, or state a better guess of target and tool"
+        case NotTheModel():
+            return "find what is wrong first: joint columns, signs, zeros, units, targets, geometry"
         case NotResolvable():
             return "add measurements, or measure with less noise"
         case TargetUnseen(target, _):

@@ -5,19 +5,31 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ...analysis.diagnostics.displacement import Displacement
-from ...analysis.findings import FileWarning, LackOfFit, OtherBasins
+from ...analysis.findings import FileWarning, OtherBasins
+from ...analysis.misfit import BeyondPrior, ImplausibleNoise, LackOfFit, PlacementsDisagree
 from ...analysis.repeatability.compare import Comparison
 from ...analysis.repeatability.consistency import LEVEL, of_a_std
-from ...analysis.repeatability.repeat import PriorInEstimate, RunFinding, SharedDistances
+from ...analysis.repeatability.repeat import PriorInEstimate, RunFinding, SharedDistances, StatedMisfit
 from .findings import displacement_sentence
+from .misfit import criterion_sentence
 from .wording import listed
 
 
 def headline(found: Comparison) -> str:
-    """The answer in a sentence or two."""
+    """The answer in a sentence or two; first of all, which runs the model does not describe."""
+    if not found.misfits:
+        return _headline(found)
+    one = len(found.misfits) == 1
+    return (
+        f"The model does not describe {listed(found.misfits)}: {'its' if one else 'their'} offsets, and every"
+        f" mean that they enter, are unvalidated. {_headline(found)}"
+    )
+
+
+def _headline(found: Comparison) -> str:
     if found.used < 2 or not any(row.runs for row in found.offsets):
         return "No offset is identifiable in two runs: nothing is compared."
-    if found.verdict == "not tested":
+    if found.consistency is None and not any(row.test for row in found.offsets):
         return (
             f"The {found.used} runs give a scatter, but whether they agree cannot be tested: there is no"
             " predicted uncertainty that the scatter could be compared with."
@@ -29,7 +41,7 @@ def headline(found: Comparison) -> str:
             f"the {found.used} runs scatter {whole.ratio:.2g} times as much as predicted"
             f" (p = {whole.p_value:.1g})"
         )
-    elif found.verdict == "agrees":
+    elif found.verdict in ("agrees", "misfit"):
         said.append(f"each offset of the {found.used} runs scatters as predicted")
     if found.odd_run is not None:
         others = ", the others agree without it" if whole is not None else ""
@@ -99,11 +111,10 @@ def notes(found: Comparison) -> Iterator[str]:
 def sentence_of(finding: RunFinding) -> str:
     """What was found of a run, to follow its name and a colon."""
     match finding:
-        case LackOfFit(p_value=p_value):
-            return (
-                "lack of fit: its residuals are larger than the stated noise explains, so its standard"
-                f" uncertainties are too small (p = {p_value:.0e})"
-            )
+        case LackOfFit() | ImplausibleNoise() | BeyondPrior() | PlacementsDisagree():
+            return criterion_sentence(finding)
+        case StatedMisfit(text):
+            return text
         case Displacement():
             return displacement_sentence(finding)
         case OtherBasins():

@@ -10,17 +10,16 @@ from ...analysis.diagnostics.displacement import ChangePoint, Displacement
 from ...analysis.diagnostics.hold_out import HoldOut
 from ...analysis.diagnostics.outliers import Robust
 from ...analysis.findings import (
-    Contradicted,
     FileWarning,
     Finding,
     HeldOutMisfit,
-    LackOfFit,
     NoPosterior,
     NotConverged,
     OtherBasins,
     Outlying,
     RobustNotConverged,
 )
+from ...analysis.misfit import BeyondPrior, ImplausibleNoise, LackOfFit, PlacementsDisagree
 from ...analysis.observability.causes import Cause, NullDirection
 from ...analysis.observability.check import Check, OutsideLimits, PlanFinding, TargetBehind, Unreachable
 from ...analysis.observability.verdict import worst_direction
@@ -29,9 +28,15 @@ from ...analysis.result import LikelihoodSummary, Result
 from ...analysis.so_far import SoFar
 from ...analysis.status import Status, Verdict
 from .causes import reason
+from .misfit import criterion_sentence, misfit_headline
 from .wording import Namer, listed
 
-VERDICT_WORDS: dict[Verdict, str] = {"pass": "Pass", "weak": "Weak", "degenerate": "Degenerate"}
+VERDICT_WORDS: dict[Verdict, str] = {
+    "pass": "Pass",
+    "weak": "Weak",
+    "degenerate": "Degenerate",
+    "misfit": "Misfit",
+}
 MOST_NAMED = 10
 _NEVER = 1e-12  # a p-value below this says nothing more: no noise is so normal
 _MOST_EXPLANATIONS = 3
@@ -53,17 +58,15 @@ def headline(answer: Result | Check | SoFar, name: Namer = str) -> str:
     if isinstance(answer, SoFar):
         if not answer.judged:
             return "These measurements determine no offset yet."
-        return verdict_sentence(answer.offsets, answer.null_space, name)
-    sentence = verdict_sentence(answer.parameters, answer.identifiability.null_space, name)
+        sentence = verdict_sentence(answer.offsets, answer.null_space, name)
+    else:
+        sentence = verdict_sentence(answer.parameters, answer.identifiability.null_space, name)
     if isinstance(answer, Check):
         return sentence
-    if not answer.likelihood.converged:
+    if isinstance(answer, Result) and not answer.likelihood.converged:
         return f"The fit did not converge ({answer.likelihood.reason}): no offset is reported."
-    for finding in answer.findings:
-        if isinstance(finding, LackOfFit):
-            sentence += (
-                f" But the model does not fit: the residuals are {finding.factor:.1f} times the stated noise."
-            )
+    if answer.misfit is not None:
+        return f"{misfit_headline(answer.misfit, name)} {sentence}".rstrip()
     return sentence
 
 
@@ -76,6 +79,7 @@ def verdict_sentence(
         return [row.name for row in parameters if row.group == "offset" and row.status == status]
 
     unknown, weak, identified = offsets("unidentifiable"), offsets("weak"), offsets("identified")
+    unvalidated = offsets("unvalidated")
     sentences = []
     if unknown:
         reasons = dict.fromkeys(reason(worst_direction(null_space, own).cause, name) for own in unknown)
@@ -86,6 +90,8 @@ def verdict_sentence(
         sentences.append(f"{_are(weak, name)} only weakly observable in these measurements.")
     if identified:
         sentences.append(f"{_are(identified, name)} identified.")
+    if unvalidated:
+        sentences.append(f"{_are(unvalidated, name)} unvalidated.")
     return " ".join(sentences) or "No offset is estimated: all are held."
 
 
@@ -98,26 +104,13 @@ def notes(result: Result) -> tuple[str, ...]:
     return tuple(finding_sentence(finding) for finding in result.findings)
 
 
-def finding_sentence(finding: Finding) -> str:
-    """One finding, without a full stop at its end."""
+def finding_sentence(finding: Finding, name: Namer = str) -> str:
+    """One finding, without a full stop at its end; `name` writes names."""
     match finding:
         case NotConverged(reason=why):
             return f"The fit did not converge: {why}. Nothing here may be used as an estimate"
-        case LackOfFit():
-            rms = "" if finding.rms_mm is None else f"; {finding.rms_mm:.2f} mm rms"
-            return (
-                f"Lack of fit: residuals are {finding.factor:.1f} times the stated noise"
-                f" (χ² {finding.chi2:.0f}, {finding.dof} dof, {_p(finding.p_value)}{rms}). The nominal"
-                " geometry does not describe this arm (link lengths, backlash, elasticity), or the noise"
-                " is understated: the intervals are too narrow by a factor of about"
-                f" {finding.factor:.1f} or more. noise.scale: estimated widens them by that factor"
-            )
-        case Contradicted():
-            return (
-                "Residuals and priors together are larger than chance allows (p < 1e-4): noise, priors or"
-                " geometry are not as stated, or the best fit was not found. Add measurements, so that the"
-                " fit can be checked"
-            )
+        case LackOfFit() | ImplausibleNoise() | BeyondPrior() | PlacementsDisagree():
+            return criterion_sentence(finding, name)
         case OtherBasins(count):
             sets = "set of offsets fits" if count == 1 else "sets of offsets fit"
             return (

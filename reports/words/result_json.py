@@ -17,6 +17,7 @@ import numpy as np
 
 from ...analysis.diagnostics.accuracy import Accuracy
 from ...analysis.diagnostics.placement_result import PlacementResult
+from ...analysis.misfit import LackOfFit, Misfit
 from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.check import Check
 from ...analysis.observability.identifiability import Identifiability
@@ -35,6 +36,7 @@ from .findings import (
     posterior_message,
     robust_message,
 )
+from .misfit import criterion_sentence
 
 CHECK_SCHEMA = "zerobeam/check/1"
 
@@ -61,6 +63,7 @@ def to_json(result: Result) -> dict[str, Any]:
         "hold_out": _hold_out(result),
         "placements": _placements(result.placements),
         "scene": _plain(result.scene, "scene"),
+        "misfit": _misfit(result.misfit),
         "notes": list(notes(result)),
         "inputs": _plain(result.inputs, "inputs"),
     }
@@ -136,6 +139,22 @@ def _posterior(result: Result) -> dict[str, Any]:
 def _accuracy(accuracy: Accuracy) -> dict[str, Any]:
     own = _without(accuracy, "accuracy", "held", "causes", "joints", "converged")
     return {**own, "place": place(accuracy), "reason": accuracy_reason(accuracy)}
+
+
+def _misfit(misfit: Misfit | None) -> dict[str, Any] | None:
+    if misfit is None:
+        return None
+    return {
+        "criteria": [
+            {
+                "kind": criterion.kind,
+                **_plain(criterion, "misfit"),
+                **({"factor": criterion.factor} if isinstance(criterion, LackOfFit) else {}),
+                "sentence": criterion_sentence(criterion),
+            }
+            for criterion in misfit.criteria
+        ]
+    }
 
 
 def _robust(result: Result) -> dict[str, Any] | None:

@@ -790,3 +790,33 @@ def test_no_command_is_bad_usage_with_help() -> None:
     told = zerobeam()
     assert told.status == 2
     assert "Usage: zerobeam" in told.out + told.err
+
+
+def test_two_swapped_columns_of_the_demo_are_a_misfit(tmp_path: Path) -> None:
+    """Joints 4 and 6 the wrong way round: no pass, no offset identified, nothing for a controller."""
+    bad = tmp_path / "swapped.jsonl"
+    with bad.open("w", encoding="utf-8") as file:
+        for number, line in enumerate(GOOD.read_text(encoding="utf-8").splitlines()):
+            content = json.loads(line)
+            if number:
+                q = content["joints_deg"]
+                q[3], q[5] = q[5], q[3]
+            file.write(json.dumps(content) + "\n")
+    told = zerobeam("analyse", bad, "--json", "--ess", "100")
+    assert told.status == 1
+    answer = json.loads(told.out)
+    assert answer["verdict"] == "misfit"
+    assert not {row["status"] for row in answer["parameters"]} & {"identified", "weak"}
+    assert answer["misfit"]["criteria"][0]["kind"] == "chi2"
+    assert answer["misfit"]["criteria"][0]["factor"] > 10
+    assert answer["misfit"]["criteria"][0]["sentence"] == answer["notes"][0]
+    for name in ("rapid", "json", "csv"):
+        told = zerobeam("export", name, bad, "-o", tmp_path / name)
+        assert told.status == 1
+        assert (tmp_path / name).exists() == (name != "rapid")
+    assert "--unvalidated" in zerobeam("export", "rapid", bad, "-o", tmp_path / "rapid").err
+    told = zerobeam("export", "rapid", bad, "-o", tmp_path / "rapid", "--unvalidated")
+    assert (told.status, "UNVALIDATED" in told.out) == (1, True)
+    data = json.loads((tmp_path / "json").read_text(encoding="utf-8"))
+    assert {own["status"] for own in data["offsets"]} <= {"unvalidated", "held", "unidentifiable"}
+    assert all(own["applied"] == 0 for own in data["offsets"])

@@ -198,7 +198,16 @@ def answers_of(kind: str, folder: Path) -> list[dict[str, Any]]:
     two = folder / "two.jsonl"
     two.write_text("\n".join(json.dumps(row) for row in (header, *shots, *far)), encoding="utf-8")
     asked = ("--ess", 100, "--json", "--robust", "huber", "--hold-out", "far")
-    return [command_line("analyse", two, *asked).json, command_line("analyse", x_pattern, *asked[:3]).json]
+    for shot in shots:
+        q = shot["joints_deg"]
+        q[3], q[5] = q[5], q[3]
+    swapped = folder / "swapped.jsonl"
+    swapped.write_text("\n".join(json.dumps(row) for row in (header, *shots, *far)), encoding="utf-8")
+    return [
+        command_line("analyse", two, *asked).json,
+        command_line("analyse", x_pattern, *asked[:3]).json,
+        command_line("analyse", swapped, *asked[:3]).json,
+    ]
 
 
 @pytest.mark.parametrize("name", SCHEMA_NAMES)

@@ -325,8 +325,11 @@ def test_an_offset_that_the_runs_do_not_determine_has_no_number(tmp_path: Path) 
     answer = compare(run_files(tmp_path, pattern_plan("x"), [{}, {}, {}]))
     (second,) = [row for row in answer["offsets"] if row["name"] == "delta2"]
     assert second["runs"] == 0
-    numbers = {key: value for key, value in second.items() if key not in ("name", "unit", "runs")}
+    numbers = {
+        key: value for key, value in second.items() if key not in ("name", "unit", "runs", "unvalidated")
+    }
     assert set(numbers.values()) == {None}
+    assert second["unvalidated"] is False
     for run in answer["runs"]:
         own = run["offsets"][0]
         assert (own["name"], own["status"]) == ("delta2", "unidentifiable")

@@ -112,12 +112,23 @@ def test_shots_that_contradict_the_model_are_refused(refused: Refused) -> None:
 
     bad = replace(run, shots=tuple(off(shot) for shot in run.shots))
     error = refused(calibration, bad)
-    assert "contradict the model" in error.what
+    assert (error.exit_status, "(misfit)" in error.what) == (1, True)
     assert error.remedy is not None
-    assert "noise.scale: estimated" in error.remedy
-    noise = bad.header.noise.model_copy(update={"scale": "estimated"})
+    assert "noise.scale" not in error.remedy
+    assert "--unvalidated" in error.remedy
+    # As data the offsets are written with their status, and nothing is applied; if asked for, all of it is.
+    data, wanted = calibration(bad, as_data=True), calibration(bad, unvalidated=True)
+    for told, applied in ((data, False), (wanted, True)):
+        assert told.misfit
+        assert [o.status for o in told.offsets] == ["held"] + ["unvalidated"] * 5
+        assert [o.exported for o in told.offsets] == [False] + [applied] * 5
+        assert any(o.applied != 0 for o in told.offsets) == applied
+        assert all("UNVALIDATED" in o.sentence for o in told.offsets[1:])
+        assert any("Lack of fit" in warning for warning in told.warnings)
+    noise = bad.header.noise.model_copy(update={"scale": "estimated", "plausible_factor": 30.0})
     freed = replace(bad, header=bad.header.model_copy(update={"noise": noise}))
     told = calibration(freed, allow_weak=True)
+    assert not told.misfit
     for wide, narrow in zip(told.offsets, calibration(run).offsets, strict=True):
         assert narrow.std is None or (wide.std is not None and wide.std > 3 * narrow.std)
 
@@ -130,9 +141,9 @@ def test_a_target_that_has_moved_is_refused_or_told(refused: Refused) -> None:
     assert calibration(before).offsets[1].exported
     moved = replace(before, shots=before.shots[:12] + after.shots[12:])
     error = refused(calibration, moved, allow_weak=True)
-    assert "contradict the model" in error.what
-    assert "another name" in str(error.remedy)
-    told = calibration(moved, allow_weak=True, allow_displaced=True)
+    assert "(misfit)" in error.what
+    assert "another target name" in str(error.found)
+    told = calibration(moved, allow_weak=True, unvalidated=True)
     assert any("note: Target psd seems to have moved" in line for line in told.head)
     assert not calibration(before, allow_displaced=True).warnings
 

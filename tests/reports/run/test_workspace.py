@@ -14,7 +14,7 @@ from numpy import diag, radians
 from study_text import texts_of
 
 from zerobeam.analysis.diagnostics.accuracy import accuracy
-from zerobeam.analysis.findings import LackOfFit
+from zerobeam.analysis.misfit import LackOfFit
 from zerobeam.analysis.result import Result
 from zerobeam.analysis.status import Status, UnsoundResult
 from zerobeam.reports.run.workspace import workspace_section

@@ -19,14 +19,14 @@ def contrast(one: str, other: str) -> float:
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
-@pytest.mark.parametrize("role", ["ink", "muted", "identified", "weak", "unidentifiable", "held"])
+@pytest.mark.parametrize("role", [*SHAPES, "ink", "muted", "misfit"])
 @pytest.mark.parametrize("ground", ["ground", "panel"])
 def test_text_has_the_contrast_that_wcag_aa_asks_for(theme: str, role: str, ground: str) -> None:
     assert contrast(getattr(PALETTE[role], theme), getattr(PALETTE[ground], theme)) >= 4.5
 
 
 def test_every_status_has_a_shape_and_a_colour_of_its_own() -> None:
-    assert set(SHAPES) == {"identified", "weak", "unidentifiable", "held"}
-    assert len(set(SHAPES.values())) == 4
+    assert set(SHAPES) == {"identified", "weak", "unidentifiable", "held", "unvalidated"}
+    assert len(set(SHAPES.values())) == 5
     # `themed` finds a role by its light colour: no two may share one.
     assert len({colour.light for colour in PALETTE.values()}) == len(PALETTE)

@@ -8,14 +8,14 @@ consistently, and each a little differently.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import takewhile
+from os.path import commonprefix
 
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from ...model.kernel import Index
-from ...model.problem import Problem
+from ..model.kernel import Index
+from ..model.problem import Problem
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,11 @@ def placements(problem: Problem) -> tuple[Placement, ...]:
     label = connected_components(ties, directed=False)[1]
     groups = [np.flatnonzero(label == k) for k in dict.fromkeys(label.tolist())]
     members = [tuple(problem.targets[i] for i in group) for group in groups]
-    short = [_common(names).rstrip("_-. ") if len(names) > 1 else names[0] for names in members]
+    # names, not paths
+    short = [
+        commonprefix(names).rstrip("_-. ") if len(names) > 1 else names[0]  # noqa: RUF071
+        for names in members
+    ]
     return tuple(
         Placement(
             own if own and short.count(own) == 1 else ", ".join(names),
@@ -49,11 +53,4 @@ def placements(problem: Problem) -> tuple[Placement, ...]:
         )
         for own, names, group in zip(short, members, groups, strict=True)
         if np.isin(problem.target_index, group).any()
-    )
-
-
-def _common(names: tuple[str, ...]) -> str:
-    """What all of them begin with."""
-    return "".join(
-        letters[0] for letters in takewhile(lambda own: len(set(own)) == 1, zip(*names, strict=False))
     )

@@ -1,0 +1,230 @@
+"""Does the model describe the measurements at all? Four criteria, each with its figures; one is enough.
+
+An interval follows from the noise and from the model. Where the model is not the arm, no status can be relied
+on, however small the standard uncertainties. So a misfit is decided beside the statuses, by what the
+statuses do not see:
+
+    chi-squared          residuals (with priors, where no number is left over) against the stated noise
+    noise factor         an estimated noise that is beyond what the header calls plausible
+    prior                estimates that contradict what is known of them beforehand
+    placements           offsets that differ from placement to placement by more than each scatters
+
+The last one needs no stated noise: its yardstick is the scatter within the placements, so that a misfit
+cannot vanish into a noise that is estimated from the very residuals that it causes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+from scipy.special import chdtri, fdtrc
+
+from ..model.problem import rms_length
+from ..model.robot import Matrix
+from .estimation.fit import CONTRADICTED, LikelihoodFit
+from .observability.identifiability import Identified
+from .placements import placements
+from .status import UnsoundResult, known
+
+LACK_OF_FIT = 1e-3  # p-value below which a misfit is not put down to chance
+BEYOND_PRIOR = 4.0  # prior stds: one in 16,000 estimates of a normal is further off
+# Between placements over within, as a ratio of stds. Neighbouring measurements are correlated: on real arms
+# their effective number is up to 2.5 times smaller, which alone makes a factor of 1.6. By nominal geometry
+# four real arms have 2.1 to 6.7, and three placements of one of them 1.8.
+DISAGREES = 1.6
+_REACH = 0.01  # what moves the residuals by less (stds, within its prior std) explains none of them
+
+Kind = Literal["chi2", "noise_factor", "prior", "placements"]
+
+
+@dataclass(frozen=True)
+class LackOfFit:
+    """The residuals are `factor` times what the stated noise explains; `rms_mm` None where that is not at
+    hand. `with_priors`: together with the scaled parameters, as no number is left over to test alone."""
+
+    kind: ClassVar[Kind] = "chi2"
+
+    chi2: float
+    dof: int
+    p_value: float
+    rms_mm: float | None = None
+    with_priors: bool = False
+
+    @property
+    def factor(self) -> float:
+        """Root of chi-squared over its degrees of freedom."""
+        return float(np.sqrt(self.chi2 / self.dof))
+
+
+@dataclass(frozen=True)
+class ImplausibleNoise:
+    """An estimated noise `factor` whose 99.8 % `interval` lies beyond `plausible` times the stated noise, or
+    below 1 over it: that of all readings, of the joints, or of the spot."""
+
+    kind: ClassVar[Kind] = "noise_factor"
+
+    of: Literal["all", "joint", "spot"]
+    factor: float
+    interval: tuple[float, float]
+    plausible: float
+
+
+@dataclass(frozen=True)
+class OffPrior:
+    """An estimate `stds` prior stds from its prior mean; None where the data do not determine it, but the fit
+    takes it as far."""
+
+    name: str
+    stds: float | None
+
+
+@dataclass(frozen=True)
+class BeyondPrior:
+    """Parameters whose estimates are beyond `limit` prior stds."""
+
+    kind: ClassVar[Kind] = "prior"
+
+    parameters: tuple[OffPrior, ...]
+    limit: float = BEYOND_PRIOR
+
+
+@dataclass(frozen=True)
+class PlacementsDisagree:
+    """Offsets of their own for each placement would fit so much better: `factor` is the root of the mean
+    square that they explain (`rank` degrees of freedom) over the mean square left within the placements
+    (`dof`); `most` is the placement whose own offsets explain most."""
+
+    kind: ClassVar[Kind] = "placements"
+
+    placements: tuple[str, ...]
+    most: str
+    factor: float
+    rank: int
+    dof: int
+    p_value: float
+
+
+Criterion = LackOfFit | ImplausibleNoise | BeyondPrior | PlacementsDisagree
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """The model does not describe the measurements, by one criterion or several."""
+
+    criteria: tuple[Criterion, ...]
+
+    def __post_init__(self) -> None:
+        if not self.criteria:
+            raise UnsoundResult("a misfit by no criterion")
+
+
+def misfit_of(fit: LikelihoodFit, identified: Identified, *, effective: float = 1.0) -> Misfit | None:
+    """What speaks against the model at a converged fit; None where nothing does.
+
+    `effective` is the number of measurements over the effective number of independent ones (1 or more).
+    """
+    criteria: tuple[Criterion, ...] = (
+        *_lack_of_fit(fit, identified.facts.rank),
+        *_implausible_noise(fit, identified),
+        *_beyond_prior(fit, identified),
+        *_disagreement(fit, effective),
+    )
+    return Misfit(criteria) if criteria else None
+
+
+def _lack_of_fit(fit: LikelihoodFit, rank: int) -> Iterator[LackOfFit]:
+    chi2, dof, p_value = fit.against_noise(rank)
+    if p_value is not None and p_value < LACK_OF_FIT:
+        yield LackOfFit(chi2, dof, p_value, rms_length(fit.whitened.miss))
+    elif fit.chance is not None and fit.chance < CONTRADICTED:
+        residual = fit.whitened.residual
+        whole = float(residual @ residual + fit.z @ fit.z)
+        yield LackOfFit(whole, len(residual), fit.chance, rms_length(fit.whitened.miss), with_priors=True)
+
+
+def _implausible_noise(fit: LikelihoodFit, identified: Identified) -> Iterator[ImplausibleNoise]:
+    """Of factors by n degrees of freedom: n times the estimate's square over the true one's is chi-squared.
+
+    A factor of its own for joints or spot has as many as make its std: 1 / (2 n) is the variance of the
+    logarithm (that of the data alone).
+    """
+    problem = fit.problem
+    if problem.noise.estimated:
+        dof = float(problem.data_size - identified.facts.rank)
+        if dof > 0:
+            yield from _beyond("all", float(1 / np.sqrt(fit.weight)), dof, problem.noise.plausible)
+    elif problem.noise.separate:
+        block = problem.parameters.block("noise")
+        for i in range(block.start, block.stop):
+            item = problem.parameters.items[i]
+            if known(identified.status[i]):
+                of: Literal["joint", "spot"] = "joint" if item.axis == "joint" else "spot"
+                dof = float(1 / (2 * identified.data_std[i] ** 2))
+                yield from _beyond(of, float(np.exp(fit.x[i])), dof, problem.noise.plausible)
+
+
+def _beyond(
+    of: Literal["all", "joint", "spot"], factor: float, dof: float, plausible: float
+) -> Iterator[ImplausibleNoise]:
+    low = factor * float(np.sqrt(dof / chdtri(dof, LACK_OF_FIT)))
+    high = factor * float(np.sqrt(dof / max(chdtri(dof, 1 - LACK_OF_FIT), 1e-300)))
+    if low > plausible or high < 1 / plausible:
+        yield ImplausibleNoise(of, factor, (low, high), plausible)
+
+
+def _beyond_prior(fit: LikelihoodFit, identified: Identified) -> Iterator[BeyondPrior]:
+    parameters, free = fit.problem.parameters, np.flatnonzero(fit.problem.parameters.free)
+    off = [
+        OffPrior(parameters.names[i], float(z) if known(identified.status[i]) else None)
+        for i, z in zip(free, fit.z, strict=True)
+        if abs(z) > BEYOND_PRIOR and parameters.items[i].group != "noise"
+    ]
+    if off:
+        yield BeyondPrior(tuple(off))
+
+
+def _disagreement(fit: LikelihoodFit, effective: float) -> Iterator[PlacementsDisagree]:
+    """The F-test of offsets of their own for every placement, at the linearised fit.
+
+    Residuals count only as far as no parameter can explain them, whatever the priors: what own offsets
+    explain of those is then exactly chi-squared, independent of what is left (Seber & Lee, Linear Regression
+    Analysis, 2003, section 4.3).
+    """
+    problem, whitened = fit.problem, fit.whitened
+    places = placements(problem)
+    if len(places) < 2:
+        return
+    free = problem.parameters.free
+    basis = _range_of(whitened.jacobian[:, free])
+    rest = whitened.residual - basis @ (basis.T @ whitened.residual)
+    by_offsets = whitened.jacobian[:, free & problem.parameters.group("offset")]
+    d = problem.tool.miss_size
+    own = []
+    for place in places:
+        rows = (place.rows[:, None] * d + np.arange(d)).ravel()
+        columns = np.zeros_like(by_offsets)
+        columns[rows] = by_offsets[rows]
+        own.append(columns - basis @ (basis.T @ columns))
+    explains = _range_of(np.hstack(own))
+    rank = explains.shape[1]
+    dof = problem.data_size - basis.shape[1] - rank
+    if rank == 0 or dof <= 0:
+        return
+    drop = float(((explains.T @ rest) ** 2).sum())
+    within = max(float(rest @ rest) - drop, 1e-300) / dof
+    ratio = drop / rank / within / max(effective, 1.0)
+    p_value = float(fdtrc(rank, dof, ratio))
+    if p_value < LACK_OF_FIT and ratio > DISAGREES**2:
+        by_one = [float(((_range_of(columns).T @ rest) ** 2).sum()) for columns in own]
+        most = places[int(np.argmax(by_one))].name
+        names = tuple(place.name for place in places)
+        yield PlacementsDisagree(names, most, float(np.sqrt(ratio)), rank, dof, p_value)
+
+
+def _range_of(columns: Matrix) -> Matrix:
+    """An orthonormal basis of the directions in which columns, by scaled parameters, reach noticeably."""
+    basis, reach, _ = np.linalg.svd(columns, full_matrices=False)
+    return np.asarray(basis[:, reach > _REACH])
