@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.special import chdtrc, fdtrc, gammaln
@@ -17,10 +18,12 @@ from scipy.special import chdtrc, fdtrc, gammaln
 from ...model.constraint import shot_functions
 from ...model.density import Density
 from ...model.kernel import Index
+from ...model.parameters import Parameters
 from ...model.problem import Problem
 from ...model.robot import Matrix
-from ..estimation.fit import CONTRADICTED, modes, start_at
+from ..estimation.fit import CONTRADICTED, LikelihoodFit, modes, start_at
 from ..solution import Solution
+from .displacement import displacement
 from .hypotheses import Cause, Change, changes, widened
 from .placements import placements
 
@@ -118,7 +121,7 @@ def diagnose(solution: Solution, *, rivals: Sequence[Rival] = ()) -> tuple[Expla
         *_twisted(problem),
         *_without_a_placement(problem, x[0], base),
         *_without_measurements(problem, x[0], base, slack),
-        *_with_a_moved_target(problem, base),
+        *_with_a_moved_target(problem, base, solution.fit),
         *(left for rival in rivals if (left := rival(problem, x[0])) is not None),
     ]
     return _explanations(base, found, slack)
@@ -310,7 +313,8 @@ def _without(problem: Problem, x: Matrix, weights: Matrix, base: Left) -> list[L
     count = len(weights)
     plain = start_at(problem, np.zeros((1, density.size)))
     of = np.tile(np.arange(count), 2)
-    _, left = _lefts(density, np.concatenate([np.tile(x, (count, 1)), np.tile(plain, (count, 1))]), of)
+    start = np.concatenate([np.tile(x, (count, 1)), np.tile(plain, (count, 1))])
+    _, left = _lefts(density, start, of, most_steps=_FEW_STEPS)
     better = [min(left[w], left[w + count], key=lambda own: own.cost) for w in range(count)]
     return [replace(own, freed=max(base.dof - own.dof, 1)) for own in better]
 
@@ -375,37 +379,56 @@ def _as_measurements(problem: Problem, left: Left, gone: list[int]) -> Left:
     return replace(left, cause="measurements", targets=names, measurements=numbers, log_choices=ways)
 
 
-def _with_a_moved_target(problem: Problem, base: Left) -> list[Left]:
-    """With a target at two places, before and after a measurement."""
+def _with_a_moved_target(problem: Problem, base: Left, fit: LikelihoodFit) -> list[Left]:
+    """With a target at two places, before and after a measurement: of many measurements where the linearised
+    test finds it likeliest."""
     order = np.argsort(problem.shot_numbers, kind="stable")
+    likely = None
+    if problem.shots > _EXACT:
+        moved = displacement(fit) if fit.converged else None
+        likely = [] if moved is None else [moved.at, *moved.elsewhere[: _MOST - 1]]
     found = []
     for k, name in enumerate(problem.targets):
         own = order[problem.target_index[order] == k]
-        for at in range(1, len(own)) if problem.shots <= _EXACT else ():
-            apart = _apart(problem, k, own[at:])
-            density = Density(apart)
-            _, (left,) = _lefts(density, start_at(apart, np.zeros((1, density.size))))
-            if left.dof > 0:
-                numbers = (problem.shot_numbers[own[at - 1]], problem.shot_numbers[own[at]])
-                freed = max(base.dof - left.dof, 1)
-                found.append(
-                    replace(left, cause="moved_target", targets=(name,), measurements=numbers, freed=freed)
-                )
+        numbers = [problem.shot_numbers[i] for i in own]
+        after = [at for at, pair in enumerate(pairwise(numbers), start=1) if likely is None or (name, *pair) in likely]
+        if not after:
+            continue
+        twice = _at_two_places(problem, k, own)
+        weights = np.ones((len(after), problem.shots + len(own)))
+        for w, at in enumerate(after):
+            weights[w, own[at:]] = 0.0
+            weights[w, problem.shots : problem.shots + at] = 0.0
+        density = Density(twice).weighted(weights)
+        start = start_at(twice, np.zeros((len(after), density.size)))
+        _, left = _lefts(density, start, np.arange(len(after)), most_steps=_FEW_STEPS)
+        found += [
+            replace(
+                own_left,
+                cause="moved_target",
+                targets=(name,),
+                measurements=(numbers[at - 1], numbers[at]),
+                freed=max(base.dof - own_left.dof, 1),
+            )
+            for at, own_left in zip(after, left, strict=True)
+            if own_left.dof > 0
+        ]
     return found
 
 
-def _apart(problem: Problem, target: int, rows: Index) -> Problem:
-    """The problem with a target more: that of these measurements, which were thought to be at `target`."""
+def _at_two_places(problem: Problem, target: int, own: Index) -> Problem:
+    """The problem with its measurements `own` of a target once more behind all others, there at a target more."""
     parameters = problem.parameters
     items, end = list(parameters.items), parameters.block("target").stop
-    name = problem.targets[target] + " "
-    for own in reversed(items[parameters.block("target", target)]):
-        items.insert(end, replace(own, name=f"{name}.{own.axis}", of=name))
-    index = problem.target_index.copy()
-    index[rows] = len(problem.targets)
+    name = f"{problem.targets[target]} moved"
+    for item in reversed(items[parameters.block("target", target)]):
+        items.insert(end, replace(item, name=f"{name}.{item.axis}", of=name))
+    again = problem.select(np.concatenate([np.arange(problem.shots), own]))
+    index = again.target_index.copy()
+    index[problem.shots :] = len(problem.targets)
     return replace(
-        problem,
-        parameters=type(parameters)(tuple(items)),
+        again,
+        parameters=Parameters(tuple(items)),
         targets=(*problem.targets, name),
         target_index=index,
         guessed=np.append(problem.guessed, problem.guessed[target]),
