@@ -1,8 +1,8 @@
 """For a misfit: what it could be, and what explains it.
 
-Each hypothesis is fitted with all else as it is, at the stated noise, and judged by what it leaves: it must agree
-with the noise, or at least halve the residuals, and its gain must be beyond chance after counting all that was
-tried (docs/mathematics.md). Nothing is applied.
+Each hypothesis is fitted with all else as it is, at the stated noise, and judged by what it leaves: it must
+agree with the noise, or at least halve the residuals, and its gain must be beyond chance after counting all
+that was tried (docs/mathematics.md). Nothing is applied.
 """
 
 from __future__ import annotations
@@ -10,44 +10,32 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
-from scipy.special import chdtrc, fdtrc, gammaln
+from scipy.special import chdtrc, fdtrc
 
 from ...model.constraint import shot_functions
 from ...model.density import Density
-from ...model.kernel import Index
-from ...model.parameters import Parameters
 from ...model.problem import Problem
 from ...model.robot import Matrix
-from ..estimation.fit import CONTRADICTED, LikelihoodFit, modes, start_at
 from ..solution import Solution
-from .displacement import displacement
-from .hypotheses import Cause, Change, changes, widened
-from .placements import placements
+from .hypotheses import Cause
+from .trials import CHANCE, Left, lefts, tried
 
-_CHANCE = 1e-3  # that what is left is noise, that a gain is chance, that a rival is the better one
-_FAR = 4.0  # prior stds beyond which an estimate contradicts its prior
 _SLACK = 3.0  # an estimated noise may be so many times the stated
-_HALVED = 0.5  # what does not agree with the noise has to leave no more than this share of the residuals
 _MOST = 5  # explanations
-_THINNED = 150  # measurements on which the hypotheses are tried first, where there are more
-_CONFIRMED = 6  # of the thinned, the best go on to all measurements
-_FEW_STEPS = 60  # of a first try
-_EXACT = 60  # measurements up to which each is left out in turn, and every change point is tried
-_LARGEST = 1e300
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """What explains a misfit. `joints` (numbered from 1), `targets` and `measurements` are those concerned;
-    `amount` is what is added to a zero (deg), the factor of units, or how many times joint 2 is added to joint 3.
+    """What explains a misfit. `joints` (numbered from 1), `targets` and `measurements` are those concerned
+    (of a moved target the last before and the first after); `amount` is what is added to a zero (deg), the
+    factor of units, or how many times joint 2 is added to joint 3.
 
     `factor` is the residual over the noise that it leaves, `before` the same as recorded; `farthest` and
-    `farthest_before` the largest distance of an estimate from its prior mean, in prior stds. `freed` counts the
-    parameters that it frees, `p_value` is the chance of such a gain after all that was tried, and `agrees` says
-    that what it leaves agrees with the noise.
+    `farthest_before` the largest distance of an estimate from its prior mean, in prior stds. `freed` counts
+    the parameters that it frees, `p_value` is the chance of such a gain after all that was tried, and
+    `agrees` says that what it leaves agrees with the noise.
     """
 
     cause: Cause
@@ -64,43 +52,6 @@ class Explanation:
     agrees: bool
 
 
-@dataclass(frozen=True)
-class Left:
-    """What a hypothesis leaves: `chi2` of the residuals at the stated noise, with `dof`; `cost` the same with the
-    squares of the estimates in prior stds, `numbers` how many residuals there are; `farthest` as of an
-    `Explanation`. `freed` parameters are chosen to suit the data, out of exp(`log_choices`) ways to do so, and
-    `volume` is that of a `Change`."""
-
-    cause: Cause | None
-    chi2: float
-    cost: float
-    numbers: int
-    dof: int
-    farthest: float
-    joints: tuple[int, ...] = ()
-    targets: tuple[str, ...] = ()
-    measurements: tuple[int, ...] = ()
-    amount: float = 0.0
-    freed: int = 0
-    log_choices: float = 0.0
-    volume: float = 0.0
-
-    @property
-    def factor(self) -> float:
-        """The residual over the noise; over all numbers where the fit leaves none over."""
-        return float(np.sqrt(self.chi2 / (self.dof or self.numbers)))
-
-    def agrees(self, slack: float) -> bool:
-        """Whether residuals and estimates are what noise (up to `slack` times) and priors allow."""
-        chi2 = self.chi2 / slack**2
-        total = chi2 + self.cost - self.chi2
-        return (
-            self.farthest <= _FAR
-            and bool(chdtrc(self.numbers, total) >= CONTRADICTED)
-            and (self.dof <= 0 or bool(chdtrc(self.dof, chi2) >= _CHANCE))
-        )
-
-
 # One more hypothesis, such as link geometry as an uncertain parameter: what it leaves, None where it does not
 # apply. It gets the problem at the stated noise and where the fit as recorded ended there.
 Rival = Callable[[Problem, Matrix], Left | None]
@@ -113,16 +64,12 @@ def diagnose(solution: Solution, *, rivals: Sequence[Rival] = ()) -> tuple[Expla
     """
     problem, x = _at_stated_noise(solution)
     slack = 1.0 if solution.problem.noise.known else _SLACK
-    x, (base,) = _lefts(Density(problem), x[None])
+    ended, (base,) = lefts(Density(problem), x[None])
     if base.agrees(slack):
         return ()
     found = [
-        *_changed(problem, x[0]),
-        *_twisted(problem),
-        *_without_a_placement(problem, x[0], base),
-        *_without_measurements(problem, x[0], base, slack),
-        *_with_a_moved_target(problem, base, solution.fit),
-        *(left for rival in rivals if (left := rival(problem, x[0])) is not None),
+        *tried(problem, ended[0], base, solution.fit, slack),
+        *(left for rival in rivals if (left := rival(problem, ended[0])) is not None),
     ]
     return _explanations(base, found, slack)
 
@@ -145,24 +92,33 @@ def _at_stated_noise(solution: Solution) -> tuple[Problem, Matrix]:
 def _explanations(base: Left, found: Sequence[Left], slack: float) -> tuple[Explanation, ...]:
     """Those that explain, by the criterion: what is left, with a price for what was freed and for choice."""
     choices = Counter(left.cause for left in found)
-    tried = np.logaddexp.reduce([0.0, *(left.log_choices for left in found)])
+    log_tried = float(np.logaddexp.reduce([0.0, *(left.log_choices for left in found)]))
     agreeing = {i for i, left in enumerate(found) if left.agrees(slack)}
-    told = agreeing or {i for i, left in enumerate(found) if left.factor <= _HALVED * base.factor}
+    told = agreeing or {i for i, left in enumerate(found) if left.explains(base, slack)}
+    # What is left gives the noise its scale where it is more than the stated, or that is not certain.
+    free_scale = not agreeing or slack > 1
 
     def criterion(left: Left) -> float:
-        cost = left.cost
-        if not agreeing:
-            cost = base.numbers * float(np.log(max(cost, 1.0)))
-        count = np.log(choices[left.cause]) + left.log_choices
-        return cost + 2 * base.numbers * left.volume + left.freed * float(np.log(base.numbers)) + 2 * count
+        # What was chosen to suit the data was chosen among others of its kind.
+        count = float(np.log(choices[left.cause])) + left.log_choices if left.freed else 0.0
+        price = left.freed * float(np.log(base.numbers)) + 2 * count
+        return price - 2 * _log_ratio(base, left, free_scale)
 
-    chances = {i: _chance(base, found[i], tried, agrees=bool(agreeing)) for i in told}
-    rows = sorted((criterion(found[i]), i) for i in told if chances[i] < _CHANCE)
+    chances = {i: _chance(base, found[i], log_tried, free_scale) for i in told}
+    rows = sorted((criterion(found[i]), i) for i in told if chances[i] < CHANCE)
     return tuple(
         _explanation(base, found[i], chances[i], i in agreeing)
         for value, i in rows
-        if value <= rows[0][0] - 2 * np.log(_CHANCE)
+        if value <= rows[0][0] - 2 * np.log(CHANCE)
     )[:_MOST]
+
+
+def _log_ratio(base: Left, left: Left, free_scale: bool) -> float:
+    """Logarithm of the ratio of the likelihoods, of a hypothesis to the data as recorded."""
+    drop = base.cost - left.cost
+    if free_scale:
+        drop = base.numbers * float(np.log(max(base.cost, 1.0) / max(left.cost, 1.0)))
+    return drop / 2 - base.numbers * left.volume
 
 
 def _explanation(base: Left, left: Left, chance: float, agrees: bool) -> Explanation:
@@ -183,253 +139,24 @@ def _explanation(base: Left, left: Left, chance: float, agrees: bool) -> Explana
     )
 
 
-def _chance(base: Left, left: Left, log_tried: float, *, agrees: bool) -> float:
+def _chance(base: Left, left: Left, log_tried: float, free_scale: bool) -> float:
     """Of a gain as large by chance, by Bonferroni's bound over all that was tried.
 
-    Without a freed parameter by the likelihood ratio (Markov's inequality), with some by the drop's chi-squared;
-    where what is left is more than the noise, its scale is estimated from what is left (Student, F).
+    Without a freed parameter by the likelihood ratio (Markov's inequality), with some by the drop's
+    chi-squared, or its F where the noise has a free scale.
     """
-    cost = left.cost + 2 * base.numbers * left.volume
-    drop = base.cost - cost
-    if drop <= 0:
-        return 1.0
+    drop = base.cost - left.cost
     if left.freed == 0:
-        fall = drop if agrees else base.numbers * float(np.log(base.cost / max(cost, 1e-300)))
-        log_p = -fall / 2
-    elif agrees:
-        log_p = _log(float(chdtrc(left.freed, drop)))
-    else:
+        log_p = -_log_ratio(base, left, free_scale)
+    elif drop <= 0:
+        return 1.0
+    elif free_scale:
         dof = max(left.dof, 1)
-        log_p = _log(float(fdtrc(left.freed, dof, drop / left.freed * dof / max(left.cost, 1e-300))))
+        log_p = _log(float(fdtrc(left.freed, dof, drop / left.freed * dof / max(left.cost, 1.0))))
+    else:
+        log_p = _log(float(chdtrc(left.freed, drop)))
     return float(np.exp(min(log_p + log_tried, 0.0)))
 
 
 def _log(chance: float) -> float:
-    return float(np.log(max(chance, 1 / _LARGEST)))
-
-
-# Fits
-
-
-def _lefts(
-    density: Density,
-    start: Matrix,
-    of: Index | None = None,
-    *,
-    most_steps: int = 200,
-) -> tuple[Matrix, list[Left]]:
-    """The modes x (W, p) from each start, and what is left there, of no cause yet."""
-    problem = density.problem
-    x = modes(density, start, of, most_steps=most_steps).x
-    slopes = density.slopes(x, of)
-    z = density.scaled(x)
-    distances = len(problem.distances)
-    numbers = np.broadcast_to(density.numbers(of), len(x)) + distances
-    information = slopes.information - np.eye(density.size)
-    finite = np.isfinite(information).all(axis=(1, 2))
-    rank = np.zeros(len(x), dtype=int)
-    rank[finite] = (np.linalg.eigvalsh(information[finite]) >= 1.0).sum(axis=1)
-    cost = np.nan_to_num(-2 * slopes.value, nan=_LARGEST, posinf=_LARGEST)
-    squares = (z**2).sum(axis=1)
-    return x, [
-        Left(
-            cause=None,
-            chi2=max(float(cost[w] - squares[w]), 0.0),
-            cost=float(cost[w]),
-            numbers=int(numbers[w]),
-            dof=max(int(numbers[w] - rank[w]), 0),
-            farthest=float(np.abs(z[w]).max(initial=0.0)),
-        )
-        for w in range(len(x))
-    ]
-
-
-def _changed(problem: Problem, x: Matrix) -> list[Left]:
-    """With other recorded positions; of many measurements a part is tried first."""
-    return _of_changes(problem, list(changes(problem, x)))
-
-
-def _twisted(problem: Problem) -> list[Left]:
-    """With the sign of a twist reversed."""
-    wide = widened(problem)
-    return [] if wide is None else _of_changes(wide.problem, list(wide.changes(problem.joints)))
-
-
-def _of_changes(problem: Problem, tried: list[Change]) -> list[Left]:
-    rows = _thinned(problem)
-    few = problem.select(rows)
-    recorded = np.array([change.recorded for change in tried])
-    x, left = _with_joints(few, recorded[:, rows], None)
-    if few.shots < problem.shots:
-        best = sorted(range(len(tried)), key=lambda i: left[i].cost)[:_CONFIRMED]
-        _, confirmed = _with_joints(problem, recorded[best], x[best])
-        share = problem.data_size / few.data_size
-        left = [_scaled_up(own, share, problem.data_size) for own in left]
-        for i, own in zip(best, confirmed, strict=True):
-            left[i] = own
-    return [
-        replace(
-            own,
-            cause=change.cause,
-            joints=change.joints,
-            amount=change.amount,
-            freed=change.freed,
-            volume=change.volume,
-        )
-        for change, own in zip(tried, left, strict=True)
-    ]
-
-
-def _scaled_up(left: Left, share: float, numbers: int) -> Left:
-    """What a part of the measurements leaves, as if it were all; never taken for an agreement."""
-    chi2 = left.chi2 * share
-    return replace(left, chi2=chi2, cost=_LARGEST, numbers=numbers, dof=max(int(left.dof * share), 1))
-
-
-def _with_joints(problem: Problem, recorded: Matrix, start: Matrix | None) -> tuple[Matrix, list[Left]]:
-    """What is left with other recorded positions (W, N, n), each from zero offsets or from `start` (W, p)."""
-    density, rows = Density(problem, recorded), np.arange(len(recorded))
-    first = start is None
-    if start is None:
-        start = start_at(problem, np.zeros((len(recorded), density.size)), recorded)
-    return _lefts(density, start, rows, most_steps=_FEW_STEPS if first else 200)
-
-
-def _thinned(problem: Problem) -> Index:
-    """The places of some measurements of each target, evenly over its own; all where they are few."""
-    if problem.shots <= _THINNED:
-        return np.arange(problem.shots)
-    each = max(3, _THINNED // len(problem.targets))
-    chosen = []
-    for k in range(len(problem.targets)):
-        own = np.flatnonzero(problem.target_index == k)
-        chosen.append(own[np.unique(np.linspace(0, len(own) - 1, each).round().astype(int))] if len(own) else own)
-    return np.sort(np.concatenate(chosen))
-
-
-def _without(problem: Problem, x: Matrix, weights: Matrix, base: Left) -> list[Left]:
-    """What is left with weights (W, N) of the measurements, from x (p,) and from zero offsets."""
-    density = Density(problem).weighted(weights)
-    count = len(weights)
-    plain = start_at(problem, np.zeros((1, density.size)))
-    of = np.tile(np.arange(count), 2)
-    start = np.concatenate([np.tile(x, (count, 1)), np.tile(plain, (count, 1))])
-    _, left = _lefts(density, start, of, most_steps=_FEW_STEPS)
-    better = [min(left[w], left[w + count], key=lambda own: own.cost) for w in range(count)]
-    return [replace(own, freed=max(base.dof - own.dof, 1)) for own in better]
-
-
-def _without_a_placement(problem: Problem, x: Matrix, base: Left) -> list[Left]:
-    """Without the measurements of one placement, where there are two placements or more."""
-    every = placements(problem)
-    if len(every) < 2:
-        return []
-    weights = np.ones((len(every), problem.shots))
-    for w, placement in enumerate(every):
-        weights[w, placement.rows] = 0.0
-    return [
-        replace(own, cause="placement", targets=placement.targets)
-        for placement, own in zip(every, _without(problem, x, weights, base), strict=True)
-        if own.dof > 0
-    ]
-
-
-def _without_measurements(problem: Problem, x: Matrix, base: Left, slack: float) -> list[Left]:
-    """Without one measurement, and without a few: each more is the one whose loss leaves least."""
-    count = problem.shots
-    if count > _EXACT:
-        return _without_outlying(problem, x, base)
-    gone: list[int] = []
-    found: list[Left] = []
-    for _ in range(min(3, max(1, count // 6))):
-        rest = [i for i in range(count) if i not in gone]
-        weights = np.ones((len(rest), count))
-        weights[:, gone] = 0.0
-        weights[np.arange(len(rest)), rest] = 0.0
-        left = _without(problem, x, weights, base)
-        best = int(np.argmin([own.cost for own in left]))
-        gone.append(rest[best])
-        if left[best].dof == 0:
-            break
-        found.append(_as_measurements(problem, left[best], gone))
-        if left[best].agrees(slack):
-            break
-    return found
-
-
-def _without_outlying(problem: Problem, x: Matrix, base: Left) -> list[Left]:
-    """Of many measurements: without those that stand out, again and again until no more do."""
-    density, gone = Density(problem), np.zeros(problem.shots, dtype=bool)
-    d, left = problem.tool.miss_size, None
-    for _ in range(5):
-        off = chdtrc(d, density.quads(x)) * problem.shots < _CHANCE
-        if not (off & ~gone).any() or off.sum() > max(3, problem.shots // 10):
-            break
-        gone |= off
-        moved, (own,) = _lefts(density.weighted(1.0 - gone[None]), x[None])
-        x, left = moved[0], replace(own, freed=max(base.dof - own.dof, 1))
-    return [] if left is None else [_as_measurements(problem, left, np.flatnonzero(gone).tolist())]
-
-
-def _as_measurements(problem: Problem, left: Left, gone: list[int]) -> Left:
-    numbers = tuple(sorted(problem.shot_numbers[i] for i in gone))
-    names = tuple(dict.fromkeys(problem.targets[problem.target_index[i]] for i in sorted(gone)))
-    n, m = problem.shots, len(gone)
-    ways = float(gammaln(n + 1) - gammaln(m + 1) - gammaln(n - m + 1))
-    return replace(left, cause="measurements", targets=names, measurements=numbers, log_choices=ways)
-
-
-def _with_a_moved_target(problem: Problem, base: Left, fit: LikelihoodFit) -> list[Left]:
-    """With a target at two places, before and after a measurement: of many measurements where the linearised
-    test finds it likeliest."""
-    order = np.argsort(problem.shot_numbers, kind="stable")
-    likely = None
-    if problem.shots > _EXACT:
-        moved = displacement(fit) if fit.converged else None
-        likely = [] if moved is None else [moved.at, *moved.elsewhere[: _MOST - 1]]
-    found = []
-    for k, name in enumerate(problem.targets):
-        own = order[problem.target_index[order] == k]
-        numbers = [problem.shot_numbers[i] for i in own]
-        after = [at for at, pair in enumerate(pairwise(numbers), start=1) if likely is None or (name, *pair) in likely]
-        if not after:
-            continue
-        twice = _at_two_places(problem, k, own)
-        weights = np.ones((len(after), problem.shots + len(own)))
-        for w, at in enumerate(after):
-            weights[w, own[at:]] = 0.0
-            weights[w, problem.shots : problem.shots + at] = 0.0
-        density = Density(twice).weighted(weights)
-        start = start_at(twice, np.zeros((len(after), density.size)))
-        _, left = _lefts(density, start, np.arange(len(after)), most_steps=_FEW_STEPS)
-        found += [
-            replace(
-                own_left,
-                cause="moved_target",
-                targets=(name,),
-                measurements=(numbers[at - 1], numbers[at]),
-                freed=max(base.dof - own_left.dof, 1),
-            )
-            for at, own_left in zip(after, left, strict=True)
-            if own_left.dof > 0
-        ]
-    return found
-
-
-def _at_two_places(problem: Problem, target: int, own: Index) -> Problem:
-    """The problem with its measurements `own` of a target once more behind all others, there at a target more."""
-    parameters = problem.parameters
-    items, end = list(parameters.items), parameters.block("target").stop
-    name = f"{problem.targets[target]} moved"
-    for item in reversed(items[parameters.block("target", target)]):
-        items.insert(end, replace(item, name=f"{name}.{item.axis}", of=name))
-    again = problem.select(np.concatenate([np.arange(problem.shots), own]))
-    index = again.target_index.copy()
-    index[problem.shots :] = len(problem.targets)
-    return replace(
-        again,
-        parameters=Parameters(tuple(items)),
-        targets=(*problem.targets, name),
-        target_index=index,
-        guessed=np.append(problem.guessed, problem.guessed[target]),
-    )
+    return float(np.log(max(chance, 1e-300)))

@@ -1,9 +1,9 @@
 """What is often wrong with a recording or a robot file, as changes of the recorded joint positions.
 
-Columns exchanged, signs, zeros, units and coupled joints are changes of what was recorded. A twist of the robot
-file with the wrong sign becomes one too: behind every twisted link stands a joint more, about the common normal
-of the two axes, at 0 where the file is right and at minus twice the twist where its sign is wrong. So all of them
-are data sets of one problem, and one batch of fits tries them.
+Columns exchanged, signs, zeros, units and coupled joints are changes of what was recorded: data sets of one
+problem, which one batch of fits tries. A twist of the robot file with the wrong sign becomes one too, for a
+robot with one more joint in every twisted link, about the common normal of the two axes: it is at 0 where the
+file is right, and at minus twice the twist where its sign is wrong.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from typing import Literal
 
 import numpy as np
 
-from ...model.constraint import shot_functions
-from ...model.kernel import Index
+from ...model.constraint import ShotFunctions
+from ...model.kernel import Index, Kernel
 from ...model.noise import NoiseModel
 from ...model.parameters import Parameter, Parameters
 from ...model.problem import Problem
@@ -90,7 +90,7 @@ def _added(recorded: Matrix, joint: int, what: Matrix | float) -> Matrix:
 
 
 def _far_zeros(problem: Problem, x: Matrix, revolute: list[int]) -> Iterator[Change]:
-    """Zeros as far off as the fit as recorded has them, where that is beyond the prior and no quarter turn."""
+    """Zeros as far off as the fit as recorded has them, where that is beyond the prior and no quarter."""
     parameters = problem.parameters
     block = parameters.block("offset")
     off, std = x[block], parameters.prior_std[block]
@@ -118,8 +118,8 @@ def _units(recorded: Matrix, revolute: list[int]) -> Iterator[Change]:
 
 @dataclass(frozen=True, eq=False)
 class Widened:
-    """A problem whose robot has a held joint more for each twist; `own` (n,) are the places of its own joints,
-    `twists` the link (by the number of its first joint), the place and the twist (rad) of the others."""
+    """A problem whose robot has one more joint, held, for each twist; `own` (n,) are the places of its own
+    joints, `twists` the link (by the number of its first joint), the place and the twist (rad) of the others."""
 
     problem: Problem
     own: Index
@@ -138,6 +138,13 @@ class Widened:
             positions = self.of(recorded)
             positions[:, place] = -2 * twist
             yield Change("twist", (link, link + 1) if link < n else (link,), positions)
+
+
+class _Interpreted(ShotFunctions):
+    """Functions that CasADi's virtual machine evaluates: to compile them takes longer than all fits."""
+
+    def kernel(self, name: str, *, compile: bool = False) -> Kernel:
+        return super().kernel(name, compile=False)
 
 
 def widened(problem: Problem) -> Widened | None:
@@ -174,7 +181,7 @@ def widened(problem: Problem) -> Widened | None:
             robot=wide,
             noise=NoiseModel(noise, problem.noise.spot, estimated=False),
             parameters=_with_held(problem.parameters, [place for _, place, _ in twists]),
-            functions=shot_functions(wide, problem.tool),
+            functions=_Interpreted(wide, problem.tool),
             joints=every,
         ),
         np.array(own),
@@ -183,8 +190,8 @@ def widened(problem: Problem) -> Widened | None:
 
 
 def _at_twist(axis: Matrix, fixed: Matrix, next_axis: Matrix) -> tuple[Matrix, float] | None:
-    """A frame (4, 4) on the next axis whose x is the common normal of both axes, and the twist (rad) about it;
-    None where the axes are parallel. `fixed` leads from the frame of one joint to that of the next."""
+    """A frame (4, 4) on the next axis whose x is the common normal of both axes, and the twist (rad) about
+    it; None where the axes are parallel. `fixed` leads from the frame of one joint to that of the next."""
     along = fixed[:3, :3] @ next_axis
     normal = np.cross(axis, along)
     sine, cosine = float(np.linalg.norm(normal)), float(axis @ along)

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ...analysis.diagnostics.accuracy import Accuracy
+from ...analysis.diagnostics.diagnosis import Explanation
 from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.check import Check
 from ...analysis.observability.identifiability import Identifiability
@@ -23,6 +24,7 @@ from ...analysis.result import RESULT_SCHEMA, LikelihoodSummary, MidpointSummary
 from ...analysis.solution import ParameterResult
 from ...analysis.status import UnsoundResult
 from .causes import reason, remedy
+from .diagnosis import explanation_sentence
 from .findings import (
     accuracy_reason,
     check_notes,
@@ -59,6 +61,7 @@ def to_json(result: Result) -> dict[str, Any]:
         "robust": _robust(result),
         "hold_out": _hold_out(result),
         "scene": _plain(result.scene, "scene"),
+        "diagnosis": [_explanation(found) for found in result.diagnosis],
         "notes": list(notes(result)),
         "inputs": _plain(result.inputs, "inputs"),
     }
@@ -149,6 +152,12 @@ def _hold_out(result: Result) -> dict[str, Any] | None:
         return None
     own = _without(result.hold_out, "hold_out", "failure")
     return {**own, "message": hold_out_message(result.hold_out)}
+
+
+def _explanation(found: Explanation) -> dict[str, Any]:
+    own = _without(found, "diagnosis")
+    keys = ("cause", "joints", "targets", "measurements", "factor", "agrees")
+    return {**{key: own[key] for key in keys}, "sentence": explanation_sentence(found)}
 
 
 def _without(value: Any, where: str, *left_out: str) -> dict[str, Any]:
