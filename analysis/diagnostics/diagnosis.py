@@ -71,7 +71,12 @@ def diagnose(solution: Solution, *, rivals: Sequence[Rival] = ()) -> tuple[Expla
         *tried(problem, ended[0], base, solution.fit, slack),
         *(left for rival in rivals if (left := rival(problem, ended[0])) is not None),
     ]
-    return _explanations(base, found, slack)
+    explained = _explanations(base, found, slack)
+    if not solution.problem.noise.known or solution.dof == 0:
+        return explained
+    # As the answer itself has it: it judges what is determined at measurements that hit.
+    before = float(np.sqrt(solution.against_noise.chi2 / solution.dof))
+    return tuple(replace(own, before=before) for own in explained)
 
 
 def _at_stated_noise(solution: Solution) -> tuple[Problem, Matrix]:

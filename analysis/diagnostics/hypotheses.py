@@ -118,8 +118,11 @@ def _units(recorded: Matrix, revolute: list[int]) -> Iterator[Change]:
 
 @dataclass(frozen=True, eq=False)
 class Widened:
-    """A problem whose robot has one more joint, held, for each twist; `own` (n,) are the places of its own
-    joints, `twists` the link (by the number of its first joint), the place and the twist (rad) of the others."""
+    """A problem whose robot has one more joint, held, for each twist.
+
+    `own` (n,) are the places of its own joints, `twists` the link (by the number of its first joint), the
+    place and the twist (rad) of the others.
+    """
 
     problem: Problem
     own: Index

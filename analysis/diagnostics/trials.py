@@ -11,7 +11,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import chdtrc, gammaln
+from scipy.special import chdtrc, chdtri, gammaln
 
 from ...model.density import Density
 from ...model.kernel import Index
@@ -27,6 +27,7 @@ CHANCE = 1e-3  # that what is left is noise, that a gain is chance, that a rival
 HALVED = 0.5  # what does not agree with the noise has to leave no more than this share of the residuals
 _FAR = 4.0  # prior stds beyond which an estimate contradicts its prior
 _FEW_STEPS = 60  # of a first try
+_ROUNDS = 10  # in which measurements that stand out are left out
 _EXACT = 60  # measurements up to which each is left out in turn, and every change point is tried
 _CHANGE_POINTS = 5  # that the linearised test proposes, of more measurements
 _LARGEST = 1e300
@@ -242,9 +243,12 @@ def _without_outlying(problem: Problem, x: Matrix, base: Left) -> list[Left]:
     """Of many measurements: without those that stand out, again and again until no more do."""
     density, gone = Density(problem), np.zeros(problem.shots, dtype=bool)
     d, left = problem.tool.miss_size, None
-    for _ in range(5):
-        off = chdtrc(d, density.quads(x)) * problem.shots < CHANCE
-        if not (off & ~gone).any() or off.sum() > max(3, problem.shots // 10):
+    for _ in range(_ROUNDS):
+        quads = density.quads(x)
+        # One far off pulls all: what stands out is judged by the rest, as long as that is too large.
+        scale = max(1.0, float(np.median(quads[~gone]) / chdtri(d, 0.5)))
+        off = chdtrc(d, quads / scale) * problem.shots < CHANCE
+        if not (off & ~gone).any() or (off | gone).sum() > max(3, problem.shots // 10):
             break
         gone |= off
         moved, (own,) = lefts(density.weighted(1.0 - gone[None]), x[None])

@@ -206,11 +206,15 @@ CORRUPTIONS = (
     Corruption("columns of J1 and J2 exchanged", "uncalibrated", swapped(1, 2), "swapped_joints", (1, 2)),
     Corruption("sign of J5 reversed", "uncalibrated", reversed_sign(5), "sign", (5,)),
     Corruption("zero of J5 −90° off", "uncalibrated", zero_off(5, -90), "zero", (5,)),
-    Corruption("robot file: sign of alpha in row 1", "uncalibrated", wrong_row(1, "alpha_deg", 90), "twist", (1, 2)),
+    Corruption("robot file: sign of alpha in row 1", "uncalibrated", wrong_row(1, "alpha_deg", 90), "twist"),
     Corruption("columns of J2 and J3 exchanged", "x-pattern", swapped(2, 3), "swapped_joints", (2, 3)),
     Corruption("sign of J3 reversed", "x-pattern", reversed_sign(3), "sign", (3,)),
     Corruption(
-        "the plate loose at one place", "probe", scattered(range(8, 16), 2.0), "placement", targets=SOCKETS[2:4]
+        "the plate loose at one place",
+        "probe",
+        scattered(range(8, 16), 2.0),
+        "placement",
+        targets=SOCKETS[2:4],
     ),
     Corruption(
         "one socket moved between two measurements",
