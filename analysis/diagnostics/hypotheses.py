@@ -17,7 +17,6 @@ import numpy as np
 
 from ...model.constraint import ShotFunctions
 from ...model.kernel import Index, Kernel
-from ...model.noise import NoiseModel
 from ...model.parameters import Parameter, Parameters
 from ...model.problem import Problem
 from ...model.robot import Joint, Matrix, Robot
@@ -182,7 +181,7 @@ def widened(problem: Problem) -> Widened | None:
         replace(
             problem,
             robot=wide,
-            noise=NoiseModel(noise, problem.noise.spot, estimated=False),
+            noise=replace(problem.noise, joint=noise),
             parameters=_with_held(problem.parameters, [place for _, place, _ in twists]),
             functions=_Interpreted(wide, problem.tool),
             joints=every,

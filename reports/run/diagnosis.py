@@ -13,24 +13,27 @@ def diagnosis_section(result: Result) -> Section | None:
     if not result.diagnosis:
         return None
     columns = [
-        ("possible cause", "left"),
+        ("cause", "left"),
         ("tried", "left"),
-        ("residuals, times the noise", "right"),
-        ("as recorded", "right"),
-        ("largest estimate, prior std", "right"),
-        ("freed parameters", "right"),
+        ("residuals", "right"),
+        ("estimates", "right"),
+        ("freed", "right"),
     ]
     rows = [
         row_of(
             CAUSES[found.cause],
             sentence(changed(found)),
             times(found.factor),
-            times(found.before),
             times(found.farthest),
             str(found.freed),
         )
         for found in result.diagnosis
     ]
+    before = times(result.diagnosis[0].before)
+    caption = (
+        f"Tried, best first: residuals in multiples of the noise (as recorded: {before}), largest estimate in"
+        " prior standard deviations, parameters freed"
+    )
     first = sentence(explanation_sentence(result.diagnosis[0]))
     said = f"{first[0].upper()}{first[1:]}. {diagnosis_said(result.diagnosis)}"
-    return section_of("What could be wrong", Paragraph(said), table_of("Tried, best first", columns, rows))
+    return section_of("What could be wrong", Paragraph(said), table_of(caption, columns, rows))
