@@ -13,6 +13,7 @@ from ..model.files.run import Run
 from ..model.problem import Problem, rms_length
 from .diagnostics.accuracy import accuracy
 from .diagnostics.budget import budget
+from .diagnostics.diagnosis import diagnose
 from .diagnostics.hold_out import hold_out
 from .diagnostics.influence import shot_results
 from .diagnostics.outliers import robust_result
@@ -108,6 +109,7 @@ def _analyse(
         misfit=solution.misfit,
         findings=findings(solution, posterior, shots, robust, unseen, run.warnings),
         inputs=_inputs(run, problem, seed),
+        diagnosis=diagnose(solution),
     )
     return Analysis(fit=solution.fit, identified=solution.identified, run=run, result=result, draws=draws)
 

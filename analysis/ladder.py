@@ -17,9 +17,9 @@ from ..model.density import Density
 from ..model.files.header import Header
 from ..model.geometry import NOMINAL, Geometry
 from ..model.problem import Problem
-from .placements import placements
 from .estimation.fit import LikelihoodFit, fit_from, fit_likelihood
 from .estimation.tolerance_factors import Factors, with_factors
+from .placements import placements
 
 RungName = Literal["offsets", "geometry", "gravity", "harmonics"]
 

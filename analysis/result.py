@@ -11,6 +11,7 @@ from typing import Literal
 
 from .diagnostics.accuracy import Accuracy
 from .diagnostics.budget import Budget
+from .diagnostics.diagnosis import Explanation
 from .diagnostics.hold_out import HoldOut
 from .diagnostics.influence import ShotResult
 from .diagnostics.outliers import Robust
@@ -140,6 +141,8 @@ class Result:
         What a reader must not miss, the gravest first.
     inputs : Inputs
         What the answer was made from.
+    diagnosis : tuple
+        What explains a misfit, the best explanation first; empty where nothing does or there is none.
 
     Raises
     ------
@@ -173,6 +176,7 @@ class Result:
     misfit: Misfit | None
     findings: tuple[Finding, ...]
     inputs: Inputs
+    diagnosis: tuple[Explanation, ...] = ()
 
     def __post_init__(self) -> None:
         needed = verdict_of(row.status for row in self.parameters if row.group == "offset")

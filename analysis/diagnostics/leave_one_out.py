@@ -18,10 +18,10 @@ from ...model.problem import Problem
 from ...model.robot import Matrix
 from ..estimation.fit import modes, unbiased_weight
 from ..observability.identifiability import information_root
+from ..placements import Placement, placements
 from ..solution import Solution
 from ..status import known
 from .hold_out import HoldOut, judged, not_fitted
-from ..placements import Placement, placements
 
 _FEWEST = 3  # placements of a jackknife
 _STEPS = 12

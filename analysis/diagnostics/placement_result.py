@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ...model.robot import Matrix
+from ..placements import placements
 from ..recordings.effective import Effective, effective
 from ..recordings.steps import Steps, steps
 from ..solution import Solution
 from .leave_one_out import Jackknife, LeaveOneOut, fits_without, jackknife, leave_one_out
-from ..placements import placements
 
 
 @dataclass(frozen=True)

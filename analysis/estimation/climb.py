@@ -18,6 +18,7 @@ from .coordinates import SeenCoordinates
 from .levenberg_marquardt import Minima, Quadratic, levenberg_marquardt
 
 _CLIMBED = 1e-7  # log-posterior units: from here Newton's steps finish
+MOST_STEPS = 200
 _POLISH = 60
 _TURN, _SHIFT = 0.2, 200.0  # rad, mm: the longest step of an offset, beyond which nothing is linear
 _FLAT = 1e-3  # curvature, as a share of Fisher's, below which a direction is no ridge to trust
@@ -57,12 +58,15 @@ class Climb:
         self._noise = parameters.group("noise")[parameters.free]
         self._longest = (local / parameters.prior_std)[parameters.free]
 
-    def up(self, v: Matrix) -> Minima:
-        """From v (W, f) to where no step promises more than rounding of the log-posterior."""
+    def up(self, v: Matrix, most: int = MOST_STEPS) -> Minima:
+        """From v (W, f) to where no step promises more than rounding of the log-posterior, in at most so many
+        steps."""
         if self._noise.any() and self._held is None:
             # Far from the mode the residuals ask for any noise: first the rest, at the noise of the start.
-            v = Climb(self._density, self.of, len(v), np.tile(self._noise, (len(v), 1))).up(v).x
-        return levenberg_marquardt(self._model, v, absolute=_CLIMBED, longest=self._longest)
+            v = Climb(self._density, self.of, len(v), np.tile(self._noise, (len(v), 1))).up(v, most).x
+        return levenberg_marquardt(
+            self._model, v, max_iterations=most, absolute=_CLIMBED, longest=self._longest
+        )
 
     def _model(self, v: Matrix, rows: Index) -> Quadratic:
         """Minus the log-posterior at v (W, f) of these rows, in v."""

@@ -17,7 +17,7 @@ from ...model.density import Density
 from ...model.kernel import Index
 from ...model.problem import Problem, Whitened
 from ...model.robot import Matrix
-from .climb import Climb
+from .climb import MOST_STEPS, Climb
 from .elimination import eliminated
 from .levenberg_marquardt import Minima
 from .noise_factors import marginal_noise
@@ -268,11 +268,13 @@ def fit_rows(density: Density, start: Matrix, of: Index | None = None) -> Fits:
     )
 
 
-def modes(density: Density, start: Matrix, of: Index | None = None) -> Minima:
+def modes(
+    density: Density, start: Matrix, of: Index | None = None, *, most_steps: int = MOST_STEPS
+) -> Minima:
     """The modes alone, to some 1e-4 posterior stds: Levenberg-Marquardt on the exact log-posterior with
     Fisher's information, from each start x (W, p). The `x` of the minima are parameter vectors (W, p)."""
     climb = Climb(density, of, len(start))
-    found = climb.up(climb.coordinates.from_parameters(start, climb.of))
+    found = climb.up(climb.coordinates.from_parameters(start, climb.of), most_steps)
     return found._replace(x=climb.coordinates.to_parameters(found.x, climb.of))
 
 

@@ -8,6 +8,7 @@ from ..style.blocks import Page, Verdict
 from ..style.canvas import Picture
 from ..words.findings import VERDICT_WORDS, finding_sentence, headline
 from ..words.wording import clipped, counted, ended, person, sentence
+from .diagnosis import diagnosis_section
 from .fit_quality import fit_section, not_converged
 from .inputs import inputs_sections, traceability_section
 from .offsets_figure import offsets_picture
@@ -27,6 +28,7 @@ def report_page(result: Result) -> Page:
     """All that a report shows."""
     inputs = result.inputs
     sections = [
+        diagnosis_section(result),
         offsets_section(result.parameters, inputs.header),
         unobservable_section(result.parameters, result.identifiability),
         scene_section(result),

@@ -15,6 +15,7 @@ from ...analysis.solution import ParameterResult
 from ...analysis.status import Verdict
 from ...experiments.plans.make import MadePlan
 from ...experiments.procedure.events import Ended, KnownOffset
+from ..run.diagnosis import diagnosis_section
 from ..run.parameters import offsets_caption, other_tables, parameter_table, unit_of
 from ..run.placements import placements_lines
 from ..run.posterior_summary import posterior_sentence
@@ -36,6 +37,8 @@ def print_result(console: Console, result: Result) -> None:
     opinions."""
     print_verdict(console, result.verdict, headline(result, person))
     _print_notes(console, report_notes(result))
+    if (could_be := diagnosis_section(result)) is not None:
+        _print_section(console, could_be)
     offsets = [row for row in result.parameters if row.group == "offset"]
     _print_table(console, parameter_table(offsets_caption(row.status for row in offsets), offsets))
     for table in other_tables(result.parameters):

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ...analysis.diagnostics.accuracy import Accuracy
+from ...analysis.diagnostics.diagnosis import Explanation
 from ...analysis.diagnostics.placement_result import PlacementResult
 from ...analysis.misfit import LackOfFit, Misfit
 from ...analysis.observability.causes import NullDirection
@@ -25,6 +26,7 @@ from ...analysis.result import RESULT_SCHEMA, LikelihoodSummary, MidpointSummary
 from ...analysis.solution import ParameterResult
 from ...analysis.status import UnsoundResult
 from .causes import reason, remedy
+from .diagnosis import explanation_sentence
 from .findings import (
     accuracy_reason,
     check_notes,
@@ -64,6 +66,7 @@ def to_json(result: Result) -> dict[str, Any]:
         "placements": _placements(result.placements),
         "scene": _plain(result.scene, "scene"),
         "misfit": _misfit(result.misfit),
+        "diagnosis": [_explanation(found) for found in result.diagnosis],
         "notes": list(notes(result)),
         "inputs": _plain(result.inputs, "inputs"),
     }
@@ -197,6 +200,12 @@ def _placements(own: PlacementResult) -> dict[str, Any]:
         "steps": _plain(own.steps.rows, f"{where}.steps"),
         "steps_tested": own.steps.tested,
     }
+
+
+def _explanation(found: Explanation) -> dict[str, Any]:
+    own = _without(found, "diagnosis")
+    keys = ("cause", "joints", "targets", "measurements", "factor", "agrees")
+    return {**{key: own[key] for key in keys}, "sentence": explanation_sentence(found)}
 
 
 def _without(value: Any, where: str, *left_out: str) -> dict[str, Any]:

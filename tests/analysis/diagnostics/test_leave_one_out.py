@@ -19,8 +19,8 @@ from zerobeam.analysis.diagnostics.leave_one_out import (
     leave_one_out,
 )
 from zerobeam.analysis.diagnostics.placement_result import placement_result
-from zerobeam.analysis.placements import Placement, placements
 from zerobeam.analysis.estimation.fit import fit_likelihood
+from zerobeam.analysis.placements import Placement, placements
 from zerobeam.analysis.recordings.rival import link_tolerances
 from zerobeam.analysis.solution import Solution, solve
 from zerobeam.model.errors import BadInput
