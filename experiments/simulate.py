@@ -26,14 +26,15 @@ class Truth:
     @classmethod
     def drawn(cls, plan: Plan, rng: np.random.Generator, offset_deg: float = 1.0) -> Truth:
         """Offsets of about `offset_deg` (mm for prismatic joints), the targets where the plan supposes
-        them, an uncalibrated tool off by random errors of the header's sigma; held parameters stay held."""
+        them, an uncalibrated tool and a geometry that is not nominal off by random errors of the header's
+        sigma and tolerances; held parameters stay held."""
         problem = Problem.from_plan(plan)
         parameters = problem.parameters
         x = problem.nominal()
         drawn = rng.normal(size=len(x))
-        offsets, tool = parameters.group("offset"), parameters.group("tool")
+        offsets, others = parameters.group("offset"), parameters.group("tool") | parameters.group("geometry")
         x = x + np.where(offsets, drawn * offset_deg / parameters.display, 0.0)
-        x = x + np.where(tool, drawn * parameters.prior_std, 0.0)
+        x = x + np.where(others, drawn * parameters.prior_std, 0.0)
         return cls(problem, np.where(parameters.free, x, parameters.prior_mean))
 
     @classmethod
@@ -47,7 +48,7 @@ class Truth:
         return cls(problem, x)
 
     def provenance(self) -> dict[str, float]:
-        """The true offsets and tool by name with the unit, for the run's header."""
+        """The true offsets, geometry and tool by name with the unit, for the run's header."""
         items = self.problem.parameters.items
         return {
             f"true {item.name} ({item.unit})": round(float(value) * item.display, 9)

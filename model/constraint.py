@@ -4,7 +4,7 @@ One shot has the inputs
 
     q      (n,)   recorded joint positions, rad or mm
     spot   (d,)   recorded position of the target across the beam, mm (zero for a probe)
-    delta  (n,)   joint offsets
+    arm    (a,)   joint offsets delta (n,), then the geometry parameters if there are any
     target (3,)   target in the base frame, mm
     tool   (k,)   the free tool parameters (k = 0 if it is calibrated)
 
@@ -22,37 +22,38 @@ from typing import Literal
 import casadi as ca
 import numpy as np
 
+from .geometry import NOMINAL, Geometry
 from .kernel import Kernel
 from .robot import Robot, Turn
 from .tool import Tool
 
 # What does not change from shot to shot of one walker.
-_HOISTED = ("delta", "tool", "variances", "stated")
+_HOISTED = ("arm", "tool", "variances", "stated")
 
 
 @dataclass(frozen=True, eq=False)
 class ShotFunctions:
     """Named CasADi functions of one shot, built when first asked for; every derivative is exact.
 
-    linear    (q, spot, delta, target, tool) -> m (d,), jacobian (d, n + 3 + k) by delta, target, tool
-    terms     (turns, spot, weight, delta, target, tool, variances, stated) -> quad, logdet: weight times
+    linear    (q, spot, arm, target, tool) -> m (d,), jacobian (d, a + 3 + k) by arm, target, tool
+    terms     (turns, spot, weight, arm, target, tool, variances, stated) -> quad, logdet: weight times
               m' S^-1 m, and the log det of `log_det`
     slopes    the same -> quad, logdet, their gradients (f,) and the lower triangle of the information
-              weight J' S^-1 J, row by row; f = n + 3 + k (and 2 for the logarithms of the noise factors of
+              weight J' S^-1 J, row by row; f = a + 3 + k (and 2 for the logarithms of the noise factors of
               joints and spot, where `log_det` is "relative")
-    seen      (q, delta, target) -> y (3,), the target seen from the flange
+    seen      (q, arm, target) -> y (3,), the target seen from the flange
     sighted   the same -> y (3,), jacobian (3, n) by the joints
-    place     (q, delta, y) -> target (3,): the way back
-    placed    the same -> target (3,), jacobian (3, n + 3) by delta, y
-    beam      (q, delta, tool) -> origin (3,), direction (3,): the beam in the base frame (eq. 7);
+    place     (q, arm, y) -> target (3,): the way back
+    placed    the same -> target (3,), jacobian (3, a + 3) by arm, y
+    beam      (q, arm, tool) -> origin (3,), direction (3,): the beam in the base frame (eq. 7);
               for a probe the direction is zero and the origin is its tip
-    hit       (q, delta, tool, centre, normal) -> point (3,), length, jacobian (3, n) by the joints: where
+    hit       (q, arm, tool, centre, normal) -> point (3,), length, jacobian (3, n) by the joints: where
               the beam meets the plane through `centre` across `normal`, and how far from its origin
-    skeleton  (q, delta) -> points (3, n + 2): base, joint origins and flange in the base frame
-    axes      (q, delta) -> axes (3, n): unit joint axes in the base frame
+    skeleton  (q, arm) -> points (3, n + 2): base, joint origins and flange in the base frame
+    axes      (q, arm) -> axes (3, n): unit joint axes in the base frame
     midpoint  of two shots of a beam: see `midpoint_function`
 
-    `turns` (2n,) are the recorded positions as `Robot.recorded_turns`, `variances` (n + 1,) those of the
+    `turns` (2n or 3n,) are the recorded positions as `Geometry.recorded`, `variances` (n + 1,) those of the
     joints and of the spot, `stated` (n + 1,) what the header says of them.
 
     `log_det` says which determinant goes with the residuals. The recorded joints are the data; the residual
@@ -65,6 +66,7 @@ class ShotFunctions:
     robot: Robot
     tool: Tool
     log_det: Literal["none", "relative", "whole"] = "none"
+    geometry: Geometry = NOMINAL
     _functions: dict[str, ca.Function] = field(default_factory=dict, repr=False)
     _kernels: dict[tuple[str, bool], Kernel] = field(default_factory=dict, repr=False)
 
@@ -87,7 +89,10 @@ _MOST_MADE = 32
 
 
 def shot_functions(
-    robot: Robot, tool: Tool, log_det: Literal["none", "relative", "whole"] = "none"
+    robot: Robot,
+    tool: Tool,
+    log_det: Literal["none", "relative", "whole"] = "none",
+    geometry: Geometry = NOMINAL,
 ) -> ShotFunctions:
     """Those of this arm and tool, made once for all that are the same: to build and compile them takes longer
     than most of what is asked of them."""
@@ -99,22 +104,48 @@ def shot_functions(
         numbers.append(tool.direction)
     kinds = [joint.kind for joint in robot.joints] + [tool.kind, str(tool.calibrated), log_det]
     key = " ".join(kinds).encode() + b"".join(np.asarray(part, dtype=float).tobytes() for part in numbers)
+    key += geometry.key
     if key not in _made:
         if len(_made) == _MOST_MADE:
             _made.pop(next(iter(_made)))
-        _made[key] = ShotFunctions(robot, tool, log_det)
+        _made[key] = ShotFunctions(robot, tool, log_det, geometry)
     return _made[key]
 
 
-class _Shot:
-    """The symbols of one shot, its residual and the residual's Jacobian (section 1 of the conventions)."""
+class _Posture:
+    """The arm at one posture: recorded positions `q` (n,), `arm` (a,) as in the inputs, and what follows:
+    the robot with its links moved, and the true joint positions `theta` (n,)."""
 
-    def __init__(self, functions: ShotFunctions, turned: Callable[[ca.SX], list[Turn]]) -> None:
-        robot, tool = functions.robot, functions.tool
+    def __init__(self, functions: ShotFunctions, q: ca.SX | None = None, arm: ca.SX | None = None) -> None:
+        n, geometry = functions.robot.n, functions.geometry
+        self.q = ca.SX.sym("q", n) if q is None else q
+        self.arm = ca.SX.sym("arm", n + len(geometry.names)) if arm is None else arm
+        self.robot = geometry.moved(functions.robot, self.arm[n:])
+        recorded = geometry.recorded_symbols(functions.robot, self.q)
+        self.theta = self.q + geometry.bent(functions.robot, self.arm, recorded)
+
+    @property
+    def pose(self) -> tuple[ca.SX, ca.SX]:
+        """The flange's rotation and translation in the base frame."""
+        return self.robot.flange_pose(self.theta)
+
+
+class _Shot:
+    """The symbols of one shot, its residual and the residual's Jacobian (section 1 of the conventions).
+
+    `turned` gives the joints' motions for offsets (n, 1) that hold at this posture, `recorded` what was
+    recorded of it, as `Geometry.recorded`.
+    """
+
+    def __init__(
+        self, functions: ShotFunctions, recorded: ca.SX, turned: Callable[[ca.SX], list[Turn]]
+    ) -> None:
+        tool, geometry, n = functions.tool, functions.geometry, functions.robot.n
         self.spot, self.target = ca.SX.sym("spot", tool.miss_size), ca.SX.sym("target", 3)
-        self.delta = ca.SX.sym("delta", robot.n)
+        self.arm = ca.SX.sym("arm", n + len(geometry.names))
         self.unknown = ca.SX.sym("tool", len(tool.free_axes))
-        turns = turned(self.delta)
+        robot = geometry.moved(functions.robot, self.arm[n:])
+        turns = turned(geometry.bent(functions.robot, self.arm, recorded))
         seen, stations = robot.seen(turns, self.target)
         if tool.kind == "laser":
             point, _, across = tool.beam(self.unknown)
@@ -122,21 +153,25 @@ class _Shot:
             point, across = tool.tip(self.unknown), ca.SX.eye(3)
         self.miss = across.T @ (seen - point) - self.spot
         self.by_joints, by_target = robot.seen_jacobian(turns, stations, across)
-        self.jacobian = ca.horzcat(self.by_joints, by_target, ca.jacobian(self.miss, self.unknown))
+        by_geometry = ca.jacobian(self.miss, self.arm)[:, n:]
+        self.jacobian = ca.horzcat(
+            self.by_joints, by_geometry, by_target, ca.jacobian(self.miss, self.unknown)
+        )
 
     @property
     def free(self) -> ca.SX:
-        return ca.vertcat(self.delta, self.target, self.unknown)
+        return ca.vertcat(self.arm, self.target, self.unknown)
 
 
 def _linear(functions: ShotFunctions) -> ca.Function:
-    q = ca.SX.sym("q", functions.robot.n)
-    shot = _Shot(functions, lambda delta: functions.robot.turns(q + delta))
+    robot, q = functions.robot, ca.SX.sym("q", functions.robot.n)
+    recorded = functions.geometry.recorded_symbols(robot, q)
+    shot = _Shot(functions, recorded, lambda delta: robot.turns(q + delta))
     return ca.Function(
         "linear",
-        [q, shot.spot, shot.delta, shot.target, shot.unknown],
+        [q, shot.spot, shot.arm, shot.target, shot.unknown],
         ca.cse([shot.miss, ca.densify(shot.jacobian)]),
-        ["q", "spot", "delta", "target", "tool"],
+        ["q", "spot", "arm", "target", "tool"],
         ["m", "jacobian"],
     )
 
@@ -146,8 +181,10 @@ class _Weighted(_Shot):
 
     def __init__(self, functions: ShotFunctions) -> None:
         robot, n = functions.robot, functions.robot.n
-        self.recorded = ca.SX.sym("turns", 2 * n)
-        super().__init__(functions, lambda delta: robot.turns_with_offsets(self.recorded, delta))
+        self.recorded = ca.SX.sym("turns", functions.geometry.recorded_size(robot))
+        super().__init__(
+            functions, self.recorded, lambda delta: robot.turns_with_offsets(self.recorded, delta)
+        )
         self.weight = ca.SX.sym("weight")
         self.variances, self.stated = ca.SX.sym("variances", n + 1), ca.SX.sym("stated", n + 1)
         self.by_noise = self._covariances(self.variances)
@@ -168,8 +205,8 @@ class _Weighted(_Shot):
 
     @property
     def inputs(self) -> tuple[list[ca.SX], list[str]]:
-        symbols = [self.recorded, self.spot, self.weight, self.delta, self.target, self.unknown]
-        names = ["turns", "spot", "weight", "delta", "target", "tool", "variances", "stated"]
+        symbols = [self.recorded, self.spot, self.weight, self.arm, self.target, self.unknown]
+        names = ["turns", "spot", "weight", "arm", "target", "tool", "variances", "stated"]
         return [*symbols, self.variances, self.stated], names
 
 
@@ -208,70 +245,66 @@ def _slopes(functions: ShotFunctions) -> ca.Function:
     )
 
 
-def _pose(functions: ShotFunctions) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-    """q, delta and the flange's rotation and translation."""
-    q, delta = ca.SX.sym("q", functions.robot.n), ca.SX.sym("delta", functions.robot.n)
-    return q, delta, *functions.robot.flange_pose(q + delta)
-
-
 def _seen(functions: ShotFunctions) -> ca.Function:
-    q, delta, rotation, translation = _pose(functions)
-    target = ca.SX.sym("target", 3)
-    return ca.Function(
-        "seen", [q, delta, target], [rotation.T @ (target - translation)], ["q", "delta", "target"], ["y"]
-    )
+    posture, target = _Posture(functions), ca.SX.sym("target", 3)
+    rotation, translation = posture.pose
+    seen = rotation.T @ (target - translation)
+    return ca.Function("seen", [posture.q, posture.arm, target], [seen], ["q", "arm", "target"], ["y"])
 
 
 def _sighted(functions: ShotFunctions) -> ca.Function:
-    q, delta, rotation, translation = _pose(functions)
-    target = ca.SX.sym("target", 3)
+    posture, target = _Posture(functions), ca.SX.sym("target", 3)
+    rotation, translation = posture.pose
     y = rotation.T @ (target - translation)
     return ca.Function(
         "sighted",
-        [q, delta, target],
-        ca.cse([y, ca.densify(ca.jacobian(y, q))]),
-        ["q", "delta", "target"],
+        [posture.q, posture.arm, target],
+        ca.cse([y, ca.densify(ca.jacobian(y, posture.q))]),
+        ["q", "arm", "target"],
         ["y", "jacobian"],
     )
 
 
 def _place(functions: ShotFunctions) -> ca.Function:
-    q, delta, rotation, translation = _pose(functions)
-    y = ca.SX.sym("y", 3)
-    return ca.Function("place", [q, delta, y], [translation + rotation @ y], ["q", "delta", "y"], ["target"])
+    posture, y = _Posture(functions), ca.SX.sym("y", 3)
+    rotation, translation = posture.pose
+    placed = translation + rotation @ y
+    return ca.Function("place", [posture.q, posture.arm, y], [placed], ["q", "arm", "y"], ["target"])
 
 
 def _placed(functions: ShotFunctions) -> ca.Function:
-    q, delta, rotation, translation = _pose(functions)
-    y = ca.SX.sym("y", 3)
+    posture, y = _Posture(functions), ca.SX.sym("y", 3)
+    rotation, translation = posture.pose
     placed = translation + rotation @ y
     return ca.Function(
         "placed",
-        [q, delta, y],
-        [placed, ca.densify(ca.jacobian(placed, ca.vertcat(delta, y)))],
-        ["q", "delta", "y"],
+        [posture.q, posture.arm, y],
+        [placed, ca.densify(ca.jacobian(placed, ca.vertcat(posture.arm, y)))],
+        ["q", "arm", "y"],
         ["target", "jacobian"],
     )
 
 
 def _beam(functions: ShotFunctions) -> ca.Function:
-    q, delta, rotation, translation = _pose(functions)
-    unknown = ca.SX.sym("tool", len(functions.tool.free_axes))
-    if functions.tool.kind == "laser":
-        point, direction, _ = functions.tool.beam(unknown)
+    posture, tool = _Posture(functions), functions.tool
+    rotation, translation = posture.pose
+    unknown = ca.SX.sym("tool", len(tool.free_axes))
+    if tool.kind == "laser":
+        point, direction, _ = tool.beam(unknown)
     else:
-        point, direction = functions.tool.tip(unknown), ca.SX.zeros(3)
+        point, direction = tool.tip(unknown), ca.SX.zeros(3)
     return ca.Function(
         "beam",
-        [q, delta, unknown],
+        [posture.q, posture.arm, unknown],
         [translation + rotation @ point, ca.densify(rotation @ direction)],
-        ["q", "delta", "tool"],
+        ["q", "arm", "tool"],
         ["origin", "direction"],
     )
 
 
 def _hit(functions: ShotFunctions) -> ca.Function:
-    q, delta, rotation, translation = _pose(functions)
+    posture = _Posture(functions)
+    rotation, translation = posture.pose
     unknown = ca.SX.sym("tool", len(functions.tool.free_axes))
     centre, normal = ca.SX.sym("centre", 3), ca.SX.sym("normal", 3)
     point, direction, _ = functions.tool.beam(unknown)
@@ -280,23 +313,23 @@ def _hit(functions: ShotFunctions) -> ca.Function:
     hit = origin + length * direction
     return ca.Function(
         "hit",
-        [q, delta, unknown, centre, normal],
-        ca.cse([hit, length, ca.densify(ca.jacobian(hit, q))]),
-        ["q", "delta", "tool", "centre", "normal"],
+        [posture.q, posture.arm, unknown, centre, normal],
+        ca.cse([hit, length, ca.densify(ca.jacobian(hit, posture.q))]),
+        ["q", "arm", "tool", "centre", "normal"],
         ["point", "length", "jacobian"],
     )
 
 
 def _skeleton(functions: ShotFunctions) -> ca.Function:
-    q, delta = ca.SX.sym("q", functions.robot.n), ca.SX.sym("delta", functions.robot.n)
-    points = ca.densify(functions.robot.skeleton(q + delta))
-    return ca.Function("skeleton", [q, delta], [points], ["q", "delta"], ["points"])
+    posture = _Posture(functions)
+    points = ca.densify(posture.robot.skeleton(posture.theta))
+    return ca.Function("skeleton", [posture.q, posture.arm], [points], ["q", "arm"], ["points"])
 
 
 def _axes(functions: ShotFunctions) -> ca.Function:
-    q, delta = ca.SX.sym("q", functions.robot.n), ca.SX.sym("delta", functions.robot.n)
-    axes = ca.densify(functions.robot.axes(q + delta))
-    return ca.Function("axes", [q, delta], [axes], ["q", "delta"], ["axes"])
+    posture = _Posture(functions)
+    axes = ca.densify(posture.robot.axes(posture.theta))
+    return ca.Function("axes", [posture.q, posture.arm], [axes], ["q", "arm"], ["axes"])
 
 
 _BUILT_BY: dict[str, Callable[[ShotFunctions], ca.Function]] = {
@@ -311,24 +344,25 @@ _BUILT_BY: dict[str, Callable[[ShotFunctions], ca.Function]] = {
     "hit": _hit,
     "skeleton": _skeleton,
     "axes": _axes,
-    "midpoint": lambda functions: midpoint_function(functions.robot, functions.tool),
+    "midpoint": lambda functions: midpoint_function(functions),
 }
 
 
-def midpoint_function(robot: Robot, tool: Tool) -> ca.Function:
-    """(q1, q2, delta, tool) -> midpoint (3,), jacobian (3, n + k) by delta, tool, and (3, n) by q1 and by q2.
+def midpoint_function(functions: ShotFunctions) -> ca.Function:
+    """(q1, q2, arm, tool) -> midpoint (3,), jacobian (3, a + k) by arm, tool, and (3, n) by q1 and by q2.
 
     The middle of the shortest segment between two beams (section 2.2 of the paper). It is not
     defined for parallel beams: callers leave those pairs out.
     """
-    n = robot.n
-    q1, q2 = ca.SX.sym("q1", n), ca.SX.sym("q2", n)
-    delta = ca.SX.sym("delta", n)
+    tool = functions.tool
+    one = _Posture(functions)
+    other = _Posture(functions, arm=one.arm)
+    q1, q2, arm = one.q, other.q, one.arm
     unknown = ca.SX.sym("tool", len(tool.free_axes))
     point, direction, _ = tool.beam(unknown)
     feet: list[tuple[ca.SX, ca.SX]] = []
-    for q in (q1, q2):
-        rotation, translation = robot.flange_pose(q + delta)
+    for posture in (one, other):
+        rotation, translation = posture.pose
         feet.append((translation + rotation @ point, rotation @ direction))
     (o1, u1), (o2, u2) = feet
     between, cosine = o2 - o1, ca.dot(u1, u2)
@@ -338,11 +372,11 @@ def midpoint_function(robot: Robot, tool: Tool) -> ca.Function:
     middle = (o1 + along1 * u1 + o2 + along2 * u2) / 2
     return ca.Function(
         "midpoint",
-        [q1, q2, delta, unknown],
+        [q1, q2, arm, unknown],
         ca.cse(
-            [middle, *(ca.densify(ca.jacobian(middle, by)) for by in (ca.vertcat(delta, unknown), q1, q2))]
+            [middle, *(ca.densify(ca.jacobian(middle, by)) for by in (ca.vertcat(arm, unknown), q1, q2))]
         ),
-        ["q1", "q2", "delta", "tool"],
+        ["q1", "q2", "arm", "tool"],
         ["midpoint", "jacobian", "by_q1", "by_q2"],
     )
 

@@ -240,7 +240,7 @@ class Density:
 
     @cached_property
     def _turns(self) -> Matrix:
-        return self.problem.robot.recorded_turns(self.joints)
+        return self.problem.geometry.recorded(self.problem.robot, self.joints)
 
     @cached_property
     def _shots_of(self) -> list[Index]:

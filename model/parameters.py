@@ -1,4 +1,4 @@
-"""Everything that is unknown, by name: offsets, targets, the free tool parameters, the noise factors.
+"""Everything that is unknown, by name: offsets, geometry, targets, free tool parameters, noise factors.
 
 A parameter vector x (p,) has them in blocks: one block a group, in the order of `ORDER`. A new group is an
 entry there, one in `ARM` or `IN_RESIDUAL` if shots depend on it, and its items in `Parameters.build`; where
@@ -21,6 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import BadInput
+from .files.header import StatedTolerance
+from .geometry import Geometry
 from .noise import NoiseModel
 from .robot import Matrix, Robot
 from .tool import Tool
@@ -28,16 +30,16 @@ from .tool import Tool
 if TYPE_CHECKING:
     from .files.header import Header
 
-Group = Literal["offset", "target", "tool", "noise"]
+Group = Literal["offset", "geometry", "target", "tool", "noise"]
 Unit = Literal["deg", "mm", "1"]
 
-ORDER: tuple[Group, ...] = ("offset", "target", "tool", "noise")
+ORDER: tuple[Group, ...] = ("offset", "geometry", "target", "tool", "noise")
 # The groups that forward kinematics depends on: they stand together, in this order, from the first on.
-ARM: tuple[Group, ...] = ("offset",)
+ARM: tuple[Group, ...] = ("offset", "geometry")
 # The groups that the residual of one shot depends on: of the targets it is its own alone.
 IN_RESIDUAL: tuple[Group, ...] = (*ARM, "target", "tool")
 
-HeldBy = Literal["base frame", "tool rotation", "header"]
+HeldBy = Literal["base frame", "tool rotation", "free tool", "header"]
 _NOISE_PRIOR = 1.0  # of the logarithm of a noise factor: 95 % between 1/7 and 7 times what is stated
 _NOISE_TOLERANCE = 0.25  # a noise factor counts as identified if it is known to about a quarter
 _DEGREES = float(np.degrees(1.0))
@@ -87,7 +89,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Parameters:
-    """The unknowns in their one order: offsets 1…n, each target's x, y, z, the tool's, the noise factors.
+    """The unknowns in their one order: offsets 1…n, geometry, each target's x, y, z, tool, noise factors.
 
     Raises ValueError for items in another order.
     """
@@ -101,19 +103,35 @@ class Parameters:
 
     @classmethod
     def build(
-        cls, robot: Robot, tool: Tool, noise: NoiseModel, header: Header, targets: Sequence[str]
+        cls,
+        robot: Robot,
+        tool: Tool,
+        noise: NoiseModel,
+        geometry: Geometry,
+        header: Header,
+        targets: Sequence[str],
     ) -> Parameters:
         """Name every unknown of these shots; raises BadInput for a held name that is none of them."""
         items = [
             *_offsets(robot, header),
+            *_of_geometry(geometry, robot, tool, header.tolerance),
             *(item for target in targets for item in _coordinates(target, header)),
             *_of_tool(tool, header),
             *(_noise_factors() if noise.separate else ()),
         ]
-        held = _held(header.held, robot, tool, [item.name for item in items])
+        held = _held(header.held, robot, tool, items)
         return cls(
-            tuple(replace(item, held=item.name in held, held_by=held.get(item.name)) for item in items)
+            tuple(
+                replace(item, held=True, held_by=held[item.name]) if item.name in held else item
+                for item in items
+            )
         )
+
+    def with_geometry(self, geometry: Geometry, robot: Robot, tool: Tool) -> Parameters:
+        """All, with the parameters of `geometry` in place of those that there are."""
+        rest = self.without("geometry").items
+        own = _of_geometry(geometry, robot, tool, StatedTolerance())
+        return Parameters((*rest[: robot.n], *own, *rest[robot.n :]))
 
     # Blocks
 
@@ -249,6 +267,31 @@ def _offsets(robot: Robot, header: Header) -> Iterator[Parameter]:
         yield Parameter(f"delta{i}", "offset", f"joint{i}", "offset", unit, 0.0, std, tol)
 
 
+def _of_geometry(geometry: Geometry, robot: Robot, tool: Tool, known: StatedTolerance) -> Iterator[Parameter]:
+    """The geometry's; `known` is up to where one counts as identified.
+
+    Two gauges are held: a shift along the first axis moves all that follows, the targets too; and what the
+    last link does to the tool, a free tool takes up.
+    """
+    for of, axis in geometry.names:
+        unit: Unit = "mm" if axis in ("a", "d") else "deg"
+        held_by: HeldBy | None = "base frame" if (of, axis) == ("link1", "d") else None
+        if of == f"link{robot.n}" and not tool.calibrated:
+            held_by = "free tool"
+        yield Parameter(
+            f"{of}.{axis}",
+            "geometry",
+            of,
+            axis,
+            unit,
+            prior_mean=0.0,
+            prior_std=geometry.prior_std(of, axis),
+            tolerance=known.length_mm if unit == "mm" else float(np.radians(known.offset_deg)),
+            held=held_by is not None,
+            held_by=held_by,
+        )
+
+
 def _coordinates(target: str, header: Header) -> Iterator[Parameter]:
     stated = header.targets.get(target)
     guess = (0.0, 0.0, 0.0) if stated is None or stated.guess_mm is None else stated.guess_mm
@@ -277,9 +320,12 @@ def _noise_factors() -> Iterator[Parameter]:
         yield Parameter(f"noise.{axis}", "noise", "noise", axis, "1", 0.0, _NOISE_PRIOR, _NOISE_TOLERANCE)
 
 
-def _held(stated: Sequence[str] | None, robot: Robot, tool: Tool, names: Sequence[str]) -> dict[str, HeldBy]:
+def _held(
+    stated: Sequence[str] | None, robot: Robot, tool: Tool, items: Sequence[Parameter]
+) -> dict[str, HeldBy]:
     """What is held, and by what: the method's own choice unless the header states a list."""
     method: dict[str, HeldBy] = {"delta1": "base frame"}
+    names = [item.name for item in items]
     if tool.kind == "laser" and not tool.calibrated:
         method[f"delta{robot.n}"] = "tool rotation"
     if stated is None:

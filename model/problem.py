@@ -19,6 +19,7 @@ from .constraint import ShotFunctions, shot_functions
 from .errors import BadInput
 from .files.run import Run
 from .files.shot import check_distances
+from .geometry import Geometry
 from .kernel import Index
 from .noise import NoiseModel
 from .parameters import Parameters
@@ -44,8 +45,8 @@ class Distance:
 
 @dataclass(frozen=True)
 class Parts:
-    """Parameter vectors (..., p) taken apart: `arm` (..., a) what forward kinematics takes (the offsets),
-    `targets` (..., K, 3) mm, `tool` (..., k)."""
+    """Parameter vectors (..., p) taken apart: `arm` (..., a) what forward kinematics takes (offsets and
+    geometry), `targets` (..., K, 3) mm, `tool` (..., k)."""
 
     arm: Matrix
     targets: Matrix
@@ -96,13 +97,14 @@ class Problem:
     ) -> Problem:
         """From a header and recorded (or planned) shots; `targets` names the target of each shot."""
         tool, noise = Tool.from_header(header), NoiseModel.from_header(header, robot)
+        geometry = Geometry.from_header(header, robot)
         names = tuple(dict.fromkeys(targets))
         return cls(
             robot=robot,
             tool=tool,
             noise=noise,
-            parameters=Parameters.build(robot, tool, noise, header, names),
-            functions=shot_functions(robot, tool, "relative" if noise.separate else "none"),
+            parameters=Parameters.build(robot, tool, noise, geometry, header, names),
+            functions=shot_functions(robot, tool, "relative" if noise.separate else "none", geometry),
             joints=np.asarray(joints, dtype=float),
             spots=np.zeros((len(joints), tool.miss_size)) if spots is None else spots,
             shot_numbers=tuple(range(len(joints)) if shot_numbers is None else shot_numbers),
@@ -143,15 +145,30 @@ class Problem:
             shot_numbers=tuple(self.shot_numbers[i] for i in rows),
         )
 
+    def with_geometry(self, geometry: Geometry) -> Problem:
+        """The same measurements of an arm whose `geometry` is uncertain, in place of the problem's own."""
+        kind = "relative" if self.noise.separate else "none"
+        return replace(
+            self,
+            parameters=self.parameters.with_geometry(geometry, self.robot, self.tool),
+            functions=shot_functions(self.robot, self.tool, kind, geometry),
+        )
+
     def with_noise_of(self, x: Matrix) -> tuple[Problem, Matrix]:
         """The same problem with the noise as known: that of x (p,); and x without its noise factors."""
         if not self.noise.separate:
             return replace(self, noise=replace(self.noise, estimated=False)), x
         variances = self.variances(x)
         noise = NoiseModel(np.sqrt(variances[:-1]), float(np.sqrt(variances[-1])), estimated=False)
-        parameters, functions = self.parameters.without("noise"), shot_functions(self.robot, self.tool)
+        parameters = self.parameters.without("noise")
+        functions = shot_functions(self.robot, self.tool, geometry=self.geometry)
         problem = replace(self, noise=noise, parameters=parameters, functions=functions)
         return problem, x[~self.parameters.group("noise")]
+
+    @property
+    def geometry(self) -> Geometry:
+        """What of the arm's geometry is uncertain."""
+        return self.functions.geometry
 
     # Shapes
 
@@ -161,8 +178,14 @@ class Problem:
 
     @property
     def data_size(self) -> int:
-        """Number of residuals: d for each shot, one for each distance."""
-        return self.shots * self.tool.miss_size + len(self.distances)
+        """Number of residuals: d for each shot, one for each distance, and one for each geometry parameter,
+        of which the tolerance is knowledge like a measurement."""
+        return self.shots * self.tool.miss_size + len(self.distances) + len(self.tolerated)
+
+    @cached_property
+    def tolerated(self) -> Index:
+        """Places among the parameters of the geometry's that are estimated."""
+        return np.flatnonzero(self.parameters.group("geometry") & self.parameters.free)
 
     @property
     def noise_estimable(self) -> bool:
@@ -211,7 +234,8 @@ class Problem:
     def by_joints(self, jacobian: Matrix) -> Matrix:
         """(N, d, n) the columns by the joint positions of the shots' own Jacobians (N, d, c).
 
-        Positions and offsets enter as their sums alone: they are the columns by the offsets.
+        Positions and offsets enter as their sums alone: they are the columns by the offsets. (Where gravity
+        and harmonics count, their slopes by the positions, some 1e-3 of it, are left out.)
         """
         return jacobian[:, :, self.parameters.in_shot("offset")]
 

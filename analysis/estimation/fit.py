@@ -101,8 +101,10 @@ class LikelihoodFit:
         return chance(self.whitened.residual, self.z)
 
     def against_noise(self, rank: int) -> AgainstNoise:
-        """The residuals against the stated noise, of which the data's `rank` is taken up by the fit."""
-        chi2 = float(self.whitened.residual @ self.whitened.residual)
+        """The residuals, and the geometry by its tolerances, against what is stated of both; the data's `rank`
+        is taken up by the fit."""
+        tolerated = self.z[self.problem.parameters.among_free[self.problem.tolerated]]
+        chi2 = float(self.whitened.residual @ self.whitened.residual + tolerated @ tolerated)
         dof = max(self.problem.data_size - rank, 0)
         judged = dof > 0 and self.problem.noise.known
         return AgainstNoise(chi2, dof, float(chdtrc(dof, chi2)) if judged else None)

@@ -20,6 +20,8 @@ from .aim import aim, moving_joints
 from .causes import NullDirection
 from .mechanisms import Mechanism, mechanisms, unexplained
 
+_AS_KNOWN = 1 - 1e-6  # singular value of a direction of which the data tell no more than a unit prior
+_NO_INFORMATION = 1e-8  # on a geometry parameter, beside that of its tolerance
 _ROUNDING = 1e-11  # singular values below this share of a unit column are rounding
 _ROUNDING_SPECIAL = 1e-9  # the same beside a special point, where shots come to hit by small steps only
 _PART = 1e-6  # a parameter with less than this in a unit null vector has no part in it
@@ -97,6 +99,8 @@ def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
         scaled_std = np.where(unconfirmed, np.maximum(scaled_std, 1 / floor), scaled_std)
     scaled_std = np.where(exact_part, np.inf, scaled_std)
 
+    tolerated = parameters.group("geometry")[free]
+    scaled_std[tolerated] = _without_own(scaled_std[tolerated])
     status, data_std = _statuses(parameters, scaled_std)
     null_space = [
         *_exact_directions(aimed, jacobian, gauge, exact_dimension),
@@ -105,7 +109,7 @@ def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
     size = int(free.sum())
     spectrum = np.append(singular, np.zeros(gauge.shape[1]))
     facts = Identifiability(
-        rank=int((spectrum >= 1.0).sum()),
+        rank=int((spectrum >= _AS_KNOWN).sum()),
         size=size,
         condition=None if gauge.shape[1] else float(spectrum.max() / spectrum.min()),
         observability=observability(spectrum, problem.shots),
@@ -161,7 +165,16 @@ def information_root(problem: Problem, x: Matrix, weight: float) -> tuple[Proble
         noise = problem.parameters.group("noise")
         jacobian = np.vstack([jacobian, np.zeros((2, len(noise)))])
         jacobian[-2:, noise] = root * problem.parameters.prior_std[noise]
-    return aimed, jacobian[:, problem.parameters.free], aim_found.hit
+    # A tolerance of the geometry is knowledge, as a measurement is; an offset's prior is not.
+    known = np.eye(len(problem.parameters))[problem.tolerated]
+    return aimed, np.vstack([jacobian, known])[:, problem.parameters.free], aim_found.hit
+
+
+def _without_own(scaled_std: Matrix) -> Matrix:
+    """(g,) std of geometry parameters, in tolerances, without the tolerance of each its own (that of the
+    others stays): what the data add."""
+    added = 1 / scaled_std**2 - 1
+    return np.where(added > _NO_INFORMATION, 1 / np.sqrt(np.maximum(added, _NO_INFORMATION)), np.inf)
 
 
 def _null_space(jacobian: Matrix, rounding: float = _ROUNDING) -> Matrix:
@@ -317,7 +330,7 @@ def _noise_directions(
     parameters = problem.parameters
     free_items = [item for item in parameters.items if not item.held]
     free_status = [s for s, item in zip(status, parameters.items, strict=True) if not item.held]
-    wanted = {int(k) for k in np.flatnonzero(singular <= 1.0)}
+    wanted = {int(k) for k in np.flatnonzero(singular < _AS_KNOWN)}
     for row, (item, state) in enumerate(zip(free_items, free_status, strict=True)):
         if item.group == "offset" and state in ("weak", "unidentifiable") and not exact_part[row]:
             wanted.add(int(np.argmax(share[row])))

@@ -103,7 +103,9 @@ def _common_motion(problem: Problem, spread: NDArray[np.float64], k: int) -> Com
 
 def _parallel_axes(problem: Problem) -> NDArray[np.bool_]:
     """(n, n) True where two joint axes are parallel in every shot."""
-    (axes,) = problem.functions.kernel("axes")(problem.joints, np.zeros(problem.robot.n))
+    (axes,) = problem.functions.kernel("axes")(
+        problem.joints, problem.split(problem.parameters.prior_mean).arm
+    )
     cosine = np.abs(axes.transpose(0, 2, 1) @ axes).min(axis=0)
     return np.asarray(cosine > 1 - _PARALLEL)
 

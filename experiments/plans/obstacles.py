@@ -116,10 +116,9 @@ class Clearance:
 
     def _points(self, joints: Matrix) -> Matrix:
         """(N, n + 3, 3): the skeleton and the TCP."""
-        delta = np.zeros(self._problem.robot.n)
-        (skeleton,) = self._kernel(joints, delta)
-        tool = self._problem.split(self._problem.parameters.prior_mean).tool
-        origin, _ = self._tool(joints, delta, tool)
+        nominal = self._problem.split(self._problem.parameters.prior_mean)
+        (skeleton,) = self._kernel(joints, nominal.arm)
+        origin, _ = self._tool(joints, nominal.arm, nominal.tool)
         return np.concatenate([skeleton.transpose(0, 2, 1), origin[:, None, :]], axis=1)
 
 

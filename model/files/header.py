@@ -15,44 +15,14 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from ..errors import BadInput
 from ..robot import Matrix, Robot
+from .fields import Name, Point, Positive, PositiveOrList, TargetName, positive_or_list
 from .reading import Place, read_yaml, shown
+from .stated_geometry import StatedGeometry
 from .validation import FileModel, as_tuple, refusal, tuple_of, validate
 
 RUN_SCHEMA: Literal["zerobeam/run/1"] = "zerobeam/run/1"
 PLAN_SCHEMA: Literal["zerobeam/plan/1"] = "zerobeam/plan/1"
 DEFAULT_TARGET = "psd"  # where no target is named anywhere
-
-
-def _name(value: object) -> object:
-    """A name that can stand in a table, in JSON and in front of '.x'."""
-    if isinstance(value, str) and (not value or value != value.strip() or not value.isprintable()):
-        raise refusal(
-            "this cannot be a name",
-            found=shown(value),
-            allowed="printable text that neither begins nor ends with a blank",
-        )
-    return value
-
-
-def _target_name(value: object) -> object:
-    if value == "tool":
-        # Parameters of targets and of the tool are both called <name>.x.
-        raise refusal("a target cannot be called 'tool'", remedy="give it another name")
-    return _name(value)
-
-
-def _scalar_or_list(value: object) -> object:
-    """One positive number, or one for each joint."""
-    values = value if isinstance(value, list | tuple) else [value]
-    for i, item in enumerate(values):
-        if isinstance(item, bool) or not isinstance(item, int | float) or not item > 0:
-            raise refusal(
-                "the standard deviation of a joint reading cannot be used",
-                key=(i,) if isinstance(value, list | tuple) else (),
-                found=shown(item),
-                allowed="one number above 0, or a list of them, one for each joint",
-            )
-    return as_tuple(value)
 
 
 def _free_text(value: object) -> object:
@@ -75,12 +45,6 @@ def _unique(value: object) -> object:
             if item in value[:i]:
                 raise refusal("duplicate name", key=(i,), found=shown(item), allowed="each name once")
     return as_tuple(value)
-
-
-Point = Annotated[tuple[float, float, float], tuple_of(3, "[x, y, z]")]
-Positive = Annotated[float, Field(gt=0)]
-Name = Annotated[str, BeforeValidator(_name)]
-TargetName = Annotated[str, BeforeValidator(_target_name)]
 
 
 class UrdfRef(FileModel):
@@ -180,7 +144,9 @@ class StatedTool(FileModel):
 class StatedNoise(FileModel):
     """Standard deviations of the readings."""
 
-    joint_deg: Annotated[Positive | tuple[Positive, ...], BeforeValidator(_scalar_or_list)] = Field(
+    joint_deg: Annotated[
+        PositiveOrList, positive_or_list("the standard deviation of a joint reading")
+    ] = Field(
         description="of a joint reading: one number for all revolute joints, degrees, or one for each "
         "joint, degrees (millimetres for a prismatic one)"
     )
@@ -314,6 +280,9 @@ class Header(FileModel):
         default="error", description="warn: joints outside the robot's limits are reported, not refused"
     )
     tolerance: StatedTolerance = Field(default=StatedTolerance(), description="what counts as identified")
+    geometry: StatedGeometry | None = Field(
+        default=None, description="how far the arm may deviate from nominal geometry (default: not at all)"
+    )
     provenance: Annotated[dict[Name, str | bool | int | float], BeforeValidator(_free_text)] = Field(
         default={}, description="free text by key: serial number, controller software, who, when"
     )

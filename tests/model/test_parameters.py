@@ -4,6 +4,7 @@ from plain_model import arm
 
 from zerobeam.analysis.observability.causes import Held
 from zerobeam.model.files.header import Header
+from zerobeam.model.geometry import Geometry
 from zerobeam.model.noise import NoiseModel
 from zerobeam.model.parameters import IN_RESIDUAL, ORDER, Parameters
 from zerobeam.model.tool import Tool
@@ -18,9 +19,9 @@ RAD = np.pi / 180
 def build(robot, tool, seen=("psd",), **changes):
     noise = {"joint_deg": 0.01, "joint_mm": 0.01, "spot_mm": 0.05}
     header = Header.model_validate({"robot": "irb1600", "tool": tool, "noise": noise, **changes})
-    return Parameters.build(
-        robot, Tool.from_header(header), NoiseModel.from_header(header, robot), header, seen
-    )
+    geometry = Geometry.from_header(header, robot)
+    tool, noise = Tool.from_header(header), NoiseModel.from_header(header, robot)
+    return Parameters.build(robot, tool, noise, geometry, header, seen)
 
 
 @pytest.fixture

@@ -22,6 +22,7 @@ from ....model.files.header import Header, Name, Point, check_header
 from ....model.files.reading import Document, Place, did_you_mean, read_yaml, shown
 from ....model.files.robot_file import load_robot
 from ....model.files.validation import FileModel, refusal, validate
+from ....model.geometry import Geometry
 from ....model.noise import NoiseModel
 from ....model.parameters import Parameters
 from ....model.robot import Robot
@@ -273,9 +274,8 @@ def _case(content: StudyFile, at: tuple[int, ...], document: Document, robots: d
     robot = robots[ref]
     check_header(header, robot, file=document.file, line=line)
     try:
-        Parameters.build(
-            robot, Tool.from_header(header), NoiseModel.from_header(header, robot), header, [TARGET]
-        )
+        tool, noise = Tool.from_header(header), NoiseModel.from_header(header, robot)
+        Parameters.build(robot, tool, noise, Geometry.from_header(header, robot), header, [TARGET])
     except BadInput as error:
         raise error.at(document.file, line(("held",))) from None
     words = ", ".join(axis.words(j) for axis, j in zip(content.axes, at, strict=True))
