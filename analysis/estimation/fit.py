@@ -101,7 +101,7 @@ class LikelihoodFit:
         return chance(self.whitened.residual, self.z)
 
     def against_noise(self, rank: int) -> AgainstNoise:
-        """The residuals, and the geometry by its tolerances, against what is stated of both; the data's `rank`
+        """Residuals, and the geometry by its tolerances, against what is stated of both; the data's `rank`
         is taken up by the fit."""
         tolerated = self.z[self.problem.parameters.among_free[self.problem.tolerated]]
         chi2 = float(self.whitened.residual @ self.whitened.residual + tolerated @ tolerated)

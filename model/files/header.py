@@ -144,11 +144,11 @@ class StatedTool(FileModel):
 class StatedNoise(FileModel):
     """Standard deviations of the readings."""
 
-    joint_deg: Annotated[
-        PositiveOrList, positive_or_list("the standard deviation of a joint reading")
-    ] = Field(
-        description="of a joint reading: one number for all revolute joints, degrees, or one for each "
-        "joint, degrees (millimetres for a prismatic one)"
+    joint_deg: Annotated[PositiveOrList, positive_or_list("the standard deviation of a joint reading")] = (
+        Field(
+            description="of a joint reading: one number for all revolute joints, degrees, or one for each "
+            "joint, degrees (millimetres for a prismatic one)"
+        )
     )
     joint_mm: Positive | None = Field(
         default=None, description="of a prismatic joint's reading, millimetres, where joint_deg is one number"
