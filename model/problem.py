@@ -120,16 +120,38 @@ class Problem:
         numbers = [shot.shot for shot in run.shots]
         targets = [shot.target for shot in run.shots]
         try:
-            return cls.build(run.header, run.robot, run.joints, targets, spots, numbers)
+            problem = cls.build(run.header, run.robot, run.joints, targets, spots, numbers)
+            problem._require_enough(run.header)
+            return problem
         except BadInput as error:
             raise error.at(run.path, run.header_line) from None
 
     @classmethod
     def from_plan(cls, plan: Plan) -> Problem:
         try:
-            return cls.build(plan.header, plan.robot, plan.postures, plan.targets)
+            problem = cls.build(plan.header, plan.robot, plan.postures, plan.targets)
+            problem._require_enough(plan.header)
+            return problem
         except BadInput as error:
             raise error.at(plan.path, None) from None
+
+    def _require_enough(self, header: Header) -> None:
+        """BadInput where the header insists on a rung of the geometry that so few numbers cannot carry."""
+        others = int((self.parameters.free & ~self.parameters.group("geometry")).sum())
+        numbers = self.data_size - len(self.tolerated)
+        rungs: tuple[tuple[str, set[str]], ...] = (("gravity", {"gravity"}), ("harmonics", {"cos", "sin"}))
+        for rung, axes in rungs:
+            own = sum(axis in axes for _, axis in self.geometry.names)
+            if header.geometry is None or getattr(header.geometry, rung) is not True or not own:
+                continue
+            if numbers < others + own:
+                raise BadInput(
+                    f"geometry.{rung} is asked for, but fewer numbers are measured than there are unknowns",
+                    found=f"{numbers} numbers of {self.shots} measurements",
+                    allowed=f"at least {others + own}: as many as offsets, targets, tool ({others}) and "
+                    f"parameters of {rung} ({own}) together",
+                    remedy=f"add measurements, or state {rung}: auto",
+                )
 
     def moved(self, joints: Matrix, spots: Matrix | None = None) -> Problem:
         """The same problem with its shots at other joint positions (and spots)."""
