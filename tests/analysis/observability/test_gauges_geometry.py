@@ -17,6 +17,7 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
+from cells import good_plan, pattern_plan
 from hypothesis import Phase, assume, example, given, settings
 from mpmath import mpf
 
@@ -299,6 +300,26 @@ def test_no_gauge_is_called_known_with_geometry(kind: Any) -> None:
 @given(kind=judge.KINDS)
 def test_no_gauge_is_called_known_with_geometry_at_length(kind: Any) -> None:
     assume(compare(kind))
+
+
+def test_the_x_pattern_stays_degenerate() -> None:
+    """Freed geometry takes nothing away from a gauge: offset 2 is not known better, the others are worse.
+    Control: where joint 1 varies, offset 2 is identifiable with geometry too."""
+    for geometry in ({}, {"gravity": False, "harmonics": False}):
+        told, names = {}, ()
+        for stated in (None, geometry):
+            problem = Problem.from_plan(pattern_plan("x", geometry=stated))
+            names = problem.parameters.names[:6]
+            told[stated is None] = identify(problem, problem.nominal())
+        nominal, own = told[True], told[False]
+        assert own.status[names.index("delta2")] == "unidentifiable"
+        assert np.isinf(own.data_std[[1, *problem.parameters.targets(["psd"]).nonzero()[0][[0, 2]]]]).all()
+        assert (own.data_std[2:6] >= nominal.data_std[2:6]).all()
+        exact = [direction for direction in own.facts.null_space if direction.kind == "exact"]
+        assert len(exact) == 1
+        assert "delta2" in exact[0].combination
+    problem = Problem.from_plan(good_plan(20, geometry={}))
+    assert identify(problem, problem.nominal()).status[1] != "unidentifiable"
 
 
 # --- the judge is judged -------------------------------------------------------------------------------
