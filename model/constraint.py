@@ -1,4 +1,4 @@
-"""The residuals, as symbolic functions of one shot, and the paper's midpoints of beam pairs.
+"""The residuals, as symbolic functions of one shot.
 
 One shot has the inputs
 
@@ -24,6 +24,8 @@ import numpy as np
 
 from .geometry import NOMINAL, Geometry
 from .kernel import Kernel
+from .midpoint import midpoint_function
+from .posture import Posture
 from .robot import Robot, Turn
 from .tool import Tool
 
@@ -113,24 +115,6 @@ def shot_functions(
             _made.pop(next(iter(_made)))
         _made[key] = ShotFunctions(robot, tool, log_det, geometry)
     return _made[key]
-
-
-class _Posture:
-    """The arm at one posture: recorded positions `q` (n,), `arm` (a,) as in the inputs, and what follows:
-    the robot with its links moved, and the true joint positions `theta` (n,)."""
-
-    def __init__(self, functions: ShotFunctions, q: ca.SX | None = None, arm: ca.SX | None = None) -> None:
-        n, geometry = functions.robot.n, functions.geometry
-        self.q = ca.SX.sym("q", n) if q is None else q
-        self.arm = ca.SX.sym("arm", n + len(geometry.names)) if arm is None else arm
-        self.robot = geometry.moved(functions.robot, self.arm[n:])
-        recorded = geometry.recorded_symbols(functions.robot, self.q)
-        self.theta = self.q + geometry.bent(functions.robot, self.arm, recorded)
-
-    @property
-    def pose(self) -> tuple[ca.SX, ca.SX]:
-        """The flange's rotation and translation in the base frame."""
-        return self.robot.flange_pose(self.theta)
 
 
 class _Shot:
@@ -246,14 +230,14 @@ def _slopes(functions: ShotFunctions) -> ca.Function:
 
 
 def _seen(functions: ShotFunctions) -> ca.Function:
-    posture, target = _Posture(functions), ca.SX.sym("target", 3)
+    posture, target = _posture(functions), ca.SX.sym("target", 3)
     rotation, translation = posture.pose
     seen = rotation.T @ (target - translation)
     return ca.Function("seen", [posture.q, posture.arm, target], [seen], ["q", "arm", "target"], ["y"])
 
 
 def _sighted(functions: ShotFunctions) -> ca.Function:
-    posture, target = _Posture(functions), ca.SX.sym("target", 3)
+    posture, target = _posture(functions), ca.SX.sym("target", 3)
     rotation, translation = posture.pose
     y = rotation.T @ (target - translation)
     return ca.Function(
@@ -266,14 +250,14 @@ def _sighted(functions: ShotFunctions) -> ca.Function:
 
 
 def _place(functions: ShotFunctions) -> ca.Function:
-    posture, y = _Posture(functions), ca.SX.sym("y", 3)
+    posture, y = _posture(functions), ca.SX.sym("y", 3)
     rotation, translation = posture.pose
     placed = translation + rotation @ y
     return ca.Function("place", [posture.q, posture.arm, y], [placed], ["q", "arm", "y"], ["target"])
 
 
 def _placed(functions: ShotFunctions) -> ca.Function:
-    posture, y = _Posture(functions), ca.SX.sym("y", 3)
+    posture, y = _posture(functions), ca.SX.sym("y", 3)
     rotation, translation = posture.pose
     placed = translation + rotation @ y
     return ca.Function(
@@ -286,7 +270,7 @@ def _placed(functions: ShotFunctions) -> ca.Function:
 
 
 def _beam(functions: ShotFunctions) -> ca.Function:
-    posture, tool = _Posture(functions), functions.tool
+    posture, tool = _posture(functions), functions.tool
     rotation, translation = posture.pose
     unknown = ca.SX.sym("tool", len(tool.free_axes))
     if tool.kind == "laser":
@@ -303,7 +287,7 @@ def _beam(functions: ShotFunctions) -> ca.Function:
 
 
 def _hit(functions: ShotFunctions) -> ca.Function:
-    posture = _Posture(functions)
+    posture = _posture(functions)
     rotation, translation = posture.pose
     unknown = ca.SX.sym("tool", len(functions.tool.free_axes))
     centre, normal = ca.SX.sym("centre", 3), ca.SX.sym("normal", 3)
@@ -321,13 +305,13 @@ def _hit(functions: ShotFunctions) -> ca.Function:
 
 
 def _skeleton(functions: ShotFunctions) -> ca.Function:
-    posture = _Posture(functions)
+    posture = _posture(functions)
     points = ca.densify(posture.robot.skeleton(posture.theta))
     return ca.Function("skeleton", [posture.q, posture.arm], [points], ["q", "arm"], ["points"])
 
 
 def _axes(functions: ShotFunctions) -> ca.Function:
-    posture = _Posture(functions)
+    posture = _posture(functions)
     axes = ca.densify(posture.robot.axes(posture.theta))
     return ca.Function("axes", [posture.q, posture.arm], [axes], ["q", "arm"], ["axes"])
 
@@ -344,39 +328,12 @@ _BUILT_BY: dict[str, Callable[[ShotFunctions], ca.Function]] = {
     "hit": _hit,
     "skeleton": _skeleton,
     "axes": _axes,
-    "midpoint": lambda functions: midpoint_function(functions),
+    "midpoint": lambda functions: midpoint_function(functions.robot, functions.tool, functions.geometry),
 }
 
 
-def midpoint_function(functions: ShotFunctions) -> ca.Function:
-    """(q1, q2, arm, tool) -> midpoint (3,), jacobian (3, a + k) by arm, tool, and (3, n) by q1 and by q2.
-
-    The middle of the shortest segment between two beams (section 2.2 of the paper). It is not
-    defined for parallel beams: callers leave those pairs out.
-    """
-    tool = functions.tool
-    one = _Posture(functions)
-    other = _Posture(functions, arm=one.arm)
-    q1, q2, arm = one.q, other.q, one.arm
-    unknown = ca.SX.sym("tool", len(tool.free_axes))
-    point, direction, _ = tool.beam(unknown)
-    feet: list[tuple[ca.SX, ca.SX]] = []
-    for posture in (one, other):
-        rotation, translation = posture.pose
-        feet.append((translation + rotation @ point, rotation @ direction))
-    (o1, u1), (o2, u2) = feet
-    between, cosine = o2 - o1, ca.dot(u1, u2)
-    sine_squared = ca.sumsqr(ca.cross(u1, u2))
-    along1 = (ca.dot(between, u1) - cosine * ca.dot(between, u2)) / sine_squared
-    along2 = (cosine * ca.dot(between, u1) - ca.dot(between, u2)) / sine_squared
-    middle = (o1 + along1 * u1 + o2 + along2 * u2) / 2
-    return ca.Function(
-        "midpoint",
-        [q1, q2, arm, unknown],
-        ca.cse([middle, *(ca.densify(ca.jacobian(middle, by)) for by in (ca.vertcat(arm, unknown), q1, q2))]),
-        ["q1", "q2", "arm", "tool"],
-        ["midpoint", "jacobian", "by_q1", "by_q2"],
-    )
+def _posture(functions: ShotFunctions) -> Posture:
+    return Posture(functions.robot, functions.geometry)
 
 
 def _cholesky(covariance: ca.SX) -> ca.SX:

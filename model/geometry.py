@@ -27,7 +27,6 @@ from typing import TYPE_CHECKING, Literal
 import casadi as ca
 import numpy as np
 
-from .errors import BadInput
 from .robot import Matrix, Robot
 
 if TYPE_CHECKING:
@@ -73,7 +72,7 @@ class Link:
 @dataclass(frozen=True, eq=False)
 class Gravity:
     """Deflection of the `joints` (from 0) under masses (n,) kg at the links' ends; `up` (3,) in the base
-    frame, `largest` (n,) the largest torques, over all postures within the limits."""
+    frame, `largest` (n,) the largest torques, over all postures within the limits: 0 of the other joints."""
 
     joints: tuple[int, ...]
     masses: Matrix
@@ -108,13 +107,7 @@ class Geometry:
             return cls()
         length, angle = stated.tolerance.of_links(robot)
         revolute = tuple(i for i, joint in enumerate(robot.joints) if joint.kind == "revolute")
-        if stated.harmonics is True and len(revolute) < robot.n:
-            raise BadInput(
-                "geometry.harmonics is asked for, but harmonics are of revolute joints",
-                found=f"{robot.name} has a prismatic joint",
-                allowed="false, or auto for the revolute joints alone",
-                remedy="remove geometry.harmonics",
-            )
+        stated.require_revolute(robot)
         return cls(
             links=tuple(_links(robot)),
             gravity=_gravity(robot, stated) if stated.gravity else None,
@@ -167,7 +160,8 @@ class Geometry:
         """The robot with its links at `values` (g,), which may be symbols: its transforms are then too."""
         if not self.links:
             return robot
-        fixed, start = [joint.fixed for joint in robot.joints] + [robot.flange], 0
+        fixed: list[ca.SX] = [joint.fixed for joint in robot.joints] + [robot.flange]
+        start = 0
         for link in self.links:
             stop = start + len(link.axes)
             if link.axes:
@@ -253,18 +247,14 @@ def _torques(robot: Robot, masses: Matrix, up: Matrix):  # type: ignore[no-untyp
 
 
 def _gravity(robot: Robot, stated: StatedGeometry) -> Gravity | None:
-    masses = np.ones(robot.n) if stated.masses_kg is None else np.array(stated.masses_kg, dtype=float)
-    if masses.shape != (robot.n,):
-        raise BadInput(
-            "geometry.masses_kg has the wrong number of values",
-            found=f"{masses.size} values",
-            allowed=f"{robot.n} numbers: {robot.name} has {robot.n} joints",
-        )
+    masses = stated.masses(robot)
     up = np.array(stated.up, dtype=float)
+    up /= np.abs(up).max()  # first, that nothing underflows
     up /= np.linalg.norm(up)
     rows = np.random.default_rng(0).uniform(robot.lower, robot.upper, (_POSTURES, robot.n))
     largest = np.abs(_torques(robot, masses, up)(rows)).max(axis=0)
-    bending = np.flatnonzero(largest > _NO_TORQUE * max(float(largest.max(initial=0.0)), 1e-300))
+    largest[largest <= _NO_TORQUE * max(float(largest.max(initial=0.0)), 1e-300)] = 0.0  # rounding
+    bending = np.flatnonzero(largest)
     return Gravity(tuple(int(i) for i in bending), masses, up, largest) if len(bending) else None
 
 

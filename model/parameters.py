@@ -270,12 +270,13 @@ def _offsets(robot: Robot, header: Header) -> Iterator[Parameter]:
 def _of_geometry(geometry: Geometry, robot: Robot, tool: Tool, known: StatedTolerance) -> Iterator[Parameter]:
     """The geometry's; `known` is up to where one counts as identified.
 
-    Two gauges are held: a shift along the first axis moves all that follows, the targets too; and what the
-    last link does to the tool, a free tool takes up.
+    Gauges are held: what moves all that follows, the targets too; and what the last link does to the tool,
+    where a free tool takes it up.
     """
+    moving_all = set(_moving_all(robot))
     for of, axis in geometry.names:
         unit: Unit = "mm" if axis in ("a", "d") else "deg"
-        held_by: HeldBy | None = "base frame" if (of, axis) == ("link1", "d") else None
+        held_by: HeldBy | None = "base frame" if (of, axis) in moving_all else None
         if of == f"link{robot.n}" and not tool.calibrated:
             held_by = "free tool"
         yield Parameter(
@@ -290,6 +291,22 @@ def _of_geometry(geometry: Geometry, robot: Robot, tool: Tool, known: StatedTole
             held=held_by is not None,
             held_by=held_by,
         )
+
+
+def _moving_all(robot: Robot) -> Iterator[tuple[str, str]]:
+    """The link parameters that move all that follows in the base frame, whatever the positions of the joints.
+
+    A shift along the first axis that is turned about; behind slides, which only have a direction, every shift
+    there too, and the rotation about the first of them.
+    """
+    slides = 0
+    while slides < robot.n and robot.joints[slides].kind == "prismatic":
+        slides += 1
+        yield (f"link{slides}", "a")
+    if slides:
+        yield ("link1", "theta")
+    if slides < robot.n:
+        yield (f"link{slides + 1}", "d")
 
 
 def _coordinates(target: str, header: Header) -> Iterator[Parameter]:

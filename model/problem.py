@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,16 +123,38 @@ class Problem:
         numbers = [shot.shot for shot in run.shots]
         targets = [shot.target for shot in run.shots]
         try:
-            return cls.build(run.header, run.robot, run.joints, targets, spots, numbers)
+            problem = cls.build(run.header, run.robot, run.joints, targets, spots, numbers)
+            problem._require_enough(run.header)
+            return problem
         except BadInput as error:
             raise error.at(run.path, run.header_line) from None
 
     @classmethod
     def from_plan(cls, plan: Plan) -> Problem:
         try:
-            return cls.build(plan.header, plan.robot, plan.postures, plan.targets)
+            problem = cls.build(plan.header, plan.robot, plan.postures, plan.targets)
+            problem._require_enough(plan.header)
+            return problem
         except BadInput as error:
             raise error.at(plan.path, None) from None
+
+    def _require_enough(self, header: Header) -> None:
+        """BadInput where the header insists on a rung of the geometry that so few numbers cannot carry."""
+        others = int((self.parameters.free & ~self.parameters.group("geometry")).sum())
+        numbers = self.data_size - len(self.tolerated)
+        rungs: tuple[tuple[str, set[str]], ...] = (("gravity", {"gravity"}), ("harmonics", {"cos", "sin"}))
+        for rung, axes in rungs:
+            own = sum(axis in axes for _, axis in self.geometry.names)
+            if header.geometry is None or getattr(header.geometry, rung) is not True or not own:
+                continue
+            if numbers < others + own:
+                raise BadInput(
+                    f"geometry.{rung} is asked for, but fewer numbers are measured than there are unknowns",
+                    found=f"{numbers} numbers of {self.shots} measurements",
+                    allowed=f"at least {others + own}: as many as offsets, targets, tool ({others}) and "
+                    f"parameters of {rung} ({own}) together",
+                    remedy=f"add measurements, or state {rung}: auto",
+                )
 
     def moved(self, joints: Matrix, spots: Matrix | None = None) -> Problem:
         """The same problem with its shots at other joint positions (and spots)."""
@@ -178,7 +200,7 @@ class Problem:
 
     def with_geometry(self, geometry: Geometry) -> Problem:
         """The same measurements of an arm whose `geometry` is uncertain, in place of the problem's own."""
-        kind = "relative" if self.noise.separate else "none"
+        kind: Literal["none", "relative"] = "relative" if self.noise.separate else "none"
         return replace(
             self,
             parameters=self.parameters.with_geometry(geometry, self.robot, self.tool),

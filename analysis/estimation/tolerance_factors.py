@@ -49,7 +49,9 @@ def with_factors(fit: LikelihoodFit) -> tuple[LikelihoodFit, Factors]:
     near = _Linear(fit, at)
     spread = np.linalg.inv(near.curvature(at))
     by_factors = near.slopes(at)
-    factors = Factors(*np.exp(at).tolist(), log_u=tuple(np.sqrt(np.diag(spread)).tolist()))
+    length, angle = np.exp(at).tolist()
+    log_u = np.sqrt(np.diag(spread))
+    factors = Factors(length, angle, (float(log_u[0]), float(log_u[1])))
     return replace(fit, covariance=fit.covariance + by_factors @ spread @ by_factors.T), factors
 
 

@@ -56,4 +56,4 @@ def with_tolerances(problem: Problem, covariance: Matrix, factor: float) -> Matr
     information = np.linalg.inv(covariance)
     at = problem.parameters.among_free[problem.tolerated]
     information[at, at] += 1 / factor**2 - 1
-    return np.sqrt(np.diag(np.linalg.inv(information)))
+    return np.asarray(np.sqrt(np.diag(np.linalg.inv(information))))

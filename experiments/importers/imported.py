@@ -13,6 +13,7 @@ import numpy as np
 from ...model.errors import BadInput
 from ...model.files.header import Header, check_header, read_header
 from ...model.files.limits import check_limits
+from ...model.files.reading import read_yaml
 from ...model.files.robot_file import load_robot, rebased
 from ...model.files.shot import Shot, check_distances, check_shot, unknown_targets
 from ...model.files.validation import validate
@@ -70,7 +71,7 @@ class Job:
                 raise BadInput("the file is a duplicate", file=path, remedy="give each file once")
         header = read_header(header_path)
         robot = load_robot(header.robot, header_path.parent, file=header_path)
-        check_header(header, robot, file=header_path, line=lambda _: None)
+        check_header(header, robot, file=header_path, line=read_yaml(header_path).line)
         return cls(paths, header_path, header, robot)
 
     def finish(self, found: Sequence[Found], out: Path | str, notes: Sequence[str]) -> Imported:

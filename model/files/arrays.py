@@ -216,10 +216,16 @@ def stated_header(
         arm = robot if isinstance(robot, Robot) else load_robot(header.robot)
     except BadInput as error:
         raise error.of_argument("robot") from None
+    culprit = "noise"
+
+    def no_line(place: Place) -> None:
+        nonlocal culprit
+        culprit = str(place[0])
+
     try:
-        check_header(header, arm, file=None, line=lambda _: None)
+        check_header(header, arm, file=None, line=no_line)
     except BadInput as error:
-        raise error.of_argument("noise") from None
+        raise error.of_argument(culprit) from None
     return header, arm
 
 

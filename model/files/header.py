@@ -308,7 +308,7 @@ def header_content(header: Header, schema: Literal["zerobeam/run/1", "zerobeam/p
 def check_header(
     header: Header, robot: Robot, *, file: Path | None, line: Callable[[Place], int | None]
 ) -> None:
-    """BadInput where the header's noise does not suit the robot."""
+    """BadInput where the header's noise or geometry does not suit the robot."""
     stated = header.noise
     if stated.joint_mm is not None and all(joint.kind == "revolute" for joint in robot.joints):
         raise BadInput(
@@ -318,14 +318,20 @@ def check_header(
             file=file,
             line=line(("noise", "joint_mm")),
         )
-    try:
-        stated.of_joints(robot)
-    except BadInput as error:
-        raise BadInput(
-            error.what,
-            found=error.found,
-            allowed=error.allowed,
-            remedy=error.remedy,
-            file=file,
-            line=line(("noise", "joint_deg")),
-        ) from None
+    checks: list[tuple[Place, Callable[[], object]]] = [
+        (("noise", "joint_deg"), lambda: stated.of_joints(robot))
+    ]
+    if header.geometry is not None:
+        checks += [(("geometry", *place), check) for place, check in header.geometry.checks(robot)]
+    for place, check in checks:
+        try:
+            check()
+        except BadInput as error:
+            raise BadInput(
+                error.what,
+                found=error.found,
+                allowed=error.allowed,
+                remedy=error.remedy,
+                file=file,
+                line=line(place),
+            ) from None

@@ -140,7 +140,7 @@ class Plan:
             What reports call the plan.
         **header
             The other keys of a plan file's header, as they are there: prior, distances, held, limits,
-            tolerance, provenance.
+            tolerance, geometry, provenance.
 
         Returns
         -------

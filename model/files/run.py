@@ -115,7 +115,7 @@ class Run:
             What reports call the run.
         **header
             The other keys of a run file's header, as they are there: prior, distances, held, limits,
-            tolerance, provenance.
+            tolerance, geometry, provenance.
 
         Returns
         -------

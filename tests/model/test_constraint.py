@@ -19,7 +19,8 @@ from plain_model import (
 )
 
 from zerobeam.model import kernel
-from zerobeam.model.constraint import ShotFunctions, midpoint_function
+from zerobeam.model.constraint import ShotFunctions
+from zerobeam.model.midpoint import midpoint_function
 from zerobeam.model.robot import Joint, Robot
 from zerobeam.model.tool import Tool
 
@@ -742,25 +743,25 @@ def test_a_midpoint_known_by_hand():
 
 
 def test_every_input_and_output_is_named(case):
-    shot = ["spot", "delta", "target", "tool"]
-    weighted = ["turns", "spot", "weight", "delta", "target", "tool", "variances", "stated"]
+    shot = ["spot", "arm", "target", "tool"]
+    weighted = ["turns", "spot", "weight", "arm", "target", "tool", "variances", "stated"]
     slopes = ["quad", "logdet", "quad_gradient", "logdet_gradient"]
     slopes += ["noise_information", "root_weight", "root"]
     named = {
         "linear": (["q", *shot], ["m", "jacobian"]),
         "terms": (weighted, ["quad", "logdet"]),
         "slopes": (weighted, slopes),
-        "seen": (["q", "delta", "target"], ["y"]),
-        "sighted": (["q", "delta", "target"], ["y", "jacobian"]),
-        "place": (["q", "delta", "y"], ["target"]),
-        "placed": (["q", "delta", "y"], ["target", "jacobian"]),
-        "beam": (["q", "delta", "tool"], ["origin", "direction"]),
-        "skeleton": (["q", "delta"], ["points"]),
-        "axes": (["q", "delta"], ["axes"]),
+        "seen": (["q", "arm", "target"], ["y"]),
+        "sighted": (["q", "arm", "target"], ["y", "jacobian"]),
+        "place": (["q", "arm", "y"], ["target"]),
+        "placed": (["q", "arm", "y"], ["target", "jacobian"]),
+        "beam": (["q", "arm", "tool"], ["origin", "direction"]),
+        "skeleton": (["q", "arm"], ["points"]),
+        "axes": (["q", "arm"], ["axes"]),
     }
     if case.tool.kind == "laser":
         hit = ["point", "length", "jacobian"]
-        named["hit"] = (["q", "delta", "tool", "centre", "normal"], hit)
+        named["hit"] = (["q", "arm", "tool", "centre", "normal"], hit)
     for functions in case.by_log_det.values():
         for name, (inputs, outputs) in named.items():
             function = functions.function(name)

@@ -72,14 +72,29 @@ SEPARATE = {"joint_deg": 0.01, "joint_mm": 0.01, "spot_mm": 0.05, "scale": "sepa
 def test_blocks_cover_the_parameters_in_their_order(irb1600):
     parameters = build(irb1600, {**LASER, "calibrated": False}, ("psd", "a.b"), noise=SEPARATE)
     blocks = [parameters.block(group) for group in ORDER]
-    assert blocks == [slice(0, 6), slice(6, 12), slice(12, 16), slice(16, 18)]
+    assert blocks == [slice(0, 6), slice(6, 6), slice(6, 12), slice(12, 16), slice(16, 18)]
     for group, block in zip(ORDER, blocks, strict=True):
-        assert {item.group for item in parameters.items[block]} == {group}
+        assert {item.group for item in parameters.items[block]} == ({group} - {"geometry"})
     assert parameters.arm == parameters.block("offset")
     assert [parameters.block("target", k) for k in (0, 1)] == [slice(6, 9), slice(9, 12)]
     assert parameters.names[parameters.block("target", 1)] == ("a.b.x", "a.b.y", "a.b.z")
     assert [parameters.block("offset", k) for k in (0, 5)] == [slice(0, 1), slice(5, 6)]
     assert parameters.names[parameters.block("noise")] == ("noise.joint", "noise.spot")
+
+
+def test_the_geometry_is_a_block_between_offsets_and_targets(irb1600):
+    stated = {"geometry": {}}
+    parameters = build(irb1600, {**LASER, "calibrated": False}, ("psd", "b"), noise=SEPARATE, **stated)
+    block = parameters.block("geometry")
+    assert block.start == 6
+    assert parameters.block("target").start == block.stop
+    assert parameters.arm == slice(0, block.stop)
+    assert {item.group for item in parameters.items[block]} == {"geometry"}
+    assert parameters.names[block.start : block.start + 3] == ("link1.a", "link1.alpha", "link1.d")
+    assert parameters.names[block.stop - 1] == "joint6.sin"
+    np.testing.assert_array_equal(parameters.of_shot(1)[: block.stop], np.arange(block.stop))
+    plain = parameters.without("geometry")
+    assert plain.names == build(irb1600, {**LASER, "calibrated": False}, ("psd", "b"), noise=SEPARATE).names
 
 
 def test_a_group_without_parameters_is_an_empty_block_at_its_place(irb1600):
@@ -106,7 +121,7 @@ def test_a_shot_depends_on_its_own_target_alone(irb1600):
     np.testing.assert_array_equal(parameters.of_shot(0, noise=False), [*range(9), *range(12, 16)])
     for group in IN_RESIDUAL:
         own = parameters.of_shot(1, noise=False)[parameters.in_shot(group)]
-        assert {parameters.items[i].group for i in own} == {group}
+        assert {parameters.items[i].group for i in own} == ({group} - {"geometry"})
     with pytest.raises(ValueError, match="noise"):
         parameters.in_shot("noise")
 

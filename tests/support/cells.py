@@ -96,7 +96,7 @@ def varied_postures(own: Header, robot: Robot, target: Sequence[float], count: i
     joints = middle + rng.uniform(-0.4, 0.4, (tries, robot.n)) * width
     problem = Problem.build(own, robot, joints, ["psd"] * tries)
     x = problem.parameters.prior_mean.copy()
-    x[robot.n : robot.n + 3] = target
+    x[problem.parameters.block("target", 0)] = target
     weights = servo_joints(problem)
     aimed = aim(problem, x, weights)
     found = aimed.problem.joints
