@@ -142,7 +142,9 @@ def _lack_of_fit(fit: LikelihoodFit, rank: int) -> Iterator[LackOfFit]:
     elif fit.chance is not None and fit.chance < CONTRADICTED:
         residual = fit.whitened.residual
         whole = float(residual @ residual + fit.z @ fit.z)
-        yield LackOfFit(whole, len(residual), fit.chance, rms_length(fit.whitened.residual_mm), with_priors=True)
+        yield LackOfFit(
+            whole, len(residual), fit.chance, rms_length(fit.whitened.residual_mm), with_priors=True
+        )
 
 
 def _implausible_noise(fit: LikelihoodFit, identified: Identified) -> Iterator[ImplausibleNoise]:

@@ -144,7 +144,10 @@ class Density:
             by_quad[:, block.free] += own[2][:, block.local]
             gradient[:, block.free] += own[3][:, block.local]
             if with_information:
-                kinds = ((block.of_residual, own[5], block.lower), (block.of_noise, own[4], block.noise_lower))
+                kinds = (
+                    (block.of_residual, own[5], block.lower),
+                    (block.of_noise, own[4], block.noise_lower),
+                )
                 for places, lower, pairs in kinds:
                     information[:, places[:, None], places] += lower[:, pairs]
         if problem.noise.estimated:

@@ -19,9 +19,9 @@ from ...model.parameters import Parameters
 from ...model.problem import Problem
 from ...model.robot import Matrix
 from ..estimation.fit import CONTRADICTED, LikelihoodFit, modes, start_at
+from ..placements import placements
 from .displacement import displacement
 from .hypotheses import Cause, Change, changes, widened
-from ..placements import placements
 
 CHANCE = 1e-3  # that what is left is noise, that a gain is chance, that a rival is the better one
 HALVED = 0.5  # what does not agree with the noise has to leave no more than this share of the residuals
