@@ -140,11 +140,9 @@ def _lack_of_fit(fit: LikelihoodFit, rank: int) -> Iterator[LackOfFit]:
     if p_value is not None and p_value < LACK_OF_FIT:
         yield LackOfFit(chi2, dof, p_value, rms_length(fit.whitened.residual_mm))
     elif fit.chance is not None and fit.chance < CONTRADICTED:
-        residual = fit.whitened.residual
+        residual, rms_mm = fit.whitened.residual, rms_length(fit.whitened.residual_mm)
         whole = float(residual @ residual + fit.z @ fit.z)
-        yield LackOfFit(
-            whole, len(residual), fit.chance, rms_length(fit.whitened.residual_mm), with_priors=True
-        )
+        yield LackOfFit(whole, len(residual), fit.chance, rms_mm, with_priors=True)
 
 
 def _implausible_noise(fit: LikelihoodFit, identified: Identified) -> Iterator[ImplausibleNoise]:

@@ -144,11 +144,8 @@ class Density:
             by_quad[:, block.free] += own[2][:, block.local]
             gradient[:, block.free] += own[3][:, block.local]
             if with_information:
-                kinds = (
-                    (block.of_residual, own[5], block.lower),
-                    (block.of_noise, own[4], block.noise_lower),
-                )
-                for places, lower, pairs in kinds:
+                residuals = (block.of_residual, own[5], block.lower)
+                for places, lower, pairs in (residuals, (block.of_noise, own[4], block.noise_lower)):
                     information[:, places[:, None], places] += lower[:, pairs]
         if problem.noise.estimated:
             weight = self.numbers(of) / quad

@@ -22,7 +22,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import casadi as ca
 import numpy as np
@@ -160,7 +160,7 @@ class Geometry:
         """The robot with its links at `values` (g,), which may be symbols: its transforms are then too."""
         if not self.links:
             return robot
-        fixed: list[ca.SX] = [joint.fixed for joint in robot.joints] + [robot.flange]
+        fixed: list[Any] = [joint.fixed for joint in robot.joints] + [robot.flange]
         start = 0
         for link in self.links:
             stop = start + len(link.axes)
