@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from ..model.errors import BadInput
 from ..model.files.run import Run
+from ..model.geometry import NOMINAL
 from ..model.problem import Problem, rms_length
 from .diagnostics.accuracy import accuracy
 from .diagnostics.budget import budget
@@ -19,12 +20,15 @@ from .diagnostics.influence import shot_results
 from .diagnostics.outliers import robust_result
 from .diagnostics.placement_result import placement_result
 from .diagnostics.scene import scene
-from .estimation.fit import fit_likelihood, start_at
+from .estimation.fit import fit_from, start_at
 from .estimation.midpoint import MidpointFit, fit_midpoint
 from .estimation.robust import Loss
 from .findings import findings, tolerances
+from .ladder import climb_ladder
+from .observability.geometry import geometry_result
 from .posterior.intervals import intervals
 from .posterior.posterior import UNSAMPLED, Draws, sample_posterior
+from .recordings.effective import effective
 from .result import DistanceResult, Inputs, LikelihoodSummary, MidpointSummary, Result
 from .solution import ParameterTable, Solution, judge, require_noise_data
 from .status import known, versions
@@ -74,12 +78,13 @@ def _analyse(
     tell("fit", 0.0)
     # What was asked for in vain is said before the long part.
     unseen = hold_out(problem, held_out, seed) if held_out else None
-    fit = fit_likelihood(problem, seed=seed)
+    climbed = climb_ladder(problem, run.header, seed, lambda share: tell("fit", 0.7 * share))
     tell("fit", 0.7)
-    midpoint = fit_midpoint(problem)
+    midpoint = fit_midpoint(problem.with_geometry(NOMINAL))
     tell("fit", 1.0)
     tell("identifiability", 0.0)
-    solution = judge(fit)
+    solution = independent(judge(climbed.fit))
+    problem = solution.problem
     tell("identifiability", 1.0)
     posterior, draws = UNSAMPLED, None
     if solution.converged:
@@ -96,6 +101,16 @@ def _analyse(
         identifiability=solution.identified.facts,
         likelihood=_likelihood(solution),
         midpoint=_midpoint(midpoint),
+        geometry=geometry_result(
+            run.header,
+            problem,
+            solution.fit.x,
+            solution.fit.covariance,
+            solution.status,
+            weight=solution.fit.weight,
+            ladder=climbed.ladder,
+            factors=climbed.factors,
+        ),
         posterior=posterior,
         shots=shots,
         distances=_distances(solution),
@@ -114,14 +129,26 @@ def _analyse(
     return Analysis(fit=solution.fit, identified=solution.identified, run=run, result=result, draws=draws)
 
 
+def independent(solution: Solution) -> Solution:
+    """The same with its measurements at their effective number, where neighbouring ones are correlated."""
+    divisor = effective(solution, tolerances(solution)).divisor
+    if divisor == 1:
+        return solution
+    problem = solution.problem
+    weighted = problem.weighted(np.full(problem.shots, 1 / divisor))
+    return judge(fit_from(weighted, solution.fit.x))
+
+
 def _with_midpoint(solution: Solution, fit: MidpointFit) -> ParameterTable:
     """The rows of the solution, with the paper's estimates beside them."""
     if not (fit.available and fit.converged):
         return solution.parameters
-    items = solution.problem.parameters.items
+    items, estimates = solution.problem.parameters.items, dict(zip(fit.names, fit.x, strict=True))
     return ParameterTable(
-        replace(row, midpoint=item.shown(float(value))) if known(row.status) and row.group != "noise" else row
-        for row, item, value in zip(solution.parameters, items, fit.x, strict=True)
+        replace(row, midpoint=item.shown(float(estimates[row.name])))
+        if known(row.status) and row.group != "noise" and row.name in estimates
+        else row
+        for row, item in zip(solution.parameters, items, strict=True)
     )
 
 

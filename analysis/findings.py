@@ -14,8 +14,8 @@ from .diagnostics.hold_out import HoldOut
 from .diagnostics.influence import ShotResult
 from .diagnostics.outliers import OUTLYING, Robust
 from .misfit import LACK_OF_FIT, Criterion
+from .observability.consider import link_columns
 from .posterior.posterior import PosteriorSummary
-from .recordings.rival import link_tolerances
 from .solution import Solution
 
 
@@ -97,7 +97,7 @@ def on_the_model(solution: Solution) -> Iterator[Finding]:
 def tolerances(solution: Solution) -> Matrix | None:
     """What links within their tolerances do to the residuals at the mode; None where they are fitted."""
     fit = solution.fit
-    return link_tolerances(fit.problem, fit.x, fit.whitened)
+    return link_columns(fit.problem, fit.x)
 
 
 def moved_target(solution: Solution) -> Displacement | None:

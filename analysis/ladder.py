@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
@@ -19,21 +18,8 @@ from ..model.geometry import NOMINAL, Geometry
 from ..model.problem import Problem
 from .estimation.fit import LikelihoodFit, fit_from, fit_likelihood
 from .estimation.tolerance_factors import Factors, with_factors
+from .observability.geometry import Rung, RungName
 from .placements import placements
-
-RungName = Literal["offsets", "geometry", "gravity", "harmonics"]
-
-
-@dataclass(frozen=True)
-class Rung:
-    """One model: how many parameters it frees, the root mean square of the residuals at placements that it
-    has not seen (None with a single placement), its log evidence, and whether the answer keeps it."""
-
-    rung: RungName
-    parameters: int
-    held_out_rms_mm: float | None
-    log_evidence: float
-    kept: bool
 
 
 @dataclass(frozen=True, eq=False)

@@ -121,16 +121,13 @@ class Misfit:
             raise UnsoundResult("a misfit by no criterion")
 
 
-def misfit_of(fit: LikelihoodFit, identified: Identified, *, effective: float = 1.0) -> Misfit | None:
-    """What speaks against the model at a converged fit; None where nothing does.
-
-    `effective` is the number of measurements over the effective number of independent ones (1 or more).
-    """
+def misfit_of(fit: LikelihoodFit, identified: Identified) -> Misfit | None:
+    """What speaks against the model at a converged fit; None where nothing does."""
     criteria: tuple[Criterion, ...] = (
         *_lack_of_fit(fit, identified.facts.rank),
         *_implausible_noise(fit, identified),
         *_beyond_prior(fit, identified),
-        *_disagreement(fit, effective),
+        *_disagreement(fit),
     )
     return Misfit(criteria) if criteria else None
 
@@ -186,7 +183,7 @@ def _beyond_prior(fit: LikelihoodFit, identified: Identified) -> Iterator[Beyond
         yield BeyondPrior(tuple(off))
 
 
-def _disagreement(fit: LikelihoodFit, effective: float) -> Iterator[PlacementsDisagree]:
+def _disagreement(fit: LikelihoodFit) -> Iterator[PlacementsDisagree]:
     """The F-test of offsets of their own for every placement, at the linearised fit.
 
     Residuals count only as far as no parameter can explain them, whatever the priors: what own offsets
@@ -210,12 +207,12 @@ def _disagreement(fit: LikelihoodFit, effective: float) -> Iterator[PlacementsDi
         own.append(columns - basis @ (basis.T @ columns))
     explains = _range_of(np.hstack(own))
     rank = explains.shape[1]
-    dof = problem.data_size - basis.shape[1] - rank
+    dof = problem.measured_size - basis.shape[1] - rank
     if rank == 0 or dof <= 0:
         return
     drop = float(((explains.T @ rest) ** 2).sum())
     within = max(float(rest @ rest) - drop, 1e-300) / dof
-    ratio = drop / rank / within / max(effective, 1.0)
+    ratio = drop / rank / within
     p_value = float(fdtrc(rank, dof, ratio))
     if p_value < LACK_OF_FIT and ratio > DISAGREES**2:
         by_one = [float(((_range_of(columns).T @ rest) ** 2).sum()) for columns in own]

@@ -19,6 +19,7 @@ from .diagnostics.placement_result import PlacementResult
 from .diagnostics.scene import Scene
 from .findings import Finding
 from .misfit import Misfit
+from .observability.geometry import GeometryResult
 from .observability.identifiability import Identifiability
 from .posterior.intervals import Intervals
 from .posterior.posterior import PosteriorSummary
@@ -130,6 +131,8 @@ class Result:
         The fits; the last two are None where they were not asked for.
     placements : PlacementResult
         Each placement left out in turn, jackknife, correlation and steps of the recordings.
+    geometry : GeometryResult
+        Tolerances, the model ladder, and what the offsets are worth with nominal geometry.
     posterior : PosteriorSummary
         Diagnostics and summaries of the draws.
     shots, distances, intervals, accuracy, budget, scene
@@ -163,6 +166,7 @@ class Result:
     identifiability: Identifiability
     likelihood: LikelihoodSummary
     midpoint: MidpointSummary
+    geometry: GeometryResult
     posterior: PosteriorSummary
     shots: tuple[ShotResult, ...]
     distances: tuple[DistanceResult, ...]

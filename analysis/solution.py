@@ -24,6 +24,7 @@ from ..model.robot import Matrix
 from .estimation.fit import AgainstNoise, LikelihoodFit, fit_likelihood
 from .misfit import Misfit, misfit_of
 from .observability.causes import Cause, Unconverged
+from .observability.consider import tolerance_share
 from .observability.identifiability import Identified, identify, no_better_than
 from .observability.verdict import cause_for
 from .rows import Rows, frame
@@ -50,7 +51,8 @@ class ParameterResult:
     `estimate`, `std`, `interval95` are None where status is `unidentifiable` (the data do not determine it);
     for a `held` one `estimate` is the value it is held at, `std` None and `cause` says why.
     `data_std` is None for an exact gauge (infinite) and for held ones. `midpoint` is the paper's
-    eq. 8 estimate, None where unidentifiable, held or not part of that fit.
+    eq. 8 estimate, None where unidentifiable, held or not part of that fit. `tolerance_share` (0 to 1) is the
+    part of the variance that the tolerances of the geometry set, None where the geometry is nominal.
 
     Raises UnsoundResult where a number is claimed that the status does not allow.
     """
@@ -67,6 +69,7 @@ class ParameterResult:
     prior_std: float
     midpoint: float | None
     cause: Cause | None
+    tolerance_share: float | None = None
 
     def __post_init__(self) -> None:
         if self.held != (self.status == "held"):
@@ -81,7 +84,9 @@ class ParameterResult:
                 )
             return
         claims = {"estimate": self.estimate, "std": self.std, "interval95": self.interval95}
-        require_no_more_than(self.name, self.status, **claims, midpoint=self.midpoint)
+        require_no_more_than(
+            self.name, self.status, **claims, midpoint=self.midpoint, tolerance_share=self.tolerance_share
+        )
         if known(self.status):
             if self.estimate is None or self.std is None or self.interval95 is None:
                 raise UnsoundResult(f"{self.name!r} is {self.status}, but lacks estimate, std or interval95")
@@ -365,7 +370,19 @@ class Solution:
             cause=cause_for(self.identified.facts.null_space, item, status)
             if self.converged or item.held
             else Unconverged(),
+            tolerance_share=float(self._tolerance_share[i]) if determined and self._tolerated else None,
         )
+
+    @property
+    def _tolerated(self) -> bool:
+        return len(self.problem.tolerated) > 0
+
+    @cached_property
+    def _tolerance_share(self) -> Matrix:
+        """(p,) of the free parameters, nan if held."""
+        share = np.full(len(self.problem.parameters), np.nan)
+        share[self.problem.parameters.free] = tolerance_share(self.problem, self.fit.covariance)
+        return share
 
 
 def solve(problem: Problem, **how: Any) -> Solution:

@@ -39,7 +39,7 @@ ARM: tuple[Group, ...] = ("offset", "geometry")
 # The groups that the residual of one shot depends on: of the targets it is its own alone.
 IN_RESIDUAL: tuple[Group, ...] = (*ARM, "target", "tool")
 
-HeldBy = Literal["base frame", "tool rotation", "free tool", "header"]
+HeldBy = Literal["base frame", "tool rotation", "first link", "free tool", "header"]
 _NOISE_PRIOR = 1.0  # of the logarithm of a noise factor: 95 % between 1/7 and 7 times what is stated
 _NOISE_TOLERANCE = 0.25  # a noise factor counts as identified if it is known to about a quarter
 _DEGREES = float(np.degrees(1.0))
@@ -276,7 +276,7 @@ def _of_geometry(geometry: Geometry, robot: Robot, tool: Tool, known: StatedTole
     moving_all = set(_moving_all(robot))
     for of, axis in geometry.names:
         unit: Unit = "mm" if axis in ("a", "d") else "deg"
-        held_by: HeldBy | None = "base frame" if (of, axis) in moving_all else None
+        held_by: HeldBy | None = "first link" if (of, axis) in moving_all else None
         if of == f"link{robot.n}" and not tool.calibrated:
             held_by = "free tool"
         yield Parameter(

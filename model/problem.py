@@ -230,11 +230,15 @@ class Problem:
         return len(self.joints)
 
     @property
+    def measured_size(self) -> int:
+        """Number of residuals: d for each shot (as often as it counts), one for each distance."""
+        return round(float(self.weights.sum()) * self.tool.miss_size) + len(self.distances)
+
+    @property
     def data_size(self) -> int:
-        """Number of residuals: d for each shot (as often as it counts), one for each distance, and one for
-        each geometry parameter, of which the tolerance is knowledge like a measurement."""
-        measured = round(float(self.weights.sum()) * self.tool.miss_size)
-        return measured + len(self.distances) + len(self.tolerated)
+        """The same, and one for each geometry parameter, of which the tolerance is knowledge like a
+        measurement."""
+        return self.measured_size + len(self.tolerated)
 
     @cached_property
     def tolerated(self) -> Index:

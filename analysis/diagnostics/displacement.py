@@ -70,7 +70,7 @@ def displacement(fit: LikelihoodFit, rival: Matrix | None = None) -> Displacemen
     """The most likely displacement in the run of `fit`, whether it is significant or not.
 
     `rival` (M, g) are whitened columns of another explanation of the misses, times the prior stds of its
-    parameters (`link_tolerances`): it is marginalised.
+    parameters (`link_columns`): it is marginalised.
 
     None where no change point can be tested: no target has two shots, or the shots are so few that offsets,
     places and tool explain whatever a displacement would do.
@@ -138,6 +138,12 @@ class _Left(NamedTuple):
         problem, whitened = fit.problem, fit.whitened
         shots, d = problem.shots, problem.tool.miss_size
         residual, columns = whitened.residual, whitened.jacobian[:, problem.parameters.free]
+        tolerated = problem.parameters.among_free[problem.tolerated]
+        if len(tolerated):
+            # The geometry has its tolerances, in units of the stated noise as well.
+            known = np.eye(columns.shape[1])[tolerated] / np.sqrt(fit.weight)
+            columns = np.vstack([columns, known])
+            residual = np.append(residual, fit.z[tolerated] / np.sqrt(fit.weight))
         if rival is not None:
             # Least squares with a row for each prior of the rival, in units of the stated noise as well.
             count = rival.shape[1]
@@ -151,7 +157,7 @@ class _Left(NamedTuple):
             basis[: shots * d].reshape(shots, d, -1),
             rest[: shots * d].reshape(shots, d),
             float(rest @ rest),
-            problem.data_size + len(residual) - len(whitened.residual) - basis.shape[1],
+            problem.measured_size + len(residual) - len(whitened.residual) - basis.shape[1],
             problem.noise.known,
         )
 

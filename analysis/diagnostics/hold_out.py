@@ -156,7 +156,7 @@ def judged(
     squares = float((noise**2).sum() - ((noise @ placed) ** 2).sum())
     rest = (by_rest - basis @ (basis.T @ by_rest))[:rows] / scale[:rows, None]
     squares += float(((whitened.factor @ rest.reshape(unseen.shots, d, -1)) ** 2).sum())
-    chi2, dof = float(left @ left), unseen.data_size - rank
+    chi2, dof = float(left @ left), unseen.measured_size - rank
     return HoldOut(
         targets=names,
         placements=tuple(placement.name for placement in groups),

@@ -25,7 +25,7 @@ class PlacementResult:
 
 
 def placement_result(solution: Solution, rival: Matrix | None = None) -> PlacementResult:
-    """Of a solution's measurements; `rival` is what else may explain their residuals (`link_tolerances`)."""
+    """Of a solution's measurements; `rival` is what else may explain their residuals (`link_columns`)."""
     fits = fits_without(solution)
     return PlacementResult(
         tuple(placement.name for placement in placements(solution.problem)),

@@ -26,11 +26,13 @@ _PARALLEL = 1e-4  # rad: beams nearer to parallel than this have no middle that 
 
 @dataclass(frozen=True, eq=False)
 class MidpointFit:
-    """`x` (p,) internal units with the offsets and tool of the fit (targets: the mean middle).
+    """`x` (p,) of the parameters `names`, internal units, with the offsets and tool of the fit (targets: the
+    mean middle).
 
     `available` is False where no pair of beams has a middle; `rms` is over the 3-vectors, mm.
     """
 
+    names: tuple[str, ...]
     x: Matrix
     available: bool
     converged: bool
@@ -59,16 +61,16 @@ class MidpointFits:
 def fit_midpoint(problem: Problem) -> MidpointFit:
     """Minimise eq. 8 from zero offsets by Levenberg-Marquardt, each target with a mean of its own."""
     middles, message = _Middles.of(problem)
+    names = problem.parameters.names
     if middles is None:
         nothing = float("nan")
-        return MidpointFit(
-            problem.parameters.prior_mean, False, False, "not defined", 0, nothing, nothing, message
-        )
+        start = problem.parameters.prior_mean
+        return MidpointFit(names, start, False, False, "not defined", 0, nothing, nothing, message)
     found = _fitted(middles, problem.joints[None])
     cost = float(found.cost[0])
     rms = float(np.sqrt(2 * cost / found.points))
     converged, iterations = bool(found.converged[0]), int(found.iterations[0])
-    return MidpointFit(found.x[0], True, converged, found.reason[0], iterations, cost, rms, message)
+    return MidpointFit(names, found.x[0], True, converged, found.reason[0], iterations, cost, rms, message)
 
 
 def fit_midpoints(problem: Problem, joints: Matrix) -> MidpointFits:

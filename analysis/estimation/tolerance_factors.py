@@ -41,7 +41,9 @@ def with_factors(fit: LikelihoodFit) -> tuple[LikelihoodFit, Factors]:
     at = np.zeros(2)
     for _ in range(_ROUNDS):
         near = _Linear(fit, at)
-        found = minimize(lambda own, near=near: -near.log_evidence(own), at, method="BFGS").x
+        found = minimize(
+            lambda own, near=near: -near.log_evidence(own), at, method="BFGS", options={"eps": 1e-4}
+        ).x
         moved, at = float(np.abs(found - at).max()), found
         fit = fit_from(fit.problem.with_geometry(nominal.scaled(*np.exp(at).tolist())), fit.x)
         if moved < _SETTLED or not fit.converged:
@@ -67,24 +69,27 @@ class _Linear:
         residual[:rows] *= root
         self._at, self._z = at, fit.z
         self._information = jacobian.T @ jacobian
-        self._pull = self._information @ fit.z - jacobian.T @ residual  # of the quadratic in z
+        self._slope = jacobian.T @ residual
         self._kinds = _kinds(problem)
 
-    def _mode(self, at: Matrix) -> tuple[Matrix, Matrix, Matrix]:
-        """Mode (f,) in the units of the fit, information there (f, f), prior precision (f,)."""
+    def _step(self, at: Matrix) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+        """(f,) from the mode of the fit to that of other factors; with them half the slope where it starts
+        (f,), the information (f, f) and the prior precision (f,); in the units of the fit."""
         precision = np.exp(-2 * (self._kinds @ (at - self._at)))
         information = self._information + np.diag(precision)
-        return np.linalg.solve(information, self._pull), information, precision
+        slope = self._slope + precision * self._z
+        return -np.linalg.solve(information, slope), slope, information, precision
 
     def log_evidence(self, at: Matrix) -> float:
         """With the prior of the factors, up to a constant."""
-        mode, information, precision = self._mode(at)
+        step, slope, information, precision = self._step(at)
+        drop = float(-(slope @ step) - (precision * self._z) @ self._z)
         log_det = float(np.log(precision).sum() - np.linalg.slogdet(information)[1])
-        return (float(self._pull @ mode) + log_det - float((at**2).sum()) / _PRIOR_STD**2) / 2
+        return (drop + log_det - float((at**2).sum()) / _PRIOR_STD**2) / 2
 
     def slopes(self, at: Matrix) -> Matrix:
         """(f, 2) of the mode by the logarithms, in the units of the fit."""
-        ends = [(self._mode(at + step)[0], self._mode(at - step)[0]) for step in _STEP * np.eye(2)]
+        ends = [(self._step(at + own)[0], self._step(at - own)[0]) for own in _STEP * np.eye(2)]
         return np.array([(up - down) / (2 * _STEP) for up, down in ends]).T
 
     def curvature(self, at: Matrix) -> Matrix:

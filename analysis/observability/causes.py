@@ -33,6 +33,11 @@ class NotResolvable:
 
 
 @dataclass(frozen=True)
+class ToleranceOnly:
+    """A geometry parameter of which the measurements say no more than its tolerance."""
+
+
+@dataclass(frozen=True)
 class TargetUnseen:
     """The target is measured in `measurements` postures that do not fix its position."""
 
@@ -121,6 +126,7 @@ Cause = (
     | Unconverged
     | NotTheModel
     | NotResolvable
+    | ToleranceOnly
     | TargetUnseen
     | BaseFrame
     | NoiseSplit

@@ -18,8 +18,10 @@ from ..rows import Rows, frame
 from ..status import Status, Verdict, known, require_no_more_than, verdict_of, versions
 from .aim import Aimed, AimedPlan, aim_plan
 from .causes import Cause
+from .consider import tolerance_share
+from .geometry import GeometryResult, geometry_result
 from .identifiability import Identifiability, identify
-from .outlook import Advice, CurvePoint, OverTarget, advice, curve, over_target, predicted_std
+from .outlook import Advice, CurvePoint, OverTarget, advice, curve, over_target, predicted_covariance
 from .verdict import cause_for
 
 if TYPE_CHECKING:
@@ -40,6 +42,7 @@ class CheckedParameter:
     std: float | None
     prior_std: float
     cause: Cause | None
+    tolerance_share: float | None = None
 
     def __post_init__(self) -> None:
         require_no_more_than(self.name, self.status, std=self.std)
@@ -128,6 +131,8 @@ class Check:
         the plan cannot determine it), `data_std` (without prior), `prior_std`, `cause`.
     identifiability : Identifiability
         Rank, singular values, and the null-space directions with causes.
+    geometry : GeometryResult
+        Tolerances of the geometry, and what the offsets will be worth if it is taken as nominal.
     postures : tuple of CheckedPosture
         How far each posture's beam is off its target before the wrist is turned, mm.
     curve, over_target, advice
@@ -150,6 +155,7 @@ class Check:
     verdict: Verdict
     parameters: tuple[CheckedParameter, ...]
     identifiability: Identifiability
+    geometry: GeometryResult
     postures: tuple[CheckedPosture, ...]
     curve: tuple[CurvePoint, ...]
     over_target: OverTarget | None
@@ -170,13 +176,15 @@ def check(plan: Plan, turned: AimedPlan | None = None) -> Check:
     with threadpool_limits(limits=1, user_api="blas"):
         shots = _shots(plan, aimed)
         identified = identify(shots, x)
-        predicted = predicted_std(shots, x)
+        covariance = predicted_covariance(shots, x)
+        geometry = geometry_result(plan.header, shots, x, covariance, identified.status)
         promised = curve(shots, x)
         elsewhere = over_target(problem, x, _stated_spread(plan, problem))
         parameters = problem.parameters
         verdict = verdict_of(identified.status[parameters.block("offset")])
         better = None if verdict == "pass" else advice(shots, x)
-    std = parameters.unscaled(predicted)
+    std = parameters.unscaled(np.sqrt(np.diag(covariance)))
+    share = parameters.unscaled(tolerance_share(shots, covariance)) / parameters.prior_std
     rows = []
     for i, item in enumerate(parameters.items):
         status, data_std = identified.status[i], float(identified.data_std[i])
@@ -191,12 +199,14 @@ def check(plan: Plan, turned: AimedPlan | None = None) -> Check:
                 std=float(std[i]) * item.display if known(status) else None,
                 prior_std=item.prior_std * item.display,
                 cause=cause_for(identified.facts.null_space, item, status),
+                tolerance_share=float(share[i]) if known(status) and len(problem.tolerated) else None,
             )
         )
     return Check(
         verdict=verdict,
         parameters=tuple(rows),
         identifiability=identified.facts,
+        geometry=geometry,
         postures=tuple(
             CheckedPosture(i, plan.targets[i], float(aimed.off_mm[i]), bool(aimed.hit[i]))
             for i in range(problem.shots)

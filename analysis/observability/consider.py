@@ -20,17 +20,30 @@ from ...model.robot import Matrix
 TYPICAL_MM, TYPICAL_DEG = 0.3, 0.1  # of the links of industrial arms, as measured on ten of them
 
 
+def with_links(problem: Problem, x: Matrix) -> tuple[Problem, Matrix]:
+    """The problem with the geometry that it states, or with typical tolerances of the links where it states
+    none; and x (p,) there."""
+    if len(problem.tolerated):
+        return problem, x
+    whole = problem.with_geometry(Geometry.of_links(problem.robot, TYPICAL_MM, TYPICAL_DEG))
+    return whole, whole.parameters.with_values(whole.parameters.prior_mean, problem.parameters, x)
+
+
+def link_columns(problem: Problem, x: Matrix) -> Matrix | None:
+    """(M, g) what links of typical tolerances do to the whitened residuals at x (p,), each by one std; None
+    where the geometry is estimated: there it is no rival of other explanations."""
+    if len(problem.tolerated):
+        return None
+    whole, at = with_links(problem, x)
+    return whole.whiten(at).jacobian[:, whole.tolerated]
+
+
 def considered(problem: Problem, x: Matrix, weight: float = 1.0) -> Matrix:
     """(p,) std at x (p,), internal units, of the estimates that take the geometry as nominal, if the arm has
-    the tolerances that are stated, or typical ones of its links where none are; nan of what is held and of
-    the geometry itself. `weight` is 1 / noise scale^2."""
+    the tolerances of `with_links`; nan of what is held, of noise factors and of the geometry itself. `weight`
+    is 1 / noise scale^2."""
     parameters = problem.parameters
-    nominal = parameters.free & ~parameters.group("geometry")
-    whole, at = problem, x
-    if not len(problem.tolerated):
-        links = Geometry.of_links(problem.robot, TYPICAL_MM, TYPICAL_DEG)
-        whole = problem.with_geometry(links)
-        at = whole.parameters.with_values(whole.parameters.prior_mean, parameters, x)
+    whole, at = with_links(problem, x)
     own = whole.parameters
     jacobian = whole.whiten(at).jacobian
     jacobian[: problem.shots * problem.tool.miss_size] *= np.sqrt(weight)
@@ -40,7 +53,7 @@ def considered(problem: Problem, x: Matrix, weight: float = 1.0) -> Matrix:
     moved = covariance @ (by_own.T @ by_geometry)
     std = np.sqrt(np.diag(covariance) + (moved**2).sum(axis=1)) * own.prior_std[estimated]
     result = np.full(len(parameters), np.nan)
-    result[nominal & ~parameters.group("noise")] = std
+    result[parameters.free & ~parameters.group("geometry") & ~parameters.group("noise")] = std
     return result
 
 

@@ -56,7 +56,12 @@ class Advice:
 
 def predicted_std(problem: Problem, x: Matrix) -> Matrix:
     """(f,) std of the free parameters scaled by their priors, priors included, at x (p,)."""
-    return np.asarray(np.sqrt(np.diag(np.linalg.inv(_information(problem, x)))))
+    return np.asarray(np.sqrt(np.diag(predicted_covariance(problem, x))))
+
+
+def predicted_covariance(problem: Problem, x: Matrix) -> Matrix:
+    """(f, f) of the free parameters scaled by their priors, priors included, at x (p,)."""
+    return np.asarray(np.linalg.inv(_information(problem, x)))
 
 
 def curve(problem: Problem, x: Matrix) -> tuple[CurvePoint, ...]:

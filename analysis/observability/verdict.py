@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from ...model.parameters import Parameter
 from ..status import Status
-from .causes import Cause, Held, NotResolvable, NotTheModel, NullDirection
+from .causes import Cause, Held, NotResolvable, NotTheModel, NullDirection, ToleranceOnly
 
 
 def worst_direction(null_space: Sequence[NullDirection], name: str) -> NullDirection:
@@ -30,6 +30,8 @@ def cause_for(null_space: Sequence[NullDirection], item: Parameter, status: Stat
     """Why a parameter has no number, or a poor one; None for an identified one."""
     if item.held_by is not None:
         return Held(item.held_by)
+    if item.group == "geometry" and status == "unidentifiable":
+        return ToleranceOnly()
     if status == "unvalidated":
         return NotTheModel()
     return None if status == "identified" else worst_direction(null_space, item.name).cause

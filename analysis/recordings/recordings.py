@@ -14,10 +14,18 @@ from itertools import pairwise
 import numpy as np
 
 from ...model.kernel import Index
-from ...model.problem import Problem
+from ...model.problem import Problem, Whitened
 from ...model.robot import Matrix
 from ..estimation.fit import LikelihoodFit
-from .rival import by_targets
+
+
+def by_targets(problem: Problem, whitened: Whitened) -> Matrix:
+    """(N, d, 3) of the whitened residuals by their targets' coordinates in mm, held or not."""
+    parameters, d = problem.parameters, problem.tool.miss_size
+    own = problem.columns[:, parameters.in_shot("target")]
+    jacobian = whitened.jacobian[: problem.shots * d].reshape(problem.shots, d, -1)
+    by_scaled = np.take_along_axis(jacobian, np.repeat(own[:, None, :], d, axis=1), axis=2)
+    return np.asarray(by_scaled / parameters.prior_std[own][:, None, :])
 
 
 @dataclass(frozen=True, eq=False)

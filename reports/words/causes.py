@@ -14,6 +14,7 @@ from ...analysis.observability.causes import (
     OnePosition,
     ParallelAxes,
     TargetUnseen,
+    ToleranceOnly,
     TooFewMeasurements,
     ToolAgainstTarget,
     ToolRotation,
@@ -38,6 +39,10 @@ def reason(cause: Cause, name: Namer = str) -> str:
             return _BASE_FRAME
         case Held(by="tool rotation") | ToolRotation(tool="laser"):
             return _TOOL_ROTATION
+        case Held(by="first link"):
+            return "it moves the arm and every target alike, as the choice of the base frame does"
+        case Held(by="free tool"):
+            return "the free tool takes up what the last link does"
         case Held():
             return "held by the header"
         case Unconverged():
@@ -46,6 +51,8 @@ def reason(cause: Cause, name: Namer = str) -> str:
             return "the model does not describe the measurements"
         case NotResolvable():
             return "not resolvable at this noise level"
+        case ToleranceOnly():
+            return "prior only: the measurements say no more of it than its tolerance"
         case TargetUnseen(target, 1):
             return f"the target {name(target)} has one measurement only"
         case TargetUnseen(target, _):
@@ -86,6 +93,10 @@ def remedy(cause: Cause, name: Namer = str) -> str:
             return f"hold {name('delta1')} (the default): it is a choice of base frame and costs no accuracy"
         case Held(by="header"):
             return "leave it out of `held` to estimate it"
+        case Held(by="first link"):
+            return "nothing: it is a choice of base frame and costs no accuracy"
+        case Held(by="free tool"):
+            return "nothing: it is part of the tool, which is estimated"
         case Held() | ToolRotation():
             joint = name(f"delta{cause.joint}") if isinstance(cause, ToolRotation) else "the last offset"
             return f"hold {joint}, or calibrate the tool separately and state it as calibrated"
@@ -95,6 +106,8 @@ def remedy(cause: Cause, name: Namer = str) -> str:
             return "find what is wrong first: joint columns, signs, zeros, units, targets, geometry"
         case NotResolvable():
             return "add measurements, or measure with less noise"
+        case ToleranceOnly():
+            return "add measurements in postures that differ in the joints around this link"
         case TargetUnseen(target, _):
             return f"add measurements of {name(target)} from other directions"
         case NoiseSplit():

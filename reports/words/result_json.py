@@ -21,6 +21,7 @@ from ...analysis.diagnostics.placement_result import PlacementResult
 from ...analysis.misfit import LackOfFit, Misfit
 from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.check import Check
+from ...analysis.observability.geometry import GeometryResult
 from ...analysis.observability.identifiability import Identifiability
 from ...analysis.result import RESULT_SCHEMA, LikelihoodSummary, MidpointSummary, Result
 from ...analysis.solution import ParameterResult
@@ -55,6 +56,7 @@ def to_json(result: Result) -> dict[str, Any]:
         "parameters": [_parameter(parameter) for parameter in result.parameters],
         "identifiability": _identifiability(result.identifiability),
         "fits": {"likelihood": _likelihood(result.likelihood), "midpoint": _midpoint(result.midpoint)},
+        "geometry": _geometry(result.geometry),
         "posterior": _posterior(result),
         "shots": _plain(result.shots, "shots"),
         "distances": _plain(result.distances, "distances"),
@@ -83,6 +85,7 @@ def check_json(check: Check) -> dict[str, Any]:
             for row in check.parameters
         ],
         "identifiability": _identifiability(check.identifiability),
+        "geometry": _geometry(check.geometry),
         "postures": _plain(check.postures, "postures"),
         "curve": _plain(check.curve, "curve"),
         "over_target": _plain(check.over_target, "over_target"),
@@ -103,7 +106,21 @@ def _parameter(row: ParameterResult) -> dict[str, Any]:
     order = ("name", "unit", "status", "held", "estimate", "std", "data_std", "interval95", "prior_std")
     where = f"parameter {row.name!r}"
     plain = {key: _plain(getattr(row, key), f"{where}, {key}") for key in (*order, "midpoint", "group")}
-    return {**plain, "reason": row.cause and reason(row.cause)}
+    share = {} if row.group != "offset" else {"tolerance_share": _plain(row.tolerance_share, where)}
+    return {**plain, **share, "reason": row.cause and reason(row.cause)}
+
+
+def _geometry(own: GeometryResult) -> dict[str, Any]:
+    tolerance = {"length_mm": own.length_mm, "angle_deg": own.angle_deg}
+    return {
+        "tolerance": _plain(tolerance, "geometry.tolerance") if own.stated else None,
+        "considered_tolerance": _plain(tolerance, "geometry.considered_tolerance"),
+        "factors": _plain(own.factors, "geometry.factors"),
+        "ladder": _plain(own.ladder, "geometry.ladder"),
+        "consider": _plain(own.consider, "geometry.consider"),
+        "at_half": _plain(own.at_half, "geometry.at_half"),
+        "at_twice": _plain(own.at_twice, "geometry.at_twice"),
+    }
 
 
 def _identifiability(facts: Identifiability) -> dict[str, Any]:

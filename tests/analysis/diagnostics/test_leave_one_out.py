@@ -20,8 +20,8 @@ from zerobeam.analysis.diagnostics.leave_one_out import (
 )
 from zerobeam.analysis.diagnostics.placement_result import placement_result
 from zerobeam.analysis.estimation.fit import fit_likelihood
+from zerobeam.analysis.observability.consider import link_columns
 from zerobeam.analysis.placements import Placement, placements
-from zerobeam.analysis.recordings.rival import link_tolerances
 from zerobeam.analysis.solution import Solution, solve
 from zerobeam.model.errors import BadInput
 from zerobeam.model.problem import Problem
@@ -248,7 +248,7 @@ def test_p_values_under_a_rival_are_on_the_safe_side() -> None:
     """Errors of links drawn from the tolerance: with them marginalised no false alarm, without them many."""
     _, problem = simulated_problem(good_plan(14), TABLE_2, 2)
     fit = fit_likelihood(problem, starts=0)
-    columns = link_tolerances(problem, fit.x, fit.whitened)
+    columns = link_columns(problem, fit.x)
     assert columns is not None
     rng, runs, plain, rival = np.random.default_rng(3), 200, 0, 0
     for _ in range(runs):

@@ -10,9 +10,9 @@ from cells import TABLE_2, header, irb1600, plan_of, simulated_problem, varied_p
 from scipy import stats
 
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
+from zerobeam.analysis.observability.consider import link_columns
 from zerobeam.analysis.recordings.effective import CHANCE, RecordingLag, _chance, correlation, effective, lags
 from zerobeam.analysis.recordings.recordings import recording_rows, recordings
-from zerobeam.analysis.recordings.rival import link_tolerances
 from zerobeam.analysis.recordings.steps import all_steps, steps
 from zerobeam.analysis.solution import Solution, judge
 from zerobeam.model.constraint import shot_functions
@@ -171,7 +171,7 @@ def test_a_step_is_the_same_if_the_rest_is_as_well(solution: Solution) -> None:
 def test_the_columns_of_link_errors_against_an_arm_that_has_them(solution: Solution) -> None:
     """By differences of another model: the covariance that they make is the same, whatever their axes."""
     problem, fit = solution.problem, solution.fit
-    columns = link_tolerances(problem, fit.x, fit.whitened)
+    columns = link_columns(problem, fit.x)
     assert columns is not None
     assert columns.shape == (180, 25)
     other = []
@@ -203,7 +203,7 @@ def test_the_columns_of_link_errors_against_an_arm_that_has_them(solution: Solut
 def test_a_rival_takes_the_correlation_that_it_explains(solution: Solution) -> None:
     """Errors of links alone: correlated without the rival wherever postures are, small with it."""
     fit = solution.fit
-    columns = link_tolerances(solution.problem, fit.x, fit.whitened)
+    columns = link_columns(solution.problem, fit.x)
     assert columns is not None
     rng = np.random.default_rng(8)
     e = errors(rng, 0.0) + 10 * (columns @ rng.normal(size=columns.shape[1])).reshape(-1, 3)
