@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import casadi as ca
 import numpy as np
 
+from .errors import BadInput
 from .robot import Matrix, Robot
 
 if TYPE_CHECKING:
@@ -155,6 +156,21 @@ class Geometry:
             return HARMONIC_STD
         own = self.angle if axis in ANGLES else self.length
         return float(own[int(of.removeprefix("link")) - 1])
+
+    def require_enough(self, header: Header, numbers: int, measurements: int, others: int) -> None:
+        """BadInput where gravity or harmonics are stated as true, and the measured `numbers` are fewer than
+        their parameters and the `others` (offsets, targets, tool) together."""
+        for rung, axes in (("gravity", {"gravity"}), ("harmonics", {"cos", "sin"})):
+            own = sum(axis in axes for _, axis in self.names)
+            asked = header.geometry is not None and getattr(header.geometry, rung) is True
+            if asked and own and numbers < others + own:
+                raise BadInput(
+                    f"geometry.{rung} is asked for, but fewer numbers are measured than there are unknowns",
+                    found=f"{numbers} numbers of {measurements} measurements",
+                    allowed=f"at least {others + own}: as many as offsets, targets, tool ({others}) and "
+                    f"parameters of {rung} ({own}) together",
+                    remedy=f"add measurements, or state {rung}: auto",
+                )
 
     def moved(self, robot: Robot, values: ca.SX) -> Robot:
         """The robot with its links at `values` (g,), which may be symbols: its transforms are then too."""

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .constraint import ShotFunctions, shot_functions
+from .distance import Distance, distances
 from .errors import BadInput
 from .files.run import Run
-from .files.shot import check_distances
 from .geometry import Geometry
 from .kernel import Index
 from .noise import NoiseModel
@@ -31,16 +31,6 @@ if TYPE_CHECKING:
     from .files.plan import Plan
 
 _COMPILE_FROM = 50  # shots: for fewer, compiling takes longer than it saves in a fit
-
-
-@dataclass(frozen=True)
-class Distance:
-    """A stated distance between two targets (by their index), mm."""
-
-    first: int
-    second: int
-    mm: float
-    sigma: float
 
 
 @dataclass(frozen=True)
@@ -113,7 +103,7 @@ class Problem:
             targets=names,
             target_index=np.array([names.index(t) for t in targets], dtype=np.int64),
             guessed=np.array([t in header.targets and header.targets[t].guess_mm is not None for t in names]),
-            distances=_distances(header, names),
+            distances=distances(header, names),
             weights=np.ones(len(joints)),
         )
 
@@ -124,8 +114,7 @@ class Problem:
         targets = [shot.target for shot in run.shots]
         try:
             problem = cls.build(run.header, run.robot, run.joints, targets, spots, numbers)
-            problem._require_enough(run.header)
-            return problem
+            return problem._with_enough(run.header)
         except BadInput as error:
             raise error.at(run.path, run.header_line) from None
 
@@ -133,28 +122,15 @@ class Problem:
     def from_plan(cls, plan: Plan) -> Problem:
         try:
             problem = cls.build(plan.header, plan.robot, plan.postures, plan.targets)
-            problem._require_enough(plan.header)
-            return problem
+            return problem._with_enough(plan.header)
         except BadInput as error:
             raise error.at(plan.path, None) from None
 
-    def _require_enough(self, header: Header) -> None:
-        """BadInput where the header insists on a rung of the geometry that so few numbers cannot carry."""
+    def _with_enough(self, header: Header) -> Problem:
+        """The same; BadInput where the header insists on more parameters than there are numbers for."""
         others = int((self.parameters.free & ~self.parameters.group("geometry")).sum())
-        numbers = self.data_size - len(self.tolerated)
-        rungs: tuple[tuple[str, set[str]], ...] = (("gravity", {"gravity"}), ("harmonics", {"cos", "sin"}))
-        for rung, axes in rungs:
-            own = sum(axis in axes for _, axis in self.geometry.names)
-            if header.geometry is None or getattr(header.geometry, rung) is not True or not own:
-                continue
-            if numbers < others + own:
-                raise BadInput(
-                    f"geometry.{rung} is asked for, but fewer numbers are measured than there are unknowns",
-                    found=f"{numbers} numbers of {self.shots} measurements",
-                    allowed=f"at least {others + own}: as many as offsets, targets, tool ({others}) and "
-                    f"parameters of {rung} ({own}) together",
-                    remedy=f"add measurements, or state {rung}: auto",
-                )
+        self.geometry.require_enough(header, self.data_size - len(self.tolerated), self.shots, others)
+        return self
 
     def moved(self, joints: Matrix, spots: Matrix | None = None) -> Problem:
         """The same problem with its shots at other joint positions (and spots)."""
@@ -416,13 +392,3 @@ class Problem:
 def rms_length(residual: Matrix) -> float:
     """Root mean square length of residuals (N, d), mm."""
     return float(np.sqrt((residual**2).sum(axis=1).mean()))
-
-
-def _distances(header: Header, targets: Sequence[str]) -> tuple[Distance, ...]:
-    check_distances(header, targets, file=None, line=None)
-    return tuple(
-        Distance(
-            targets.index(stated.between[0]), targets.index(stated.between[1]), stated.mm, stated.sigma_mm
-        )
-        for stated in header.distances
-    )

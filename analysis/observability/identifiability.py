@@ -19,9 +19,9 @@ from ..status import Status
 from .aim import aim, moving_joints
 from .causes import NullDirection
 from .mechanisms import Mechanism, mechanisms, unexplained
+from .tolerances import spanned, without_own
 
 _AS_KNOWN = 1 - 1e-6  # singular value of a direction of which the data tell no more than a unit prior
-_NO_INFORMATION = 1e-8  # on a geometry parameter, beside that of its tolerance
 _ROUNDING = 1e-11  # singular values below this share of a unit column are rounding
 _ROUNDING_SPECIAL = 1e-9  # the same beside a special point, where shots come to hit by small steps only
 _PART = 1e-6  # a parameter with less than this in a unit null vector has no part in it
@@ -100,8 +100,8 @@ def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
     scaled_std = np.where(exact_part, np.inf, scaled_std)
 
     tolerated = parameters.group("geometry")[free]
-    unbounded = np.any([_spanned(jacobian, tolerated), *(point.spanned for point in near_by)], axis=0)
-    scaled_std[tolerated] = _without_own(scaled_std[tolerated], unbounded)
+    unbounded = np.any([spanned(jacobian, tolerated), *(point.spanned for point in near_by)], axis=0)
+    scaled_std[tolerated] = without_own(scaled_std[tolerated], unbounded)
     status, data_std = _statuses(parameters, scaled_std)
     null_space = [
         *_exact_directions(aimed, jacobian, gauge, exact_dimension),
@@ -171,33 +171,6 @@ def information_root(problem: Problem, x: Matrix, weight: float) -> tuple[Proble
     return aimed, np.vstack([jacobian, known])[:, problem.parameters.free], aim_found.hit
 
 
-def _without_own(scaled_std: Matrix, unbounded: NDArray[np.bool_]) -> Matrix:
-    """(g,) std of geometry parameters, in tolerances, without the tolerance of each its own (that of the
-    others stays): what the data add, nothing for those that are `unbounded` (g,)."""
-    added = np.where(unbounded, 0.0, 1 / scaled_std**2 - 1)
-    return np.where(added > _NO_INFORMATION, 1 / np.sqrt(np.maximum(added, _NO_INFORMATION)), np.inf)
-
-
-def _spanned(jacobian: Matrix, tolerated: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(g,) which geometry parameters do to the data what the others that are free can do as well.
-
-    From A (M, f), of which the last g rows are the tolerances. Rounding hides it in a std: one direction that
-    the data see a million times better than a tolerance is enough.
-    """
-    count = int(tolerated.sum())
-    if count == 0:
-        return np.zeros(0, dtype=bool)
-    data = jacobian[: len(jacobian) - count]
-    own, others = data[:, tolerated], data[:, ~tolerated]
-    length = np.linalg.norm(others, axis=0)
-    left, singular, _ = np.linalg.svd(others / np.where(length > 0, length, 1.0), full_matrices=False)
-    kept = left[:, singular > _ROUNDING * max(1.0, float(singular.max(initial=0.0)))]
-    beyond = own - kept @ (kept.T @ own)
-    largest = float(np.linalg.norm(jacobian, axis=0).max(initial=0.0))
-    bound = np.maximum(_PART * np.linalg.norm(own, axis=0), _ROUNDING * max(1.0, largest))
-    return np.asarray(np.linalg.norm(beyond, axis=0) <= bound)
-
-
 def _null_space(jacobian: Matrix, rounding: float = _ROUNDING) -> Matrix:
     """(f, g) orthonormal basis of the numerical null space, judged on columns of unit length."""
     size = jacobian.shape[1]
@@ -241,7 +214,7 @@ def _followed(aimed: Problem, x: Matrix, hit: NDArray[np.bool_], moving: NDArray
 @dataclass(frozen=True, eq=False)
 class _NearBy:
     """Parameter values x (p,), the null space (f, g) of the shots that hit there, and which geometry
-    parameters the others take up there (`_spanned`)."""
+    parameters the others take up there (`spanned`)."""
 
     x: Matrix
     null_space: Matrix
@@ -276,7 +249,7 @@ def _near_by(
             other = x + np.where(parameters.free, step, 0.0)
             _, jacobian, still = information_root(problem, other, 1.0)
             if still[hit].all():
-                taken_up = _spanned(jacobian, tolerated)
+                taken_up = spanned(jacobian, tolerated)
                 found.append(_NearBy(other, _null_space(jacobian, rounding), taken_up))
                 break
     return found

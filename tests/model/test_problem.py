@@ -7,11 +7,12 @@ from plain_model import DESIGNED, arm, beam, by_complex_step, by_differences
 
 from zerobeam.model import problem as problem_module
 from zerobeam.model.constraint import ShotFunctions
+from zerobeam.model.distance import Distance
 from zerobeam.model.files.plan import read_plan, write_plan
 from zerobeam.model.files.robot_file import read_robot
 from zerobeam.model.files.run import read_run, write_run
 from zerobeam.model.files.shot import Shot
-from zerobeam.model.problem import Distance, Problem
+from zerobeam.model.problem import Problem
 from zerobeam.model.robot import Robot
 
 
