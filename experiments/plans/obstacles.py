@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from ...model.files.header import Name, Point, Positive
-from ...model.files.validation import FileModel, read_model, refusal
+from ...model.files.validation import FileModel, Name, Point, Positive, read_model, refusal
 from ...model.problem import Problem
 from ...model.robot import Matrix
 

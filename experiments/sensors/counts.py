@@ -8,8 +8,7 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from ...model.files.header import Name, Positive
-from ...model.files.validation import SourcedModel, read_model, refusal, tuple_of
+from ...model.files.validation import Name, Positive, SourcedModel, read_model, refusal, tuple_of
 from ...model.robot import Matrix
 from .psd import PAIR_LIGHT, PsdKind
 

@@ -10,12 +10,15 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from ...model.files.header import Name, Point, Positive, TargetName
 from ...model.files.validation import (
     Count,
     FileModel,
+    Name,
     Pair,
+    Point,
+    Positive,
     SourcedModel,
+    TargetName,
     as_tuple,
     read_model,
     refusal,

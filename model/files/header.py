@@ -15,10 +15,21 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from ..errors import BadInput
 from ..robot import Matrix, Robot
-from .fields import Name, Point, Positive, PositiveOrList, TargetName, positive_or_list
 from .reading import Place, read_yaml, shown
 from .stated_geometry import StatedGeometry
-from .validation import FileModel, as_tuple, refusal, tuple_of, validate
+from .validation import (
+    FileModel,
+    Name,
+    Point,
+    Positive,
+    PositiveOrList,
+    TargetName,
+    as_tuple,
+    positive_or_list,
+    refusal,
+    tuple_of,
+    validate,
+)
 
 RUN_SCHEMA: Literal["zerobeam/run/1"] = "zerobeam/run/1"
 PLAN_SCHEMA: Literal["zerobeam/plan/1"] = "zerobeam/plan/1"

@@ -19,12 +19,12 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ..errors import BadInput
 from ..robot import Matrix, Robot
 from .arrays import Laser, Noise, Probe, RobotArgument, joint_positions, stated_header, target_of_each
-from .header import DEFAULT_TARGET, PLAN_SCHEMA, Header, TargetName, check_header, header_content
+from .header import DEFAULT_TARGET, PLAN_SCHEMA, Header, check_header, header_content
 from .limits import check_limits, require_joint_count
 from .reading import read_yaml
 from .robot_file import load_robot
 from .shot import JointValues, check_distances, unknown_targets
-from .validation import FileModel, as_tuple, require_schema, validate
+from .validation import FileModel, TargetName, as_tuple, require_schema, validate
 from .whole_file import refuse_existing, write_whole
 
 

@@ -12,10 +12,10 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from ..errors import BadInput
 from ..robot import DHRow, Joint, Matrix, Robot, dh_chain, shift
-from .header import Name, Point, Positive, UrdfRef
+from .header import UrdfRef
 from .reading import did_you_mean, read_yaml, shown
 from .urdf import read_urdf, roll_pitch_yaw
-from .validation import FileModel, refusal, require_schema, validate
+from .validation import FileModel, Name, Point, Positive, refusal, require_schema, validate
 
 BUILT_IN = Path(__file__).parents[1] / "robots"
 

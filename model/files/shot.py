@@ -11,10 +11,10 @@ from pydantic import BeforeValidator, Field
 
 from ..errors import BadInput
 from ..robot import Robot
-from .header import Header, TargetName
+from .header import Header
 from .limits import check_limits, require_joint_count
 from .reading import did_you_mean, shown
-from .validation import FileModel, refusal
+from .validation import FileModel, TargetName, refusal
 
 
 def _joint_values(value: object) -> object:

@@ -10,9 +10,8 @@ from pydantic import BeforeValidator, Field
 
 from ..errors import BadInput
 from ..robot import Matrix, Robot
-from .fields import Point, PositiveOrList, positive_or_list
 from .reading import Place, shown
-from .validation import FileModel, as_tuple, refusal
+from .validation import FileModel, Point, PositiveOrList, as_tuple, positive_or_list, refusal
 
 
 def _direction(value: object) -> object:

@@ -11,16 +11,20 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from ....model.files.header import Name, Point, Positive, RobotRef, TargetName
+from ....model.files.header import RobotRef
 from ....model.files.reading import shown
 from ....model.files.robot_file import load_robot
 from ....model.files.validation import (
     Count,
     FileModel,
+    Name,
     NotNegative,
     Pair,
+    Point,
+    Positive,
     Share,
     SourcedModel,
+    TargetName,
     as_tuple,
     read_model,
     refusal,

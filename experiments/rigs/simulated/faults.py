@@ -11,9 +11,8 @@ from typing import Annotated, Literal, TypeVar, get_args
 import numpy as np
 from pydantic import BeforeValidator, Field
 
-from ....model.files.header import Point
 from ....model.files.reading import did_you_mean, shown
-from ....model.files.validation import Count, FileModel, NotNegative, Pair, refusal
+from ....model.files.validation import Count, FileModel, NotNegative, Pair, Point, refusal
 from ....model.robot import Matrix
 
 

@@ -22,7 +22,7 @@ from ....model.files.header import (
     StatedTool,
 )
 from ....model.files.reading import shown
-from ....model.files.validation import FileModel, refusal
+from ....model.files.validation import FileModel, Name, Point, Positive, refusal
 
 TARGET = "psd"
 _MOST_RUNS = 100_000

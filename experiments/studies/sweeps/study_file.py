@@ -18,10 +18,10 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 
 from ....model.errors import BadInput
-from ....model.files.header import Header, Name, Point, check_header
+from ....model.files.header import Header, check_header
 from ....model.files.reading import Document, Place, did_you_mean, read_yaml, shown
 from ....model.files.robot_file import load_robot
-from ....model.files.validation import FileModel, refusal, validate
+from ....model.files.validation import FileModel, Name, Point, refusal, validate
 from ....model.geometry import Geometry
 from ....model.noise import NoiseModel
 from ....model.parameters import Parameters
