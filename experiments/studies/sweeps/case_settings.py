@@ -11,9 +11,6 @@ from pydantic import BeforeValidator, Field, model_validator
 from ....analysis.design.exact_design import Criterion
 from ....model.files.header import (
     Header,
-    Name,
-    Point,
-    Positive,
     RobotRef,
     StatedNoise,
     StatedPrior,
