@@ -95,6 +95,7 @@ def _analyse(
         tell("posterior", 1.0)
     shots = shot_results(solution.fit)
     robust = robust_result(solution, loss) if loss is not None and solution.converged else None
+    placed = placement_result(solution, tolerances(solution))
     result = Result(
         verdict=solution.verdict,
         parameters=_with_midpoint(solution, midpoint),
@@ -119,10 +120,10 @@ def _analyse(
         budget=budget(solution, posterior),
         robust=robust,
         hold_out=unseen,
-        placements=placement_result(solution, tolerances(solution)),
+        placements=placed,
         scene=scene(solution),
         misfit=solution.misfit,
-        findings=findings(solution, posterior, shots, robust, unseen, run.warnings),
+        findings=findings(solution, posterior, shots, robust, unseen, placed.steps, run.warnings),
         inputs=_inputs(run, problem, seed),
         diagnosis=diagnose(solution),
     )
