@@ -275,7 +275,7 @@ def reweighted(density: Density, x: Matrix, covariance: Matrix, ratio: Matrix) -
         return covariance
     rigid = density.prior_information(x)
     shots = np.linalg.inv(covariance) - rigid
-    return np.linalg.inv(ratio[:, None, None] * shots + rigid)
+    return np.asarray(np.linalg.inv(ratio[:, None, None] * shots + rigid), dtype=float)
 
 
 def modes(
