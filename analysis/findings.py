@@ -104,12 +104,12 @@ def tolerances(solution: Solution) -> Matrix | None:
 def moved_target(solution: Solution) -> Displacement | None:
     """The displacement of a target, if there is a significant one that links within their tolerances do not
     explain as well."""
-    moved = None
-    for rival in (None, tolerances(solution)) if solution.converged else ():
-        moved = displacement(solution.fit, rival)
-        if moved is None or not moved.significant:
-            return None
-    return moved
+    moved = displacement(solution.fit) if solution.converged else None
+    if moved is None or not moved.significant:
+        return None
+    rival = tolerances(solution)
+    moved = moved if rival is None else displacement(solution.fit, rival)
+    return moved if moved is not None and moved.significant else None
 
 
 def findings(
