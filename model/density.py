@@ -144,9 +144,9 @@ class Density:
             by_quad[:, block.free] += own[2][:, block.local]
             gradient[:, block.free] += own[3][:, block.local]
             if with_information:
-                own_information = own[5][:, block.lower], own[4][:, block.noise_lower]
-                for places, part in zip((block.of_residual, block.of_noise), own_information, strict=True):
-                    information[:, places[:, None], places] += part
+                residuals = (block.of_residual, own[5], block.lower)
+                for places, lower, pairs in (residuals, (block.of_noise, own[4], block.noise_lower)):
+                    information[:, places[:, None], places] += lower[:, pairs]
         if problem.noise.estimated:
             weight = self.numbers(of) / quad
             by_quad *= weight[:, None]
