@@ -22,10 +22,10 @@ from .mechanisms import Mechanism, mechanisms, unexplained
 
 _ROUNDING = 1e-11  # singular values below this share of a unit column are rounding
 _ROUNDING_SPECIAL = 1e-9  # the same beside a special point, where shots come to hit by small steps only
-_PART = 1e-6  # a parameter with less than this in a unit null vector has no part in it
-_CONFIRMATIONS = 3
-_SPECIAL_CONFIRMATIONS = 6  # where points differ in what they tell; and as many with the target nearer
-_TARGET_MM, _TARGET_NEARER_MM = 50.0, 0.5  # the way to them of a target
+_PART = 1e-6  # a parameter with more than this in a unit null vector has a part in it, whatever the rounding
+_TARGET_MM, _CONFIRMATIONS = 50.0, 3  # points near by, and the way to them of a target
+# Where points differ in what they tell: one in five that tells less than the rest is missed in one of 5000.
+_SPECIAL_CONFIRMATIONS = {50.0: 6, 5.0: 16, 0.5: 16}
 _NEARER = 6  # halvings of the way to them, until all shots can hit there
 _CANNOT_FOLLOW = 1e-6  # of a shot's miss by its joints: smallest singular value by the largest
 _NEW = 1e-4  # a null direction is not yet told if this part of it is outside those found
@@ -65,24 +65,25 @@ def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
     """
     parameters, free = problem.parameters, problem.parameters.free
     aimed, jacobian, hit = information_root(problem, x, weight)
-    gauge = _null_space(jacobian)
+    null = _null_space(jacobian)
     followed = _followed(aimed, x, hit, moving_joints(problem.joints) > 0)
     if followed:
-        near_by = _near_by(problem, x, hit) if gauge.shape[1] else []
+        near_by = _near_by(problem, x, hit) if null.size else []
     else:
         # What hits there may be a matter of the tool: a tip hardly off the last axis reaches hardly further.
         near_by = [
             point
-            for target_mm in (_TARGET_MM, _TARGET_NEARER_MM)
-            for point in _near_by(problem, x, hit, target_mm, _SPECIAL_CONFIRMATIONS, _ROUNDING_SPECIAL)
+            for target_mm, points in _SPECIAL_CONFIRMATIONS.items()
+            for point in _near_by(problem, x, hit, target_mm, points, _ROUNDING_SPECIAL)
         ]
-        least_told = max(near_by, key=lambda point: point.null_space.shape[1], default=None)
-        if least_told is not None and least_told.null_space.shape[1] > gauge.shape[1]:
+        least_told = max(near_by, key=lambda point: point.null.size, default=None)
+        if least_told is not None and least_told.null.size > null.size:
             # The shots are judged where the true values may just as well be, and where they tell less.
             aimed, jacobian, _ = information_root(problem, least_told.x, weight)
-            gauge = _null_space(jacobian, _ROUNDING_SPECIAL)
-    exact_dimension, exact_part = _confirm(gauge, [point.null_space for point in near_by], followed)
+            null = _null_space(jacobian, _ROUNDING_SPECIAL)
+    exact_dimension, exact_part = _confirm(null, [point.null for point in near_by], followed)
 
+    gauge = null.basis
     keep = _complement(gauge)
     _, singular, right = np.linalg.svd(jacobian @ keep, full_matrices=False)
     floor = _ROUNDING * max(float(singular.max(initial=0.0)), 1.0)
@@ -92,9 +93,7 @@ def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
         singular = np.append(singular, np.full(directions.shape[1] - len(singular), floor))
     share = (directions / singular) ** 2
     scaled_std = np.sqrt(share.sum(axis=1))
-    if gauge.shape[1]:
-        unconfirmed = np.linalg.norm(gauge, axis=1) > _PART
-        scaled_std = np.where(unconfirmed, np.maximum(scaled_std, 1 / floor), scaled_std)
+    scaled_std = np.where(null.part, np.maximum(scaled_std, 1 / floor), scaled_std)
     scaled_std = np.where(exact_part, np.inf, scaled_std)
 
     status, data_std = _statuses(parameters, scaled_std)
@@ -164,8 +163,25 @@ def information_root(problem: Problem, x: Matrix, weight: float) -> tuple[Proble
     return aimed, jacobian[:, problem.parameters.free], aim_found.hit
 
 
-def _null_space(jacobian: Matrix, rounding: float = _ROUNDING) -> Matrix:
-    """(f, g) orthonormal basis of the numerical null space, judged on columns of unit length."""
+@dataclass(frozen=True, eq=False)
+class _NullSpace:
+    """Numerical null space: an orthonormal `basis` (f, g), and (f,) which parameters have a `part` in it."""
+
+    basis: Matrix
+    part: NDArray[np.bool_]
+
+    @property
+    def size(self) -> int:
+        return self.basis.shape[1]
+
+
+def _null_space(jacobian: Matrix, rounding: float = _ROUNDING) -> _NullSpace:
+    """The null space of A (M, f), judged on columns of unit length.
+
+    So are the parts in it: on them rounding turns a null vector by no more than its share of the smallest
+    singular value that is not null, and a part larger than that is one. A small share of a large prior, as a
+    target's, can be all that the data leave open of it, and leaves it open without a bound.
+    """
     size = jacobian.shape[1]
     length = np.linalg.norm(jacobian, axis=0)
     # A column that is rounding altogether must not be blown up to unit length.
@@ -175,9 +191,14 @@ def _null_space(jacobian: Matrix, rounding: float = _ROUNDING) -> Matrix:
         unit = np.asarray(np.linalg.qr(unit, mode="r"))
     _, singular, right = np.linalg.svd(unit, full_matrices=True)
     singular = np.append(singular, np.zeros(size - len(singular)))
-    null = right[singular <= rounding * max(1.0, float(singular.max(initial=0.0)))].T
-    null = null / np.where(zero, 1.0, length)[:, None]
-    return np.linalg.qr(null)[0] if null.shape[1] else null
+    floor = rounding * max(1.0, float(singular.max(initial=0.0)))
+    null = right[singular <= floor].T
+    if not null.shape[1]:
+        return _NullSpace(null, np.zeros(size, dtype=bool))
+    turned = floor / float(singular[singular > floor].min(initial=1.0))
+    basis = np.linalg.qr(null / np.where(zero, 1.0, length)[:, None])[0]
+    part = (np.linalg.norm(null, axis=1) > turned) | (np.linalg.norm(basis, axis=1) > _PART)
+    return _NullSpace(basis, part)
 
 
 def _complement(basis: Matrix) -> Matrix:
@@ -206,10 +227,10 @@ def _followed(aimed: Problem, x: Matrix, hit: NDArray[np.bool_], moving: NDArray
 
 @dataclass(frozen=True, eq=False)
 class _NearBy:
-    """Parameter values x (p,) and the null space (f, g) of the shots that hit there."""
+    """Parameter values x (p,) and the null space of the shots that hit there."""
 
     x: Matrix
-    null_space: Matrix
+    null: _NullSpace
 
 
 def _near_by(
@@ -225,7 +246,8 @@ def _near_by(
     A shot that misses breaks a gauge that it has where it hits. So these points must let all shots of
     `hit` (N,) hit; they are taken ever nearer to x until they do. There may be none.
     """
-    rng = np.random.default_rng(2014)
+    # Other directions at every distance; those of the first are the ones for shots that can be followed.
+    rng = np.random.default_rng(2014 if target_mm == _TARGET_MM else [2014, int(10 * target_mm)])
     parameters = problem.parameters
     size = np.where(
         parameters.group("target"),
@@ -244,8 +266,8 @@ def _near_by(
     return found
 
 
-def _confirm(gauge: Matrix, near_by: list[Matrix], followed: bool) -> tuple[int, NDArray[np.bool_]]:
-    """Dimension of the exact gauge and (f,) which parameters have a part in it, from the null space (f, g)
+def _confirm(null: _NullSpace, near_by: list[_NullSpace], followed: bool) -> tuple[int, NDArray[np.bool_]]:
+    """Dimension of the exact gauge and (f,) which parameters have a part in it, from the null space
     at the point judged and those near by.
 
     What is null at one point must be null near by too; where more is null than there, the shots are others.
@@ -254,11 +276,10 @@ def _confirm(gauge: Matrix, near_by: list[Matrix], followed: bool) -> tuple[int,
     (a target on the x axis, say) a turn may leave a coordinate alone to first order that it moves everywhere
     else.
     """
-    spaces = [space for space in (gauge, *near_by) if space.shape[1] <= gauge.shape[1]]
-    sizes = [space.shape[1] for space in spaces]
+    spaces = [space for space in (null, *near_by) if space.size <= null.size]
+    sizes = [space.size for space in spaces]
     dimension = min(sizes) if followed else max(sizes[1:], default=sizes[0])
-    parts = [np.linalg.norm(space, axis=1) > _PART for space in spaces if space.shape[1] <= dimension]
-    return dimension, np.any(parts, axis=0)
+    return dimension, np.any([space.part for space in spaces if space.size <= dimension], axis=0)
 
 
 def _statuses(parameters: Parameters, scaled_std: Matrix) -> tuple[tuple[Status, ...], Matrix]:

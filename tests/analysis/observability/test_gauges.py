@@ -7,9 +7,9 @@ of Denavit-Hartenberg rows, its Jacobian is that of the joints' screws, its shot
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import islice
 from typing import Any
 
 import mpmath
@@ -33,6 +33,8 @@ Exact = NDArray[np.object_]  # of numbers in fifty digits
 mpmath.mp.dps = 50
 _HIT = mpf(10) ** -40  # metres
 _ZERO = mpf(10) ** -25  # of a pivot, columns of unit length: far from what is small and from what is rounding
+_UNRESOLVED = mpf(10) ** -9  # the same of what double precision need not tell from nothing
+_POINTS = 100  # near a special shot: one in twenty that tells as little as the package says is found
 _EYE = np.array([[mpf(int(i == j)) for j in range(3)] for i in range(3)])
 _STEP = 0.2  # mm, and hundredths of a degree: so small that shots stay those they are, if they can
 
@@ -293,7 +295,7 @@ class Judge:
         return None
 
 
-def null_space(matrix: Exact) -> tuple[int, list[bool]]:
+def null_space(matrix: Exact, zero: mpf = _ZERO) -> tuple[int, list[bool]]:
     """Dimension of the null space and which columns have a part in it: elimination with full pivoting."""
     size = matrix.shape[1]
     length = [norm(column) for column in matrix.T]
@@ -304,7 +306,7 @@ def null_space(matrix: Exact) -> tuple[int, list[bool]]:
         left = [j for j in range(size) if j not in pivots]
         largest = np.abs(rows[done:, left])
         i, k = np.unravel_index(int(np.argmax(largest)), largest.shape)
-        if largest[i, k] < _ZERO:
+        if largest[i, k] < zero:
             break
         j = left[k]
         rows[[done, done + i]] = rows[[done + i, done]]
@@ -324,7 +326,7 @@ def special(arm: Cell, problem: Problem) -> bool:
     """Whether some shot, at what is supposed, cannot be turned as the parameters change a little.
 
     The shots that hit near by are then others, and tell less. Each comes to one of a few postures, as it
-    happens: at some points near by they tell more than at others.
+    happens: at some points near by they tell more than at others, and those that tell least count.
     """
     judge, here = Judge(arm), values_of(problem, problem.nominal())
     for shot in problem.joints:
@@ -336,7 +338,14 @@ def special(arm: Cell, problem: Problem) -> bool:
 
 
 def truth(arm: Cell, problem: Problem, seed: int) -> tuple[int, list[bool]] | None:
-    """Of the free parameters at random values near by, with the shots turned onto the target there."""
+    """Null space of the free parameters at a point near by."""
+    matrix = near_by(arm, problem, seed)
+    return None if matrix is None else null_space(matrix)
+
+
+def near_by(arm: Cell, problem: Problem, seed: int) -> Exact | None:
+    """The Jacobian by the free parameters at random values near by, with the shots turned onto the target
+    there; None where they cannot be."""
     rng = np.random.default_rng(seed)
     judge, n = Judge(arm), problem.robot.n
     parameters = problem.parameters
@@ -355,7 +364,7 @@ def truth(arm: Cell, problem: Problem, seed: int) -> tuple[int, list[bool]] | No
         if jacobian is None:
             return None
         stacked.append(jacobian[:, parameters.free])
-    return null_space(np.vstack(stacked))
+    return np.vstack(stacked)
 
 
 def compare(kind: Kind) -> bool:
@@ -364,10 +373,11 @@ def compare(kind: Kind) -> bool:
     if arm is None:
         return False
     problem = Problem.build(arm.own, arm.robot, arm.joints, ["psd"] * len(arm.joints))
-    points = (truth(arm, problem, seed) for seed in (1, 2, 3))
-    found = list(islice((point for point in points if point is not None), 2))
-    if len(found) < 2:
+    first = (near_by(arm, problem, seed) for seed in (1, 2, 3))
+    points = list(itertools.islice((point for point in first if point is not None), 2))
+    if len(points) < 2:
         return False
+    found = [null_space(point) for point in points]
     dimension = min(size for size, _ in found)
     part = np.any([own for size, own in found if size == dimension], axis=0)
     told = identify(problem, problem.nominal())
@@ -378,11 +388,33 @@ def compare(kind: Kind) -> bool:
     exact_directions = sum(direction.kind == "exact" for direction in told.facts.null_space)
     assert set(names[part]) <= set(names[unbounded]), (kind, dimension)
     assert all(own == "unidentifiable" for own, gauge in zip(status, part, strict=True) if gauge)
-    alike = set(names[unbounded]) == set(names[part]) and exact_directions == dimension
-    assert alike or special(arm, problem), (kind, dimension, told.facts)
+    if not (set(names[unbounded]) == set(names[part]) and exact_directions == dimension):
+        assert allowed(arm, problem, points, exact_directions, unbounded), (kind, dimension, told.facts)
     return True
 
 
+def allowed(arm: Cell, problem: Problem, points: list[Exact], claimed: int, unbounded: Matrix) -> bool:
+    """Whether so many exact directions, and so many parameters (f,) without a bound, are called for although
+    the `points` near by have fewer: because the others are bounded by no more than what double precision
+    takes for rounding, or because some point near a special shot tells that little.
+
+    The first is a beam along the axis of a sliding last joint. Tilted by a little, it misses as that joint
+    slides, and every further shot tells what is of one order higher in the tilt: the seventh number of an
+    arm of three joints is some 1e-16 of the first.
+    """
+    more = (near_by(arm, problem, seed) for seed in range(4, 4 + _POINTS))
+    size, part = 0, np.zeros(len(unbounded), dtype=bool)
+    for point in itertools.chain(points, more if special(arm, problem) else ()):
+        if point is None:
+            continue
+        own_size, own_part = null_space(point, _UNRESOLVED)
+        size, part = max(size, own_size), part | np.array(own_part)
+        if claimed <= size and not (unbounded & ~part).any():
+            return True
+    return False
+
+
+SLIDING_BEAM = Kind(1925397732, 3, True, True, False, True, 0, 5, False)
 SETTINGS: dict[str, Any] = {"deadline": None, "derandomize": True, "database": None}
 SETTINGS["phases"] = [Phase.explicit, Phase.generate]  # the numbers come from the seed: nothing to shrink
 QUICK = KINDS.filter(lambda kind: kind.shots < 10)
@@ -413,6 +445,15 @@ QUICK = KINDS.filter(lambda kind: kind.shots < 10)
 )
 @example(  # two postures that hit are one where the parameters are a little other: not those recorded
     kind=Kind(226264450, 4, True, False, False, False, 1, 5, True)
+)
+@example(  # the same, where one point in four tells least: what hits there is a tip in two postures only
+    kind=Kind(1678748615, 4, True, False, False, True, 0, 5, False)
+)
+@example(  # a gauge that moves one coordinate of the target by 0.2 micrometres for 10 mm of the others
+    kind=Kind(1096179882, 3, False, True, False, True, 0, 3, False)
+)
+@example(  # a beam along a sliding last joint: known by what is of a high order in its tilt, not to us
+    kind=SLIDING_BEAM
 )
 def test_no_gauge_is_called_known_and_nothing_known_a_gauge(kind: Kind) -> None:
     assume(compare(kind))
@@ -476,12 +517,27 @@ def test_a_verdict_that_is_wrong_is_noticed(monkeypatch: pytest.MonkeyPatch) -> 
     kind = Kind(4, 6, False, True, True, False, 1, 8, False)
     assert compare(kind)
 
-    honest = identify
-
     def overlooked(problem: Problem, x: Matrix) -> Any:
-        told = honest(problem, x)
+        told = identify_honestly(problem, x)
         return dataclasses.replace(told, data_std=np.where(np.isinf(told.data_std), 1.0, told.data_std))
 
     monkeypatch.setitem(globals(), "identify", overlooked)
     with pytest.raises(AssertionError):
         compare(kind)
+
+    monkeypatch.setitem(globals(), "identify", too_cautious)
+    # The second has special shots, the arm of the third has numbers that double precision does not see.
+    for wrong in (kind, Kind(1678748615, 4, True, False, False, True, 0, 5, False), SLIDING_BEAM):
+        with pytest.raises(AssertionError):
+            compare(wrong)
+
+
+identify_honestly = identify
+
+
+def too_cautious(problem: Problem, x: Matrix) -> Any:
+    """A verdict that knows nothing: as many exact directions as there are unknowns."""
+    told = identify_honestly(problem, x)
+    facts = dataclasses.replace(told.facts, null_space=told.facts.null_space[:1] * told.facts.size)
+    unknown = tuple("held" if own == "held" else "unidentifiable" for own in told.status)
+    return dataclasses.replace(told, status=unknown, data_std=told.data_std + np.inf, facts=facts)
