@@ -14,6 +14,7 @@ from .diagnostics.hold_out import HoldOut
 from .diagnostics.influence import ShotResult
 from .diagnostics.outliers import OUTLYING, Robust
 from .estimation.fit import CONTRADICTED
+from .optima import undecided_names
 from .posterior.posterior import PosteriorSummary
 from .solution import Solution
 
@@ -50,9 +51,11 @@ class Contradicted:
 
 @dataclass(frozen=True)
 class OtherBasins:
-    """So many more sets of offsets fit nearly as well."""
+    """So many more sets of offsets fit nearly as well; `undecided` are the parameters that have no number
+    because of them."""
 
     count: int
+    undecided: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -126,7 +129,7 @@ def on_the_model(solution: Solution) -> Iterator[Finding]:
     elif fit.chance is not None and fit.chance < CONTRADICTED:
         yield Contradicted()
     if fit.other_basins:
-        yield OtherBasins(fit.other_basins)
+        yield OtherBasins(fit.other_basins, undecided_names(solution.identified.facts.null_space))
 
 
 def moved_target(solution: Solution) -> Displacement | None:

@@ -95,7 +95,7 @@ class _NullSpace:
 
     @property
     def size(self) -> int:
-        return self.basis.shape[1]
+        return int(self.basis.shape[1])
 
 
 def _null_space(jacobian: Matrix, rounding: float = ROUNDING) -> _NullSpace:

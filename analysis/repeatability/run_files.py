@@ -11,6 +11,7 @@ from ...model.errors import BadInput
 from ...model.files.run import Run
 from ...model.problem import Problem
 from ..findings import FileWarning, OtherBasins, lack_of_fit, moved_target
+from ..optima import undecided_names
 from ..solution import Solution, require_noise_data, solve
 from .prior_free import without_prior
 from .repeat import Repeat, RunFinding, SharedDistances
@@ -86,6 +87,7 @@ def _on_the_fit(solution: Solution) -> Iterator[RunFinding]:
     if (moved := moved_target(solution)) is not None:
         yield moved
     if solution.fit.other_basins:
-        yield OtherBasins(solution.fit.other_basins)
+        undecided = undecided_names(solution.identified.facts.null_space)
+        yield OtherBasins(solution.fit.other_basins, undecided)
     if solution.problem.distances:
         yield SharedDistances()

@@ -118,10 +118,11 @@ def finding_sentence(finding: Finding) -> str:
                 " geometry are not as stated, or the best fit was not found. Add measurements, so that the"
                 " fit can be checked"
             )
-        case OtherBasins(count):
+        case OtherBasins(count, undecided):
             sets = "set of offsets fits" if count == 1 else "sets of offsets fit"
+            what = "What differs between them is unidentifiable; the rest" if undecided else "The one"
             return (
-                f"Other local optima: {count} more {sets} nearly as well. The one reported has"
+                f"Other local optima: {count} more {sets} nearly as well. {what} reported has"
                 " the highest posterior density; add measurements to separate them"
             )
         case NoPosterior(posterior):
