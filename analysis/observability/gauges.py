@@ -162,12 +162,12 @@ def _near_by(problem: Problem, x: Matrix, aimed: Problem, hit: NDArray[np.bool_]
     posture, such as the second one from which a tip reaches the target. So these points are taken ever nearer
     to x until all shots of `hit` (N,) hit and have turned there about as their Jacobian at x foretells.
     """
-    rng, found = np.random.default_rng(2014), []
+    rng, found, weights = np.random.default_rng(2014), [], moving_joints(problem.joints)
     for _ in range(_CONFIRMATIONS):
         for nearer in range(_NEARER_FOLLOWED):
             other = x + _step(problem, rng, _TARGET_MM) / 2**nearer
             _, jacobian, still = information_root(problem, other, 1.0)
-            if still[hit].all() and _same_shots(aimed, x, other, hit):
+            if still[hit].all() and _same_shots(aimed, x, other, hit, weights):
                 found.append(_NearBy(other, _null_space(jacobian)))
                 break
     return found
@@ -201,14 +201,15 @@ def _step(problem: Problem, rng: np.random.Generator, target_mm: float) -> Matri
     return np.where(parameters.free, rng.normal(size=len(parameters)) * size, 0.0)
 
 
-def _same_shots(aimed: Problem, x: Matrix, other: Matrix, hit: NDArray[np.bool_]) -> bool:
+def _same_shots(aimed: Problem, x: Matrix, other: Matrix, hit: NDArray[np.bool_], weights: Matrix) -> bool:
     """Whether the shots of `hit` (N,), aimed at x, come to hit at `other` as their Jacobian at x foretells:
-    one step of Newton's leaves little of what they miss by. Then no other posture is nearer."""
-    weights = moving_joints(aimed.joints) * _joint_scale(aimed) ** 2
+    one step of Newton's by the joints with a weight (n,) leaves little of what they miss by."""
+    weights = weights * _joint_scale(aimed) ** 2
     _, own = aimed.linearise(x)
     miss, _ = aimed.linearise(other)
     by_joints = aimed.by_joints(own)[hit]
     gram = (by_joints * weights) @ by_joints.transpose(0, 2, 1)
+    gram += 1e-12 * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(gram.shape[1])  # as `aim` does
     across = np.linalg.solve(gram, miss[hit][:, :, None])
     joints = aimed.joints.copy()
     joints[hit] -= weights * (by_joints.transpose(0, 2, 1) @ across)[:, :, 0]
