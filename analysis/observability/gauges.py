@@ -60,7 +60,7 @@ def gauge_of(problem: Problem, x: Matrix, weight: float) -> Gauge:
             # The shots are judged where the true values may just as well be, and where they tell less.
             aimed, jacobian, _ = information_root(problem, least_told.x, weight)
             null = _null_space(jacobian, _ROUNDING_SPECIAL)
-    dimension, exact_part = _confirm(null, [point.null for point in near_by], followed)
+    dimension, exact_part = _confirm(null, near_by, followed)
     return Gauge(aimed, jacobian, null.basis, null.part, dimension, exact_part)
 
 
@@ -149,27 +149,33 @@ def _followed(aimed: Problem, x: Matrix, hit: NDArray[np.bool_], moving: NDArray
 
 @dataclass(frozen=True, eq=False)
 class _NearBy:
-    """Parameter values x (p,) and the null space of the shots that hit there."""
+    """Parameter values x (p,), the null space of the shots that hit there, and whether those are the
+    `same` as at the point judged, turned by a little."""
 
     x: Matrix
     null: _NullSpace
+    same: bool
 
 
 def _near_by(problem: Problem, x: Matrix, aimed: Problem, hit: NDArray[np.bool_]) -> list[_NearBy]:
-    """A few points beside x at which the same shots hit, those that are `aimed` at x. There may be none.
+    """A few points beside x at which all shots of `hit` (N,), `aimed` at x, hit. There may be none.
 
     A shot that misses breaks a gauge that it has where it hits, and so does one that jumps to another
-    posture, such as the second one from which a tip reaches the target. So these points are taken ever nearer
-    to x until all shots of `hit` (N,) hit and have turned there about as their Jacobian at x foretells.
+    posture, such as the second one from which a tip reaches the target. So points are taken ever nearer to x
+    until all shots have turned there about as their Jacobian at x foretells. Those on the way, where some
+    have jumped, tell less about the size of a gauge, but more about what has a part in it: the nearer the
+    point, the smaller the part of what has none at x.
     """
     rng, found, weights = np.random.default_rng(2014), [], moving_joints(problem.joints)
     for _ in range(_CONFIRMATIONS):
         for nearer in range(_NEARER_FOLLOWED):
             other = x + _step(problem, rng, _TARGET_MM) / 2**nearer
             _, jacobian, still = information_root(problem, other, 1.0)
-            if still[hit].all() and _same_shots(aimed, x, other, hit, weights):
-                found.append(_NearBy(other, _null_space(jacobian)))
-                break
+            if still[hit].all():
+                same = _same_shots(aimed, x, other, hit, weights)
+                found.append(_NearBy(other, _null_space(jacobian), same))
+                if same:
+                    break
     return found
 
 
@@ -185,7 +191,7 @@ def _near_special(
             other = x + _step(problem, rng, target_mm) / 2**nearer
             _, jacobian, still = information_root(problem, other, 1.0)
             if still[hit].all():
-                found.append(_NearBy(other, _null_space(jacobian, _ROUNDING_SPECIAL)))
+                found.append(_NearBy(other, _null_space(jacobian, _ROUNDING_SPECIAL), same=False))
                 break
     return found
 
@@ -223,17 +229,20 @@ def _joint_scale(problem: Problem) -> Matrix:
     return np.array([1.0 if joint.kind == "revolute" else 1000.0 for joint in problem.robot.joints])
 
 
-def _confirm(null: _NullSpace, near_by: list[_NullSpace], followed: bool) -> tuple[int, NDArray[np.bool_]]:
+def _confirm(null: _NullSpace, near_by: list[_NearBy], followed: bool) -> tuple[int, NDArray[np.bool_]]:
     """Dimension of the exact gauge and (f,) which parameters have a part in it, from the null space
     at the point judged and those near by.
 
-    What is null at one point must be null near by too; where more is null than there, the shots are others.
-    If not all shots are `followed`, points near by may disagree: the one counts that tells least, it may be
-    the true one. A parameter has a part in the gauge if it has one at any of them: at a point of symmetry
-    (a target on the x axis, say) a turn may leave a coordinate alone to first order that it moves everywhere
-    else.
+    What is null at one point must be null near by too, for the same shots; where more is null than there, the
+    shots are others. If not all shots are `followed`, points near by may disagree: the one counts that tells
+    least, it may be the true one. A parameter has a part in the gauge if it has one at any of them, whatever
+    the shots: at a point of symmetry (a target on the x axis, say) a turn may leave a coordinate alone to
+    first order that it moves everywhere else.
     """
-    spaces = [space for space in (null, *near_by) if space.size <= null.size]
-    sizes = [space.size for space in spaces]
-    dimension = min(sizes) if followed else max(sizes[1:], default=sizes[0])
+    points = [point for point in near_by if point.null.size <= null.size]
+    if followed:
+        dimension = min([null.size, *(point.null.size for point in points if point.same)])
+    else:
+        dimension = max((point.null.size for point in points), default=null.size)
+    spaces = [null, *(point.null for point in points)]
     return dimension, np.any([space.part for space in spaces if space.size <= dimension], axis=0)

@@ -33,9 +33,10 @@ Exact = NDArray[np.object_]  # of numbers in fifty digits
 mpmath.mp.dps = 50
 _HIT = mpf(10) ** -40  # metres
 _ZERO = mpf(10) ** -25  # of a pivot, columns of unit length: far from what is small and from what is rounding
-_UNRESOLVED = mpf(10) ** -8  # the same of what double precision need not tell from nothing
+_UNRESOLVED = 1e-8  # of a singular value on columns of unit length, at most: see `unresolved`
 _POINTS = 100  # near a special shot: one in twenty that tells as little as the package says is found
 _EYE = np.array([[mpf(int(i == j)) for j in range(3)] for i in range(3)])
+_SPOT_MM = 0.05  # of a miss: the joints' noise comes on top
 _STEP = 0.2  # mm, and hundredths of a degree: so small that shots stay those they are, if they can
 
 
@@ -295,18 +296,24 @@ class Judge:
         return None
 
 
-def null_space(matrix: Exact, zero: mpf = _ZERO) -> tuple[int, list[bool]]:
-    """Dimension of the null space and which columns have a part in it: elimination with full pivoting."""
+def on_unit_columns(matrix: Exact) -> Exact:
+    """The same, a column that is zero left as it is."""
+    length = np.array([norm(column) for column in matrix.T])
+    zero = length <= _ZERO
+    return np.where(zero, mpf(0), matrix / np.where(zero, mpf(1), length))
+
+
+def null_space(matrix: Exact, rank: int | None = None) -> tuple[int, list[bool]]:
+    """Dimension of the null space and which columns have a part in it: elimination with full pivoting. With a
+    `rank`, what is left after so many pivots counts as zero."""
     size = matrix.shape[1]
-    length = [norm(column) for column in matrix.T]
-    rows = matrix / np.array([own if own > _ZERO else mpf(1) for own in length])
-    rows[:, [own <= _ZERO for own in length]] = mpf(0)
+    rows = on_unit_columns(matrix)
     pivots: list[int] = []
-    for done in range(min(rows.shape)):
+    for done in range(min(*rows.shape, size if rank is None else rank)):
         left = [j for j in range(size) if j not in pivots]
         largest = np.abs(rows[done:, left])
         i, k = np.unravel_index(int(np.argmax(largest)), largest.shape)
-        if largest[i, k] < zero:
+        if largest[i, k] < _ZERO:
             break
         j = left[k]
         rows[[done, done + i]] = rows[[done + i, done]]
@@ -320,6 +327,21 @@ def null_space(matrix: Exact, zero: mpf = _ZERO) -> tuple[int, list[bool]]:
         # Column j takes part if one of the open columns moves it.
         part[j] = any(abs(rows[row, k]) > _ZERO for k in open_columns)
     return len(open_columns), part
+
+
+def unresolved(problem: Problem, matrix: Exact) -> int:
+    """How many directions the data say next to nothing of: at most a hundredth of what the prior says.
+
+    Singular values on columns of unit length: up to 1e-8, as a column is about a million standard deviations
+    of a miss long for one of the prior, or less where it is longer. It is no mistake to call such a direction
+    unidentifiable, whether double precision sees it (from about 1e-11 on) or not. Entries of fifty digits,
+    rounded to double precision, have singular values that are right to 1e-15.
+    """
+    metres = np.array([1.0 if item.unit == "deg" else 0.001 for item in problem.parameters.items])
+    prior = (problem.parameters.prior_std * metres)[problem.parameters.free]
+    longest = float((np.linalg.norm(matrix.astype(float), axis=0) * prior).max()) / (_SPOT_MM / 1000)
+    singular = np.linalg.svd(on_unit_columns(matrix).astype(float), compute_uv=False)
+    return matrix.shape[1] - int((singular > min(_UNRESOLVED, 0.01 / longest)).sum())
 
 
 def special(arm: Cell, problem: Problem) -> bool:
@@ -395,19 +417,19 @@ def compare(kind: Kind) -> bool:
 
 def allowed(arm: Cell, problem: Problem, points: list[Exact], claimed: int, unbounded: Matrix) -> bool:
     """Whether so many exact directions, and so many parameters (f,) without a bound, are called for although
-    the `points` near by have fewer: because the others are bounded by no more than what double precision
-    takes for rounding, or because some point near a special shot tells that little.
+    the `points` near by have fewer: because the data say next to nothing of the others, or because some
+    point near a special shot tells that little.
 
     The first is a beam along the axis of a sliding last joint. Tilted by a little, it misses as that joint
-    slides, and every further shot tells what is of one order higher in the tilt: the seventh number of an
-    arm of three joints is some 1e-16 of the first.
+    slides, and every further shot tells what is of one order higher in the tilt: the smallest singular values
+    of an arm of three joints are some 1e-9 and 1e-13 of the largest.
     """
     more = (near_by(arm, problem, seed) for seed in range(4, 4 + _POINTS))
     size, part = 0, np.zeros(len(unbounded), dtype=bool)
     for point in itertools.chain(points, more if special(arm, problem) else ()):
         if point is None:
             continue
-        own_size, own_part = null_space(point, _UNRESOLVED)
+        own_size, own_part = null_space(point, point.shape[1] - unresolved(problem, point))
         size, part = max(size, own_size), part | np.array(own_part)
         if claimed <= size and not (unbounded & ~part).any():
             return True
@@ -454,6 +476,9 @@ QUICK = KINDS.filter(lambda kind: kind.shots < 10)
 )
 @example(  # a joint that the target pins down to one of two values: near by some shots come to the other one
     kind=Kind(61638657, 7, True, False, False, False, 2, 12, False)
+)
+@example(  # axes and beam nearly parallel: near by all shots jump, or a part in the gauge is hardly there
+    kind=Kind(0, 3, False, True, False, False, 0, 5, True)
 )
 @example(  # a beam along a sliding last joint: known by what is of a high order in its tilt, not to us
     kind=SLIDING_BEAM
@@ -513,6 +538,19 @@ def test_null_spaces_by_hand() -> None:
     assert null_space(rows) == (2, [True, False, True, True])
     rows[2, 2] += mpf(10) ** -12
     assert null_space(rows) == (1, [False, False, False, True])
+    assert null_space(rows, rank=2) == (2, [True, False, True, True])
+
+
+def test_next_to_nothing_is_a_hundredth_of_the_prior() -> None:
+    """Negative control: two columns that differ by a `share`, all of them a million noise stds or less."""
+    arm = cell(Kind(4, 6, False, True, True, False, 0, 8, False))
+    assert arm is not None
+    problem = Problem.build(arm.own, arm.robot, arm.joints, ["psd"] * 8)
+    size = int(problem.parameters.free.sum())
+    for share, expected in ((1e-7, 0), (0.9e-8, 1), (1e-14, 1), (0.0, 1)):
+        rows = np.array([exact(row) for row in np.eye(size)])
+        rows[-1, -1], rows[0, -1] = mpf(share), mpf(1)  # the last column is the first, but for its share
+        assert unresolved(problem, rows / mpf(10) ** 6) == expected
 
 
 def test_a_verdict_that_is_wrong_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
