@@ -25,6 +25,7 @@ from .estimation.midpoint import MidpointFit, fit_midpoint
 from .estimation.robust import Loss
 from .findings import findings, tolerances
 from .observability.geometry import geometry_result
+from .optima import undecided_names
 from .posterior.intervals import intervals
 from .posterior.posterior import UNSAMPLED, Draws, sample_posterior
 from .result import DistanceResult, Inputs, LikelihoodSummary, MidpointSummary, Result
@@ -177,6 +178,7 @@ def _midpoint(fit: MidpointFit) -> MidpointSummary:
 def _distances(solution: Solution) -> tuple[DistanceResult, ...]:
     """Each stated distance next to what the fit makes of it, with the std of that."""
     problem, fit, rows = solution.problem, solution.fit, []
+    undecided = undecided_names(solution.identified.facts.null_space)
     parameters, targets = problem.parameters, problem.split(fit.x).targets
     for stated in problem.distances:
         between = targets[stated.second] - targets[stated.first]
@@ -184,14 +186,16 @@ def _distances(solution: Solution) -> tuple[DistanceResult, ...]:
         along = np.zeros(len(parameters))
         along[parameters.block("target", stated.second)] = between / length
         along[parameters.block("target", stated.first)] = -between / length
+        ends = [parameters.names[i] for i in np.flatnonzero(along)]
+        determined = solution.converged and not set(ends) & set(undecided)
         by_free = (along * parameters.prior_std)[parameters.free]
         rows.append(
             DistanceResult(
                 between=(problem.targets[stated.first], problem.targets[stated.second]),
                 mm=stated.mm,
                 sigma_mm=stated.sigma,
-                estimate=length if solution.converged else None,
-                std=float(np.sqrt(by_free @ fit.covariance @ by_free)) if solution.converged else None,
+                estimate=length if determined else None,
+                std=float(np.sqrt(by_free @ fit.covariance @ by_free)) if determined else None,
             )
         )
     return tuple(rows)

@@ -15,6 +15,7 @@ from .diagnostics.influence import ShotResult
 from .diagnostics.outliers import OUTLYING, Robust
 from .misfit import LACK_OF_FIT, Criterion
 from .observability.consider import link_columns
+from .optima import undecided_names
 from .posterior.posterior import PosteriorSummary
 from .recordings.steps import Steps
 from .solution import Solution
@@ -29,9 +30,11 @@ class NotConverged:
 
 @dataclass(frozen=True)
 class OtherBasins:
-    """So many more sets of offsets fit nearly as well."""
+    """So many more sets of offsets fit nearly as well; `undecided` are the parameters that have no number
+    because of them."""
 
     count: int
+    undecided: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -92,7 +95,8 @@ def on_the_model(solution: Solution) -> Iterator[Finding]:
     if solution.misfit is not None:
         yield from solution.misfit.criteria
     if solution.fit.other_basins:
-        yield OtherBasins(solution.fit.other_basins)
+        undecided = undecided_names(solution.identified.facts.null_space)
+        yield OtherBasins(solution.fit.other_basins, undecided)
 
 
 def tolerances(solution: Solution) -> Matrix | None:

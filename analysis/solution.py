@@ -10,7 +10,7 @@ number here.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +28,7 @@ from .observability.causes import Cause, Unconverged
 from .observability.consider import tolerance_share
 from .observability.identifiability import Identified, identify, no_better_than
 from .observability.verdict import cause_for
+from .optima import undecided
 from .rows import Rows, frame
 from .status import (
     Status,
@@ -299,7 +300,8 @@ def solve(problem: Problem, **how: Any) -> Solution:
 
 
 def judge(fit: LikelihoodFit, *, trusted: bool = True) -> Solution:
-    """The measurements of a fit judged at its mode, and no parameter better than the std found there.
+    """The measurements of a fit judged at its mode. No parameter is better than the std found there, and none
+    is known of which another optimum, about as good, says something else.
 
     Where a direction is nearly lost the residuals are far from linear, and the std at the mode can be larger
     than the one that the Jacobian promises.
@@ -307,7 +309,8 @@ def judge(fit: LikelihoodFit, *, trusted: bool = True) -> Solution:
     problem = fit.problem
     identified = identify(problem, fit.x, fit.weight)
     identified = no_better_than(problem, identified, problem.parameters.unscaled(fit.std))
-    return Solution(fit, identified, trusted)
+    solution = Solution(fit, identified, trusted)
+    return replace(solution, identified=undecided(fit, identified, solution.quantile))
 
 
 def require_noise_data(problem: Problem) -> None:

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,4 +46,4 @@ def independent(solution: Solution) -> Solution:
         return solution
     problem = solution.problem
     weighted = problem.weighted(np.full(problem.shots, 1 / divisor))
-    return judge(fit_from(weighted, solution.fit.x))
+    return judge(replace(fit_from(weighted, solution.fit.x), others=solution.fit.others))

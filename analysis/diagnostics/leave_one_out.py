@@ -17,7 +17,7 @@ from ...model.kernel import Index
 from ...model.problem import Problem
 from ...model.robot import Matrix
 from ..estimation.fit import modes, unbiased_weight
-from ..observability.identifiability import information_root
+from ..observability.gauges import information_root
 from ..placements import Placement, placements
 from ..solution import Solution
 from ..status import known

@@ -55,6 +55,14 @@ class Fits:
         return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
 
 
+class Optimum(NamedTuple):
+    """Another mode: z and std (f,) there, and by how much its log-posterior is `below` that of the best."""
+
+    z: Matrix
+    std: Matrix
+    below: float
+
+
 class AgainstNoise(NamedTuple):
     """Chi-squared of the residuals, its degrees of freedom, and the chance of one as large by the stated
     noise: None where the noise is estimated or no number is left to contradict it."""
@@ -79,7 +87,12 @@ class LikelihoodFit:
     iterations: int
     converged: bool
     reason: str
-    other_basins: int
+    others: tuple[Optimum, ...] = ()
+
+    @property
+    def other_basins(self) -> int:
+        """How many other modes are worth telling."""
+        return len(self.others)
 
     @cached_property
     def whitened(self) -> Whitened:
@@ -137,7 +150,7 @@ def fit_likelihood(
         near = found.log_posterior[row] >= found.log_posterior[best] - _WORTH_TELLING
         if found.converged[row] and near and all(_apart(found, row, known) for known in basins):
             basins.append(row)
-    fit = _single(problem, found, best, len(basins) - 1)
+    fit = _single(problem, found, best, basins[1:])
     few = _has_few_numbers(problem)
     if 0 < starts < MANY_STARTS and few and fit.chance is not None and fit.chance < CONTRADICTED:
         return fit_likelihood(problem, starts=MANY_STARTS, seed=seed, eliminate_targets=eliminate_targets)
@@ -147,7 +160,7 @@ def fit_likelihood(
 def fit_from(problem: Problem, start: Matrix) -> LikelihoodFit:
     """The fit from one start x (p,) alone: for a mode that is known to be near."""
     found = fit_rows(Density(problem), start[None])
-    return _settled(_single(problem, found, 0, 0))
+    return _settled(_single(problem, found, 0, []))
 
 
 def _settled(fit: LikelihoodFit) -> LikelihoodFit:
@@ -216,7 +229,7 @@ def _has_few_numbers(problem: Problem) -> bool:
     return problem.data_size < _FEW_NUMBERS * int(problem.parameters.free.sum())
 
 
-def _single(problem: Problem, found: Fits, row: int, other_basins: int) -> LikelihoodFit:
+def _single(problem: Problem, found: Fits, row: int, others: list[int]) -> LikelihoodFit:
     return LikelihoodFit(
         problem=problem,
         x=found.x[row],
@@ -228,7 +241,10 @@ def _single(problem: Problem, found: Fits, row: int, other_basins: int) -> Likel
         iterations=int(found.iterations[row]),
         converged=bool(found.converged[row]),
         reason=found.reason[row],
-        other_basins=other_basins,
+        others=tuple(
+            Optimum(found.z[k], found.std[k], float(found.log_posterior[row] - found.log_posterior[k]))
+            for k in others
+        ),
     )
 
 

@@ -117,6 +117,26 @@ class OnePosition:
 
 
 @dataclass(frozen=True)
+class AtOptima:
+    """What two local optima say of one parameter, in its unit: `values` at the best optimum and at the other,
+    `std` the smaller of theirs."""
+
+    name: str
+    unit: str
+    values: tuple[float, float]
+    std: float
+
+
+@dataclass(frozen=True)
+class LocalOptima:
+    """`count` local optima explain the data about equally well. One differs from the best in `parameters`,
+    those that differ most first."""
+
+    count: int
+    parameters: tuple[AtOptima, ...]
+
+
+@dataclass(frozen=True)
 class Unexplained:
     """No known mechanism."""
 
@@ -137,6 +157,7 @@ Cause = (
     | ToolAgainstTarget
     | TooFewMeasurements
     | OnePosition
+    | LocalOptima
     | Unexplained
 )
 
@@ -146,9 +167,10 @@ class NullDirection:
     """A combination of parameters that the data do not determine, weights in prior stds, the largest ±1.
 
     `data_std` is its std without prior, in prior stds along it; None for an exact gauge.
+    Of the kind `optima` it is the way from the best local optimum to another, and `data_std` its length.
     """
 
     combination: dict[str, float]
-    kind: Literal["exact", "noise"]
+    kind: Literal["exact", "noise", "optima"]
     cause: Cause
     data_std: float | None = None

@@ -16,20 +16,12 @@ from ...model.parameters import Parameters
 from ...model.problem import Problem
 from ...model.robot import Matrix
 from ..status import Status
-from .aim import aim, moving_joints
 from .causes import NullDirection
+from .gauges import PART, ROUNDING, complement, gauge_of
 from .mechanisms import Mechanism, mechanisms, unexplained
-from .tolerances import spanned, without_own
+from .tolerances import without_own
 
 _AS_KNOWN = 1 - 1e-6  # singular value of a direction of which the data tell no more than a unit prior
-_ROUNDING = 1e-11  # singular values below this share of a unit column are rounding
-_ROUNDING_SPECIAL = 1e-9  # the same beside a special point, where shots come to hit by small steps only
-_PART = 1e-6  # a parameter with less than this in a unit null vector has no part in it
-_CONFIRMATIONS = 3
-_SPECIAL_CONFIRMATIONS = 6  # where points differ in what they tell; and as many with the target nearer
-_TARGET_MM, _TARGET_NEARER_MM = 50.0, 0.5  # the way to them of a target
-_NEARER = 6  # halvings of the way to them, until all shots can hit there
-_CANNOT_FOLLOW = 1e-6  # of a shot's miss by its joints: smallest singular value by the largest
 _NEW = 1e-4  # a null direction is not yet told if this part of it is outside those found
 _AS_NEARLY_NULL = 3.0  # a mechanism explains a direction if it is null to within this factor
 _NEGLIGIBLE = 1e-3  # terms of a combination whose effect is below this share are left out
@@ -66,46 +58,26 @@ def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
     `weight` is 1 / noise scale^2 (shots only).
     """
     parameters, free = problem.parameters, problem.parameters.free
-    aimed, jacobian, hit = information_root(problem, x, weight)
-    gauge = _null_space(jacobian)
-    followed = _followed(aimed, x, hit, moving_joints(problem.joints) > 0)
-    if followed:
-        near_by = _near_by(problem, x, hit) if gauge.shape[1] else []
-    else:
-        # What hits there may be a matter of the tool: a tip hardly off the last axis reaches hardly further.
-        near_by = [
-            point
-            for target_mm in (_TARGET_MM, _TARGET_NEARER_MM)
-            for point in _near_by(problem, x, hit, target_mm, _SPECIAL_CONFIRMATIONS, _ROUNDING_SPECIAL)
-        ]
-        least_told = max(near_by, key=lambda point: point.null_space.shape[1], default=None)
-        if least_told is not None and least_told.null_space.shape[1] > gauge.shape[1]:
-            # The shots are judged where the true values may just as well be, and where they tell less.
-            aimed, jacobian, _ = information_root(problem, least_told.x, weight)
-            gauge = _null_space(jacobian, _ROUNDING_SPECIAL)
-    exact_dimension, exact_part = _confirm(gauge, [point.null_space for point in near_by], followed)
-
-    keep = _complement(gauge)
+    found = gauge_of(problem, x, weight)
+    jacobian, gauge = found.jacobian, found.basis
+    keep = complement(gauge)
     _, singular, right = np.linalg.svd(jacobian @ keep, full_matrices=False)
-    floor = _ROUNDING * max(float(singular.max(initial=0.0)), 1.0)
+    floor = ROUNDING * max(float(singular.max(initial=0.0)), 1.0)
     singular = np.maximum(singular, floor)
     directions = keep @ right.T
     if len(singular) < directions.shape[1]:
         singular = np.append(singular, np.full(directions.shape[1] - len(singular), floor))
     share = (directions / singular) ** 2
     scaled_std = np.sqrt(share.sum(axis=1))
-    if gauge.shape[1]:
-        unconfirmed = np.linalg.norm(gauge, axis=1) > _PART
-        scaled_std = np.where(unconfirmed, np.maximum(scaled_std, 1 / floor), scaled_std)
-    scaled_std = np.where(exact_part, np.inf, scaled_std)
+    scaled_std = np.where(found.part, np.maximum(scaled_std, 1 / floor), scaled_std)
+    scaled_std = np.where(found.exact_part, np.inf, scaled_std)
 
     tolerated = parameters.group("geometry")[free]
-    unbounded = np.any([spanned(jacobian, tolerated), *(point.spanned for point in near_by)], axis=0)
-    scaled_std[tolerated] = without_own(scaled_std[tolerated], unbounded)
+    scaled_std[tolerated] = without_own(scaled_std[tolerated], found.spanned)
     status, data_std = _statuses(parameters, scaled_std)
     null_space = [
-        *_exact_directions(aimed, jacobian, gauge, exact_dimension),
-        *_noise_directions(aimed, jacobian, directions, singular, share, status, exact_part),
+        *_exact_directions(found.aimed, jacobian, gauge, found.dimension),
+        *_noise_directions(found.aimed, jacobian, directions, singular, share, status, found.exact_part),
     ]
     size = int(free.sum())
     spectrum = np.append(singular, np.zeros(gauge.shape[1]))
@@ -147,131 +119,6 @@ def observability(singular: Matrix, shots: int) -> dict[str, float | None]:
     }
 
 
-def information_root(problem: Problem, x: Matrix, weight: float) -> tuple[Problem, Matrix, NDArray[np.bool_]]:
-    """The problem at shots that hit the centre, A there (M, f) for the free parameters, and (N,) which hit.
-
-    Recorded spots are noise: kept, they would pass for information on the roll of the beam's axes.
-    """
-    centred = problem.moved(problem.joints, np.zeros_like(problem.spots))
-    aim_found = aim(centred, x, moving_joints(problem.joints))
-    aimed = aim_found.problem
-    whitened = aimed.whiten(x)
-    rows = problem.shots * problem.tool.miss_size
-    jacobian = whitened.jacobian
-    jacobian[:rows] *= np.sqrt(weight)
-    if problem.noise.separate:
-        # The misses tell the noise by their scatter, not by where they are.
-        _, own = aimed.linearise(x)
-        root = np.linalg.cholesky(aimed.noise_information(x, own, whitened.factor)).T
-        noise = problem.parameters.group("noise")
-        jacobian = np.vstack([jacobian, np.zeros((2, len(noise)))])
-        jacobian[-2:, noise] = root * problem.parameters.prior_std[noise]
-    # A tolerance of the geometry is knowledge, as a measurement is; an offset's prior is not.
-    known = np.eye(len(problem.parameters))[problem.tolerated]
-    return aimed, np.vstack([jacobian, known])[:, problem.parameters.free], aim_found.hit
-
-
-def _null_space(jacobian: Matrix, rounding: float = _ROUNDING) -> Matrix:
-    """(f, g) orthonormal basis of the numerical null space, judged on columns of unit length."""
-    size = jacobian.shape[1]
-    length = np.linalg.norm(jacobian, axis=0)
-    # A column that is rounding altogether must not be blown up to unit length.
-    zero = length <= _ROUNDING * max(1.0, float(length.max(initial=0.0)))
-    unit = np.where(zero, 0.0, jacobian / np.where(zero, 1.0, length))
-    if len(unit) > size:
-        unit = np.asarray(np.linalg.qr(unit, mode="r"))
-    _, singular, right = np.linalg.svd(unit, full_matrices=True)
-    singular = np.append(singular, np.zeros(size - len(singular)))
-    null = right[singular <= rounding * max(1.0, float(singular.max(initial=0.0)))].T
-    null = null / np.where(zero, 1.0, length)[:, None]
-    return np.linalg.qr(null)[0] if null.shape[1] else null
-
-
-def _complement(basis: Matrix) -> Matrix:
-    """(f, f - g) orthonormal basis of what is orthogonal to `basis` (f, g)."""
-    if basis.shape[1] == 0:
-        return np.eye(basis.shape[0])
-    return np.linalg.qr(basis, mode="complete")[0][:, basis.shape[1] :]
-
-
-def _followed(aimed: Problem, x: Matrix, hit: NDArray[np.bool_], moving: NDArray[np.bool_]) -> bool:
-    """Whether the shots of `hit` (N,) can go on hitting, by a small turn of the joints `moving` (n,), where x
-    changes a little.
-
-    If so, what they tell at x they tell near by too: the rank of A does not fall at a small step (implicit
-    function theorem). If not, the shots that hit near by are others, and may tell less: a beam along the
-    last axis hits at any turn of that joint, one beside it at two turns only.
-    """
-    scale = np.array([1.0 if joint.kind == "revolute" else 1000.0 for joint in aimed.robot.joints])
-    _, own = aimed.linearise(x)
-    by_joints = (own[:, :, : aimed.robot.n] * scale)[hit][:, :, moving]
-    if by_joints.shape[2] < aimed.tool.miss_size:
-        return len(by_joints) == 0
-    singular = np.linalg.svd(by_joints, compute_uv=False)
-    return bool((singular[:, -1] > _CANNOT_FOLLOW * singular[:, 0]).all())
-
-
-@dataclass(frozen=True, eq=False)
-class _NearBy:
-    """Parameter values x (p,), the null space (f, g) of the shots that hit there, and which geometry
-    parameters the others take up there (`spanned`)."""
-
-    x: Matrix
-    null_space: Matrix
-    spanned: NDArray[np.bool_]
-
-
-def _near_by(
-    problem: Problem,
-    x: Matrix,
-    hit: NDArray[np.bool_],
-    target_mm: float = _TARGET_MM,
-    points: int = _CONFIRMATIONS,
-    rounding: float = _ROUNDING,
-) -> list[_NearBy]:
-    """At most `points` points beside x at which the same shots hit, with the target about `target_mm` off.
-
-    A shot that misses breaks a gauge that it has where it hits. So these points must let all shots of
-    `hit` (N,) hit; they are taken ever nearer to x until they do. There may be none.
-    """
-    rng = np.random.default_rng(2014)
-    parameters = problem.parameters
-    size = np.where(
-        parameters.group("target"),
-        target_mm,
-        np.minimum(parameters.prior_std, np.maximum(np.radians(1.0), 0.2 * parameters.prior_std)),
-    )
-    found = []
-    tolerated = parameters.group("geometry")[parameters.free]
-    for _ in range(points):
-        for nearer in range(_NEARER):
-            step = rng.normal(size=len(x)) * size / 2**nearer
-            other = x + np.where(parameters.free, step, 0.0)
-            _, jacobian, still = information_root(problem, other, 1.0)
-            if still[hit].all():
-                taken_up = spanned(jacobian, tolerated)
-                found.append(_NearBy(other, _null_space(jacobian, rounding), taken_up))
-                break
-    return found
-
-
-def _confirm(gauge: Matrix, near_by: list[Matrix], followed: bool) -> tuple[int, NDArray[np.bool_]]:
-    """Dimension of the exact gauge and (f,) which parameters have a part in it, from the null space (f, g)
-    at the point judged and those near by.
-
-    What is null at one point must be null near by too; where more is null than there, the shots are others.
-    If not all shots are `followed`, points near by may disagree: the one counts that tells least, it may be
-    the true one. A parameter has a part in the gauge if it has one at any of them: at a point of symmetry
-    (a target on the x axis, say) a turn may leave a coordinate alone to first order that it moves everywhere
-    else.
-    """
-    spaces = [space for space in (gauge, *near_by) if space.shape[1] <= gauge.shape[1]]
-    sizes = [space.shape[1] for space in spaces]
-    dimension = min(sizes) if followed else max(sizes[1:], default=sizes[0])
-    parts = [np.linalg.norm(space, axis=1) > _PART for space in spaces if space.shape[1] <= dimension]
-    return dimension, np.any(parts, axis=0)
-
-
 def _statuses(parameters: Parameters, scaled_std: Matrix) -> tuple[tuple[Status, ...], Matrix]:
     """Status and data_std (internal units) of every parameter from those of the free ones (f,)."""
     data_std = parameters.unscaled(scaled_std)
@@ -300,13 +147,13 @@ def _exact_directions(
         # All null directions within the support: two of them may share a part, such as the target's.
         _, singular, right = np.linalg.svd(gauge[~support], full_matrices=True)
         singular = np.append(singular, np.zeros(gauge.shape[1] - len(singular)))
-        within = gauge @ right[singular <= _PART].T
+        within = gauge @ right[singular <= PART].T
         fresh, amount, _ = np.linalg.svd(within.T @ left, full_matrices=False)
         for direction in (within @ fresh[:, amount > _NEW]).T:
             found.append((direction, mechanism))
         if found:
             taken = np.array([direction for direction, _ in found]).T
-            left = gauge @ _complement(np.linalg.qr(gauge.T @ taken)[0])
+            left = gauge @ complement(np.linalg.qr(gauge.T @ taken)[0])
     rest = unexplained(problem, int(free.sum()))
     found += [(column, rest) for column in left.T]
     return [
@@ -368,11 +215,11 @@ def _named(
     names = [item.name for item in problem.parameters.items if not item.held]
     effect = np.abs(direction) * np.linalg.norm(jacobian, axis=0)
     large = (effect >= _NEGLIGIBLE * effect.max()) | (np.abs(direction) >= 0.01 * np.abs(direction).max())
-    large &= np.abs(direction) > _PART * np.abs(direction).max()
+    large &= np.abs(direction) > PART * np.abs(direction).max()
     order = [int(i) for i in np.argsort(-np.abs(direction)) if large[i]]
     if not mechanism.support.any():
         order = order[:_LARGEST_TERMS]
-    effect_size = max(float(np.linalg.norm(jacobian @ direction)), _ROUNDING)
+    effect_size = max(float(np.linalg.norm(jacobian @ direction)), ROUNDING)
     data_std = None if kind == "exact" else 1 / effect_size
     weights = direction / direction[order[0]]
     combination = {names[i]: float(weights[i]) for i in order}

@@ -11,8 +11,12 @@ from .causes import Cause, Held, NotResolvable, NotTheModel, NullDirection, Tole
 
 
 def worst_direction(null_space: Sequence[NullDirection], name: str) -> NullDirection:
-    """The direction that a weak or unidentifiable parameter owes its status to."""
+    """The direction that a weak or unidentifiable parameter owes its status to.
+
+    A parameter is part of the way to another optimum only if it would be determined without that optimum.
+    """
     taking_part = [direction for direction in null_space if name in direction.combination]
+    taking_part = [direction for direction in taking_part if direction.kind == "optima"] or taking_part
     if not taking_part:
         return NullDirection({name: 1.0}, "noise", NotResolvable())
     return max(taking_part, key=lambda direction: _share(direction, name))

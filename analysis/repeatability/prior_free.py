@@ -13,7 +13,7 @@ import numpy as np
 from ...model.density import Density
 from ...model.robot import Matrix
 from ..estimation.fit import LikelihoodFit
-from ..observability.identifiability import information_root
+from ..observability.gauges import information_root
 
 _ROUNDING = 1e-11  # as in `identifiability`
 

@@ -12,6 +12,7 @@ from ...model.files.header import Header
 from ...model.files.run import Run
 from ...model.problem import Problem
 from ..findings import FileWarning, OtherBasins, moved_target
+from ..optima import undecided_names
 from ..solution import Solution, require_noise_data
 from ..solved import solved
 from .prior_free import without_prior
@@ -89,7 +90,8 @@ def _on_the_fit(solution: Solution) -> Iterator[RunFinding]:
     if (moved := moved_target(solution)) is not None:
         yield moved
     if solution.fit.other_basins:
-        yield OtherBasins(solution.fit.other_basins)
+        undecided = undecided_names(solution.identified.facts.null_space)
+        yield OtherBasins(solution.fit.other_basins, undecided)
     if solution.problem.distances:
         yield SharedDistances()
     if len(solution.problem.tolerated):

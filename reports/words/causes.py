@@ -7,6 +7,7 @@ from ...analysis.observability.causes import (
     Cause,
     CommonMotion,
     Held,
+    LocalOptima,
     NoiseSplit,
     NotResolvable,
     NotTheModel,
@@ -29,6 +30,7 @@ _BASE_FRAME = (
     "joint 1 defines the base frame: a rotation of it together with every target changes no measurement"
     " (section 3.3)"
 )
+_MOST_AT_OPTIMA = 3
 _TOOL_ROTATION = "a rotation of the last joint is equivalent to one of the uncalibrated laser (section 3.1)"
 
 
@@ -82,6 +84,8 @@ def reason(cause: Cause, name: Namer = str) -> str:
             return f"too few measurements: {measurements} give {numbers} numbers for {unknowns} unknowns"
         case OnePosition():
             return "all measurements are at one position, and a motion that keeps it is free"
+        case LocalOptima():
+            return _local_optima(cause, name)
         case Unexplained():
             return "no known mechanism"
 
@@ -130,12 +134,29 @@ def remedy(cause: Cause, name: Namer = str) -> str:
             return f"record at least {needed} measurements in varied postures, better twice as many"
         case OnePosition():
             return "add measurements of a second target, some hundred millimetres away"
+        case LocalOptima():
+            return "add measurements in postures that differ in every joint, until one optimum is left"
         case Unexplained():
             return "add measurements in postures that differ in every joint, then check again"
 
 
 def _tool(kind: ToolKind) -> str:
     return "beam" if kind == "laser" else "probe tip"
+
+
+def _local_optima(cause: LocalOptima, name: Namer) -> str:
+    named = []
+    for row in cause.parameters[:_MOST_AT_OPTIMA]:
+        here, there = (numbers.estimate(value, row.std, _unit(row.unit)) for value in row.values)
+        named.append(f"{name(row.name)} = {here} or {there}")
+    more = len(cause.parameters) - len(named)
+    count = "two" if cause.count == 2 else str(cause.count)
+    values = ", ".join(named) + (f" and {more} more parameters" if more else "")
+    return f"{count} local optima explain the data about equally well: {values}"
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else unit
 
 
 def _before(cause: CommonMotion) -> str:

@@ -111,10 +111,11 @@ def finding_sentence(finding: Finding, name: Namer = str) -> str:
             return f"The fit did not converge: {why}. Nothing here may be used as an estimate"
         case LackOfFit() | ImplausibleNoise() | BeyondPrior() | PlacementsDisagree():
             return criterion_sentence(finding, name)
-        case OtherBasins(count):
+        case OtherBasins(count, undecided):
             sets = "set of offsets fits" if count == 1 else "sets of offsets fit"
+            what = "What differs between them is unidentifiable; the rest" if undecided else "The one"
             return (
-                f"Other local optima: {count} more {sets} nearly as well. The one reported has"
+                f"Other local optima: {count} more {sets} nearly as well. {what} reported has"
                 " the highest posterior density; add measurements to separate them"
             )
         case NoPosterior(posterior):

@@ -30,6 +30,8 @@ def direction_kind(direction: NullDirection) -> str:
     """How badly the data determine a direction."""
     if direction.kind == "exact":
         return "exact null-space direction: no number of such measurements determines it"
+    if direction.kind == "optima":
+        return "not decided: the way from the best local optimum to another that explains the data as well"
     if direction.data_std is None or direction.data_std >= 1:
         return "not resolvable at this noise level: the data say less than the prior"
     share = numbers.significant(direction.data_std, 2)

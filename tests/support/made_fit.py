@@ -39,7 +39,7 @@ def by_hand(
     free = parameters.free
     z = ((x - parameters.prior_mean) / parameters.prior_std)[free]
     scaled = (of_x / np.outer(parameters.prior_std, parameters.prior_std))[np.ix_(free, free)]
-    fit = LikelihoodFit(problem, x, z, scaled, 1.0, 0.0, 0.0, 1, True, "by hand", 0)
+    fit = LikelihoodFit(problem, x, z, scaled, 1.0, 0.0, 0.0, 1, True, "by hand")
     told: dict[int, Status] = {0: "held", **(status or {})}
     statuses = tuple(told.get(i, "identified") for i in range(len(parameters)))
     facts = Identifiability(len(z), len(z), None, {}, ())

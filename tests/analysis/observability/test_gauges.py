@@ -7,9 +7,9 @@ of Denavit-Hartenberg rows, its Jacobian is that of the joints' screws, its shot
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import islice
 from typing import Any
 
 import mpmath
@@ -33,7 +33,10 @@ Exact = NDArray[np.object_]  # of numbers in fifty digits
 mpmath.mp.dps = 50
 _HIT = mpf(10) ** -40  # metres
 _ZERO = mpf(10) ** -25  # of a pivot, columns of unit length: far from what is small and from what is rounding
+_UNRESOLVED = 1e-8  # of a singular value on columns of unit length, at most: see `unresolved`
+_POINTS = 100  # near a special shot: one in twenty that tells as little as the package says is found
 _EYE = np.array([[mpf(int(i == j)) for j in range(3)] for i in range(3)])
+_SPOT_MM = 0.05  # of a miss: the joints' noise comes on top
 _STEP = 0.2  # mm, and hundredths of a degree: so small that shots stay those they are, if they can
 
 
@@ -293,14 +296,20 @@ class Judge:
         return None
 
 
-def null_space(matrix: Exact) -> tuple[int, list[bool]]:
-    """Dimension of the null space and which columns have a part in it: elimination with full pivoting."""
-    size = matrix.shape[1]
-    length = [norm(column) for column in matrix.T]
-    rows = matrix / np.array([own if own > _ZERO else mpf(1) for own in length])
-    rows[:, [own <= _ZERO for own in length]] = mpf(0)
+def on_unit_columns(matrix: Exact) -> Exact:
+    """The same, a column that is zero left as it is."""
+    length = np.array([norm(column) for column in matrix.T])
+    zero = length <= _ZERO
+    return np.where(zero, mpf(0), matrix / np.where(zero, mpf(1), length))
+
+
+def null_space(matrix: Exact, rank: int | None = None) -> tuple[int, list[bool]]:
+    """Dimension of the null space and which columns have a part in it: elimination with full pivoting. With a
+    `rank`, what is left after so many pivots counts as zero, and so does a part up to `_UNRESOLVED`."""
+    size, least = matrix.shape[1], _ZERO if rank is None else mpf(_UNRESOLVED)
+    rows = on_unit_columns(matrix)
     pivots: list[int] = []
-    for done in range(min(rows.shape)):
+    for done in range(min(*rows.shape, size if rank is None else rank)):
         left = [j for j in range(size) if j not in pivots]
         largest = np.abs(rows[done:, left])
         i, k = np.unravel_index(int(np.argmax(largest)), largest.shape)
@@ -316,15 +325,30 @@ def null_space(matrix: Exact) -> tuple[int, list[bool]]:
     part = [j in open_columns for j in range(size)]
     for row, j in enumerate(pivots):
         # Column j takes part if one of the open columns moves it.
-        part[j] = any(abs(rows[row, k]) > _ZERO for k in open_columns)
+        part[j] = any(abs(rows[row, k]) > least for k in open_columns)
     return len(open_columns), part
+
+
+def unresolved(problem: Problem, matrix: Exact) -> int:
+    """How many directions the data say next to nothing of: at most a hundredth of what the prior says.
+
+    Singular values on columns of unit length: up to 1e-8, as a column is about a million standard deviations
+    of a miss long for one of the prior, or less where it is longer. It is no mistake to call such a direction
+    unidentifiable, whether double precision sees it (from about 1e-11 on) or not. Entries of fifty digits,
+    rounded to double precision, have singular values that are right to 1e-15.
+    """
+    metres = np.array([1.0 if item.unit == "deg" else 0.001 for item in problem.parameters.items])
+    prior = (problem.parameters.prior_std * metres)[problem.parameters.free]
+    longest = float((np.linalg.norm(matrix.astype(float), axis=0) * prior).max()) / (_SPOT_MM / 1000)
+    singular = np.linalg.svd(on_unit_columns(matrix).astype(float), compute_uv=False)
+    return matrix.shape[1] - int((singular > min(_UNRESOLVED, 0.01 / longest)).sum())
 
 
 def special(arm: Cell, problem: Problem) -> bool:
     """Whether some shot, at what is supposed, cannot be turned as the parameters change a little.
 
     The shots that hit near by are then others, and tell less. Each comes to one of a few postures, as it
-    happens: at some points near by they tell more than at others.
+    happens: at some points near by they tell more than at others, and those that tell least count.
     """
     judge, here = Judge(arm), values_of(problem, problem.nominal())
     for shot in problem.joints:
@@ -336,7 +360,14 @@ def special(arm: Cell, problem: Problem) -> bool:
 
 
 def truth(arm: Cell, problem: Problem, seed: int) -> tuple[int, list[bool]] | None:
-    """Of the free parameters at random values near by, with the shots turned onto the target there."""
+    """Null space of the free parameters at a point near by."""
+    matrix = near_by(arm, problem, seed)
+    return None if matrix is None else null_space(matrix)
+
+
+def near_by(arm: Cell, problem: Problem, seed: int) -> Exact | None:
+    """The Jacobian by the free parameters at random values near by, with the shots turned onto the target
+    there; None where they cannot be."""
     rng = np.random.default_rng(seed)
     judge, n = Judge(arm), problem.robot.n
     parameters = problem.parameters
@@ -355,7 +386,14 @@ def truth(arm: Cell, problem: Problem, seed: int) -> tuple[int, list[bool]] | No
         if jacobian is None:
             return None
         stacked.append(jacobian[:, parameters.free])
-    return null_space(np.vstack(stacked))
+    return np.vstack(stacked)
+
+
+def at_nominal(arm: Cell, problem: Problem) -> Exact:
+    """The Jacobian by the free parameters at the nominal values, where the shots hit to double precision."""
+    judge, here = Judge(arm), values_of(problem, problem.nominal())
+    jacobians = [judge.shot(here, joints_of(arm, shot))[1] for shot in problem.joints]
+    return np.vstack(jacobians)[:, problem.parameters.free]
 
 
 def compare(kind: Kind) -> bool:
@@ -364,10 +402,11 @@ def compare(kind: Kind) -> bool:
     if arm is None:
         return False
     problem = Problem.build(arm.own, arm.robot, arm.joints, ["psd"] * len(arm.joints))
-    points = (truth(arm, problem, seed) for seed in (1, 2, 3))
-    found = list(islice((point for point in points if point is not None), 2))
-    if len(found) < 2:
+    first = (near_by(arm, problem, seed) for seed in (1, 2, 3))
+    points = list(itertools.islice((point for point in first if point is not None), 2))
+    if len(points) < 2:
         return False
+    found = [null_space(point) for point in points]
     dimension = min(size for size, _ in found)
     part = np.any([own for size, own in found if size == dimension], axis=0)
     told = identify(problem, problem.nominal())
@@ -378,11 +417,34 @@ def compare(kind: Kind) -> bool:
     exact_directions = sum(direction.kind == "exact" for direction in told.facts.null_space)
     assert set(names[part]) <= set(names[unbounded]), (kind, dimension)
     assert all(own == "unidentifiable" for own, gauge in zip(status, part, strict=True) if gauge)
-    alike = set(names[unbounded]) == set(names[part]) and exact_directions == dimension
-    assert alike or special(arm, problem), (kind, dimension, told.facts)
+    if not (set(names[unbounded]) == set(names[part]) and exact_directions == dimension):
+        assert allowed(arm, problem, points, exact_directions, unbounded), (kind, dimension, told.facts)
     return True
 
 
+def allowed(arm: Cell, problem: Problem, points: list[Exact], claimed: int, unbounded: Matrix) -> bool:
+    """Whether so many exact directions, and so many parameters (f,) without a bound, are called for although
+    the `points` near by have fewer: because the data say next to nothing of the others, or because with
+    special shots they tell that little at some other point near by, or at the nominal one.
+
+    The first is a beam along the axis of a sliding last joint. Tilted by a little, it misses as that joint
+    slides, and every further shot tells what is of one order higher in the tilt: the smallest singular values
+    of an arm of three joints are some 1e-9 and 1e-13 of the largest.
+    """
+    more = (near_by(arm, problem, seed) for seed in range(4, 4 + _POINTS))
+    others = itertools.chain([at_nominal(arm, problem)], more) if special(arm, problem) else ()
+    size, part = 0, np.zeros(len(unbounded), dtype=bool)
+    for point in itertools.chain(points, others):
+        if point is None:
+            continue
+        own_size, own_part = null_space(point, point.shape[1] - unresolved(problem, point))
+        size, part = max(size, own_size), part | np.array(own_part)
+        if claimed <= size and not (unbounded & ~part).any():
+            return True
+    return False
+
+
+SLIDING_BEAM = Kind(1925397732, 3, True, True, False, True, 0, 5, False)
 SETTINGS: dict[str, Any] = {"deadline": None, "derandomize": True, "database": None}
 SETTINGS["phases"] = [Phase.explicit, Phase.generate]  # the numbers come from the seed: nothing to shrink
 QUICK = KINDS.filter(lambda kind: kind.shots < 10)
@@ -413,6 +475,24 @@ QUICK = KINDS.filter(lambda kind: kind.shots < 10)
 )
 @example(  # two postures that hit are one where the parameters are a little other: not those recorded
     kind=Kind(226264450, 4, True, False, False, False, 1, 5, True)
+)
+@example(  # the same, where one point in four tells least: what hits there is a tip in two postures only
+    kind=Kind(1678748615, 4, True, False, False, True, 0, 5, False)
+)
+@example(  # a gauge that moves one coordinate of the target by 0.2 micrometres for 10 mm of the others
+    kind=Kind(1096179882, 3, False, True, False, True, 0, 3, False)
+)
+@example(  # a joint that the target pins down to one of two values: near by some shots come to the other one
+    kind=Kind(61638657, 7, True, False, False, False, 2, 12, False)
+)
+@example(  # axes and beam nearly parallel: near by all shots jump, or a part in the gauge is hardly there
+    kind=Kind(0, 3, False, True, False, False, 0, 5, True)
+)
+@example(  # special shots: joint 4 is in the null space at the nominal values only
+    kind=Kind(1946827495, 6, True, True, False, True, 2, 3, False)
+)
+@example(  # a beam along a sliding last joint: known by what is of a high order in its tilt, not to us
+    kind=SLIDING_BEAM
 )
 def test_no_gauge_is_called_known_and_nothing_known_a_gauge(kind: Kind) -> None:
     assume(compare(kind))
@@ -469,6 +549,19 @@ def test_null_spaces_by_hand() -> None:
     assert null_space(rows) == (2, [True, False, True, True])
     rows[2, 2] += mpf(10) ** -12
     assert null_space(rows) == (1, [False, False, False, True])
+    assert null_space(rows, rank=2) == (2, [True, False, True, True])
+
+
+def test_next_to_nothing_is_a_hundredth_of_the_prior() -> None:
+    """Negative control: two columns that differ by a `share`, all of them a million noise stds or less."""
+    arm = cell(Kind(4, 6, False, True, True, False, 0, 8, False))
+    assert arm is not None
+    problem = Problem.build(arm.own, arm.robot, arm.joints, ["psd"] * 8)
+    size = int(problem.parameters.free.sum())
+    for share, expected in ((1e-7, 0), (0.9e-8, 1), (1e-14, 1), (0.0, 1)):
+        rows = np.array([exact(row) for row in np.eye(size)])
+        rows[-1, -1], rows[0, -1] = mpf(share), mpf(1)  # the last column is the first, but for its share
+        assert unresolved(problem, rows / mpf(10) ** 6) == expected
 
 
 def test_a_verdict_that_is_wrong_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -476,12 +569,27 @@ def test_a_verdict_that_is_wrong_is_noticed(monkeypatch: pytest.MonkeyPatch) -> 
     kind = Kind(4, 6, False, True, True, False, 1, 8, False)
     assert compare(kind)
 
-    honest = identify
-
     def overlooked(problem: Problem, x: Matrix) -> Any:
-        told = honest(problem, x)
+        told = identify_honestly(problem, x)
         return dataclasses.replace(told, data_std=np.where(np.isinf(told.data_std), 1.0, told.data_std))
 
     monkeypatch.setitem(globals(), "identify", overlooked)
     with pytest.raises(AssertionError):
         compare(kind)
+
+    monkeypatch.setitem(globals(), "identify", too_cautious)
+    # The second has special shots, the arm of the third has numbers that double precision does not see.
+    for wrong in (kind, Kind(1678748615, 4, True, False, False, True, 0, 5, False), SLIDING_BEAM):
+        with pytest.raises(AssertionError):
+            compare(wrong)
+
+
+identify_honestly = identify
+
+
+def too_cautious(problem: Problem, x: Matrix) -> Any:
+    """A verdict that knows nothing: as many exact directions as there are unknowns."""
+    told = identify_honestly(problem, x)
+    facts = dataclasses.replace(told.facts, null_space=told.facts.null_space[:1] * told.facts.size)
+    unknown = tuple("held" if own == "held" else "unidentifiable" for own in told.status)
+    return dataclasses.replace(told, status=unknown, data_std=told.data_std + np.inf, facts=facts)

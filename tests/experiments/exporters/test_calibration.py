@@ -13,7 +13,7 @@ from cells import OPEN_LASER, OPEN_PROBE, good_plan, pattern_plan, simulated
 from export_runs import TRUTH, arm_run, hostile
 
 from zerobeam.analysis.analyse import analyse
-from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
+from zerobeam.analysis.estimation.fit import LikelihoodFit, Optimum, fit_likelihood
 from zerobeam.analysis.posterior.posterior import PosteriorSummary
 from zerobeam.experiments.exporters.calibration import calibration, one_line
 from zerobeam.model.errors import BadInput, FitFailed
@@ -162,7 +162,8 @@ def test_a_fit_that_did_not_converge_is_no_answer(monkeypatch: pytest.MonkeyPatc
 
 
 def test_two_answers_are_none(monkeypatch: pytest.MonkeyPatch, refused: Refused) -> None:
-    changed(monkeypatch, other_basins=2)
+    other = Optimum(np.zeros(1), np.ones(1), 10.0)
+    changed(monkeypatch, others=(other, other))
     assert "several sets of offsets" in refused(calibration, RUNS["good"]()).what
 
 

@@ -1,0 +1,258 @@
+"""Exact gauges: the null space of what shots tell that hit, confirmed at other parameter values near by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...model.problem import Problem
+from ...model.robot import Matrix
+from .aim import aim, moving_joints
+from .tolerances import spanned
+
+ROUNDING = 1e-11  # singular values below this share of a unit column are rounding
+_ROUNDING_SPECIAL = 1e-9  # the same beside a special point, where shots come to hit by small steps only
+PART = 1e-6  # a parameter with more than this in a unit null vector has a part in it, whatever the rounding
+_TARGET_MM, _CONFIRMATIONS = 50.0, 3  # points near by, and the way to them of a target
+# Where points differ in what they tell: one in five that tells less than the rest is missed in one of 5000.
+_SPECIAL_CONFIRMATIONS = {50.0: 6, 5.0: 16, 0.5: 16}
+_NEARER = 6  # halvings of the way to them, until all shots can hit there
+_NEARER_FOLLOWED = 12  # the same where they must be the same shots besides
+_CANNOT_FOLLOW = 1e-6  # of a shot's miss by its joints: smallest singular value by the largest
+_FORETOLD = 0.1  # of a shot's miss may be left by one step of Newton's: else it may come to another posture
+_HIT_MM = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Gauge:
+    """What shots that hit tell at a point, and what of it is null.
+
+    `aimed` has the shots there, `jacobian` is A (M, f); `basis` (f, g) spans its null space and `part` (f,)
+    says which parameters have a part in that. `dimension` of it are confirmed near by: an exact gauge, in
+    which those of `exact_part` (f,) have a part. `spanned` (g,) says which geometry parameters do nothing
+    that the other parameters cannot do.
+    """
+
+    aimed: Problem
+    jacobian: Matrix
+    basis: Matrix
+    part: NDArray[np.bool_]
+    dimension: int
+    exact_part: NDArray[np.bool_]
+    spanned: NDArray[np.bool_]
+
+
+def gauge_of(problem: Problem, x: Matrix, weight: float) -> Gauge:
+    """The gauge of the shots at x (p,), or near by, if the true values may be there and they tell less."""
+    aimed, jacobian, hit = information_root(problem, x, weight)
+    tolerated = problem.parameters.group("geometry")[problem.parameters.free]
+    null = _null_space(jacobian)
+    taken_up = [spanned(jacobian, tolerated)]
+    followed = _followed(aimed, x, hit, moving_joints(problem.joints) > 0)
+    if followed:
+        near_by = _near_by(problem, x, aimed, hit) if null.size else []
+    else:
+        # What hits there may be a matter of the tool: a tip hardly off the last axis reaches hardly further.
+        near_by = [
+            point
+            for target_mm, points in _SPECIAL_CONFIRMATIONS.items()
+            for point in _near_special(problem, x, hit, target_mm, points)
+        ]
+        least_told = max(near_by, key=lambda point: point.null.size, default=None)
+        if least_told is not None and least_told.null.size > null.size:
+            # The shots are judged where the true values may just as well be, and where they tell less.
+            aimed, jacobian, _ = information_root(problem, least_told.x, weight)
+            null = _null_space(jacobian, _ROUNDING_SPECIAL)
+    dimension, exact_part = _confirm(null, near_by, followed)
+    taken_up += [spanned(point.jacobian, tolerated) for point in near_by]
+    every = np.any(taken_up, axis=0)
+    return Gauge(aimed, jacobian, null.basis, null.part, dimension, exact_part, every)
+
+
+def information_root(problem: Problem, x: Matrix, weight: float) -> tuple[Problem, Matrix, NDArray[np.bool_]]:
+    """The problem at shots that hit the centre, A there (M, f) for the free parameters, and (N,) which hit.
+
+    Recorded spots are noise: kept, they would pass for information on the roll of the beam's axes.
+    """
+    centred = problem.moved(problem.joints, np.zeros_like(problem.spots))
+    aim_found = aim(centred, x, moving_joints(problem.joints))
+    aimed = aim_found.problem
+    whitened = aimed.whiten(x)
+    rows = problem.shots * problem.tool.miss_size
+    jacobian = whitened.jacobian
+    jacobian[:rows] *= np.sqrt(weight)
+    if problem.noise.separate:
+        # The misses tell the noise by their scatter, not by where they are.
+        _, own = aimed.linearise(x)
+        root = np.linalg.cholesky(aimed.noise_information(x, own, whitened.factor)).T
+        noise = problem.parameters.group("noise")
+        jacobian = np.vstack([jacobian, np.zeros((2, len(noise)))])
+        jacobian[-2:, noise] = root * problem.parameters.prior_std[noise]
+    # A tolerance of the geometry is knowledge, as a measurement is; an offset's prior is not.
+    known = np.eye(len(problem.parameters))[problem.tolerated]
+    return aimed, np.vstack([jacobian, known])[:, problem.parameters.free], aim_found.hit
+
+
+@dataclass(frozen=True, eq=False)
+class _NullSpace:
+    """Numerical null space: an orthonormal `basis` (f, g), and (f,) which parameters have a `part` in it."""
+
+    basis: Matrix
+    part: NDArray[np.bool_]
+
+    @property
+    def size(self) -> int:
+        return int(self.basis.shape[1])
+
+
+def _null_space(jacobian: Matrix, rounding: float = ROUNDING) -> _NullSpace:
+    """The null space of A (M, f), judged on columns of unit length.
+
+    So are the parts in it: on them rounding turns a null vector by no more than its share of the smallest
+    singular value that is not null, and a part larger than that is one. A small share of a large prior, as a
+    target's, can be all that the data leave open of it, and leaves it open without a bound.
+    """
+    size = jacobian.shape[1]
+    length = np.linalg.norm(jacobian, axis=0)
+    # A column that is rounding altogether must not be blown up to unit length.
+    zero = length <= ROUNDING * max(1.0, float(length.max(initial=0.0)))
+    unit = np.where(zero, 0.0, jacobian / np.where(zero, 1.0, length))
+    if len(unit) > size:
+        unit = np.asarray(np.linalg.qr(unit, mode="r"))
+    _, singular, right = np.linalg.svd(unit, full_matrices=True)
+    singular = np.append(singular, np.zeros(size - len(singular)))
+    floor = rounding * max(1.0, float(singular.max(initial=0.0)))
+    null = right[singular <= floor].T
+    if not null.shape[1]:
+        return _NullSpace(null, np.zeros(size, dtype=bool))
+    turned = floor / float(singular[singular > floor].min(initial=1.0))
+    basis = np.linalg.qr(null / np.where(zero, 1.0, length)[:, None])[0]
+    part = (np.linalg.norm(null, axis=1) > turned) | (np.linalg.norm(basis, axis=1) > PART)
+    return _NullSpace(basis, part)
+
+
+def complement(basis: Matrix) -> Matrix:
+    """(f, f - g) orthonormal basis of what is orthogonal to `basis` (f, g)."""
+    if basis.shape[1] == 0:
+        return np.eye(basis.shape[0])
+    return np.linalg.qr(basis, mode="complete")[0][:, basis.shape[1] :]
+
+
+def _followed(aimed: Problem, x: Matrix, hit: NDArray[np.bool_], moving: NDArray[np.bool_]) -> bool:
+    """Whether the shots of `hit` (N,) can go on hitting, by a small turn of the joints `moving` (n,), where x
+    changes a little.
+
+    If so, what they tell at x they tell near by too: the rank of A does not fall at a small step (implicit
+    function theorem). If not, the shots that hit near by are others, and may tell less: a beam along the
+    last axis hits at any turn of that joint, one beside it at two turns only.
+    """
+    _, own = aimed.linearise(x)
+    by_joints = (aimed.by_joints(own) * _joint_scale(aimed))[hit][:, :, moving]
+    if by_joints.shape[2] < aimed.tool.miss_size:
+        return len(by_joints) == 0
+    singular = np.linalg.svd(by_joints, compute_uv=False)
+    return bool((singular[:, -1] > _CANNOT_FOLLOW * singular[:, 0]).all())
+
+
+@dataclass(frozen=True, eq=False)
+class _NearBy:
+    """Parameter values x (p,), A of the shots that hit there and its null space, and whether those are the
+    `same` as at the point judged, turned by a little."""
+
+    x: Matrix
+    jacobian: Matrix
+    null: _NullSpace
+    same: bool
+
+
+def _near_by(problem: Problem, x: Matrix, aimed: Problem, hit: NDArray[np.bool_]) -> list[_NearBy]:
+    """A few points beside x at which all shots of `hit` (N,), `aimed` at x, hit. There may be none.
+
+    A shot that misses breaks a gauge that it has where it hits, and so does one that jumps to another
+    posture, such as the second one from which a tip reaches the target. So points are taken ever nearer to x
+    until all shots have turned there about as their Jacobian at x foretells. Those on the way, where some
+    have jumped, tell less about the size of a gauge, but more about what has a part in it: the nearer the
+    point, the smaller the part of what has none at x.
+    """
+    rng, found, weights = np.random.default_rng(2014), [], moving_joints(problem.joints)
+    for _ in range(_CONFIRMATIONS):
+        for nearer in range(_NEARER_FOLLOWED):
+            other = x + _step(problem, rng, _TARGET_MM) / 2**nearer
+            _, jacobian, still = information_root(problem, other, 1.0)
+            if still[hit].all():
+                same = _same_shots(aimed, x, other, hit, weights)
+                found.append(_NearBy(other, jacobian, _null_space(jacobian), same))
+                if same:
+                    break
+    return found
+
+
+def _near_special(
+    problem: Problem, x: Matrix, hit: NDArray[np.bool_], target_mm: float, points: int
+) -> list[_NearBy]:
+    """At most `points` points beside x, with the target about `target_mm` off, at which all shots of `hit`
+    (N,) can hit: they need not be the same."""
+    # Other directions at every distance.
+    rng, found = np.random.default_rng([2014, int(10 * target_mm)]), []
+    for _ in range(points):
+        for nearer in range(_NEARER):
+            other = x + _step(problem, rng, target_mm) / 2**nearer
+            _, jacobian, still = information_root(problem, other, 1.0)
+            if still[hit].all():
+                found.append(_NearBy(other, jacobian, _null_space(jacobian, _ROUNDING_SPECIAL), same=False))
+                break
+    return found
+
+
+def _step(problem: Problem, rng: np.random.Generator, target_mm: float) -> Matrix:
+    """(p,) a random way to a point near by."""
+    parameters = problem.parameters
+    size = np.where(
+        parameters.group("target"),
+        target_mm,
+        np.minimum(parameters.prior_std, np.maximum(np.radians(1.0), 0.2 * parameters.prior_std)),
+    )
+    return np.where(parameters.free, rng.normal(size=len(parameters)) * size, 0.0)
+
+
+def _same_shots(aimed: Problem, x: Matrix, other: Matrix, hit: NDArray[np.bool_], weights: Matrix) -> bool:
+    """Whether the shots of `hit` (N,), aimed at x, come to hit at `other` as their Jacobian at x foretells:
+    one step of Newton's by the joints with a weight (n,) leaves little of what they miss by."""
+    weights = weights * _joint_scale(aimed) ** 2
+    _, own = aimed.linearise(x)
+    miss, _ = aimed.linearise(other)
+    by_joints = aimed.by_joints(own)[hit]
+    gram = (by_joints * weights) @ by_joints.transpose(0, 2, 1)
+    gram += 1e-12 * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(gram.shape[1])  # as `aim` does
+    across = np.linalg.solve(gram, miss[hit][:, :, None])
+    joints = aimed.joints.copy()
+    joints[hit] -= weights * (by_joints.transpose(0, 2, 1) @ across)[:, :, 0]
+    left, _ = aimed.linearise(other, joints)
+    before, after = (np.linalg.norm(own_miss[hit], axis=1) for own_miss in (miss, left))
+    return bool((after <= _FORETOLD * before + _HIT_MM).all())
+
+
+def _joint_scale(problem: Problem) -> Matrix:
+    """(n,) a radian, or a metre in mm."""
+    return np.array([1.0 if joint.kind == "revolute" else 1000.0 for joint in problem.robot.joints])
+
+
+def _confirm(null: _NullSpace, near_by: list[_NearBy], followed: bool) -> tuple[int, NDArray[np.bool_]]:
+    """Dimension of the exact gauge and (f,) which parameters have a part in it, from the null space
+    at the point judged and those near by.
+
+    What is null at one point must be null near by too, for the same shots; where more is null than there, the
+    shots are others. If not all shots are `followed`, points near by may disagree: the one counts that tells
+    least, it may be the true one. A parameter has a part in the gauge if it has one at any of them, whatever
+    the shots: at a point of symmetry (a target on the x axis, say) a turn may leave a coordinate alone to
+    first order that it moves everywhere else.
+    """
+    points = [point for point in near_by if point.null.size <= null.size]
+    if followed:
+        dimension = min([null.size, *(point.null.size for point in points if point.same)])
+    else:
+        dimension = max((point.null.size for point in points), default=null.size)
+    spaces = [null, *(point.null for point in points)]
+    return dimension, np.any([space.part for space in spaces if space.size <= dimension], axis=0)
