@@ -137,7 +137,7 @@ def fit_likelihood(
         near = found.log_posterior[row] >= found.log_posterior[best] - _WORTH_TELLING
         if found.converged[row] and near and all(_apart(found, row, known) for known in basins):
             basins.append(row)
-    fit = _single(problem, found, best, len(basins) - 1)
+    fit = single(problem, found, best, len(basins) - 1)
     few = _has_few_numbers(problem)
     if 0 < starts < MANY_STARTS and few and fit.chance is not None and fit.chance < CONTRADICTED:
         return fit_likelihood(problem, starts=MANY_STARTS, seed=seed, eliminate_targets=eliminate_targets)
@@ -147,7 +147,7 @@ def fit_likelihood(
 def fit_from(problem: Problem, start: Matrix) -> LikelihoodFit:
     """The fit from one start x (p,) alone: for a mode that is known to be near."""
     found = fit_rows(Density(problem), start[None])
-    return _settled(_single(problem, found, 0, 0))
+    return _settled(single(problem, found, 0, 0))
 
 
 def _settled(fit: LikelihoodFit) -> LikelihoodFit:
@@ -216,7 +216,8 @@ def _has_few_numbers(problem: Problem) -> bool:
     return problem.data_size < _FEW_NUMBERS * int(problem.parameters.free.sum())
 
 
-def _single(problem: Problem, found: Fits, row: int, other_basins: int) -> LikelihoodFit:
+def single(problem: Problem, found: Fits, row: int, other_basins: int = 0) -> LikelihoodFit:
+    """A row of fits, that of `problem`."""
     return LikelihoodFit(
         problem=problem,
         x=found.x[row],
