@@ -63,8 +63,8 @@ _ERRORS = ("bias", "bias_mcse", "rmse", "predicted_std", "z", "z_low", "z_high",
 _KINDS = ("noise_only", "considered", "freed")
 _ABOUT = (
     "Noise only: nominal geometry, and an arm that is as drawn. Considered: nominal geometry, and an arm"
-    " that has the tolerances. Freed: the geometry estimated, with the tolerances as priors. From the smallest u of"
-    " an offset to the largest, as `zerobeam check` predicts it."
+    " that has the tolerances. Freed: the geometry estimated, with the tolerances as priors. From the"
+    " smallest u of an offset to the largest, as `zerobeam check` predicts it."
 )
 
 
@@ -124,7 +124,8 @@ def _overview(plans: Sequence[GeometryPlan], settings: GeometrySettings) -> Tabl
     columns.append(("misfit", "right"))
     rows = []
     for plan in plans:
-        rows.append(row_of(plan_title(plan.name), Cell(sentence(plan.words), span=len(columns) - 1)))
+        about = Cell(counted(plan.shots, "measurement"), span=len(columns) - 1)
+        rows.append(row_of(plan_title(plan.name), about))
         for own in plan.estimators:
             mark, words = standing(own)
             cells = [worst_cell(own, settings.level), z_range(own), f"{own.misfit} of {own.converged}"]
