@@ -50,6 +50,20 @@ def study_cell(
     _study(folder, as_json, lambda tell: cell_study(runs, seed, tell, camera=camera, store=store), store)
 
 
+@studies.command("geometry")
+def study_geometry(
+    folder: StudyFolder,
+    arms: Annotated[int, typer.Option(min=20, help="Simulated arms for each plan.")] = 200,
+    seed: Seed = 0,
+    as_json: Json = False,
+) -> None:
+    """Coverage for arms that are not as drawn: nominal geometry against estimated geometry."""
+    from ..experiments.studies.geometry.study import geometry_study
+
+    store = _store(folder)
+    _study(folder, as_json, lambda tell: geometry_study(arms, seed, tell, store=store), store)
+
+
 @studies.command("table2")
 def study_table2(
     folder: StudyFolder,

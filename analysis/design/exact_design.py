@@ -23,6 +23,7 @@ _Measure = Literal["A", "D", "E", "soft"]  # soft: a smooth stand-in for E
 STARTS = 24
 _SWEEPS = 30
 _NEAR = 400  # candidates among which the starts exchange, those of the largest gain at the optimum
+_NEAR_FEW = 2000  # the same with fewer numbers than unknowns, where the optimum says less of whole shots
 _SCREENED = 64  # candidates of which E looks at the eigenvalues, the most promising by a power mean
 _SOFT, _SHARP = 8, 32  # powers of the mean of eigenvalues that stands in for the largest
 _GAP = 2e-4  # of the bound on the continuous optimum, relative
@@ -89,7 +90,9 @@ def design(
     The starts are rounded from the continuous optimum and drawn at random (fixed by `seed`).
     """
     ideal = continuous(candidates, shots, criterion)
-    near = np.union1d(np.argsort(-ideal.gain)[: max(_NEAR, shots)], np.flatnonzero(ideal.weights > 0))
+    _, numbers, unknowns = candidates.roots.shape
+    most = _NEAR if shots * numbers >= unknowns else _NEAR_FEW
+    near = np.union1d(np.argsort(-ideal.gain)[: max(most, shots)], np.flatnonzero(ideal.weights > 0))
     few = Candidates(candidates.roots[near], candidates.offsets)
     rng = np.random.default_rng(seed)
     best: tuple[float, Index] | None = None

@@ -5,6 +5,7 @@ Fits are rows: the starts of one run, or one start of each of many runs, go up s
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -150,7 +151,7 @@ def fit_likelihood(
         near = found.log_posterior[row] >= found.log_posterior[best] - _WORTH_TELLING
         if found.converged[row] and near and all(_apart(found, row, known) for known in basins):
             basins.append(row)
-    fit = _single(problem, found, best, basins[1:])
+    fit = single(problem, found, best, basins[1:])
     few = _has_few_numbers(problem)
     if 0 < starts < MANY_STARTS and few and fit.chance is not None and fit.chance < CONTRADICTED:
         return fit_likelihood(problem, starts=MANY_STARTS, seed=seed, eliminate_targets=eliminate_targets)
@@ -160,7 +161,7 @@ def fit_likelihood(
 def fit_from(problem: Problem, start: Matrix) -> LikelihoodFit:
     """The fit from one start x (p,) alone: for a mode that is known to be near."""
     found = fit_rows(Density(problem), start[None])
-    return _settled(_single(problem, found, 0, []))
+    return _settled(single(problem, found, 0))
 
 
 def _settled(fit: LikelihoodFit) -> LikelihoodFit:
@@ -229,7 +230,8 @@ def _has_few_numbers(problem: Problem) -> bool:
     return problem.data_size < _FEW_NUMBERS * int(problem.parameters.free.sum())
 
 
-def _single(problem: Problem, found: Fits, row: int, others: list[int]) -> LikelihoodFit:
+def single(problem: Problem, found: Fits, row: int, others: Sequence[int] = ()) -> LikelihoodFit:
+    """A row of fits, that of `problem`; `others` are those of other optima."""
     return LikelihoodFit(
         problem=problem,
         x=found.x[row],

@@ -26,15 +26,17 @@ class DataSets:
     failed: int
 
 
-def drawn(problem: Problem, count: int, rng: np.random.Generator) -> DataSets:
-    """Truths drawn from the priors, and one run of the problem's postures with each."""
+def drawn(problem: Problem, count: int, rng: np.random.Generator, spread: Matrix | None = None) -> DataSets:
+    """Truths drawn from the priors, or with the stds `spread` (p,), and one run of the problem's postures
+    with each. What is held stays held."""
     parameters = problem.parameters
+    spread = parameters.prior_std if spread is None else spread
     truths = np.empty((0, len(parameters)))
     joints, spots, tried = [], [], 0
     while len(truths) < count and tried < _FURTHER * count:
         some = count - len(truths)
         x = np.tile(parameters.prior_mean, (some, 1))
-        x += np.where(parameters.free, rng.normal(size=x.shape) * parameters.prior_std, 0.0)
+        x += np.where(parameters.free, rng.normal(size=x.shape) * spread, 0.0)
         found = simulated_readings(problem, x, rng)
         truths = np.vstack([truths, x[found.met]])
         joints.append(found.joints[found.met])

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ...analysis.estimation.fit import Fits
 from ...analysis.estimation.midpoint import fit_midpoints
+from ...model.geometry import NOMINAL
 from ...model.kernel import Index
 from ...model.parameters import Parameters
 from ...model.robot import Matrix
@@ -46,11 +47,12 @@ def understated(data: DataSets, which: Index) -> Estimates:
 
 
 def midpoint(data: DataSets, which: Index) -> Estimates:
-    """The paper's cost (eq. 8) with the sandwich covariance."""
-    fits = fit_midpoints(data.problem, data.joints)
+    """The paper's cost (eq. 8) with the sandwich covariance; its geometry is nominal, as in the paper."""
+    problem = data.problem.with_geometry(NOMINAL)  # the offsets stay where they are: they come first
+    fits = fit_midpoints(problem, data.joints)
     at = (np.cumsum(fits.free) - 1)[which]  # the targets are no part of this fit
     variance = np.diagonal(fits.covariance, axis1=1, axis2=2)[:, at]
-    std = np.sqrt(variance) * data.problem.parameters.prior_std[which]
+    std = np.sqrt(variance) * problem.parameters.prior_std[which]
     words = "midpoint fit of the paper (eq. 8), intervals from its sandwich covariance"
     return Estimates("midpoint", words, False, fits.x[:, which], std, fits.converged)
 

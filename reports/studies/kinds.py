@@ -13,6 +13,9 @@ from ..style.canvas import Picture
 from .cell_page import cell_page, cell_pictures, parameter_rows, time_rows
 from .cell_page import plan_rows as cell_plan_rows
 from .coverage_page import coverage_page, coverage_pictures, coverage_rows, rank_rows
+from .geometry.page import geometry_page, geometry_pictures
+from .geometry.page import parameter_rows as geometry_parameter_rows
+from .geometry.page import plan_rows as geometry_plan_rows
 from .shares import PlainRow
 from .sweeps import sweep_page
 from .table2_page import paper_rows, scatter_rows, table2_page, table2_pictures
@@ -47,6 +50,11 @@ STUDIES: dict[str, Study[Any]] = {
         table2_page,
         table2_pictures,
         {"scatter.csv": scatter_rows, "plans.csv": table2_plan_rows, "paper.csv": paper_rows},
+    ),
+    "geometry": Study(
+        geometry_page,
+        geometry_pictures,
+        {"parameters.csv": geometry_parameter_rows, "plans.csv": geometry_plan_rows},
     ),
 }
 

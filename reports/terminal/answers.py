@@ -30,6 +30,7 @@ from ..words.observability import advice_sentence, over_target_sentence
 from ..words.wording import counted, ended, label, listed, person, sentence, shown
 
 _MOST_ROWS = 40
+_LOOSE = 0.8  # a certified efficiency below this needs a word
 
 
 def print_result(console: Console, result: Result) -> None:
@@ -126,6 +127,13 @@ def print_proposal(console: Console, made: MadePlan) -> None:
                 f" candidates{seconds}."
             )
         )
+        if made.proposal.efficiency < _LOOSE:
+            console.print(
+                Text(
+                    f"The bound divides {len(check.postures)} measurements among {made.proposal.support}"
+                    " postures, which whole ones cannot: the best choice may be no better than this."
+                )
+            )
         console.print(Text(f"{made.removed}.", style="dim"))
 
 

@@ -31,7 +31,7 @@ from ....reports.words import numbers
 from .case_settings import TARGET, Settings, as_tuple, overlap, setting_names
 
 STUDY_FILE_SCHEMA: Literal["zerobeam/study-file/1"] = "zerobeam/study-file/1"
-OTHER_STUDIES = ("coverage", "cell", "table2")  # their answers have another shape
+OTHER_STUDIES = ("coverage", "cell", "table2", "geometry")  # their answers have another shape
 _FOLDER = Path(__file__).parent
 _MOST_CASES = 10_000
 

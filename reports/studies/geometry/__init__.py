@@ -1,0 +1,1 @@
+"""What the study `geometry` shows: page, tables and figures."""

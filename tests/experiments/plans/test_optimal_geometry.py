@@ -1,0 +1,104 @@
+"""Plans for arms of uncertain geometry: what is chosen, its certificate, and what `check` says of it."""
+
+from __future__ import annotations
+
+import functools
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cells import LASER, header, irb1600, plan_of
+from command_line import WIDTH
+from rich.console import Console
+
+from zerobeam.analysis.design import exact_design
+from zerobeam.analysis.observability.check import Check, check
+from zerobeam.experiments.plans.candidates import candidates
+from zerobeam.experiments.plans.make import MadePlan
+from zerobeam.experiments.plans.optimal import Planner, Proposal
+from zerobeam.model.files.header import Header
+from zerobeam.reports.terminal.answers import print_proposal
+
+TARGET = (950.0, 150.0, 100.0)
+GEOMETRY = {"tolerance": {"length_mm": 0.3, "angle_deg": 0.1}, "gravity": False, "harmonics": False}
+
+
+def stated(free: bool) -> Header:
+    return header(LASER, target=TARGET, **({"geometry": GEOMETRY} if free else {}))
+
+
+@functools.cache
+def planner(free: bool, count: int) -> Planner:
+    own, place = stated(free), np.array(TARGET)
+    return Planner(own, irb1600(), place, candidates(own, irb1600(), place, count, seed=0))
+
+
+@functools.cache
+def proposed(shots: int, free: bool, count: int = 1000) -> Proposal:
+    return planner(free, count).optimal(shots)
+
+
+def checked(proposal: Proposal) -> Check:
+    return check(plan_of(stated(True), proposal.postures))
+
+
+def worst(found: Check) -> float:
+    stds = [row.std for row in found.parameters if row.group == "offset" and not row.held]
+    assert all(std is not None for std in stds)
+    return max(std for std in stds if std is not None)
+
+
+def test_seven_measurements_are_no_degenerate_plan_although_their_numbers_are_fewer_than_unknowns() -> None:
+    """14 numbers for 25 unknowns: the tolerances are knowledge."""
+    found = checked(proposed(7, True))
+    assert found.verdict == "pass"
+    assert worst(found) == pytest.approx(proposed(7, True).worst, rel=0.02)
+    # A control: without tolerances to speak of, so few numbers do not do.
+    wide = {**GEOMETRY, "tolerance": {"length_mm": 1000.0, "angle_deg": 90.0}}
+    own = header(LASER, target=TARGET, geometry=wide)
+    assert check(plan_of(own, proposed(7, True).postures)).verdict == "degenerate"
+
+
+@pytest.mark.parametrize("shots", [7, 12])
+def test_a_plan_for_uncertain_geometry_holds_up_better_under_it(shots: int) -> None:
+    assert worst(checked(proposed(shots, True))) < 0.8 * worst(checked(proposed(shots, False)))
+
+
+def test_the_bound_holds_and_the_wider_search_is_no_worse(monkeypatch: pytest.MonkeyPatch) -> None:
+    own = proposed(7, True)
+    assert 0 < own.efficiency <= 1
+    random = np.random.default_rng(0)
+    roots = planner(True, 1000).candidates
+    for _ in range(20):
+        rows = random.choice(roots.count, 7, replace=False)
+        covariance = exact_design.offset_covariance(roots, roots.information(rows))
+        assert exact_design.variance(covariance, "A") * 25 >= own.bound
+    monkeypatch.setattr(exact_design, "_NEAR_FEW", exact_design._NEAR)
+    assert own.value <= planner(True, 1000).optimal(7).value * (1 + 1e-9)
+
+
+def printed(shots: int) -> str:
+    proposal = proposed(shots, True)
+    made = MadePlan("optimal", None, Path("plan.yaml"), checked(proposal), proposal, None, "1000 are left")
+    out = io.StringIO()
+    print_proposal(Console(file=out, width=WIDTH), made)
+    return " ".join(out.getvalue().split())
+
+
+def test_a_loose_certificate_says_what_limits_it() -> None:
+    assert proposed(7, True).efficiency < 0.8
+    said = f"The bound divides 7 measurements among {proposed(7, True).support} postures, which whole ones"
+    assert said in printed(7)
+    assert proposed(20, True).efficiency > 0.8
+    assert "The bound divides" not in printed(20)
+
+
+@pytest.mark.long
+def test_twelve_measurements_of_ten_thousand_candidates_know_every_offset_to_a_hundredth_of_a_degree() -> (
+    None
+):
+    """Issue 15: worst u of δ2 … δ6 at most 0.012°, certified."""
+    own = proposed(12, True, 10_000)
+    assert worst(checked(own)) <= 0.012
+    assert own.efficiency >= 0.75
