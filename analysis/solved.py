@@ -40,10 +40,16 @@ def solved(
 
 
 def independent(solution: Solution) -> Solution:
-    """The same with its measurements at their effective number, where neighbouring ones are correlated."""
+    """The same with its measurements at their effective number, where neighbouring ones are correlated.
+
+    Not where that would leave nothing to judge a misfit by: in a short run that a wrong model does not fit,
+    the errors of the model are what is correlated.
+    """
     divisor = effective(solution, tolerances(solution)).divisor
     if divisor == 1:
         return solution
     problem = solution.problem
     weighted = problem.weighted(np.full(problem.shots, 1 / divisor))
+    if solution.misfit is not None and weighted.data_size <= int(problem.parameters.free.sum()):
+        return solution
     return judge(replace(fit_from(weighted, solution.fit.x), others=solution.fit.others))

@@ -14,10 +14,11 @@ from .options import Json, RunFile
 
 if TYPE_CHECKING:
     from ..experiments.exporters.calibration import Calibration
+    from ..experiments.exporters.corrected import Holds
     from ..model.files.run import Run
 
 exports = typer.Typer(
-    help="Write the offsets of a run in the form in which they are applied: only identifiable ones.",
+    help="Write what a run determines in the form in which it is applied: only what is identifiable.",
     no_args_is_help=True,
 )
 
@@ -39,7 +40,7 @@ Unvalidated = Annotated[
 Without = Annotated[
     list[str] | None,
     typer.Option(
-        help="Exclude this offset (delta4): it counts as 0. Repeatable.",
+        help="Exclude this parameter (delta4, link2.a): it counts as 0. Repeatable.",
         metavar="NAME",
         show_default=False,
     ),
@@ -51,15 +52,17 @@ Text = Callable[["Run", "Calibration"], str]
 
 @dataclass(frozen=True)
 class Allowed:
-    """What is exported although something speaks against it; `as_data`: the file states every status."""
+    """What is exported although something speaks against it; `as_data`: the file states every status. `holds`
+    is what the kind of file has room for."""
 
     weak: bool
     displaced: bool
     unvalidated: bool
     as_data: bool = False
+    holds: Holds = "offsets"
 
 
-def _format(name: str, *, as_data: bool = False) -> Callable[[Text], Text]:
+def _format(name: str, *, as_data: bool = False, holds: Holds = "offsets") -> Callable[[Text], Text]:
     """Make a command, which its docstring describes, of a function that needs nothing else to be stated."""
 
     def command(text: Text) -> Text:
@@ -72,7 +75,7 @@ def _format(name: str, *, as_data: bool = False) -> Callable[[Text], Text]:
             without: Without = None,
             as_json: Json = False,
         ) -> None:
-            allowed = Allowed(allow_weak, allow_displaced, unvalidated, as_data)
+            allowed = Allowed(allow_weak, allow_displaced, unvalidated, as_data, holds)
             _export(run, file, allowed, without, as_json, text)
 
         exports.command(name, help=text.__doc__)(export)
@@ -81,9 +84,17 @@ def _format(name: str, *, as_data: bool = False) -> Callable[[Text], Text]:
     return command
 
 
-@_format("urdf")
+@_format("robot", holds="links")
+def export_robot(recorded: Run, calibration: Calibration) -> str:
+    """A corrected robot file: offsets, link lengths and angles in its Denavit-Hartenberg rows."""
+    from ..experiments.exporters.robot_rows import robot_text
+
+    return robot_text(recorded, calibration)
+
+
+@_format("urdf", holds="links")
 def export_urdf(recorded: Run, calibration: Calibration) -> str:
-    """A corrected copy of the run's URDF: the offsets in the origins of its joints."""
+    """A corrected URDF: offsets, link lengths and angles in the origins of its joints."""
     from ..experiments.exporters.urdf_origins import urdf_text
 
     return urdf_text(recorded, calibration)
@@ -138,9 +149,9 @@ def export_rapid(_: Run, calibration: Calibration) -> str:
     return rapid_text(calibration)
 
 
-@_format("json", as_data=True)
+@_format("json", as_data=True, holds="all")
 def export_json(_: Run, calibration: Calibration) -> str:
-    """The offsets with their uncertainty as JSON, for programs."""
+    """All parameters with uncertainty and covariance as JSON, for programs."""
     from ..experiments.exporters.offsets_data import json_text
 
     return json_text(calibration)
@@ -177,6 +188,7 @@ def _export(
         unvalidated=allowed.unvalidated,
         as_data=allowed.as_data,
         without=without or (),
+        holds=allowed.holds,
     )
     write_whole(file, text(recorded, judged))
     if as_json:

@@ -89,6 +89,13 @@ class ShotFunctions:
         return self._kernels[name, compile]
 
 
+class InterpretedFunctions(ShotFunctions):
+    """The same by CasADi's virtual machine alone: for a few fits, which take less than compiling."""
+
+    def kernel(self, name: str, *, compile: bool = False) -> Kernel:
+        return super().kernel(name, compile=False)
+
+
 _made: dict[bytes, ShotFunctions] = {}
 _MOST_MADE = 32
 

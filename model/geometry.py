@@ -186,6 +186,17 @@ class Geometry:
         joints = tuple(replace(own, fixed=at) for own, at in zip(robot.joints, fixed[:-1], strict=True))
         return replace(robot, joints=joints, flange=fixed[-1])
 
+    def applied(self, robot: Robot, values: Matrix) -> Robot:
+        """The robot in numbers with its links at `values` (g,), mm and rad; what depends on the posture
+        (gravity, harmonics) is in no robot, and left out."""
+        moved = self.moved(robot, ca.SX(np.asarray(values, dtype=float)))
+
+        def number(transform: Any) -> Matrix:
+            return np.array(ca.evalf(ca.SX(transform)).full())
+
+        joints = tuple(replace(joint, fixed=number(joint.fixed)) for joint in moved.joints)
+        return replace(moved, joints=joints, flange=number(moved.flange))
+
     def bent(self, robot: Robot, arm: ca.SX, recorded: ca.SX) -> ca.SX:
         """(n, 1) offsets that hold at one posture: those of `arm` (n + g,) and what its gravity and harmonics
         add, with what was `recorded` of the posture (see `recorded`)."""

@@ -9,7 +9,7 @@ transform `flange`. Angles are radians and lengths millimetres.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -140,6 +140,17 @@ class Robot:
             As `fk`.
         """
         return self._kinematics(q, unit)[1]
+
+    def with_offsets(self, delta: Matrix) -> Robot:
+        """The robot that is at recorded positions where this one is at those plus `delta` (n,), rad or mm.
+
+        The offsets are in the transforms before the joints; limits stay.
+        """
+        joints = tuple(
+            replace(joint, fixed=joint.fixed @ _motion(joint, float(value)))
+            for joint, value in zip(self.joints, delta, strict=True)
+        )
+        return replace(self, joints=joints)
 
     def _kinematics(self, q: ArrayLike, unit: str) -> tuple[Matrix, Matrix]:
         """(..., 4, 4) pose and (..., 6, n) Jacobian."""
@@ -301,6 +312,16 @@ def axis_rotation(axis: Matrix, cosine: ca.SX, sine: ca.SX) -> ca.SX:
     return ca.sparsify(ca.SX(along) + cosine * ca.SX(np.eye(3) - along) + sine * ca.SX(cross))
 
 
+def _motion(joint: Joint, value: float) -> Matrix:
+    """(4, 4) of a joint at a position, rad or mm."""
+    if joint.kind == "prismatic":
+        return shift(*(joint.axis * value))
+    result = np.eye(4)
+    turn = axis_rotation(joint.axis, ca.SX(np.cos(value)), ca.SX(np.sin(value)))
+    result[:3, :3] = ca.evalf(turn).full()
+    return result
+
+
 def rotation_about(axis: Literal["x", "y", "z"], angle: float) -> Matrix:
     """Homogeneous rotation (4, 4) by `angle` (rad) about a coordinate axis."""
     i = "xyz".index(axis)
@@ -322,12 +343,16 @@ def shift(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Matrix:
 
 @dataclass(frozen=True)
 class DHRow:
-    """One Denavit-Hartenberg row: a, d in mm, alpha, theta in rad (theta is the joint's zero position)."""
+    """One Denavit-Hartenberg row: a, d in mm, alpha, theta in rad (theta is the joint's zero position).
+
+    `beta` is the further rotation about y, rad, of two axes that are nearly parallel (Hayati and Mirmirani).
+    """
 
     a: float
     alpha: float
     d: float
     theta: float
+    beta: float = 0.0
 
 
 def dh_chain(
@@ -335,14 +360,14 @@ def dh_chain(
 ) -> tuple[list[Matrix], Matrix]:
     """Fixed transforms before each joint and the one after the last, all joints moving about or along z.
 
-    standard (eq. 1 of the paper): Rz(theta + q) Tz(d) Tx(a) Rx(alpha).
-    modified (Craig):              Rx(alpha) Tx(a) Rz(theta + q) Tz(d).
+    standard (eq. 1 of the paper): Rz(theta + q) Tz(d) Tx(a) Rx(alpha) Ry(beta).
+    modified (Craig):              Rx(alpha) Tx(a) Ry(beta) Rz(theta + q) Tz(d).
     """
     fixed: list[Matrix] = []
     pending = np.eye(4)
     for row in rows:
         turn = rotation_about("z", row.theta) @ shift(z=row.d)
-        link = shift(x=row.a) @ rotation_about("x", row.alpha)
+        link = shift(x=row.a) @ rotation_about("x", row.alpha) @ rotation_about("y", row.beta)
         if convention == "standard":
             fixed.append(pending)
             pending = turn @ link

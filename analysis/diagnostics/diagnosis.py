@@ -20,10 +20,12 @@ from ...model.problem import Problem
 from ...model.robot import Matrix
 from ..solution import Solution
 from .hypotheses import Cause
+from .link_rival import with_links_freed
 from .trials import CHANCE, Left, lefts, tried
 
 _SLACK = 3.0  # an estimated noise may be so many times the stated
 _MOST = 5  # explanations
+_BLAMES_THE_DATA: frozenset[Cause] = frozenset({"placement", "measurements", "moved_target"})
 
 
 @dataclass(frozen=True)
@@ -34,8 +36,8 @@ class Explanation:
 
     `factor` is the residual over the noise that it leaves, `before` the same as recorded; `farthest` and
     `farthest_before` the largest distance of an estimate from its prior mean, in prior stds. `freed` counts
-    the parameters that it frees, `p_value` is the chance of such a gain after all that was tried, and
-    `agrees` says that what it leaves agrees with the noise.
+    the parameters that it frees (of links within tolerances their effective number), `p_value` is the chance
+    of such a gain after all that was tried, and `agrees` says that what it leaves agrees with the noise.
     """
 
     cause: Cause
@@ -47,7 +49,7 @@ class Explanation:
     before: float
     farthest: float
     farthest_before: float
-    freed: int
+    freed: float
     p_value: float
     agrees: bool
 
@@ -57,7 +59,7 @@ class Explanation:
 Rival = Callable[[Problem, Matrix], Left | None]
 
 
-def diagnose(solution: Solution, *, rivals: Sequence[Rival] = ()) -> tuple[Explanation, ...]:
+def diagnose(solution: Solution, *, rivals: Sequence[Rival] = (with_links_freed,)) -> tuple[Explanation, ...]:
     """What explains that a solution contradicts its noise or priors, the best explanation first.
 
     Empty where nothing does, or where there is nothing to explain. `rivals` are further hypotheses.
@@ -72,7 +74,8 @@ def diagnose(solution: Solution, *, rivals: Sequence[Rival] = ()) -> tuple[Expla
         *(left for rival in rivals if (left := rival(problem, ended[0])) is not None),
     ]
     explained = _explanations(base, found, slack)
-    if not solution.problem.noise.known or solution.dof == 0:
+    weighted = bool((solution.problem.weights != 1).any())
+    if not solution.problem.noise.known or weighted or solution.dof == 0:
         return explained
     # As the answer itself has it: it judges what is determined at measurements that hit.
     before = float(np.sqrt(solution.against_noise.chi2 / solution.dof))
@@ -82,10 +85,12 @@ def diagnose(solution: Solution, *, rivals: Sequence[Rival] = ()) -> tuple[Expla
 def _at_stated_noise(solution: Solution) -> tuple[Problem, Matrix]:
     """The problem with the noise as stated and known, and the fit's x (p,) without noise factors."""
     problem, x = solution.problem, solution.fit.x
+    # Each measurement counts once: it is the misfit's own errors that are correlated.
+    problem = replace(problem, weights=np.ones(problem.shots))
     noise = replace(problem.noise, estimated=False, separate=False)
     if not problem.noise.separate:
         return replace(problem, noise=noise), x
-    functions = shot_functions(problem.robot, problem.tool)
+    functions = shot_functions(problem.robot, problem.tool, geometry=problem.geometry)
     parameters = problem.parameters
     known = replace(problem, noise=noise, parameters=parameters.without("noise"), functions=functions)
     return known, x[~parameters.group("noise")]
@@ -109,8 +114,15 @@ def _explanations(base: Left, found: Sequence[Left], slack: float) -> tuple[Expl
         price = left.freed * float(np.log(base.numbers)) + 2 * count
         return price - 2 * _log_ratio(base, left, free_scale)
 
-    chances = {i: _chance(base, found[i], log_tried, free_scale) for i in told}
-    rows = sorted((criterion(found[i]), i) for i in told if chances[i] < CHANCE)
+    # Links within tolerances are no fault of the data: whatever blames the data has to be clearly likelier.
+    links = min((criterion(found[i]) for i in told if found[i].cause == "geometry"), default=np.inf)
+    claimed = {
+        i
+        for i in told
+        if found[i].cause not in _BLAMES_THE_DATA or criterion(found[i]) < links + 2 * np.log(CHANCE)
+    }
+    chances = {i: _chance(base, found[i], log_tried, free_scale) for i in claimed}
+    rows = sorted((criterion(found[i]), i) for i in claimed if chances[i] < CHANCE)
     return tuple(
         _explanation(base, found[i], chances[i], i in agreeing)
         for value, i in rows

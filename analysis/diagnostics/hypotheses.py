@@ -15,8 +15,9 @@ from typing import Literal
 
 import numpy as np
 
-from ...model.constraint import ShotFunctions
-from ...model.kernel import Index, Kernel
+from ...model.constraint import InterpretedFunctions
+from ...model.geometry import NOMINAL
+from ...model.kernel import Index
 from ...model.parameters import Parameter, Parameters
 from ...model.problem import Problem
 from ...model.robot import Joint, Matrix, Robot
@@ -142,17 +143,12 @@ class Widened:
             yield Change("twist", (link, link + 1) if link < n else (link,), positions)
 
 
-class _Interpreted(ShotFunctions):
-    """Functions that CasADi's virtual machine evaluates: to compile them takes longer than all fits."""
-
-    def kernel(self, name: str, *, compile: bool = False) -> Kernel:
-        return super().kernel(name, compile=False)
-
-
 def widened(problem: Problem) -> Widened | None:
     """The problem with its twists as joints; None where the robot has none, or its geometry is no chain of
-    revolute and prismatic joints with a sign to reverse."""
+    revolute and prismatic joints with a sign to reverse. Links are nominal there."""
     robot = problem.robot
+    if problem.geometry:
+        problem = problem.with_geometry(NOMINAL)
     joints: list[Joint] = []
     own: list[int] = []
     twists: list[tuple[int, int, float]] = []
@@ -183,7 +179,7 @@ def widened(problem: Problem) -> Widened | None:
             robot=wide,
             noise=replace(problem.noise, joint=noise),
             parameters=_with_held(problem.parameters, [place for _, place, _ in twists]),
-            functions=_Interpreted(wide, problem.tool),
+            functions=InterpretedFunctions(wide, problem.tool),
             joints=every,
         ),
         np.array(own),

@@ -25,6 +25,7 @@ from .hypotheses import Cause, Change, changes, widened
 
 CHANCE = 1e-3  # that what is left is noise, that a gain is chance, that a rival is the better one
 HALVED = 0.5  # what does not agree with the noise has to leave no more than this share of the residuals
+REDUCED = 0.75  # the same of link geometry: beyond it arms deflect, by as much again
 _FAR = 4.0  # prior stds beyond which an estimate contradicts its prior
 _FEW_STEPS = 60  # of a first try
 _ROUNDS = 10  # in which measurements that stand out are left out
@@ -49,8 +50,9 @@ _TWISTS = _Effort(60, 2)  # the functions of a robot with twists as joints are n
 class Left:
     """What a hypothesis leaves: `chi2` of the residuals at the stated noise, with `dof`; `cost` the same with
     the squares of the estimates in prior stds; `numbers` counts the residuals, and `farthest` is the largest
-    distance of an estimate from its prior mean in prior stds. `freed` parameters are chosen to suit the data,
-    out of exp(`log_choices`) ways to do so, and `volume` is that of a `Change`."""
+    distance of an estimate from its prior mean in prior stds. `freed` parameters are chosen to suit the data
+    (their effective number, where tolerances bound them), out of exp(`log_choices`) ways to do so, and
+    `volume` is that of a `Change`."""
 
     cause: Cause | None
     chi2: float
@@ -62,7 +64,7 @@ class Left:
     targets: tuple[str, ...] = ()
     measurements: tuple[int, ...] = ()
     amount: float = 0.0
-    freed: int = 0
+    freed: float = 0
     log_choices: float = 0.0
     volume: float = 0.0
 
@@ -82,7 +84,10 @@ class Left:
         )
 
     def explains(self, base: Left, slack: float) -> bool:
-        """Whether it agrees, or leaves at most half of the residuals."""
+        """Whether it agrees, or leaves at most half of the residuals; with links within tolerances, which no
+        arm is without, three quarters are enough."""
+        if self.cause == "geometry" and self.farthest <= _FAR:
+            return self.agrees(slack) or self.factor <= REDUCED * base.factor
         return self.agrees(slack) or self.factor <= HALVED * base.factor
 
 

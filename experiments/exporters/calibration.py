@@ -4,25 +4,27 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from ...analysis.covariance import Covariance
 from ...analysis.findings import moved_target
-from ...analysis.solution import ParameterResult, Solution, require_noise_data
+from ...analysis.solution import ParameterResult, ParameterTable, Solution, require_noise_data
 from ...analysis.solved import solved
 from ...analysis.status import Status, known, versions
 from ...model.errors import BadInput, FitFailed
 from ...model.files.reading import did_you_mean
 from ...model.files.run import Run
 from ...model.problem import Problem
-from ...model.robot import JointKind
+from ...model.robot import JointKind, Robot
 from ...reports.words.causes import reason
 from ...reports.words.findings import displacement_sentence
 from ...reports.words.misfit import criterion_sentence, misfit_headline
 from ...reports.words.wording import listed
+from .corrected import GeometryValue, Holds, corrected_robot, left_out_of, rms_without
 
 SEED = 0  # of the fit's starts, as of `analyse` unless asked for otherwise
 MEANING = "true position = recorded position + offset"
@@ -112,9 +114,22 @@ class Offset:
 
 @dataclass(frozen=True)
 class Calibration:
-    """All offsets of a robot in the order of its joints, and what they were made from."""
+    """All offsets of a robot in the order of its joints, and what they were made from.
+
+    `geometry` has the geometry parameters, none where the header states none; `corrected` is the robot with
+    all that a robot can hold of these, `left_out` those that the file does not hold, with the residuals'
+    `rms_mm` (root mean square) as estimated and as the file has it. `parameters` and `covariance` are the
+    whole answer.
+    """
 
     offsets: tuple[Offset, ...]
+    geometry: tuple[GeometryValue, ...]
+    corrected: Robot
+    holds: Holds
+    left_out: tuple[GeometryValue, ...]
+    rms_mm: tuple[float, float]
+    parameters: ParameterTable
+    covariance: Covariance
     run: str
     sha256: str
     robot: str
@@ -133,9 +148,24 @@ class Calibration:
             "applied by, on: ______________________",
             f"{MEANING}. An offset that is held or excluded counts as 0.",
             *(offset.sentence for offset in self.offsets),
+            *map(one_line, self._on_geometry),
             *(one_line(f"note: {sentence}") for sentence in self.warnings),
         ]
         return [row for line in lines for row in textwrap.wrap(line, 100, subsequent_indent="    ")]
+
+    @property
+    def _on_geometry(self) -> Iterator[str]:
+        if self.holds != "offsets":
+            yield from (value.sentence for value in self.geometry if self.holds == "all" or value.of_link)
+        if not self.left_out:
+            return
+        names = ", ".join(value.name for value in self.left_out)
+        yield f"NOT IN THIS FILE, as nominal: {names}"
+        whole, held = self.rms_mm
+        yield (
+            f"rms residual of the run: {whole:.3g} mm with all that was estimated, {held:.3g} mm with what"
+            " this file holds (targets placed anew)"
+        )
 
 
 def one_line(text: str) -> str:
@@ -152,8 +182,10 @@ def calibration(
     unvalidated: bool = False,
     as_data: bool = False,
     without: Sequence[str] = (),
+    holds: Holds = "offsets",
 ) -> Calibration:
-    """The offsets of a run, ready to be applied; `without` are names of offsets to leave out.
+    """The offsets of a run, ready to be applied; `without` are names of offsets and geometry parameters to
+    leave out, `holds` says what the kind of file has room for.
 
     BadInput where an offset is unidentifiable, or weak and not allowed to be, and not excluded; where other
     offsets fit nearly as well; where nothing is left to apply. That a target seems to have moved may be
@@ -164,7 +196,7 @@ def calibration(
     # One thread, as in `analyse`: the last bits depend on it.
     with threadpool_limits(limits=1, user_api="blas"):
         try:
-            return _calibration(run, allow_weak, allow_displaced, unvalidated, as_data, without)
+            return _calibration(run, allow_weak, allow_displaced, unvalidated, as_data, without, holds)
         except BadInput as error:
             raise error.at(run.path, run.header_line) from error
 
@@ -176,6 +208,7 @@ def _calibration(
     unvalidated: bool,
     as_data: bool,
     without: Sequence[str],
+    holds: Holds,
 ) -> Calibration:
     run.require_analysable()
     problem = Problem.from_run(run)
@@ -190,15 +223,28 @@ def _calibration(
         _require_validated(solution)
     _require_one_basin(solution)
     moved = _displaced(solution, allow_displaced or solution.misfit is not None)
-    _check_without(without, solution.offsets)
+    rows = [row for row in solution.parameters if row.group in ("offset", "geometry")]
+    _check_without(without, rows)
     offsets = [
         Offset(row, joint.name, joint.kind, row.name in without, unvalidated)
         for row, joint in zip(solution.offsets, run.robot.joints, strict=True)
     ]
     _require_known(offsets, allow_weak, nothing_applied=as_data and solution.misfit is not None)
+    geometry = tuple(
+        GeometryValue(row, row.name in without, unvalidated) for row in rows if row.group == "geometry"
+    )
+    left_out = left_out_of(geometry, holds)
+    gone = {value.name for value in left_out} | {own.name for own in offsets if own.left_out}
     misfit = () if solution.misfit is None else solution.misfit.criteria
     return Calibration(
         tuple(offsets),
+        geometry,
+        corrected_robot(solution.problem, offsets, geometry),
+        holds,
+        left_out,
+        (rms_without(solution, ()), rms_without(solution, gone)),
+        solution.parameters,
+        solution.covariance,
         run.path.name,
         run.sha256,
         run.robot.name,
@@ -257,7 +303,7 @@ def _check_without(without: Sequence[str], items: Sequence[ParameterResult]) -> 
     for name in without:
         if name not in free:
             raise BadInput(
-                "--without names an offset that is not estimated",
+                "--without names a parameter that is not estimated",
                 found=name,
                 allowed=", ".join(free) or "none: all are held",
                 remedy=did_you_mean(name, free),

@@ -7,6 +7,7 @@ import io
 import json
 from typing import Any
 
+from ...reports.words.causes import reason
 from .calibration import MEANING, SEED, Calibration, Offset, one_line
 
 SCHEMA = "zerobeam/offsets/1"
@@ -25,6 +26,8 @@ _KEYS = (
     "exported",
     "applied",
 )
+
+_PARAMETER_KEYS = ("name", "unit", "group", "status", "estimate", "std", "interval95", "tolerance_share")
 
 
 def csv_text(calibration: Calibration) -> str:
@@ -67,11 +70,31 @@ def _text(name: str) -> str:
 
 
 def document(calibration: Calibration) -> dict[str, Any]:
-    """The offsets as plain values. What the data cannot determine is null; `applied` is to be added."""
+    """The offsets as plain values. What the data cannot determine is null; `applied` is to be added.
+
+    `covariance` is of all parameters that the data determine, in the products of their units.
+    """
+    covariance = calibration.covariance
+    exported = {own.name for own in calibration.offsets if own.exported}
+    exported |= {own.name for own in calibration.geometry if own.exported}
     return {
         "schema": SCHEMA,
         "meaning": MEANING,
         "offsets": [{key: getattr(offset, key) for key in _KEYS} for offset in calibration.offsets],
+        "parameters": [
+            {
+                **{key: getattr(row, key) for key in _PARAMETER_KEYS},
+                "reason": None if row.cause is None else reason(row.cause),
+                "exported": row.name in exported,
+            }
+            for row in calibration.parameters
+        ],
+        "covariance": {
+            "names": list(covariance.names),
+            "units": list(covariance.units),
+            "status": list(covariance.status),
+            "matrix": covariance.matrix.tolist(),
+        },
         "notes": list(calibration.warnings),
         "inputs": {
             "run": calibration.run,

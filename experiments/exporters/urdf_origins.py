@@ -1,14 +1,15 @@
 """A corrected copy of a run's URDF: each exported offset goes into its joint's origin.
 
 The joint moves by `origin * motion(axis, q)`. With the origin `origin * motion(axis, offset)` the same
-recorded q gives the true pose, since motions about or along one axis add up. All other bytes stay.
+recorded q gives the true pose, since motions about or along one axis add up. A link with other lengths and
+angles is in the origin of the joint behind it, as a whole. All other bytes stay.
 """
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import dataclass, field
+from pathlib import Path
 from xml.parsers import expat
 
 import casadi as ca
@@ -18,13 +19,20 @@ from ...model.errors import BadInput
 from ...model.files.header import UrdfRef
 from ...model.files.reading import read_bytes, read_text, shown
 from ...model.files.run import Run
-from ...model.files.urdf import MILLIMETRES, roll_pitch_yaw
+from ...model.files.urdf import MILLIMETRES, angles_of, last_joint, roll_pitch_yaw
 from ...model.robot import Joint, Matrix, axis_rotation
 from .calibration import Calibration, Offset
+from .corrected import GeometryValue
+from .urdf_written import written_urdf
 
 _START_TAG = re.compile(rb"<[^\s/>]+(?:\s+[^\s=]+\s*=\s*(?:\"[^\"]*\"|'[^']*'))*\s*/?>")
 _ATTRIBUTE = re.compile(rb"\s+([^\s=]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
 _BOM = b"\xef\xbb\xbf"
+_NOTES = (
+    "Exported offsets are in the origins of their joints: recorded positions give true poses.",
+    "Limits are those of recorded positions, as before. Tool and targets are not in here.",
+)
+_SAME = 1e-12  # mm, and of rotation matrices: no geometry, but rounding
 _Edit = tuple[int, int, bytes]  # from, to, replacement
 
 
@@ -45,40 +53,59 @@ class _Found:
 
 
 def urdf_text(run: Run, calibration: Calibration) -> str:
-    """The text of the corrected URDF; BadInput if the run's robot is not a chain of a URDF file."""
+    """The text of the corrected URDF; of a robot that does not come from a URDF file, of a new one."""
     ref = run.header.robot
     if not isinstance(ref, UrdfRef):
-        raise BadInput(
-            "the run's robot does not come from a URDF file, so there is none to correct",
-            found=f"robot: {shown(ref)}",
-            allowed="robot: {urdf, base, tip}",
-            remedy="export json or csv; in a robot file add each offset to theta_deg of its row (d_mm if"
-            " prismatic)",
-            file=run.path,
-            line=run.header_line,
-        )
+        return written_urdf(calibration.corrected, [*calibration.head, *_NOTES])
     path = run.path.parent / ref.urdf
     text, _ = read_text(path)
     content = text.encode()
     found = _elements(content)
     newline = b"\r\n" if b"\r\n" in content else b"\n"
     edits = [_comment(content, found.robot[0], calibration, newline)]
-    for joint, offset in zip(run.robot.joints, calibration.offsets, strict=True):
-        if not offset.exported:
-            continue
-        same = [pair for pair in found.joints if pair[0].attributes.get("name") == joint.name]
-        if len(same) != 1:
+    corrected = calibration.corrected
+    turned = run.robot.with_offsets(np.array([offset.internal for offset in calibration.offsets]))
+    for i, (joint, offset) in enumerate(zip(run.robot.joints, calibration.offsets, strict=True)):
+        moved = corrected.joints[i].fixed
+        if not np.allclose(moved, turned.joints[i].fixed, rtol=0, atol=_SAME):
+            by = np.linalg.inv(joint.fixed) @ moved
+            edits += _whole_origin(content, by, *_only(found, joint.name, path))
+        elif offset.exported:
+            edits.append(_origin(content, joint, offset, *_only(found, joint.name, path)))
+    if not np.allclose(corrected.flange, run.robot.flange, rtol=0, atol=_SAME):
+        name, kind = last_joint(path, ref.base, ref.tip)
+        if kind != "fixed":
             raise BadInput(
-                f"the URDF file has {len(same)} joints of the same name",
-                found=shown(joint.name),
+                "the last link's geometry has no place in the file: the last joint moves the tip itself",
+                found=f"tip: {shown(ref.tip)}",
+                allowed="a tip behind a fixed joint",
+                remedy="add a link behind a fixed joint to the URDF file, as tip; or exclude by name:"
+                + "".join(f" --without {value.name}" for value in _of_last(calibration, run.robot.n)),
                 file=path,
-                remedy="give every joint a name of its own, in the URDF file of the run",
             )
-        edits.append(_origin(content, joint, offset, *same[0]))
+        by = np.linalg.inv(run.robot.flange) @ corrected.flange
+        edits += _whole_origin(content, by, *_only(found, name, path))
     for start, end, instead in sorted(edits, reverse=True):
         content = content[:start] + instead + content[end:]
     bom = "\ufeff" if read_bytes(path).startswith(_BOM) else ""
     return bom + content.decode()
+
+
+def _of_last(calibration: Calibration, n: int) -> list[GeometryValue]:
+    return [own for own in calibration.geometry if own.exported and own.name.startswith(f"link{n}.")]
+
+
+def _only(found: _Found, name: str, path: Path) -> tuple[_Element, list[_Element]]:
+    """The joint element of that name, with its origins."""
+    same = [pair for pair in found.joints if pair[0].attributes.get("name") == name]
+    if len(same) != 1:
+        raise BadInput(
+            f"the URDF file has {len(same)} joints of the same name",
+            found=shown(name),
+            file=path,
+            remedy="give every joint a name of its own, in the URDF file of the run",
+        )
+    return same[0]
 
 
 def _elements(content: bytes) -> _Found:
@@ -111,11 +138,7 @@ def _tag(content: bytes, element: _Element) -> bytes:
 
 def _comment(content: bytes, robot: _Element, calibration: Calibration, newline: bytes) -> _Edit:
     """What the file is, just inside its top element. `--` is not allowed in a comment of XML."""
-    lines = [
-        *calibration.head,
-        "Exported offsets are in the origins of their joints: recorded positions give true poses.",
-        "Limits are those of recorded positions, as before. Tool and targets are not in here.",
-    ]
+    lines = [*calibration.head, *_NOTES]
     safe = [re.sub("-(?=-)", "- ", line).encode() for line in lines]
     at = robot.start + len(_tag(content, robot))
     return at, at, newline + newline.join([b"<!--", *safe, b"-->"])
@@ -128,12 +151,42 @@ def _origin(
     stated = origins[0].attributes if origins else {}
     turn = roll_pitch_yaw(*_numbers(stated.get("rpy")))[:3, :3]
     if joint.kind == "revolute":
-        name, values = "rpy", _roll_pitch_yaw_of(turn @ _rotation(joint.axis, offset.internal))
+        name, values = "rpy", angles_of(turn @ _rotation(joint.axis, offset.internal))
     else:
         name = "xyz"
         shift = turn @ joint.axis * offset.internal / MILLIMETRES
         values = tuple(np.array(_numbers(stated.get("xyz"))) + shift)
-    text = f'"{" ".join(repr(float(value)) for value in values)}"'.encode()
+    return _with_attribute(content, name, values, element, origins)
+
+
+def _whole_origin(content: bytes, by: Matrix, element: _Element, origins: list[_Element]) -> list[_Edit]:
+    """The joint's origin times a transform `by` (4, 4), mm."""
+    stated = origins[0].attributes if origins else {}
+    before = roll_pitch_yaw(*_numbers(stated.get("rpy")))
+    before[:3, 3] = np.array(_numbers(stated.get("xyz"))) * MILLIMETRES
+    after = before @ by
+    place = tuple((after[:3, 3] / MILLIMETRES).tolist())
+    angles = angles_of(after[:3, :3])
+    if not origins:
+        at = element.start + len(_tag(content, element))
+        return [(at, at, b"<origin xyz=" + _text(place) + b" rpy=" + _text(angles) + b"/>")]
+    edits = [
+        _with_attribute(content, name, values, element, origins)
+        for name, values in (("xyz", place), ("rpy", angles))
+    ]
+    if edits[0][:2] == edits[1][:2]:  # neither was there: both go to one place
+        return [(*edits[0][:2], edits[0][2] + edits[1][2])]
+    return edits
+
+
+def _text(values: tuple[float, ...]) -> bytes:
+    return f'"{" ".join(repr(float(value)) for value in values)}"'.encode()
+
+
+def _with_attribute(
+    content: bytes, name: str, values: tuple[float, ...], element: _Element, origins: list[_Element]
+) -> _Edit:
+    text = _text(values)
     if not origins:
         at = element.start + len(_tag(content, element))
         return at, at, b"<origin " + name.encode() + b"=" + text + b"/>"
@@ -154,18 +207,3 @@ def _numbers(text: str | None) -> tuple[float, float, float]:
 def _rotation(axis: Matrix, angle: float) -> Matrix:
     """(3, 3) about a unit axis (3,) by an angle in rad."""
     return np.asarray(ca.evalf(axis_rotation(axis, ca.cos(ca.SX(angle)), ca.sin(ca.SX(angle)))).full())
-
-
-def _roll_pitch_yaw_of(rotation: Matrix) -> tuple[float, float, float]:
-    """The angles, rad, of R = Rz(yaw) Ry(pitch) Rx(roll).
-
-    Pitch and roll are taken from Rz(-yaw) R, so that they suit whatever yaw came out where the pitch is near
-    90 degrees and roll and yaw turn about one axis.
-    """
-    yaw = math.atan2(rotation[1, 0], rotation[0, 0])
-    cosine, sine = math.cos(yaw), math.sin(yaw)
-    pitch = math.atan2(-rotation[2, 0], cosine * rotation[0, 0] + sine * rotation[1, 0])
-    roll = math.atan2(
-        sine * rotation[0, 2] - cosine * rotation[1, 2], cosine * rotation[1, 1] - sine * rotation[0, 1]
-    )
-    return roll, pitch, yaw

@@ -43,6 +43,10 @@ class StatedJoint(FileModel):
     alpha_deg: float = Field(description="link twist, degrees")
     d_mm: float = Field(description="link offset, millimetres (of a prismatic joint: at its zero position)")
     theta_deg: float = Field(description="angle, degrees (of a revolute joint: at its zero position)")
+    beta_deg: float = Field(
+        default=0.0,
+        description="rotation about y behind the twist, degrees, of axes that are nearly parallel (Hayati)",
+    )
     lower_deg: float | None = Field(default=None, description="lower limit, degrees; for a revolute joint")
     upper_deg: float | None = Field(default=None, description="upper limit, degrees; for a revolute joint")
     lower_mm: float | None = Field(
@@ -86,9 +90,8 @@ class StatedJoint(FileModel):
 
     @property
     def row(self) -> DHRow:
-        return DHRow(
-            self.a_mm, float(np.radians(self.alpha_deg)), self.d_mm, float(np.radians(self.theta_deg))
-        )
+        alpha, theta, beta = np.radians([self.alpha_deg, self.theta_deg, self.beta_deg]).tolist()
+        return DHRow(self.a_mm, alpha, self.d_mm, theta, beta)
 
     def joint(self, number: int, fixed: Matrix) -> Joint:
         """The joint in internal units, behind its fixed transform."""
@@ -114,8 +117,8 @@ class RobotFile(FileModel):
     schema_: Literal["zerobeam/robot/1"] = Field(alias="schema", description="kind and version of the file")
     name: Name = Field(description="what reports call the robot")
     convention: Literal["standard", "modified"] = Field(
-        description="standard: Rz(theta) Tz(d) Tx(a) Rx(alpha); "
-        "modified (Craig): Rx(alpha) Tx(a) Rz(theta) Tz(d)"
+        description="standard: Rz(theta) Tz(d) Tx(a) Rx(alpha) Ry(beta); "
+        "modified (Craig): Rx(alpha) Tx(a) Ry(beta) Rz(theta) Tz(d)"
     )
     joints: Annotated[tuple[StatedJoint, ...], BeforeValidator(_joint_rows), Field(min_length=1)] = Field(
         description="one row a joint, joint 1 first"
@@ -230,9 +233,19 @@ def _no_file(path: Path, file: Path | None, line: int | None) -> BadInput:
 
 def read_robot(path: Path) -> Robot:
     """Robot of a robot file (`zerobeam/robot/1`)."""
+    return read_rows(path).robot()
+
+
+def read_rows(path: Path) -> RobotFile:
+    """What a robot file states."""
     document = read_yaml(path)
     require_schema(document.data, "zerobeam/robot/1", file=path, line=document.line(("schema",)))
-    return validate(RobotFile, document.data, file=path, line=document.line).robot()
+    return validate(RobotFile, document.data, file=path, line=document.line)
+
+
+def stated_rows(ref: str, folder: Path) -> RobotFile:
+    """What the robot file states that `load_robot` reads for the same name."""
+    return read_rows(BUILT_IN / f"{ref}.yaml" if ref in built_in_robots() else folder / ref)
 
 
 def rebased(ref: str | UrdfRef, old: Path, new: Path) -> str | UrdfRef:

@@ -27,6 +27,27 @@ def roll_pitch_yaw(roll: float, pitch: float, yaw: float) -> Matrix:
     return rotation_about("z", yaw) @ rotation_about("y", pitch) @ rotation_about("x", roll)
 
 
+def angles_of(rotation: Matrix) -> tuple[float, float, float]:
+    """Roll, pitch and yaw, rad, of R = Rz(yaw) Ry(pitch) Rx(roll), (3, 3).
+
+    Pitch and roll are taken from Rz(-yaw) R, so that they suit whatever yaw came out where the pitch is near
+    90 degrees and roll and yaw turn about one axis.
+    """
+    yaw = math.atan2(rotation[1, 0], rotation[0, 0])
+    cosine, sine = math.cos(yaw), math.sin(yaw)
+    pitch = math.atan2(-rotation[2, 0], cosine * rotation[0, 0] + sine * rotation[1, 0])
+    roll = math.atan2(
+        sine * rotation[0, 2] - cosine * rotation[1, 2], cosine * rotation[1, 1] - sine * rotation[0, 1]
+    )
+    return roll, pitch, yaw
+
+
+def last_joint(path: Path, base: str, tip: str) -> tuple[str, str]:
+    """Name and kind of the joint that leads to link `tip` of a URDF file."""
+    last = _Reader(path).chain(base, tip)[-1]
+    return last.name, last.kind
+
+
 def read_urdf(path: Path, base: str, tip: str) -> Robot:
     """The chain from link `base` to link `tip` of a URDF file as a robot, named as in the file."""
     return _Reader(path).robot(base, tip)
@@ -154,7 +175,7 @@ class _Reader:
                 allowed="exactly one",
             )
 
-    def _chain(self, base: str, tip: str) -> list[_Edge]:
+    def chain(self, base: str, tip: str) -> list[_Edge]:
         for which, link in (("base", base), ("tip", tip)):
             if link not in self.links:
                 raise self._bad(
@@ -194,7 +215,7 @@ class _Reader:
     def robot(self, base: str, tip: str) -> Robot:
         joints: list[Joint] = []
         pending = np.eye(4)
-        for edge in self._chain(base, tip):
+        for edge in self.chain(base, tip):
             pending = pending @ self._origin(edge)
             if edge.kind == "fixed":
                 continue

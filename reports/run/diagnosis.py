@@ -25,7 +25,7 @@ def diagnosis_section(result: Result) -> Section | None:
             sentence(changed(found)),
             times(found.factor),
             times(found.farthest),
-            str(found.freed),
+            f"{round(found.freed, 1):g}",
         )
         for found in result.diagnosis
     ]

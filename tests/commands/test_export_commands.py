@@ -6,16 +6,19 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from cells import pattern_plan, simulated
 from command_line import zerobeam
-from export_runs import TRUTH, saved, urdf_run
+from export_runs import TRUTH, arm_run, saved, urdf_run
 
 from zerobeam.experiments.exporters.calibration import Calibration, calibration
 from zerobeam.experiments.exporters.moc_offsets import Gears, moc_text
 from zerobeam.experiments.exporters.offsets_data import csv_text, document, json_text
 from zerobeam.experiments.exporters.rapid_module import rapid_text
+from zerobeam.experiments.exporters.robot_rows import robot_text
 from zerobeam.experiments.exporters.urdf_origins import urdf_text
+from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import Run
 
 TEXTS: dict[str, Callable[[Run, Calibration], str]] = {
@@ -49,6 +52,20 @@ def test_the_file_is_the_text(what: str, run: Run, tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
     again = zerobeam("export", what, run.path, "-o", tmp_path / "two", "--json")
     assert again.json == json.loads(json.dumps(document(calibration(run))))
+
+
+def test_a_robot_file_is_written_and_read_again(run: Run, tmp_path: Path) -> None:
+    rows = arm_run(tmp_path)
+    told = zerobeam("export", "robot", rows.path, "-o", tmp_path / "corrected.yaml")
+    assert told.status == 0
+    assert (tmp_path / "corrected.yaml").read_bytes() == robot_text(rows, calibration(rows)).encode()
+    robot = load_robot(tmp_path / "corrected.yaml")
+    offsets = np.array([offset.applied for offset in calibration(rows).offsets])
+    q = np.array([10.0, -20, 30, 40, 50, 60])
+    np.testing.assert_allclose(robot.fk(q), rows.robot.fk(q + offsets), atol=1e-9)
+    refused = zerobeam("export", "robot", run.path, "-o", tmp_path / "two.yaml").refused()
+    assert "no Denavit-Hartenberg rows" in " ".join(refused.split())
+    assert "zerobeam export urdf" in " ".join(refused.split())
 
 
 @pytest.mark.parametrize("what", TEXTS)

@@ -6,14 +6,27 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cells import LASER, OPEN_PROBE, TABLE_2, good_plan, irb1600, random_robot, simulated, simulated_problem
+from cells import (
+    LASER,
+    OPEN_PROBE,
+    TABLE_2,
+    good_plan,
+    irb1600,
+    plan_of,
+    random_robot,
+    simulated,
+    simulated_problem,
+)
 from corruptions import CORRUPTIONS, coupled, demo, leant_on, probe_run, robot_with, swapped, zero_off
 
 from zerobeam.analysis.diagnostics.diagnosis import Explanation, diagnose
 from zerobeam.analysis.diagnostics.hypotheses import changes, widened
+from zerobeam.analysis.diagnostics.link_rival import with_links_freed
 from zerobeam.analysis.diagnostics.trials import Left
+from zerobeam.analysis.observability.consider import with_links
 from zerobeam.analysis.solution import Solution, solve
 from zerobeam.model.constraint import shot_functions
+from zerobeam.model.geometry import Geometry
 from zerobeam.model.problem import Problem
 from zerobeam.model.robot import Matrix
 from zerobeam.reports.words.diagnosis import explanation_sentence
@@ -226,3 +239,66 @@ def test_sentences(cause) -> None:
         agrees=True,
     )
     assert explanation_sentence(found) == f"{SAID[cause]}: 1.1 times the noise instead of 1,333"
+
+
+def of_another_arm(seed: int, factor: float = 1.0) -> Solution:
+    """The probe on an arm with links drawn from `factor` times the typical tolerances, solved as nominal."""
+    run = probe_run()
+    geometry, rng = Geometry.of_links(run.robot, 0.3, 0.1), np.random.default_rng(seed)
+    values = rng.normal(size=len(geometry.names)) * [geometry.prior_std(*own) for own in geometry.names]
+    postures = np.radians([shot.joints_deg for shot in run.shots])
+    arm = geometry.applied(run.robot, factor * values)
+    plan = plan_of(run.header, postures, [shot.target for shot in run.shots], arm)
+    return of(Problem.from_run(replace(simulated(plan, TABLE_2, seed)[1], robot=run.robot)))
+
+
+@pytest.mark.parametrize("seed", [2, 3, 4])
+def test_links_within_tolerance_are_named_and_nothing_else(seed: int) -> None:
+    solution = of_another_arm(seed)
+    assert solution.verdict == "misfit"
+    (found,) = diagnose(solution)
+    assert (found.cause, found.agrees) == ("geometry", True)
+    assert found.factor < 1.3
+    assert 5 < found.freed < 15
+    assert "with link geometry estimated" in explanation_sentence(found)
+
+
+def test_links_are_a_rival_of_wrong_measurements() -> None:
+    """Without the rival, three measurements are blamed for what the links do."""
+    assert [own.cause for own in diagnose(of_another_arm(2), rivals=())] == ["measurements"]
+
+
+def test_links_far_beyond_tolerance_are_no_explanation() -> None:
+    assert "geometry" not in {own.cause for own in diagnose(of_another_arm(4, 30.0)) if own.agrees}
+
+
+def test_links_are_no_rival_where_they_are_estimated() -> None:
+    problem = of_another_arm(3).problem
+    whole = problem.with_geometry(Geometry.of_links(problem.robot, 0.3, 0.1))
+    assert with_links_freed(whole, whole.nominal()) is None
+
+
+def test_the_effective_parameters_follow_from_the_tolerances() -> None:
+    """By a second way: the trace of the derivative of the fitted residuals by the measured, less that with
+    nominal geometry."""
+    solution = of_another_arm(3)
+    problem = solution.problem
+    left = with_links_freed(problem, solution.fit.x)
+    assert left is not None
+    whole, x = with_links(problem, solution.fit.x)
+    traces = []
+    for own, at in ((problem, solution.fit.x), (whole, x)):
+        jacobian = own.whiten(at).jacobian[:, own.parameters.free]
+        hat = jacobian @ np.linalg.solve(jacobian.T @ jacobian + np.eye(jacobian.shape[1]), jacobian.T)
+        traces.append(np.trace(hat))
+    assert left.freed == pytest.approx(traces[1] - traces[0], rel=0.1)
+
+
+def test_twists_are_tried_of_an_arm_with_geometry_too(tmp_path) -> None:
+    corruption = next(each for each in CORRUPTIONS if each.cause == "twist")
+    problem = Problem.from_run(corruption.spoilt(tmp_path))
+    whole = problem.with_geometry(Geometry.of_links(problem.robot, 0.3, 0.1))
+    wide = widened(whole)
+    assert wide is not None
+    assert not wide.problem.geometry
+    assert any(corruption.named_by(found) for found in diagnose(of(whole)))

@@ -24,10 +24,10 @@ from export_runs import (
 )
 
 from zerobeam.experiments.exporters.calibration import Calibration, Offset, calibration
-from zerobeam.experiments.exporters.urdf_origins import _roll_pitch_yaw_of, urdf_text
+from zerobeam.experiments.exporters.urdf_origins import urdf_text
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.run import Run
-from zerobeam.model.files.urdf import read_urdf, roll_pitch_yaw
+from zerobeam.model.files.urdf import angles_of, read_urdf, roll_pitch_yaw
 from zerobeam.model.robot import Robot
 
 KINDS = {"turning": TURNING, "sliding": SLIDING}
@@ -136,11 +136,18 @@ def test_hostile_names_stay_names(tmp_path: Path) -> None:
     assert "ENDMODULE" in comment
 
 
-def test_a_robot_that_is_no_urdf_is_refused(tmp_path: Path, refused: Callable[..., BadInput]) -> None:
+def test_a_robot_of_rows_gets_a_new_file(tmp_path: Path) -> None:
     run = arm_run(tmp_path)
-    error = refused(urdf_text, run, calibration(run))
-    assert "does not come from a URDF file" in error.what
-    assert "theta_deg" in str(error.remedy)
+    answer = calibration(run)
+    path = tmp_path / "corrected.urdf"
+    path.write_text(urdf_text(run, answer), encoding="utf-8")
+    robot = read_urdf(path, "base", "flange")
+    recorded = np.random.default_rng(0).uniform(run.robot.lower, run.robot.upper, (50, 6))
+    offsets = np.array([offset.internal for offset in answer.offsets])
+    np.testing.assert_allclose(robot.fk(recorded, "rad"), run.robot.fk(recorded + offsets, "rad"), atol=1e-9)
+    assert [(j.name, j.kind) for j in robot.joints] == [(j.name, j.kind) for j in run.robot.joints]
+    np.testing.assert_allclose(robot.lower, run.robot.lower)
+    np.testing.assert_allclose([j.speed for j in robot.joints], [j.speed for j in run.robot.joints])
 
 
 def test_two_joints_of_one_name_cannot_be_told_apart(
@@ -160,5 +167,5 @@ def test_any_rotation_comes_back() -> None:
     for angles in [*rng.uniform(-4, 4, (200, 3)), *upright]:
         for tilt in (0, 1e-3, 1e-7, 1e-9):
             rotation = roll_pitch_yaw(angles[0], angles[1] + tilt, angles[2])[:3, :3]
-            again = roll_pitch_yaw(*_roll_pitch_yaw_of(rotation))[:3, :3]
+            again = roll_pitch_yaw(*angles_of(rotation))[:3, :3]
             np.testing.assert_allclose(again, rotation, atol=3e-12)

@@ -1,0 +1,102 @@
+"""A corrected robot file (`zerobeam/robot/1`): links as estimated, and offsets, in the file's own rows."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+
+from ...model.errors import BadInput
+from ...model.files.header import UrdfRef
+from ...model.files.reading import shown
+from ...model.files.robot_file import StatedJoint, StatedTransform, stated_rows
+from ...model.files.run import Run
+from ...model.files.urdf import angles_of
+from ...model.robot import DHRow, Matrix
+from .calibration import Calibration, one_line
+from .dh_rows import beyond_rows, corrected_table
+
+
+def robot_text(run: Run, calibration: Calibration) -> str:
+    """The text of the file; BadInput where the run's robot has no rows, as it comes from a URDF file."""
+    ref = run.header.robot
+    if isinstance(ref, UrdfRef):
+        raise BadInput(
+            "the run's robot comes from a URDF file, which has no Denavit-Hartenberg rows to correct",
+            found=f"robot: {shown(ref.urdf)}",
+            allowed="robot: the name of a built-in robot, or the path of a robot file",
+            remedy="zerobeam export urdf: a URDF file can hold any link",
+            file=run.path,
+            line=run.header_line,
+        )
+    stated = stated_rows(ref, run.path.parent)
+    table = corrected_table(stated, calibration.corrected)
+    lines = [*calibration.head, *_on_rows(table.rows)]
+    return "\n".join(
+        [
+            *(f"# {line}" for line in lines),
+            "schema: zerobeam/robot/1",
+            f"name: {_quoted(stated.name)}",
+            f"convention: {stated.convention}",
+            "joints:",
+            *(f"  - {_joint(own, row)}" for own, row in zip(stated.joints, table.rows, strict=True)),
+            *_transform("base", stated.base),
+            *_transform("flange", _stated(table.flange, stated.flange)),
+            "",
+        ]
+    )
+
+
+def _on_rows(rows: tuple[DHRow, ...]) -> list[str]:
+    lines = [
+        "The offsets are in these rows: recorded positions give true poses. Limits are those of recorded"
+    ]
+    lines.append("    positions, as before. Tool and targets are not in here.")
+    beyond = beyond_rows(rows)
+    if beyond:
+        joints = ", ".join(f"J{number}" for number in beyond)
+        lines += [
+            f"{joints}: beta_deg is a rotation about y behind alpha (Hayati), as the next axis is nearly",
+            "    parallel or the last. A table of a, alpha, d and theta alone cannot hold it: for programs",
+            "    without it use zerobeam export urdf.",
+        ]
+    return [one_line(line) for line in lines]
+
+
+def _joint(stated: StatedJoint, row: DHRow) -> str:
+    """A row in one line: the corrected numbers in place of the stated ones, all else as it was."""
+    angles = np.degrees([row.alpha, row.theta, row.beta]).tolist()
+    own = {
+        "a_mm": row.a,
+        "alpha_deg": angles[0],
+        "d_mm": row.d,
+        "theta_deg": angles[1],
+        "beta_deg": angles[2],
+    }
+    if row == stated.row:
+        own = {key: getattr(stated, key) for key in own}
+    if not own["beta_deg"]:
+        del own["beta_deg"]
+    rest = stated.model_dump(exclude_unset=True, exclude={*own, "beta_deg"})
+    parts = [f"{key}: {_quoted(value)}" for key, value in {**own, **rest}.items()]
+    return "{" + ", ".join(parts) + "}"
+
+
+def _quoted(value: object) -> str:
+    """As YAML has it too: names are printable, of whatever script."""
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _stated(transform: Matrix, before: StatedTransform) -> StatedTransform:
+    if np.allclose(transform, before.matrix(), rtol=0, atol=1e-13):
+        return before
+    x, y, z = transform[:3, 3].tolist()
+    roll, pitch, yaw = np.degrees(angles_of(transform[:3, :3])).tolist()
+    return StatedTransform(xyz_mm=(x, y, z), rpy_deg=(roll, pitch, yaw))
+
+
+def _transform(key: str, stated: StatedTransform) -> list[str]:
+    if stated == StatedTransform():
+        return []
+    numbers = f"xyz_mm: {json.dumps(list(stated.xyz_mm))}, rpy_deg: {json.dumps(list(stated.rpy_deg))}"
+    return [f"{key}: {{{numbers}}}"]
