@@ -25,7 +25,8 @@ _DETERMINED = 0.5  # of the prior's variance: the std without the own prior is t
 
 @dataclass(frozen=True)
 class HalfAgainstHalf:
-    """The offsets `names` that the whole and both halves determine; `z` of each, its difference over the std of that.
+    """The offsets `names` that the whole and both halves determine; `z` of each, its difference over the std
+    of that.
 
     `difference` and `u` are in rad (mm for prismatic joints). `halves` are the names of the placements of
     either; `converged` False where a half has no answer, and then there are no offsets.
@@ -126,5 +127,3 @@ def splits(names: Collection[str], count: int, seed: int = 0) -> list[tuple[str,
 def rms(every: Collection[HalfAgainstHalf]) -> float:
     """Root mean square of all z."""
     return float(np.sqrt(np.mean(np.square([z for own in every for z in own.z]))))
-
-
