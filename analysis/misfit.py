@@ -186,6 +186,7 @@ def _beyond_prior(fit: LikelihoodFit, identified: Identified) -> Iterator[Beyond
 def _disagreement(fit: LikelihoodFit) -> Iterator[PlacementsDisagree]:
     """The F-test of offsets of their own for every placement, at the linearised fit.
 
+    Measurements count by their effective number only where the geometry is estimated.
     Residuals count only as far as no parameter can explain them, whatever the priors: what own offsets
     explain of those is then exactly chi-squared, independent of what is left (Seber & Lee, Linear Regression
     Analysis, 2003, section 4.3).
@@ -194,11 +195,17 @@ def _disagreement(fit: LikelihoodFit) -> Iterator[PlacementsDisagree]:
     places = placements(problem)
     if len(places) < 2:
         return
-    free = problem.parameters.free
-    basis = _range_of(whitened.jacobian[:, free])
-    rest = whitened.residual - basis @ (basis.T @ whitened.residual)
-    by_offsets = whitened.jacobian[:, free & problem.parameters.group("offset")]
-    d = problem.tool.miss_size
+    free, d = problem.parameters.free, problem.tool.miss_size
+    residual, jacobian, numbers = whitened.residual, whitened.jacobian, float(problem.measured_size)
+    if not len(problem.tolerated):
+        # What nominal geometry leaves is correlated by itself: the effective number must not excuse it.
+        once = np.ones(len(residual))
+        once[: problem.shots * d] = np.repeat(1 / np.sqrt(problem.weights), d)
+        residual, jacobian = residual * once, jacobian * once[:, None]
+        numbers += d * (problem.shots - float(problem.weights.sum()))
+    basis = _range_of(jacobian[:, free])
+    rest = residual - basis @ (basis.T @ residual)
+    by_offsets = jacobian[:, free & problem.parameters.group("offset")]
     own = []
     for place in places:
         rows = (place.rows[:, None] * d + np.arange(d)).ravel()
@@ -207,7 +214,7 @@ def _disagreement(fit: LikelihoodFit) -> Iterator[PlacementsDisagree]:
         own.append(columns - basis @ (basis.T @ columns))
     explains = _range_of(np.hstack(own))
     rank = explains.shape[1]
-    dof = problem.measured_size - basis.shape[1] - rank
+    dof = round(numbers) - basis.shape[1] - rank
     if rank == 0 or dof <= 0:
         return
     drop = float(((explains.T @ rest) ** 2).sum())

@@ -13,7 +13,7 @@ import numpy as np
 from ..model.files.header import Header
 from ..model.problem import Problem
 from .estimation.fit import fit_from
-from .estimation.tolerance_factors import Factors
+from .estimation.tolerance_factors import Factors, with_open_factors
 from .findings import tolerances
 from .ladder import climb_ladder
 from .observability.geometry import Rung
@@ -36,11 +36,12 @@ def solved(
 ) -> Solved:
     """Fit and judge; `told` gets the share that is done."""
     climbed = climb_ladder(problem, header, seed, told or (lambda share: None))
-    return Solved(independent(judge(climbed.fit)), climbed.ladder, climbed.factors)
+    return Solved(independent(judge(climbed.fit), climbed.factors), climbed.ladder, climbed.factors)
 
 
-def independent(solution: Solution) -> Solution:
-    """The same with its measurements at their effective number, where neighbouring ones are correlated.
+def independent(solution: Solution, factors: Factors | None = None) -> Solution:
+    """The same with its measurements at their effective number, where neighbouring ones are correlated; the
+    uncertainty of estimated `factors` of the tolerances stays in.
 
     Not where that would leave nothing to judge a misfit by: in a short run that a wrong model does not fit,
     the errors of the model are what is correlated.
@@ -52,4 +53,5 @@ def independent(solution: Solution) -> Solution:
     weighted = problem.weighted(np.full(problem.shots, 1 / divisor))
     if solution.misfit is not None and weighted.data_size <= int(problem.parameters.free.sum()):
         return solution
-    return judge(replace(fit_from(weighted, solution.fit.x), others=solution.fit.others))
+    fit = replace(fit_from(weighted, solution.fit.x), others=solution.fit.others)
+    return judge(fit if factors is None else with_open_factors(fit, factors))

@@ -78,7 +78,9 @@ class Jackknife:
 
 @dataclass(frozen=True, eq=False)
 class Without:
-    """The fit `x` (p,) of the problem `seen`, which lacks one placement; `reason` of how it ended."""
+    """The fit `x` (p,) of the problem `seen`, which lacks one placement; `reason` of how it ended.
+
+    `covariance` (f, f) is of its scaled free parameters, by Fisher's information."""
 
     placement: Placement
     seen: Problem
@@ -96,22 +98,23 @@ def fits_without(solution: Solution) -> tuple[Without, ...]:
     or for one placement."""
     if not solution.converged:
         return ()
-    problem, x = _known_factors(solution)
+    problem, x = known_factors(solution)
     every = placements(problem)
-    return tuple(_without(problem, x, placement) for placement in every) if len(every) > 1 else ()
+    return tuple(fit_without(problem, x, placement) for placement in every) if len(every) > 1 else ()
 
 
-def _known_factors(solution: Solution) -> tuple[Problem, Matrix]:
+def known_factors(solution: Solution) -> tuple[Problem, Matrix]:
     """The problem and its mode, separate noise factors taken as known."""
     problem, x = solution.problem, solution.fit.x
     return problem.with_noise_of(x) if problem.noise.separate else (problem, x)
 
 
-def _without(problem: Problem, x: Matrix, placement: Placement) -> Without:
+def fit_without(problem: Problem, x: Matrix, placement: Placement, settled: float = _SETTLED) -> Without:
+    """The fit of all but a placement, begun at `x` (p,), until the gradient is below `settled`."""
     seen = problem.without_targets(placement.targets)
     start = x[[problem.parameters.index(name) for name in seen.parameters.names]]
     density = Density(seen)
-    at, converged, reason = _scored(density, start)
+    at, converged, reason = _scored(density, start, settled)
     if not converged:
         found = modes(density, start[None])
         at, converged, reason = found.x[0], bool(found.converged[0]), found.reason[0]
@@ -123,7 +126,7 @@ def _without(problem: Problem, x: Matrix, placement: Placement) -> Without:
     return Without(placement, seen, at, np.linalg.inv(information), weight, converged, reason)
 
 
-def _scored(density: Density, start: Matrix) -> tuple[Matrix, bool, str]:
+def _scored(density: Density, start: Matrix, settled: float) -> tuple[Matrix, bool, str]:
     """x (p,) by Fisher scoring from `start`, whether it converged, and why."""
     parameters, x, size = density.problem.parameters, start.copy(), np.inf
     free = parameters.free
@@ -132,17 +135,17 @@ def _scored(density: Density, start: Matrix) -> tuple[Matrix, bool, str]:
         gradient, information = slopes.gradient[0], slopes.information[0]
         step = np.linalg.solve(information, gradient)
         size = float(np.sqrt(max(gradient @ step, 0.0)))
-        if not np.isfinite(size) or size < _SETTLED:
+        if not np.isfinite(size) or size < settled:
             break
         x[free] += step * parameters.prior_std[free]
-    return x, size < _SETTLED, f"the gradient is {size:.1e} posterior standard deviations"
+    return x, size < settled, f"the gradient is {size:.1e} posterior standard deviations"
 
 
 def leave_one_out(solution: Solution, fits: Sequence[Without]) -> LeaveOneOut | None:
     """Each placement as the fit without it predicts it; None for less than two placements."""
     if not fits:
         return None
-    whole, _ = _known_factors(solution)
+    whole, _ = known_factors(solution)
     rows = tuple(
         judged(whole, [own.placement], own.seen, own.x, own.covariance, own.weight)
         if own.converged

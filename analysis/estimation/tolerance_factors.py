@@ -48,13 +48,20 @@ def with_factors(fit: LikelihoodFit) -> tuple[LikelihoodFit, Factors]:
         fit = fit_from(fit.problem.with_geometry(nominal.scaled(*np.exp(at).tolist())), fit.x)
         if moved < _SETTLED or not fit.converged:
             break
-    near = _Linear(fit, at)
-    spread = np.linalg.inv(near.curvature(at))
-    by_factors = near.slopes(at)
     length, angle = np.exp(at).tolist()
-    log_u = np.sqrt(np.diag(spread))
+    log_u = np.sqrt(np.diag(np.linalg.inv(_Linear(fit, at).curvature(at))))
     factors = Factors(length, angle, (float(log_u[0]), float(log_u[1])))
-    return replace(fit, covariance=fit.covariance + by_factors @ spread @ by_factors.T), factors
+    return with_open_factors(fit, factors), factors
+
+
+def with_open_factors(fit: LikelihoodFit, factors: Factors) -> LikelihoodFit:
+    """The fit, its tolerances being those times `factors`, with what the factors leave open in its
+    covariance."""
+    at = np.log([factors.length, factors.angle])
+    near = _Linear(fit, at)
+    by_factors = near.slopes(at)
+    spread = np.linalg.inv(near.curvature(at))
+    return replace(fit, covariance=fit.covariance + by_factors @ spread @ by_factors.T)
 
 
 class _Linear:

@@ -86,7 +86,7 @@ def effective(solution: Solution, rival: Matrix | None = None) -> Effective:
     shots = solution.problem.shots
     if not found:
         return Effective(tuple(rows), shots, None, None, None, 1.0)
-    rho, p_value = correlation(list(found.values()))
+    rho, p_value = correlation(equalised(list(found.values())))
     kappa = _kappa(rho)
     return Effective(tuple(rows), shots, rho, kappa, p_value, max(kappa, 1.0) if p_value < CHANCE else 1.0)
 
@@ -127,6 +127,21 @@ def lags(recorded: Recorded) -> dict[int, RecordingLag]:
             white[i],
         )
     return result
+
+
+def equalised(found: Sequence[RecordingLag]) -> list[RecordingLag]:
+    """The same, with residuals larger than in the middle one of the recordings scaled down to its.
+
+    A target that slips while it is measured makes large residuals that are all alike: by the plain sums that
+    one recording would speak for all.
+    """
+    mean_square = np.array([own.square / np.trace(own.white) for own in found])
+    middle = float(np.median(mean_square))
+    times = [middle / value if value > middle else 1.0 for value in mean_square]
+    return [
+        own._replace(product=own.product * by, square=own.square * by)
+        for own, by in zip(found, times, strict=True)
+    ]
 
 
 def correlation(found: Sequence[RecordingLag]) -> tuple[float, float]:

@@ -21,7 +21,7 @@ from ...model.robot import Matrix
 from ..estimation.fit import LikelihoodFit
 from ..holm import holm
 from ..solution import Solution
-from .effective import CHANCE, correlation, lags
+from .effective import CHANCE, correlation, equalised, lags
 from .recordings import Recording, covariances, recordings
 
 _FEWEST = 6  # measurements of a recording that is tested
@@ -94,7 +94,7 @@ def all_steps(fit: LikelihoodFit, rival: Matrix | None = None, seed: int = 0) ->
     ]
     if not tested:
         return [], len(every)
-    pooled, chance = correlation(list(lag.values()))
+    pooled, chance = correlation(equalised(list(lag.values())))
     shared = pooled if chance < CHANCE else 0.0
     by_rho: dict[float, list[Matrix]] = {}
     found = []
