@@ -15,14 +15,35 @@ from .parameters import Judged
 
 def unobservable_section(parameters: Sequence[Judged], facts: Identifiability) -> Section:
     """The section of a report."""
-    said = _sentence(parameters, facts)
-    items = [direction_words(direction) for direction in facts.null_space]
+    geometry = {row.name for row in parameters if row.group == "geometry"}
+    others = [row for row in parameters if row.group != "geometry"]
+    shown, links = parted(facts.null_space, geometry)
+    said = [_sentence(others, shown)]
+    if links:
+        said.append(tolerance_only(len(links)))
+    items = [direction_words(direction) for direction in shown]
     return section_of(
-        "What cannot be determined", Paragraph(said), Directions(items), Facts(rank_facts(facts))
+        "What cannot be determined", *map(Paragraph, said), Directions(items), Facts(rank_facts(facts))
     )
 
 
-def _sentence(parameters: Sequence[Judged], facts: Identifiability) -> str:
+def parted(
+    directions: Sequence[NullDirection], geometry: set[str]
+) -> tuple[list[NullDirection], list[NullDirection]]:
+    """Null-space directions, and apart from them those of geometry parameters alone: their tolerances are
+    knowledge."""
+    links = [own for own in directions if geometry.issuperset(own.combination)]
+    return [own for own in directions if own not in links], links
+
+
+def tolerance_only(count: int) -> str:
+    """What is said of directions that need no cause and no remedy."""
+    what = "1 combination" if count == 1 else f"{count} combinations"
+    verb, its = ("is", "its") if count == 1 else ("are", "their")
+    return f"{what} of geometry parameters {verb} known by {its} tolerances only."
+
+
+def _sentence(parameters: Sequence[Judged], directions: Sequence[NullDirection]) -> str:
     lost = [label(row.name) for row in parameters if row.status == "unidentifiable"]
     weak = [label(row.name) for row in parameters if row.status == "weak"]
     if lost:
@@ -33,7 +54,7 @@ def _sentence(parameters: Sequence[Judged], facts: Identifiability) -> str:
             "The measurements would determine every parameter that was not held, but the model does not"
             " describe them: nothing here is validated."
         )
-    elif facts.null_space:
+    elif directions:
         said = (
             "Every parameter that was not held has an estimate, but some combinations are only weakly"
             " observable."

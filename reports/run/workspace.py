@@ -8,7 +8,7 @@ from ..style.blocks import FigureBlock, Paragraph, Section, Table, row_of, secti
 from ..words import numbers
 from ..words.findings import accuracy_reason, place
 from ..words.wording import label, listed, person, sentence
-from .fit_quality import misfit_factor
+from .diagnostics.fit_quality import misfit_factor
 from .workspace_figure import NAME
 
 TITLE = "Accuracy of the TCP"

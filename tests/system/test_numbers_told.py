@@ -47,6 +47,10 @@ def worked_out(answer: Any) -> Iterator[float]:
     for row in answer["parameters"]:
         if row["midpoint"] is not None and row["std"] is not None:
             yield (row["midpoint"] - row["estimate"]) / row["std"]
+        if row.get("tolerance_share") is not None:
+            yield 100 * row["tolerance_share"]
+        if row["group"] == "geometry" and row["std"] is not None:
+            yield 100 * max(1 - row["std"] / row["prior_std"], 0)
     for budget in answer["budget"]:
         ranked = sorted(budget["rows"], key=lambda row: abs(row["share"]))
         for rows in (*([row] for row in ranked), *(ranked[:count] for count in range(2, len(ranked)))):

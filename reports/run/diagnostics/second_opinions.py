@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from ...analysis.diagnostics.hold_out import HoldOut
-from ...analysis.diagnostics.outliers import Robust
-from ...analysis.findings import HeldOutMisfit
-from ...analysis.result import Result
-from ..style.blocks import Cell, Facts, Paragraph, Section, Table, row_of, section_of, table_of
-from ..words import numbers
-from ..words.findings import hold_out_message
-from ..words.wording import NOT_DETERMINED, clipped, label, listed, sentence
-from .parameters import noise_factors, unit_of
+from ....analysis.diagnostics.hold_out import HoldOut
+from ....analysis.diagnostics.outliers import Robust
+from ....analysis.findings import HeldOutMisfit
+from ....analysis.result import Result
+from ...style.blocks import Cell, Facts, Paragraph, Section, Table, row_of, section_of, table_of
+from ...words import numbers
+from ...words.findings import hold_out_message
+from ...words.wording import NOT_DETERMINED, clipped, label, listed, sentence
+from ..parameters import noise_factors, unit_of
 
 
 def robust_section(result: Result) -> Section | None:
