@@ -17,7 +17,7 @@ from ..output.html import Turnable
 from ..output.template import TEMPLATES, style, template
 from ..run.geometry import check_lines
 from ..run.parameters import legend, reasons, unit_of, worth_column
-from ..run.unobservable import direction_words, parted, tolerance_only
+from ..run.unobservable import beside_tolerances, direction_words, tolerance_only
 from ..scenes.drawing import MOST_DRAWN
 from ..scenes.scene import Scene3D
 from ..scenes.turnable import SceneWords, turnable
@@ -89,7 +89,7 @@ def _view(plan: Plan, check: Check, seen: Postures) -> PlanView:
     targets = [clipped(name, 24) for name in plan.target_names]
     header = plan.header.model_dump(mode="json", include={"tolerance"})
     others = [row for row in check.parameters if row.group != "geometry"]
-    shown_directions, links = parted(
+    shown_directions = beside_tolerances(
         facts.null_space, {row.name for row in check.parameters if row.group == "geometry"}
     )
     return PlanView(
@@ -101,7 +101,7 @@ def _view(plan: Plan, check: Check, seen: Postures) -> PlanView:
         predicted=_predicted(check),
         legend=Legend(legend(others, header), reasons(others)),
         undetermined=" ".join(
-            [_undetermined(others, shown_directions), *([tolerance_only(len(links))] if links else [])]
+            filter(None, [_undetermined(others, shown_directions), tolerance_only(check.parameters)])
         ),
         directions=Directions([direction_words(direction) for direction in shown_directions]),
         rank=Facts(rank_facts(facts)),

@@ -19,10 +19,11 @@ from ..words.geometry import (
     rung_reason,
     worth_sentence,
 )
-from ..words.wording import label, listed, person
+from ..words.wording import counted, label, listed, person
 from .parameters import NO_NUMBER, reasons, unit_of
 
 LADDER = "ladder"
+_MOST_SAID = 2  # sentences on what an offset is confounded with; the table has all
 
 
 def geometry_section(result: Result) -> Section | None:
@@ -32,7 +33,7 @@ def geometry_section(result: Result) -> Section | None:
     rows = [row for row in result.parameters if row.group == "geometry"]
     held = [row for row in rows if row.held]
     said = [
-        *confounded_lines(result),
+        *confounded_lines(result)[:_MOST_SAID],
         factors_sentence(result.geometry),
     ]
     unknown = prior_only(rows)
@@ -69,9 +70,9 @@ def _offsets(result: Result) -> Table | None:
         ("name", "left"),
         ("u", "right"),
         (SET_BY_TOLERANCES, "right"),
-        ("u, half the tolerances", "right"),
-        ("u, twice the tolerances", "right"),
-        ("u, nominal geometry", "right"),
+        ("at half", "right"),
+        ("at twice", "right"),
+        ("nominal", "right"),
         ("most correlated with", "left"),
     ]
     rows = []
@@ -90,7 +91,10 @@ def _offsets(result: Result) -> Table | None:
                 "" if most is None else f"{label(most.parameter)} ({correlation(most)})",
             )
         )
-    return table_of("Offsets and the tolerances of the geometry", columns, rows)
+    caption = (
+        "u of the offsets, at half and at twice the tolerances, and with nominal geometry if the arm deviates"
+    )
+    return table_of(caption, columns, rows)
 
 
 def _spread(value: float | None, unit: str) -> str:
@@ -136,11 +140,11 @@ def prior_only(rows: Sequence[ParameterResult]) -> str | None:
             )
     if not by_body:
         return None
-    said = "; ".join(f"{body}: {', '.join(axes)}" for body, axes in by_body.items())
+    said = listed([f"{body} ({', '.join(axes)})" for body, axes in by_body.items()], 99)
     count = sum(map(len, by_body.values()))
     return (
-        f"Prior only: {count} geometry parameters, of which these measurements say no more than the"
-        f" tolerances; they have no estimate. {said}."
+        f"Prior only, without an estimate: {counted(count, 'geometry parameter')} of which these measurements"
+        f" say no more than the tolerances: {said}."
     )
 
 
@@ -152,10 +156,9 @@ def ladder_table(result: Result) -> Table | None:
     columns = [
         ("model", "left"),
         ("parameters", "right"),
-        ("held-out residual, rms", "right"),
+        ("held-out, rms", "right"),
         ("log evidence", "right"),
         ("kept", "left"),
-        ("why", "left"),
     ]
     rows = [
         row_of(
@@ -163,12 +166,11 @@ def ladder_table(result: Result) -> Table | None:
             str(rung.parameters),
             numbers.or_words(rung.held_out_rms_mm, NO_NUMBER, "mm"),
             numbers.fixed(rung.log_evidence, 1),
-            "yes" if rung.kept else "no",
-            rung_reason(ladder, i),
+            f"{'yes' if rung.kept else 'no'}: {rung_reason(ladder, i)}",
         )
         for i, rung in enumerate(ladder)
     ]
-    return table_of("Model ladder: held-out placements and evidence", columns, rows)
+    return table_of("Model ladder: residuals at held-out placements, and evidence", columns, rows)
 
 
 def geometry_lines(result: Result) -> list[str]:

@@ -27,7 +27,7 @@ def ladder_picture(result: Result) -> Picture | None:
         ([rung.log_evidence for rung in ladder], "log evidence", "")
     ]
     if any(value is not None for value in predicted):
-        panels.insert(0, (predicted, "residual at held-out placements, mm rms", "mm"))
+        panels.insert(0, (predicted, "held-out residual, mm rms", "mm"))
     with style():
         figure = new_figure(0.27 * len(ladder) + 0.75)
         axes = figure.subplots(1, len(panels), squeeze=False)[0]

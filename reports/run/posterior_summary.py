@@ -54,7 +54,7 @@ def _table(result: Result) -> Table | None:
     if result.posterior.parameters is None:
         return None
     noise = any(row.group == "noise" for row in result.parameters)
-    targets = {row.name for row in result.parameters if row.group == "target"}
+    left = {row.name for row in result.parameters if row.group in ("target", "geometry")}
     columns = [
         ("name", "left"),
         ("mean", "right"),
@@ -65,7 +65,7 @@ def _table(result: Result) -> Table | None:
     ]
     rows = []
     for row in result.posterior.parameters:
-        if row.name in targets:
+        if row.name in left:
             continue
         if row.source == "prior":
             rows.append(row_of(label(row.name), Cell("prior only", span=5), tone="unidentifiable"))

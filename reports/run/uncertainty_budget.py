@@ -47,7 +47,7 @@ def budget_section(result: Result) -> Section | None:
 
 def _lead(result: Result) -> str:
     held = [label(row.name) for row in result.parameters if row.held]
-    exact = ["the robot’s geometry"]
+    exact = [] if result.geometry.stated else ["the robot’s geometry"]
     if result.inputs.calibrated:
         exact.append("the calibrated tool")
     said = (
@@ -55,7 +55,7 @@ def _lead(result: Result) -> str:
         " gives the estimate, negative if it lowers the variance; in brackets is its share of the variance."
         " Of a joint and of the spot it is the noise of the reading. Type A was evaluated from this run’s"
         " residuals, type B was stated. Taken as exact, and so in no budget:"
-        f" {listed([*exact, *held])}."
+        f" {listed([*exact, *held] or ['nothing'])}."
     )
     if any(_wider(result, budget) for budget in result.budget):
         said += (

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import textwrap
+
 from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
@@ -25,7 +27,7 @@ VERDICT_STYLE = {
 }
 
 
-_NUMBERS = 24  # letters; a longer text is words, which may break
+_HEAD = 13  # letters of a line of a head, at least
 
 
 def marked(mark: str, text: str) -> Text:
@@ -38,21 +40,19 @@ def note(text: str) -> Text:
     return Text("! ", style="bold yellow") + Text(text)
 
 
-def _alone(row: blocks.Row, k: int) -> bool:
-    """Whether column k of the row has a cell of its own, of numbers."""
-    return all(cell.span == 1 for cell in row.cells) and len(row.cells[k].text) <= _NUMBERS
+def _over_numbers(head: str, stated: blocks.Table, k: int) -> str:
+    """The head of column `k` in lines hardly longer than its cells: numbers do not give way to a head."""
+    widths = [len(row.cells[k].text) for row in stated.rows if all(cell.span == 1 for cell in row.cells)]
+    return "\n".join(textwrap.wrap(head, max(_HEAD, *widths))) if widths else head
 
 
 def rich_table(stated: blocks.Table, longest: int | None = None) -> Table:
     """A table of a page, for the terminal; texts of unmarked cells are cut to `longest` letters."""
     table = Table(box=None, pad_edge=False)
     for k, column in enumerate(stated.columns):
-        if column.align == "right":
-            # Heads give way, numbers do not.
-            widest = max((len(row.cells[k].text) for row in stated.rows if _alone(row, k)), default=None)
-            table.add_column(escape(column.text), justify="right", min_width=widest)
-        else:
-            table.add_column(escape(column.text), justify="left")
+        right = column.align == "right"
+        head = _over_numbers(column.text, stated, k) if right else column.text
+        table.add_column(escape(head), justify="right" if right else "left")
     for row in stated.rows:
         cells: list[Text] = []
         for cell in row.cells:

@@ -30,7 +30,7 @@ from ..run.parameters import (
 )
 from ..run.posterior_summary import posterior_sentence
 from ..run.report_page import report_notes
-from ..run.unobservable import direction_words, parted, tolerance_only
+from ..run.unobservable import beside_tolerances, direction_words
 from ..style import blocks
 from ..style.console import MARK, STYLE, VERDICT_STYLE, marked, note, rich_table
 from ..words import numbers
@@ -283,10 +283,7 @@ def _print_directions(
     console: Console, directions: Sequence[NullDirection], parameters: Iterable[Judged]
 ) -> None:
     geometry = {row.name for row in parameters if row.group == "geometry"}
-    directions, links = parted(directions, geometry)
-    if links:
-        console.print(Text(tolerance_only(len(links))))
-    for direction in directions:
+    for direction in beside_tolerances(directions, geometry):
         words = direction_words(direction)
         console.print(
             Text("✕ " if direction.kind == "exact" else "◆ ", style="bold")

@@ -12,7 +12,7 @@ from .wording import Namer, listed
 IF_IT_DEVIATES = "u if the arm deviates"
 SET_BY_TOLERANCES = "set by tolerances"
 RUNGS: dict[RungName, str] = {
-    "offsets": "offsets, nominal geometry",
+    "offsets": "nominal geometry",
     "geometry": "+ link geometry",
     "gravity": "+ gravity",
     "harmonics": "+ first harmonics",

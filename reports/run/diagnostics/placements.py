@@ -154,8 +154,7 @@ def _effective_sentence(own: Effective) -> str:
     return (
         f"Successive residuals of a recording are correlated ({measure}):"
         f" {counted(own.shots, 'measurement')} say as much as {numbers.significant(own.number, 2)}"
-        f" independent ones (κ = {numbers.significant(own.kappa, 2)}). The stated uncertainties take all"
-        " measurements as independent."
+        f" independent ones (κ = {numbers.significant(own.kappa, 2)}); their information is divided by κ."
     )
 
 

@@ -92,11 +92,10 @@ def test_what_is_not_determined_has_no_number() -> None:
         "(δ2)",
         "not",
         "determined",
-        "by",
-        "these",
-        "data",
         "✕",
         "unidentifiable",
+        "—",
+        "—",
     ]
     assert f"{FORBIDDEN:.2f}"[1:] not in printed(x_pattern())
 
