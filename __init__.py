@@ -7,10 +7,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .analysis.covariance import Covariance
     from .analysis.observability.check import Check
     from .analysis.posterior.posterior import Draws
     from .analysis.result import Result
-    from .analysis.solution import Covariance, Solution
+    from .analysis.solution import Solution
     from .face.analysed import Analysed, analyse
     from .face.compared import ComparedRuns, compare
     from .face.pictures import Figure, SceneView
@@ -66,7 +67,7 @@ _HOME = {
     "Check": "analysis.observability.check",
     "CheckedPlan": "face.planned",
     "ComparedRuns": "face.compared",
-    "Covariance": "analysis.solution",
+    "Covariance": "analysis.covariance",
     "Draws": "analysis.posterior.posterior",
     "Figure": "face.pictures",
     "FitFailed": "model.errors",

@@ -20,17 +20,16 @@ from .diagnostics.influence import shot_results
 from .diagnostics.outliers import robust_result
 from .diagnostics.placement_result import placement_result
 from .diagnostics.scene import scene
-from .estimation.fit import fit_from, start_at
+from .estimation.fit import start_at
 from .estimation.midpoint import MidpointFit, fit_midpoint
 from .estimation.robust import Loss
 from .findings import findings, tolerances
-from .ladder import climb_ladder
 from .observability.geometry import geometry_result
 from .posterior.intervals import intervals
 from .posterior.posterior import UNSAMPLED, Draws, sample_posterior
-from .recordings.effective import effective
 from .result import DistanceResult, Inputs, LikelihoodSummary, MidpointSummary, Result
-from .solution import ParameterTable, Solution, judge, require_noise_data
+from .solution import ParameterTable, Solution, require_noise_data
+from .solved import solved
 from .status import known, versions
 
 Progress = Callable[[str, float], None]
@@ -78,12 +77,12 @@ def _analyse(
     tell("fit", 0.0)
     # What was asked for in vain is said before the long part.
     unseen = hold_out(problem, held_out, seed) if held_out else None
-    climbed = climb_ladder(problem, run.header, seed, lambda share: tell("fit", 0.7 * share))
+    found = solved(problem, run.header, seed=seed, told=lambda share: tell("fit", 0.7 * share))
     tell("fit", 0.7)
     midpoint = fit_midpoint(problem.with_geometry(NOMINAL))
     tell("fit", 1.0)
     tell("identifiability", 0.0)
-    solution = independent(judge(climbed.fit))
+    solution = found.solution
     problem = solution.problem
     tell("identifiability", 1.0)
     posterior, draws = UNSAMPLED, None
@@ -95,6 +94,7 @@ def _analyse(
         tell("posterior", 1.0)
     shots = shot_results(solution.fit)
     robust = robust_result(solution, loss) if loss is not None and solution.converged else None
+    placed = placement_result(solution, tolerances(solution))
     result = Result(
         verdict=solution.verdict,
         parameters=_with_midpoint(solution, midpoint),
@@ -108,8 +108,8 @@ def _analyse(
             solution.fit.covariance,
             solution.status,
             weight=solution.fit.weight,
-            ladder=climbed.ladder,
-            factors=climbed.factors,
+            ladder=found.ladder,
+            factors=found.factors,
         ),
         posterior=posterior,
         shots=shots,
@@ -119,24 +119,14 @@ def _analyse(
         budget=budget(solution, posterior),
         robust=robust,
         hold_out=unseen,
-        placements=placement_result(solution, tolerances(solution)),
+        placements=placed,
         scene=scene(solution),
         misfit=solution.misfit,
-        findings=findings(solution, posterior, shots, robust, unseen, run.warnings),
+        findings=findings(solution, posterior, shots, robust, unseen, placed.steps, run.warnings),
         inputs=_inputs(run, problem, seed),
         diagnosis=diagnose(solution),
     )
     return Analysis(fit=solution.fit, identified=solution.identified, run=run, result=result, draws=draws)
-
-
-def independent(solution: Solution) -> Solution:
-    """The same with its measurements at their effective number, where neighbouring ones are correlated."""
-    divisor = effective(solution, tolerances(solution)).divisor
-    if divisor == 1:
-        return solution
-    problem = solution.problem
-    weighted = problem.weighted(np.full(problem.shots, 1 / divisor))
-    return judge(fit_from(weighted, solution.fit.x))
 
 
 def _with_midpoint(solution: Solution, fit: MidpointFit) -> ParameterTable:

@@ -16,6 +16,7 @@ from .diagnostics.outliers import OUTLYING, Robust
 from .misfit import LACK_OF_FIT, Criterion
 from .observability.consider import link_columns
 from .posterior.posterior import PosteriorSummary
+from .recordings.steps import Steps
 from .solution import Solution
 
 
@@ -103,9 +104,11 @@ def tolerances(solution: Solution) -> Matrix | None:
 def moved_target(solution: Solution) -> Displacement | None:
     """The displacement of a target, if there is a significant one that links within their tolerances do not
     explain as well."""
-    if not solution.converged:
+    moved = displacement(solution.fit) if solution.converged else None
+    if moved is None or not moved.significant:
         return None
-    moved = displacement(solution.fit, tolerances(solution))
+    rival = tolerances(solution)
+    moved = moved if rival is None else displacement(solution.fit, rival)
     return moved if moved is not None and moved.significant else None
 
 
@@ -115,10 +118,14 @@ def findings(
     shots: Sequence[ShotResult],
     robust: Robust | None,
     held_out: HoldOut | None,
+    steps: Steps,
     warnings: Sequence[str],
 ) -> tuple[Finding, ...]:
-    """All of a result, the gravest first; `warnings` are those of the run's file."""
+    """All of a result, the gravest first; `warnings` are those of the run's file. A target that was off for
+    some measurements only has not moved: its step is said where the recordings are (`steps`)."""
     moved = moved_target(solution)
+    if moved is not None and moved.at.target in {step.target for step in steps.rows}:
+        moved = None
     return (
         *on_the_model(solution),
         *((NoPosterior(posterior),) if solution.converged and not posterior.converged else ()),

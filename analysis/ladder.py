@@ -16,7 +16,7 @@ from ..model.density import Density
 from ..model.files.header import Header
 from ..model.geometry import NOMINAL, Geometry
 from ..model.problem import Problem
-from .estimation.fit import LikelihoodFit, fit_from, fit_likelihood
+from .estimation.fit import LikelihoodFit, fit_from, fit_likelihood, reweighted
 from .estimation.tolerance_factors import Factors, with_factors
 from .observability.geometry import Rung, RungName
 from .placements import placements
@@ -84,8 +84,10 @@ def from_near(problem: Problem, near: LikelihoodFit) -> LikelihoodFit:
 
 def log_evidence(fit: LikelihoodFit) -> float:
     """Log marginal likelihood by Laplace's formula, up to what all models of the same data share."""
-    mode_weight = float(Density(fit.problem).noise_weight(fit.x[None])[0])
-    log_det = float(np.linalg.slogdet(fit.covariance * (fit.weight / mode_weight))[1])
+    density, x = Density(fit.problem), fit.x[None]
+    # The curvature at the mode itself, where the scale of the noise is that of the mode.
+    ratio = density.noise_weight(x) / fit.weight
+    log_det = float(np.linalg.slogdet(reweighted(density, x, fit.covariance[None], ratio))[1][0])
     return fit.log_posterior + log_det / 2
 
 

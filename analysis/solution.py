@@ -9,7 +9,7 @@ number here.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -21,6 +21,7 @@ from ..model.errors import BadInput
 from ..model.parameters import Group, Parameter
 from ..model.problem import Problem
 from ..model.robot import Matrix
+from .covariance import Covariance
 from .estimation.fit import AgainstNoise, LikelihoodFit, fit_likelihood
 from .misfit import Misfit, misfit_of
 from .observability.causes import Cause, Unconverged
@@ -124,99 +125,6 @@ class ParameterTable(Rows[ParameterResult]):
         ]
         numbers = ["estimate", "u", "low95", "high95"]
         return frame(rows).set_index("name").astype(dict.fromkeys(numbers, float))
-
-
-@dataclass(frozen=True, eq=False)
-class Covariance:
-    """The covariance of the m parameters that the data determine, and of nothing else.
-
-    Attributes
-    ----------
-    names, units : tuple of str
-        (m,) what each row is, and its unit: deg, mm, or 1 for a noise factor.
-    status : tuple of str
-        (m,) "identified" or "weak"; "unvalidated" where the model does not describe the measurements.
-    matrix : ndarray
-        (m, m) in the products of those units.
-
-    Raises
-    ------
-    UnsoundResult
-        A parameter is of another status.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import zerobeam as zb
-    >>> both = ("identified", "identified")
-    >>> covariance = zb.Covariance(("delta2", "delta3"), ("deg", "deg"), both, np.array([[4, 1], [1, 9.0]]))
-    >>> covariance["delta2", "delta3"], covariance.std.tolist()
-    (1.0, [2.0, 3.0])
-    >>> covariance.correlation.round(3).tolist()
-    [[1.0, 0.167], [0.167, 1.0]]
-    >>> covariance["delta2", "delta4"]
-    Traceback (most recent call last):
-    zerobeam.model.errors.BadInput: the covariance has no row for this parameter: ...
-    """
-
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    status: tuple[Status, ...]
-    matrix: Matrix
-
-    def __post_init__(self) -> None:
-        for name, status in zip(self.names, self.status, strict=True):
-            require_no_more_than(name, status, covariance=self.matrix)
-        if self.matrix.shape != (len(self.names),) * 2:
-            raise UnsoundResult(
-                f"a covariance of {len(self.names)} parameters has the shape {self.matrix.shape}"
-            )
-
-    def __repr__(self) -> str:
-        width = max([8, *map(len, self.names)]) + 2
-        head = " " * width + "".join(name.rjust(width) for name in self.names)
-        rows = (
-            name.ljust(width) + "".join(f"{value:.2g}".rjust(width) for value in row)
-            for name, row in zip(self.names, self.matrix.tolist(), strict=True)
-        )
-        return "\n".join([head, *rows])
-
-    def __getitem__(self, names: tuple[str, str]) -> float:
-        first, second = names
-        return float(self.matrix[self._at(first), self._at(second)])
-
-    def select(self, names: Sequence[str]) -> Covariance:
-        """The covariance of some of the parameters, in the order asked for."""
-        at = [self._at(name) for name in names]
-        return Covariance(
-            tuple(names),
-            tuple(self.units[i] for i in at),
-            tuple(self.status[i] for i in at),
-            self.matrix[np.ix_(at, at)],
-        )
-
-    @property
-    def std(self) -> Matrix:
-        """(m,) standard uncertainties."""
-        return np.sqrt(np.diag(self.matrix))
-
-    @property
-    def correlation(self) -> Matrix:
-        """(m, m)."""
-        return np.asarray(self.matrix / np.outer(self.std, self.std))
-
-    def to_frame(self) -> pd.DataFrame:
-        """A pandas DataFrame labelled by name on both sides; BadInput without pandas."""
-        return frame(self.matrix, index=list(self.names), columns=list(self.names))
-
-    def _at(self, name: str) -> int:
-        if name in self.names:
-            return self.names.index(name)
-        raise BadInput(
-            "the covariance has no row for this parameter: the data do not determine it, or it is held",
-            found=name,
-            allowed=", ".join(self.names) or "none: the data determine nothing",
-        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -140,7 +140,7 @@ def accuracy(solution: Solution, point: Matrix | None = None) -> Accuracy:
     drawn = [spread_postures(*limits, _POSTURES), spread_postures(*own, _POSTURES // 4)]
     joints = np.concatenate([*drawn, problem.joints])
     position, jacobian = tool_point(problem, fit.x, point, joints)
-    effect = np.linalg.norm(jacobian, axis=1).max(axis=0) * parameters.prior_std[offsets]
+    effect = np.linalg.norm(jacobian[:, :, offsets], axis=1).max(axis=0) * parameters.prior_std[offsets]
     names = parameters.names[offsets]
     enters = effect > _NO_EFFECT
     undetermined = np.flatnonzero(enters & open_offsets)
@@ -169,27 +169,29 @@ def accuracy(solution: Solution, point: Matrix | None = None) -> Accuracy:
 
 
 def tool_point(problem: Problem, x: Matrix, point: Matrix, joints: Matrix) -> tuple[Matrix, Matrix]:
-    """(P, 3) mm where the `point` (3,) of the flange is at recorded `joints` (P, n) with the offsets of
-    x (p,), in the base frame as joint 1's encoder draws it; and (P, 3, n) by the offsets, 0 by the first."""
-    offsets = problem.parameters.block("offset")
+    """(P, 3) mm where the `point` (3,) of the flange is at recorded `joints` (P, n) with the offsets and the
+    geometry of x (p,), in the base frame as joint 1's encoder draws it; and (P, 3, a) by these, 0 by the
+    first offset."""
+    arm = problem.parameters.arm
     x = x.copy()
-    x[offsets.start] = 0.0
+    x[arm.start] = 0.0
     # The fit has this one compiled already.
     placed = problem.functions.kernel("placed", compile=len(joints) > _COMPILE_FROM)
-    position, jacobian = placed(joints, x[problem.parameters.arm], point)
-    jacobian = jacobian[:, :, offsets].copy()
+    position, jacobian = placed(joints, x[arm], point)
+    jacobian = jacobian[:, :, arm].copy()
     jacobian[:, :, 0] = 0.0
     return position, jacobian
 
 
-def offset_covariance(problem: Problem, covariance: Matrix) -> Matrix:
-    """(n, n) of the offsets, rad or mm, from that of the scaled free parameters (f, f); 0 of what is held."""
+def arm_covariance(problem: Problem, covariance: Matrix) -> Matrix:
+    """(a, a) of offsets and geometry, rad or mm, from that of the scaled free parameters (f, f); 0 of what is
+    held."""
     parameters = problem.parameters
-    own = np.flatnonzero(parameters.free & parameters.group("offset"))
+    own = np.flatnonzero(parameters.free & (np.arange(len(parameters)) < parameters.arm.stop))
     at, std = parameters.among_free[own], parameters.prior_std[own]
-    result = np.zeros((len(parameters), len(parameters)))
+    result = np.zeros((parameters.arm.stop, parameters.arm.stop))
     result[np.ix_(own, own)] = covariance[np.ix_(at, at)] * np.outer(std, std)
-    return result[parameters.block("offset"), parameters.block("offset")]
+    return result
 
 
 def radius95(covariance: Matrix, dof: int | None = None) -> Matrix:
@@ -294,7 +296,7 @@ def _errors(
     if problem.noise.estimated:
         dof = max(solution.dof, 1)
     nominal, _ = tool_point(problem, np.zeros(len(problem.parameters)), point, joints)
-    of_point = jacobian @ offset_covariance(problem, fit.covariance) @ jacobian.transpose(0, 2, 1)
+    of_point = jacobian @ arm_covariance(problem, fit.covariance) @ jacobian.transpose(0, 2, 1)
     apart = nominal - position
     length = np.linalg.norm(apart, axis=1)
     along = np.einsum("pi,pij,pj->p", apart, of_point, apart)

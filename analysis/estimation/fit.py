@@ -253,12 +253,12 @@ def fit_rows(density: Density, start: Matrix, of: Index | None = None) -> Fits:
     top = climb.polished(climb.up(climb.coordinates.from_parameters(start, climb.of)))
     x = climb.coordinates.to_parameters(top.v, climb.of)
     by_v = climb.coordinates.jacobian(x, climb.of)
-    weight, mode_weight = unbiased_weight(density, x, climb.of), density.noise_weight(x, climb.of)
-    covariance = by_v @ top.covariance @ by_v.transpose(0, 2, 1) * (mode_weight / weight)[:, None, None]
+    covariance = by_v @ top.covariance @ by_v.transpose(0, 2, 1)
+    weight = unbiased_weight(density, x, climb.of)
     return Fits(
         x,
         density.scaled(x),
-        covariance,
+        reweighted(density, x, covariance, weight / density.noise_weight(x, climb.of)),
         weight,
         top.value,
         top.gradient,
@@ -266,6 +266,16 @@ def fit_rows(density: Density, start: Matrix, of: Index | None = None) -> Fits:
         top.converged,
         top.reason,
     )
+
+
+def reweighted(density: Density, x: Matrix, covariance: Matrix, ratio: Matrix) -> Matrix:
+    """(W, f, f) at x (W, p) with the shots' part of the information multiplied by `ratio` (W,); what is known
+    besides, priors and distances, stays as it is."""
+    if not density.problem.noise.estimated:
+        return covariance
+    rigid = density.prior_information(x)
+    shots = np.linalg.inv(covariance) - rigid
+    return np.asarray(np.linalg.inv(ratio[:, None, None] * shots + rigid), dtype=float)
 
 
 def modes(

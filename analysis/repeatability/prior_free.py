@@ -36,7 +36,9 @@ def without_prior(fit: LikelihoodFit, columns: Sequence[int]) -> tuple[Matrix, M
     left = root[:, own] - root[:, rest] @ by_rest
     covariance = np.linalg.inv(left.T @ left)
     weight = float(Density(problem).noise_weight(fit.x[None])[0])
-    step = covariance @ (fit.z[own] - by_rest.T @ fit.z[rest]) / weight
+    # A tolerance of the geometry is knowledge, which stays.
+    pulled = np.where(parameters.group("geometry")[parameters.free], 0.0, fit.z)
+    step = covariance @ (pulled[own] - by_rest.T @ pulled[rest]) / weight
     scale = parameters.prior_std[list(columns)]
     value = fit.x[list(columns)] + step * scale
     return value, np.asarray(covariance * np.outer(scale, scale))

@@ -25,6 +25,11 @@ class SharedDistances:
 
 
 @dataclass(frozen=True)
+class SharedTolerances:
+    """The run frees the geometry, of which other runs of the arm have the same deviations."""
+
+
+@dataclass(frozen=True)
 class PriorInEstimate:
     """A prior has a part in an estimate of a result, which does not say how to take it out."""
 
@@ -39,7 +44,14 @@ class StatedMisfit:
 
 
 RunFinding = (
-    Criterion | StatedMisfit | OtherBasins | SharedDistances | PriorInEstimate | FileWarning | Displacement
+    Criterion
+    | StatedMisfit
+    | OtherBasins
+    | SharedDistances
+    | SharedTolerances
+    | PriorInEstimate
+    | FileWarning
+    | Displacement
 )
 
 

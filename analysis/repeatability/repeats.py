@@ -12,6 +12,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ...model.errors import BadInput
+from ...model.files.header import Header
 from ...model.files.reading import read_bytes
 from ...model.files.run import Run, read_run
 from ...model.problem import Problem
@@ -50,15 +51,16 @@ def read_repeats(given: Sequence[Path | Run], seed: int, progress: Progress) -> 
     _refuse_twice([(name, _sha256(one)) for name, one in zip(names, given, strict=True)])
     # All that could forbid a comparison comes before the first fit.
     found: list[Repeat] = []
-    problems: dict[int, Problem] = {}
+    problems: dict[int, tuple[Problem, Header]] = {}
     arms: list[tuple[str, Robot]] = []
     for k, (one, name) in enumerate(zip(given, names, strict=True)):
         if isinstance(one, Path) and one.suffix == ".json":
             found.append(read_result(one, name))
             continue
         run = read_run(one) if isinstance(one, Path) else one
-        problems[k] = problem_of(run)
-        found.append(unfitted(run, problems[k], name))
+        problem = problem_of(run)
+        problems[k] = problem, run.header
+        found.append(unfitted(run, problem, name))
         arms.append((name, run.robot))
     _refuse_twice([(repeat.name, repeat.sha256 or "") for repeat in found])
     for (first, robot), (other, another) in pairwise(arms):
@@ -66,9 +68,9 @@ def read_repeats(given: Sequence[Path | Run], seed: int, progress: Progress) -> 
     for one_repeat, other_repeat in pairwise(found):
         _require_comparable(one_repeat, other_repeat)
     with threadpool_limits(limits=1, user_api="blas"):
-        for k, problem in problems.items():
+        for k, (problem, header) in problems.items():
             progress("fit", k / len(given))
-            found[k] = fitted(found[k], problem, seed)
+            found[k] = fitted(found[k], problem, header, seed)
     return "runs" if len(problems) == len(given) else "results", found
 
 

@@ -8,12 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from ...model.errors import BadInput
+from ...model.files.header import Header
 from ...model.files.run import Run
 from ...model.problem import Problem
 from ..findings import FileWarning, OtherBasins, moved_target
-from ..solution import Solution, require_noise_data, solve
+from ..solution import Solution, require_noise_data
+from ..solved import solved
 from .prior_free import without_prior
-from .repeat import Repeat, RunFinding, SharedDistances
+from .repeat import Repeat, RunFinding, SharedDistances, SharedTolerances
 
 WHEN = "when"  # the key of a header's provenance that says when a run was made
 
@@ -54,9 +56,10 @@ def unfitted(run: Run, problem: Problem, name: str) -> Repeat:
     )
 
 
-def fitted(repeat: Repeat, problem: Problem, seed: int) -> Repeat:
+def fitted(repeat: Repeat, problem: Problem, header: Header, seed: int) -> Repeat:
     """The same run with what its measurements say, each number without any prior."""
-    solution = solve(problem, seed=seed)
+    solution = solved(problem, header, seed=seed).solution
+    problem = solution.problem
     if not solution.converged:
         return replace(repeat, failure=solution.fit.reason)
     parameters = problem.parameters
@@ -89,3 +92,5 @@ def _on_the_fit(solution: Solution) -> Iterator[RunFinding]:
         yield OtherBasins(solution.fit.other_basins)
     if solution.problem.distances:
         yield SharedDistances()
+    if len(solution.problem.tolerated):
+        yield SharedTolerances()

@@ -11,7 +11,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ...analysis.findings import moved_target
-from ...analysis.solution import ParameterResult, Solution, require_noise_data, solve
+from ...analysis.solution import ParameterResult, Solution, require_noise_data
+from ...analysis.solved import solved
 from ...analysis.status import Status, known, versions
 from ...model.errors import BadInput, FitFailed
 from ...model.files.reading import did_you_mean
@@ -179,7 +180,7 @@ def _calibration(
     run.require_analysable()
     problem = Problem.from_run(run)
     require_noise_data(problem)
-    solution = solve(problem, seed=SEED)
+    solution = solved(problem, run.header, seed=SEED).solution
     if not solution.converged:
         raise FitFailed(
             f"{run.path}: the fit did not converge ({solution.fit.reason}): nothing can be exported\n"

@@ -9,7 +9,13 @@ from ...analysis.findings import FileWarning, OtherBasins
 from ...analysis.misfit import BeyondPrior, ImplausibleNoise, LackOfFit, PlacementsDisagree
 from ...analysis.repeatability.compare import Comparison
 from ...analysis.repeatability.consistency import LEVEL, of_a_std
-from ...analysis.repeatability.repeat import PriorInEstimate, RunFinding, SharedDistances, StatedMisfit
+from ...analysis.repeatability.repeat import (
+    PriorInEstimate,
+    RunFinding,
+    SharedDistances,
+    SharedTolerances,
+    StatedMisfit,
+)
 from .findings import displacement_sentence
 from .misfit import criterion_sentence
 from .wording import listed
@@ -123,6 +129,11 @@ def sentence_of(finding: RunFinding) -> str:
             return (
                 "it states distances between targets: where runs share one, its error is the same in all of"
                 " them and they scatter less than predicted"
+            )
+        case SharedTolerances():
+            return (
+                "it frees the geometry: the part of u that the tolerances set is the same in all runs of the"
+                " arm; they scatter less than predicted, and their mean is no better by that part"
             )
         case PriorInEstimate(name):
             return (

@@ -298,7 +298,7 @@ def test_a_fit_that_does_not_converge_reports_nothing(good, monkeypatch):
     def failing(problem, **kwargs):
         return dataclasses.replace(real(problem, **kwargs), converged=False, reason="made to fail")
 
-    monkeypatch.setattr("zerobeam.analysis.analyse.fit_likelihood", failing)
+    monkeypatch.setattr("zerobeam.analysis.ladder.fit_likelihood", failing)
     found = analyse(run, ess=400)
     result, draws = found.result, found.draws
     assert draws is None

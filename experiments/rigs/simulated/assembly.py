@@ -62,6 +62,7 @@ def assemble(plan: Plan, cell: Cell, rng: np.random.Generator) -> Parts:
     centres = {name: _centre(plan, cell, problem, name, rng) for name in problem.targets}
     block, x = problem.parameters.block, drawn.x.copy()
     x[block("offset")] = offsets = _offsets(cell, problem, drawn.x[block("offset")])
+    x[block("geometry")] = 0.0  # how the arm deviates from nominal is stated in the cell file
     for k, name in enumerate(problem.targets):
         x[block("target", k)] = centres[name]
     tool = _tool(cell, np.zeros(4) if problem.tool.calibrated else drawn.x[block("tool")])

@@ -24,7 +24,7 @@ from scipy import stats
 from zerobeam.analysis.diagnostics import accuracy as module
 from zerobeam.analysis.diagnostics.accuracy import (
     accuracy,
-    offset_covariance,
+    arm_covariance,
     radius95,
     spread_postures,
     tool_point,
@@ -382,7 +382,7 @@ def test_the_radius_holds_truths_drawn_from_the_posterior():
     """2000 truths, each looked at in a posture of its own that no shot has seen."""
     solution = judged(simulated_problem(good_plan(7), TABLE_2, seed=2)[1])
     problem, fit = solution.problem, solution.fit
-    point, covariance = problem.tool.point, offset_covariance(problem, fit.covariance)
+    point, covariance = problem.tool.point, arm_covariance(problem, fit.covariance)
     joints = random_postures(problem, 2000, 4)
     at, jacobian = tool_point(problem, fit.x, point, joints)
     draws = np.random.default_rng(5).multivariate_normal(fit.x[:6], covariance, 2000, method="eigh")
@@ -410,7 +410,7 @@ def test_the_radius_holds_the_truth_behind_simulated_runs(scale, count):
     for i, (x, covariance) in enumerate(zip(fits.x, fits.covariance, strict=True)):
         at, jacobian = tool_point(problem, x, point, joints[i : i + 1])
         error[i] = np.linalg.norm(at[0] - true[i])
-        of_point[i] = jacobian[0] @ offset_covariance(problem, covariance) @ jacobian[0].T
+        of_point[i] = jacobian[0] @ arm_covariance(problem, covariance) @ jacobian[0].T
     dof = problem.data_size - density.size if scale == "estimated" else None
     assert binomial((error < radius95(of_point, dof)).sum(), count)
     # Negative control: stds that are understated by 2.

@@ -217,7 +217,7 @@ def chi2_of(
 
 def without_its_prior(run: Run) -> Repeat:
     problem = problem_of(run)
-    return fitted(unfitted(run, problem, "run"), problem, 0)
+    return fitted(unfitted(run, problem, "run"), problem, run.header, 0)
 
 
 def by_chance(chi2: float, dof: int) -> bool:

@@ -152,7 +152,7 @@ def changed(monkeypatch: pytest.MonkeyPatch, **how: Any) -> None:
     def fit(*args: Any, **more: Any) -> LikelihoodFit:
         return replace(fit_likelihood(*args, **more), **how)
 
-    monkeypatch.setattr("zerobeam.analysis.solution.fit_likelihood", fit)
+    monkeypatch.setattr("zerobeam.analysis.ladder.fit_likelihood", fit)
 
 
 def test_a_fit_that_did_not_converge_is_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:

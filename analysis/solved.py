@@ -1,0 +1,49 @@
+"""A run solved as its header asks: the model that the ladder keeps, measurements at their effective number.
+
+`analyse`, the exporters and `compare` begin here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..model.files.header import Header
+from ..model.problem import Problem
+from .estimation.fit import fit_from
+from .estimation.tolerance_factors import Factors
+from .findings import tolerances
+from .ladder import climb_ladder
+from .observability.geometry import Rung
+from .recordings.effective import effective
+from .solution import Solution, judge
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """The `solution`; the models that were tried (none for nominal geometry), and by what the data multiply
+    the tolerances (None where they are known)."""
+
+    solution: Solution
+    ladder: tuple[Rung, ...]
+    factors: Factors | None
+
+
+def solved(
+    problem: Problem, header: Header, *, seed: int = 0, told: Callable[[float], None] | None = None
+) -> Solved:
+    """Fit and judge; `told` gets the share that is done."""
+    climbed = climb_ladder(problem, header, seed, told or (lambda share: None))
+    return Solved(independent(judge(climbed.fit)), climbed.ladder, climbed.factors)
+
+
+def independent(solution: Solution) -> Solution:
+    """The same with its measurements at their effective number, where neighbouring ones are correlated."""
+    divisor = effective(solution, tolerances(solution)).divisor
+    if divisor == 1:
+        return solution
+    problem = solution.problem
+    weighted = problem.weighted(np.full(problem.shots, 1 / divisor))
+    return judge(fit_from(weighted, solution.fit.x))
