@@ -101,7 +101,7 @@ def _view(plan: Plan, check: Check, seen: Postures) -> PlanView:
         predicted=_predicted(check),
         legend=Legend(legend(others, header), reasons(others)),
         undetermined=" ".join(
-            filter(None, [_undetermined(others, shown_directions), tolerance_only(check.parameters)])
+            filter(None, [_undetermined(check, shown_directions), tolerance_only(check.parameters)])
         ),
         directions=Directions([direction_words(direction) for direction in shown_directions]),
         rank=Facts(rank_facts(facts)),
@@ -177,16 +177,17 @@ def _predicted_row(row: CheckedParameter, geometry: GeometryResult) -> Row:
     return row_of(name, word, numbers.spread(row.std, unit), worth, alone, before, tone=status)
 
 
-def _undetermined(parameters: Sequence[CheckedParameter], directions: Sequence[NullDirection]) -> str:
+def _undetermined(check: Check, directions: Sequence[NullDirection]) -> str:
+    """Of all parameters but the geometry's."""
+    parameters = [row for row in check.parameters if row.group != "geometry"]
+    what = "parameter" if len(parameters) == len(check.parameters) else "other parameter"
     names = [label(row.name) for row in parameters if row.status == "unidentifiable"]
     if names:
         verb, it = ("is", "it") if len(names) == 1 else ("are", "them")
         return f"{listed(names)} {verb} {NOT_DETERMINED}: no value will be given for {it}."
     if directions:
-        return (
-            "Every parameter that is not held is identifiable, but some combinations are weakly observable."
-        )
-    return "Every parameter that is not held is identifiable."
+        return f"Every {what} that is not held is identifiable, but some combinations are weakly observable."
+    return f"Every {what} that is not held is identifiable."
 
 
 def _about_postures(check: Check, seen: Postures) -> str:

@@ -28,7 +28,7 @@ from ..style.blocks import (
 )
 from ..words import numbers
 from ..words.causes import reason
-from ..words.geometry import IF_IT_DEVIATES, SET_BY_TOLERANCES, percent, worth_sentence
+from ..words.geometry import IF_IT_DEVIATES, SET_BY_TOLERANCES, by_tolerances, percent, worth_sentence
 from ..words.wording import NOT_DETERMINED, label, listed, person, sentence
 
 OFFSETS = "Joint offsets, to be added to the recorded joint positions"
@@ -53,6 +53,8 @@ class Judged(Protocol):
     def held(self) -> bool: ...
     @property
     def cause(self) -> Cause | None: ...
+    @property
+    def tolerance_share(self) -> float | None: ...
 
 
 class Offset(Protocol):
@@ -187,11 +189,9 @@ def legend(parameters: Sequence[Judged], header: Mapping[str, object]) -> list[L
 
 def reasons(parameters: Sequence[Judged]) -> list[Reason]:
     """Why parameters are held, weak or without an answer; one reason once."""
-    grouped: dict[tuple[Status, Cause], list[str]] = {}
+    grouped: dict[tuple[Status, str], list[str]] = {}
     for row in parameters:
         if row.cause is not None:
-            grouped.setdefault((row.status, row.cause), []).append(label(row.name))
-    return [
-        Reason(f"{listed(names)}:", status, sentence(reason(cause, person)))
-        for (status, cause), names in grouped.items()
-    ]
+            own = by_tolerances(row.cause, row.tolerance_share) or reason(row.cause, person)
+            grouped.setdefault((row.status, own), []).append(label(row.name))
+    return [Reason(f"{listed(names)}:", status, sentence(text)) for (status, text), names in grouped.items()]

@@ -57,8 +57,9 @@ def report_page(result: Result) -> Page:
 
 
 def report_notes(result: Result) -> list[str]:
-    """What a reader must see, the gravest first."""
-    notes = [ended(sentence(finding_sentence(finding, person))) for finding in result.findings]
+    """What a reader must see, the gravest first; what the headline has said is not said again."""
+    told = None if result.misfit is None else result.misfit.criteria[0]
+    notes = [ended(sentence(finding_sentence(own, person))) for own in result.findings if own != told]
     return not_converged(result.likelihood) + notes
 
 

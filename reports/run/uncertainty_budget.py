@@ -202,7 +202,7 @@ def _result(result: Result, budget: Budget) -> str:
 
 def _check(result: Result) -> list[Block | None]:
     checked = [(budget, budget.check) for budget in result.budget if budget.check is not None]
-    if not result.budget:
+    if not result.budget or result.misfit is not None:  # "validated" would be the wrong word for a misfit
         return []
     if not checked:
         return [Paragraph("The intervals were not checked against the posterior: it has not converged.")]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
+from ...analysis.observability.causes import Cause, NotResolvable
 from ...analysis.observability.geometry import Confounded, GeometryResult, Rung, RungName, Tolerance
 from . import numbers
 from .wording import Namer, listed
@@ -92,6 +93,13 @@ def confounded_sentence(
         return f"{said}; it is confounded with no single parameter."
     named = [f"{name(row.parameter)} (correlation {correlation(row)})" for row in rivals]
     return f"{said}; it is confounded with {listed(named)}."
+
+
+def by_tolerances(cause: Cause, share: float | None) -> str | None:
+    """Why a parameter is weak where it is not the noise but the tolerances; None where it is not so."""
+    if not isinstance(cause, NotResolvable) or share is None or share < _MOSTLY:
+        return None
+    return "most of its variance is set by the tolerances of the geometry"
 
 
 def correlation(row: Confounded) -> str:
