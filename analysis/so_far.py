@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..model.files.header import Header
 from ..model.problem import Problem
 from ..model.robot import Matrix
 from .diagnostics.displacement import Displacement
@@ -16,7 +17,8 @@ from .estimation.fit import fit_likelihood
 from .findings import Finding, moved_target
 from .misfit import Misfit
 from .observability.causes import NullDirection
-from .solution import ParameterTable, judge
+from .observability.geometry import GeometryResult, geometry_result
+from .solution import ParameterTable, Solution, judge
 from .status import Verdict
 
 
@@ -28,7 +30,7 @@ class SoFar:
     fit did not converge, or while there are too few numbers to estimate the noise from (`judged` is then
     False). `dof` are the numbers to spare. `p_value` is that of residuals as large by the stated noise, None
     where the noise is estimated or no numbers are left to contradict it. `misfit` and `displaced` are None
-    unless significant.
+    unless significant. `solution` is what all this was read off.
     """
 
     shots: int
@@ -41,6 +43,14 @@ class SoFar:
     p_value: float | None
     misfit: Misfit | None
     displaced: Displacement | None
+    solution: Solution
+
+    def geometry(self, header: Header) -> GeometryResult:
+        """What the offsets are worth if the geometry is not as it was taken."""
+        fit = self.solution.fit
+        return geometry_result(
+            header, fit.problem, fit.x, fit.covariance, self.solution.status, weight=fit.weight
+        )
 
     @property
     def std(self) -> dict[str, float | None]:
@@ -84,4 +94,5 @@ def so_far(problem: Problem) -> SoFar:
         p_value=solution.against_noise.p_value if solution.converged else None,
         misfit=solution.misfit,
         displaced=moved_target(solution),
+        solution=solution,
     )

@@ -191,7 +191,8 @@ def _answer(plan: Plan, file: Path, carried: Carried, torn: str | None, why: str
         headline=headline(state),
         said=headline(state, person),
         parameters=tuple(
-            KnownOffset(row.name, row.unit, row.status, row.estimate, row.std) for row in state.offsets
+            KnownOffset(row.name, row.unit, row.status, row.estimate, row.std, row.tolerance_share)
+            for row in state.offsets
         ),
         p_value=state.p_value,
         consistent=state.consistent,
@@ -201,4 +202,5 @@ def _answer(plan: Plan, file: Path, carried: Carried, torn: str | None, why: str
         why=why,
         seconds={name: round(value, 3) for name, value in carried.seconds.items()},
         notes=(*notes, *(finding_sentence(finding) for finding in state.findings)),
+        geometry=state.geometry(plan.header),
     )

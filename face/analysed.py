@@ -15,7 +15,7 @@ from ..analysis.solution import ParameterResult, ParameterTable
 from ..model.errors import BadInput
 from ..model.files.run import Run
 from ..reports.output.cards import card, text
-from ..reports.run.parameters import offsets_caption, unit_of
+from ..reports.run.parameters import NO_NUMBER, offsets_caption, offsets_worth, unit_of, worth_column
 from ..reports.run.report_folder import ReportPaths, write_report
 from ..reports.run.report_page import report_notes
 from ..reports.style.blocks import Cell, Page, Row, Table, Verdict, row_of, table_of
@@ -129,11 +129,12 @@ class Analysed(Analysis):
 
     def _page(self) -> Page:
         inputs = self.result.inputs
+        worth = offsets_worth(self.result)
         return Page(
             f"Solution of {clipped(inputs.run, 60)}",
             f"{counted(inputs.shots, 'measurement')}, {clipped(inputs.robot)}",
             Verdict(self.verdict, VERDICT_WORDS[self.verdict], sentence(headline(self.result, person))),
-            report_notes(self.result),
+            [*report_notes(self.result), *([] if worth is None else [worth])],
             [],
         )
 
@@ -152,7 +153,7 @@ class Plots:
 
     def residuals(self) -> Figure:
         """The residual of each measurement, in mm and divided by its standard deviation."""
-        from ..reports.run.residuals import residuals_picture
+        from ..reports.run.diagnostics.residuals import residuals_picture
 
         return Figure(residuals_picture(self.solution.result))
 
@@ -258,7 +259,15 @@ def offset_table(solution: Analysed) -> Table:
     k = numbers.significant(solution.quantile, 3)
     columns = [("offset", "left"), (f"estimate ± U (k = {k})", "right"), ("status", "left")]
     caption = offsets_caption(row.status for row in solution.offsets)
-    return table_of(caption, columns, [_row(row, solution.quantile) for row in solution.offsets])
+    rows = [_row(row, solution.quantile) for row in solution.offsets]
+    if offsets_worth(solution.result) is not None:
+        worth, of = worth_column(solution.result.geometry)
+        columns += [("u", "right"), (worth, "right")]
+        rows = [
+            Row((*shown.cells, Cell(_u(row)), Cell(of(row))), shown.tone)
+            for shown, row in zip(rows, solution.offsets, strict=True)
+        ]
+    return table_of(caption, columns, rows)
 
 
 def _row(row: ParameterResult, k: float) -> Row:
@@ -270,3 +279,7 @@ def _row(row: ParameterResult, k: float) -> Row:
     half = k * row.u
     said = f"{numbers.estimate(row.estimate, half, unit)} ± {numbers.spread(half, unit)}"
     return row_of(name, said, word, tone=row.status)
+
+
+def _u(row: ParameterResult) -> str:
+    return NO_NUMBER if row.u is None else numbers.spread(row.u, unit_of(row.unit))

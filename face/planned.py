@@ -19,7 +19,8 @@ from ..model.files.plan import Plan
 from ..reports.output.cards import card, text
 from ..reports.plan.plan_page import plan_turnable
 from ..reports.plan.plan_scene import postures_of
-from ..reports.run.parameters import unit_of
+from ..reports.run.geometry import check_lines
+from ..reports.run.parameters import unit_of, worth_column
 from ..reports.style.blocks import Cell, Page, Row, Table, Verdict, row_of, table_of
 from ..reports.words import numbers
 from ..reports.words.findings import VERDICT_WORDS, check_notes, headline
@@ -94,7 +95,7 @@ class CheckedPlan(Check):
             f"Check of {clipped(self.inputs.plan, 60)}",
             f"{counted(len(self.postures), 'posture')}, {clipped(self.inputs.robot)}",
             Verdict(self.verdict, VERDICT_WORDS[self.verdict], sentence(headline(self, person))),
-            [sentence(note) for note in check_notes(self)],
+            [*(sentence(note) for note in check_notes(self)), *check_lines(self)],
             [],
         )
 
@@ -323,14 +324,15 @@ def _header(header: Header | Mapping[str, Any] | Path | str) -> tuple[Header, Pa
 
 
 def _table(found: CheckedPlan) -> Table:
-    columns = [("offset", "left"), ("predicted u", "right"), ("status", "left")]
+    worth, of = worth_column(found.geometry)
+    columns = [("offset", "left"), ("predicted u", "right"), ("status", "left"), (worth, "right")]
     caption = "Standard uncertainties u that these measurements will give"
-    return table_of(caption, columns, [_row(row) for row in found.offsets])
+    return table_of(caption, columns, [_row(row, of(row)) for row in found.offsets])
 
 
-def _row(row: CheckedParameter) -> Row:
+def _row(row: CheckedParameter, worth: str) -> Row:
     name, word = label(row.name), Cell(row.status, mark=row.status)
     if row.held:
-        return row_of(name, "not estimated", word, tone=row.status)
+        return row_of(name, "not estimated", word, worth, tone=row.status)
     said = _NO_NUMBER if row.u is None else numbers.spread(row.u, unit_of(row.unit))
-    return row_of(name, said, word, tone=row.status)
+    return row_of(name, said, word, worth, tone=row.status)

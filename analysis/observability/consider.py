@@ -59,9 +59,11 @@ def considered(problem: Problem, x: Matrix, weight: float = 1.0) -> Matrix:
 
 def tolerance_share(problem: Problem, covariance: Matrix) -> Matrix:
     """(f,) the share of each variance of the scaled free parameters, covariance (f, f), that the tolerances
-    of the geometry set: C L C over C, with their part L of the prior information."""
+    of the geometry set: C L C over C, with their part L of the prior information. At most 1: where noise or
+    factors of the tolerances are estimated, C is not the inverse of information and prior to the last digit.
+    """
     at = problem.parameters.among_free[problem.tolerated]
-    return np.asarray((covariance[:, at] ** 2).sum(axis=1) / np.diag(covariance))
+    return np.asarray(np.minimum((covariance[:, at] ** 2).sum(axis=1) / np.diag(covariance), 1.0))
 
 
 def with_tolerances(problem: Problem, covariance: Matrix, factor: float) -> Matrix:

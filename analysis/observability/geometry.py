@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -32,6 +33,16 @@ class Rung:
 
 
 @dataclass(frozen=True)
+class Confounded:
+    """The posterior `correlation` of an offset with a geometry or tool parameter that is estimated with it.
+    The data need not determine that parameter: it may be the reason why the offset is known no better."""
+
+    offset: str
+    parameter: str
+    correlation: float
+
+
+@dataclass(frozen=True)
 class GeometryResult:
     """The geometry of an answer; offsets that the data do not determine have no numbers here.
 
@@ -39,7 +50,8 @@ class GeometryResult:
     what the data multiply them, None where they are known. `ladder` has the models that were tried.
     `consider` is the standard uncertainty (deg; mm) of each offset if it is estimated with nominal geometry
     while the arm has these tolerances; `at_half` and `at_twice` what u would be at half and at twice the
-    tolerances, empty for nominal geometry.
+    tolerances, empty for nominal geometry. `confounded` has for each offset the geometry parameter, and the
+    parameter of a free tool, with which it is correlated most; likewise empty.
     """
 
     stated: bool
@@ -50,6 +62,7 @@ class GeometryResult:
     consider: dict[str, float | None]
     at_half: dict[str, float | None]
     at_twice: dict[str, float | None]
+    confounded: tuple[Confounded, ...] = ()
 
 
 def geometry_result(
@@ -89,7 +102,27 @@ def geometry_result(
         consider=of_offsets(considered(problem, x, weight)),
         at_half=at(0.5),
         at_twice=at(2.0),
+        confounded=tuple(_confounded(problem, covariance, status)),
     )
+
+
+def _confounded(problem: Problem, covariance: Matrix, status: tuple[Status, ...]) -> Iterator[Confounded]:
+    """Of each offset that is determined, among free geometry: the largest correlation, by group."""
+    if not len(problem.tolerated):
+        return
+    parameters = problem.parameters
+    std = np.sqrt(np.diag(covariance))
+    for i, item in enumerate(parameters.items):
+        if item.group != "offset" or item.held or not known(status[i]):
+            continue
+        own = int(parameters.among_free[i])
+        correlation = covariance[own] / (std * std[own])
+        for group in ("geometry", "tool"):
+            rivals = np.flatnonzero(parameters.free & parameters.group(group))
+            if len(rivals):
+                found = correlation[parameters.among_free[rivals]]
+                k = int(np.argmax(np.abs(found)))
+                yield Confounded(item.name, parameters.names[rivals[k]], float(found[k]))
 
 
 def worst(uncertainties: dict[str, float | None]) -> float | None:

@@ -6,7 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, ClassVar
 
+from ...analysis.observability.geometry import GeometryResult
 from ...analysis.status import Status, Verdict, require_no_more_than
+from ...reports.words.result_json import geometry_json
 from .refusal import Reason, RefusedPosture
 
 
@@ -109,13 +111,17 @@ class Stopped(Event):
 
 @dataclass(frozen=True)
 class KnownOffset:
-    """What is known of an offset, deg or mm; neither estimate nor std where it is unidentifiable."""
+    """What is known of an offset, deg or mm; neither estimate nor std where it is unidentifiable.
+
+    `tolerance_share` of its variance is set by the tolerances of the geometry, None where none are stated.
+    """
 
     name: str
     unit: str
     status: Status
     estimate: float | None
     std: float | None
+    tolerance_share: float | None = None
 
     def __post_init__(self) -> None:
         require_no_more_than(self.name, self.status, std=self.std)
@@ -129,6 +135,7 @@ class Ended(Event):
 
     `headline` calls offsets as files do, `said` is the same for people and is not printed as JSON. `saved`
     postures were not needed, and `why` an adaptive run ended; None in any other. `seconds` by phase.
+    `geometry` says what the offsets are worth if the arm deviates from what was taken.
     """
 
     event: ClassVar[str] = "end"
@@ -145,6 +152,7 @@ class Ended(Event):
     why: str | None
     seconds: Mapping[str, float]
     notes: tuple[str, ...]
+    geometry: GeometryResult | None = None
 
 
 Told = Callable[[Event], None]
@@ -152,11 +160,13 @@ Told = Callable[[Event], None]
 
 def event_json(event: Event) -> dict[str, Any]:
     """Plain JSON types, keys in the order of the fields."""
-    content = {"event": event.event}
+    content: dict[str, Any] = {"event": event.event}
     if isinstance(event, Ended):
         content["schema"] = "zerobeam/carried/1"
     content |= asdict(event)
     content.pop("said", None)
+    if isinstance(event, Ended):
+        content["geometry"] = None if event.geometry is None else geometry_json(event.geometry)
     if isinstance(event, Recorded) and event.seconds is None:
         del content["seconds"]
     return content

@@ -9,12 +9,15 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 from ...analysis.observability.aim import AimedPlan
+from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.check import Check, CheckedParameter
+from ...analysis.observability.geometry import GeometryResult
 from ...model.files.plan import Plan
 from ..output.html import Turnable
 from ..output.template import TEMPLATES, style, template
-from ..run.parameters import legend, reasons, unit_of
-from ..run.unobservable import direction_words
+from ..run.geometry import check_lines
+from ..run.parameters import legend, reasons, unit_of, worth_column
+from ..run.unobservable import beside_tolerances, direction_words, tolerance_only
 from ..scenes.drawing import MOST_DRAWN
 from ..scenes.scene import Scene3D
 from ..scenes.turnable import SceneWords, turnable
@@ -85,6 +88,10 @@ def _view(plan: Plan, check: Check, seen: Postures) -> PlanView:
     inputs, facts = check.inputs, check.identifiability
     targets = [clipped(name, 24) for name in plan.target_names]
     header = plan.header.model_dump(mode="json", include={"tolerance"})
+    others = [row for row in check.parameters if row.group != "geometry"]
+    shown_directions = beside_tolerances(
+        facts.null_space, {row.name for row in check.parameters if row.group == "geometry"}
+    )
     return PlanView(
         title=f"Plan {clipped(inputs.plan, 60)}",
         subtitle=f"{counted(len(plan.postures), 'posture')} of {clipped(inputs.robot)} at"
@@ -92,9 +99,11 @@ def _view(plan: Plan, check: Check, seen: Postures) -> PlanView:
         verdict=Verdict(check.verdict, VERDICT_WORDS[check.verdict], sentence(headline(check, person))),
         notes=[*(sentence(note) for note in check_notes(check)), *_outlook(check)],
         predicted=_predicted(check),
-        legend=Legend(legend(check.parameters, header), reasons(check.parameters)),
-        undetermined=_undetermined(check),
-        directions=Directions([direction_words(direction) for direction in facts.null_space]),
+        legend=Legend(legend(others, header), reasons(others)),
+        undetermined=" ".join(
+            filter(None, [_undetermined(check, shown_directions), tolerance_only(check.parameters)])
+        ),
+        directions=Directions([direction_words(direction) for direction in shown_directions]),
         rank=Facts(rank_facts(facts)),
         about_postures=_about_postures(check, seen),
         postures=_postures(plan, check, seen),
@@ -112,7 +121,7 @@ def _view(plan: Plan, check: Check, seen: Postures) -> PlanView:
 
 def _outlook(check: Check) -> list[str]:
     """What `check` says besides the verdict."""
-    said = [] if check.advice is None else [advice_sentence(check.advice)]
+    said = [*check_lines(check), *([] if check.advice is None else [advice_sentence(check.advice)])]
     units = {row.name: unit_of(row.unit) for row in check.parameters}
     return said if check.over_target is None else [*said, over_target_sentence(check.over_target, units)]
 
@@ -145,36 +154,40 @@ def _predicted(check: Check) -> Table:
         ("name", "left"),
         ("status", "left"),  # second, so that a phone shows it without scrolling
         ("predicted u", "right"),
+        (worth_column(check.geometry)[0], "right"),
         ("without prior", "right"),
         ("prior", "right"),
     ]
     caption = "Standard uncertainties u that these measurements will give"
-    return table_of(caption, columns, [_predicted_row(row) for row in check.parameters])
+    rows = [_predicted_row(row, check.geometry) for row in check.parameters if row.group != "geometry"]
+    return table_of(caption, columns, rows)
 
 
-def _predicted_row(row: CheckedParameter) -> Row:
+def _predicted_row(row: CheckedParameter, geometry: GeometryResult) -> Row:
     """One unknown. Where it is unidentifiable its row has no number that could be taken for one."""
     status, unit = row.status, unit_of(row.unit)
     name, word = label(row.name), Cell(status, mark=status)
     if row.held:
-        return row_of(name, word, Cell("not estimated", span=3), tone=status)
+        return row_of(name, word, Cell("not estimated", span=4), tone=status)
     if row.std is None:
-        return row_of(name, word, Cell(NOT_DETERMINED, span=3), tone=status)
+        return row_of(name, word, Cell(NOT_DETERMINED, span=4), tone=status)
     alone = "infinite" if row.data_std is None else numbers.spread(row.data_std, unit)
     before = numbers.spread(row.prior_std, unit)
-    return row_of(name, word, numbers.spread(row.std, unit), alone, before, tone=status)
+    worth = worth_column(geometry)[1](row) if row.group == "offset" or geometry.stated else ""
+    return row_of(name, word, numbers.spread(row.std, unit), worth, alone, before, tone=status)
 
 
-def _undetermined(check: Check) -> str:
-    names = [label(row.name) for row in check.parameters if row.status == "unidentifiable"]
+def _undetermined(check: Check, directions: Sequence[NullDirection]) -> str:
+    """Of all parameters but the geometry's."""
+    parameters = [row for row in check.parameters if row.group != "geometry"]
+    what = "parameter" if len(parameters) == len(check.parameters) else "other parameter"
+    names = [label(row.name) for row in parameters if row.status == "unidentifiable"]
     if names:
         verb, it = ("is", "it") if len(names) == 1 else ("are", "them")
         return f"{listed(names)} {verb} {NOT_DETERMINED}: no value will be given for {it}."
-    if check.identifiability.null_space:
-        return (
-            "Every parameter that is not held is identifiable, but some combinations are weakly observable."
-        )
-    return "Every parameter that is not held is identifiable."
+    if directions:
+        return f"Every {what} that is not held is identifiable, but some combinations are weakly observable."
+    return f"Every {what} that is not held is identifiable."
 
 
 def _about_postures(check: Check, seen: Postures) -> str:

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Protocol
 
 from ...analysis.observability.causes import Cause
+from ...analysis.observability.geometry import GeometryResult
+from ...analysis.result import Result
 from ...analysis.solution import ParameterResult
 from ...analysis.status import Status
 from ...model.parameters import Group
 from ..style.blocks import (
     Cell,
+    Column,
     FigureBlock,
     Legend,
     LegendEntry,
+    Paragraph,
     Reason,
     Row,
     Section,
@@ -24,9 +28,11 @@ from ..style.blocks import (
 )
 from ..words import numbers
 from ..words.causes import reason
+from ..words.geometry import IF_IT_DEVIATES, SET_BY_TOLERANCES, by_tolerances, percent, worth_sentence
 from ..words.wording import NOT_DETERMINED, label, listed, person, sentence
 
 OFFSETS = "Joint offsets, to be added to the recorded joint positions"
+NO_NUMBER = "—"
 UNVALIDATED_OFFSETS = (
     "Joint offsets, unvalidated: the model does not describe the measurements; not to be applied"
 )
@@ -47,6 +53,21 @@ class Judged(Protocol):
     def held(self) -> bool: ...
     @property
     def cause(self) -> Cause | None: ...
+    @property
+    def tolerance_share(self) -> float | None: ...
+
+
+class Offset(Protocol):
+    """An offset of a result, of a check, of a run that has ended."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def unit(self) -> str: ...
+    @property
+    def std(self) -> float | None: ...
+    @property
+    def tolerance_share(self) -> float | None: ...
 
 
 def offsets_caption(statuses: Iterable[Status]) -> str:
@@ -64,15 +85,55 @@ def noise_factors(parameters: Sequence[Judged]) -> bool:
     return any(row.group == "noise" and not row.held for row in parameters)
 
 
-def offsets_section(parameters: Sequence[ParameterResult], header: Mapping[str, object]) -> Section:
-    """The offsets: the first thing that a reader sees."""
-    offsets = [row for row in parameters if row.group == "offset"]
+def offsets_section(result: Result) -> Section:
+    """The offsets: the first thing that a reader sees. The geometry has a section of its own."""
+    others = [row for row in result.parameters if row.group != "geometry"]
+    worth = offsets_worth(result)
     return section_of(
         "Offsets",
-        parameter_table(offsets_caption(row.status for row in offsets), offsets),
-        Legend(legend(parameters, header), reasons(parameters)),
+        offsets_table(result),
+        None if worth is None else Paragraph(worth),
+        Legend(legend(others, result.inputs.header), reasons(others)),
         FigureBlock("offsets"),
     )
+
+
+def offsets_worth(result: Result) -> str | None:
+    """What u is worth if the geometry is not as it was taken. A misfit has found it wrong already: None."""
+    if result.misfit is not None:
+        return None
+    return worth_sentence(result.geometry, [row for row in result.parameters if row.group == "offset"])
+
+
+def offsets_table(result: Result) -> Table:
+    """The offsets with their uncertainties; of a misfit without what those would be worth."""
+    offsets = [row for row in result.parameters if row.group == "offset"]
+    table = parameter_table(offsets_caption(row.status for row in offsets), offsets)
+    if offsets_worth(result) is None:
+        return table
+    worth, of = worth_column(result.geometry)
+    columns = (*table.columns, Column("u", "right"), Column(worth, "right"))
+    rows = []
+    for row, shown in zip(offsets, table.rows, strict=True):
+        u = NO_NUMBER if row.std is None else numbers.spread(row.std, unit_of(row.unit))
+        rows.append(Row((*shown.cells, Cell(u), Cell(of(row))), shown.tone))
+    return Table(table.caption, columns, rows)
+
+
+def worth_column(geometry: GeometryResult) -> tuple[str, Callable[[Offset], str]]:
+    """The head of the column beside u, and what it says of an offset."""
+    if geometry.stated:
+        return SET_BY_TOLERANCES, _share
+
+    def considered(row: Offset) -> str:
+        value = None if row.std is None else geometry.consider.get(row.name)
+        return NO_NUMBER if value is None else numbers.spread(value, unit_of(row.unit))
+
+    return IF_IT_DEVIATES, considered
+
+
+def _share(row: Offset) -> str:
+    return NO_NUMBER if row.tolerance_share is None else percent(row.tolerance_share)
 
 
 def other_tables(parameters: Sequence[ParameterResult]) -> list[Table]:
@@ -128,11 +189,9 @@ def legend(parameters: Sequence[Judged], header: Mapping[str, object]) -> list[L
 
 def reasons(parameters: Sequence[Judged]) -> list[Reason]:
     """Why parameters are held, weak or without an answer; one reason once."""
-    grouped: dict[tuple[Status, Cause], list[str]] = {}
+    grouped: dict[tuple[Status, str], list[str]] = {}
     for row in parameters:
         if row.cause is not None:
-            grouped.setdefault((row.status, row.cause), []).append(label(row.name))
-    return [
-        Reason(f"{listed(names)}:", status, sentence(reason(cause, person)))
-        for (status, cause), names in grouped.items()
-    ]
+            own = by_tolerances(row.cause, row.tolerance_share) or reason(row.cause, person)
+            grouped.setdefault((row.status, own), []).append(label(row.name))
+    return [Reason(f"{listed(names)}:", status, sentence(text)) for (status, text), names in grouped.items()]

@@ -47,6 +47,8 @@ def posterior_section(result: Result) -> Section:
 def posterior_sentence(result: Result) -> str:
     """How the sampling went."""
     said = sentence(posterior_message(result.posterior))
+    if result.posterior.converged and result.misfit is not None:
+        return f"Of a model that does not describe the measurements, and not validated: {said}"
     return said if result.posterior.converged else f"No posterior is shown: {said}"
 
 
@@ -54,7 +56,7 @@ def _table(result: Result) -> Table | None:
     if result.posterior.parameters is None:
         return None
     noise = any(row.group == "noise" for row in result.parameters)
-    targets = {row.name for row in result.parameters if row.group == "target"}
+    left = {row.name for row in result.parameters if row.group in ("target", "geometry")}
     columns = [
         ("name", "left"),
         ("mean", "right"),
@@ -65,7 +67,7 @@ def _table(result: Result) -> Table | None:
     ]
     rows = []
     for row in result.posterior.parameters:
-        if row.name in targets:
+        if row.name in left:
             continue
         if row.source == "prior":
             rows.append(row_of(label(row.name), Cell("prior only", span=5), tone="unidentifiable"))

@@ -8,16 +8,18 @@ from ..style.blocks import Page, Verdict
 from ..style.canvas import Picture
 from ..words.findings import VERDICT_WORDS, finding_sentence, headline
 from ..words.wording import clipped, counted, ended, person, sentence
-from .diagnosis import diagnosis_section
-from .fit_quality import fit_section, not_converged
+from .diagnostics.diagnosis import diagnosis_section
+from .diagnostics.fit_quality import fit_section, not_converged
+from .diagnostics.placements import placements_picture, placements_section
+from .diagnostics.residuals import residuals_picture, residuals_section
+from .diagnostics.second_opinions import hold_out_section, intervals_section, robust_section
+from .geometry import geometry_section
 from .inputs import inputs_sections, traceability_section
+from .ladder_figure import ladder_picture
 from .offsets_figure import offsets_picture
 from .parameters import offsets_section
-from .placements import placements_picture, placements_section
 from .posterior_summary import posterior_picture, posterior_section
-from .residuals import residuals_picture, residuals_section
 from .run_scene import scene_section
-from .second_opinions import hold_out_section, intervals_section, robust_section
 from .uncertainty_budget import budget_section
 from .unobservable import unobservable_section
 from .workspace import workspace_section
@@ -29,10 +31,11 @@ def report_page(result: Result) -> Page:
     inputs = result.inputs
     sections = [
         diagnosis_section(result),
-        offsets_section(result.parameters, inputs.header),
+        offsets_section(result),
         unobservable_section(result.parameters, result.identifiability),
         scene_section(result),
         workspace_section(result),
+        geometry_section(result),
         budget_section(result),
         fit_section(result),
         robust_section(result),
@@ -54,8 +57,9 @@ def report_page(result: Result) -> Page:
 
 
 def report_notes(result: Result) -> list[str]:
-    """What a reader must see, the gravest first."""
-    notes = [ended(sentence(finding_sentence(finding, person))) for finding in result.findings]
+    """What a reader must see, the gravest first; what the headline has said is not said again."""
+    told = None if result.misfit is None else result.misfit.criteria[0]
+    notes = [ended(sentence(finding_sentence(own, person))) for own in result.findings if own != told]
     return not_converged(result.likelihood) + notes
 
 
@@ -63,6 +67,7 @@ def pictures(result: Result, draws: Draws | None) -> dict[str, Picture]:
     """The figures of a report by name; one that may not be drawn is left out."""
     drawn = (
         offsets_picture(result),
+        ladder_picture(result),
         workspace_picture(result),
         posterior_picture(result, draws),
         residuals_picture(result),

@@ -11,7 +11,7 @@ from ...analysis.solution import ParameterResult
 from ..style.blocks import Block, Cell, Legend, Paragraph, Section, Table, row_of, section_of, table_of
 from ..words import numbers
 from ..words.wording import label, listed
-from .fit_quality import misfit_factor
+from .diagnostics.fit_quality import misfit_factor
 from .parameters import reasons
 
 MINOR = 0.01  # share of every variance in a table below which a source is summed with others
@@ -47,7 +47,7 @@ def budget_section(result: Result) -> Section | None:
 
 def _lead(result: Result) -> str:
     held = [label(row.name) for row in result.parameters if row.held]
-    exact = ["the robot’s geometry"]
+    exact = [] if result.geometry.stated else ["the robot’s geometry"]
     if result.inputs.calibrated:
         exact.append("the calibrated tool")
     said = (
@@ -55,7 +55,7 @@ def _lead(result: Result) -> str:
         " gives the estimate, negative if it lowers the variance; in brackets is its share of the variance."
         " Of a joint and of the spot it is the noise of the reading. Type A was evaluated from this run’s"
         " residuals, type B was stated. Taken as exact, and so in no budget:"
-        f" {listed([*exact, *held])}."
+        f" {listed([*exact, *held] or ['nothing'])}."
     )
     if any(_wider(result, budget) for budget in result.budget):
         said += (
@@ -202,7 +202,7 @@ def _result(result: Result, budget: Budget) -> str:
 
 def _check(result: Result) -> list[Block | None]:
     checked = [(budget, budget.check) for budget in result.budget if budget.check is not None]
-    if not result.budget:
+    if not result.budget or result.misfit is not None:  # "validated" would be the wrong word for a misfit
         return []
     if not checked:
         return [Paragraph("The intervals were not checked against the posterior: it has not converged.")]

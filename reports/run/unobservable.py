@@ -6,23 +6,46 @@ from collections.abc import Sequence
 
 from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.identifiability import Identifiability
+from ...analysis.status import known
 from ..style.blocks import Direction, Directions, Facts, Paragraph, Section, section_of
 from ..words.causes import reason, remedy
 from ..words.observability import combination_words, direction_kind, rank_facts
-from ..words.wording import NOT_DETERMINED, label, listed, person, sentence
+from ..words.wording import NOT_DETERMINED, counted, label, listed, person, sentence
 from .parameters import Judged
+
+LISTED = "They are listed under Geometry."
 
 
 def unobservable_section(parameters: Sequence[Judged], facts: Identifiability) -> Section:
     """The section of a report."""
-    said = _sentence(parameters, facts)
-    items = [direction_words(direction) for direction in facts.null_space]
+    geometry = {row.name for row in parameters if row.group == "geometry"}
+    others = [row for row in parameters if row.group != "geometry"]
+    shown = beside_tolerances(facts.null_space, geometry)
+    said = [_sentence(others, shown, "other parameter" if geometry else "parameter")]
+    if (only := tolerance_only(parameters)) is not None:
+        said.append(f"{only} {LISTED}")
+    items = [direction_words(direction) for direction in shown]
     return section_of(
-        "What cannot be determined", Paragraph(said), Directions(items), Facts(rank_facts(facts))
+        "What cannot be determined", *map(Paragraph, said), Directions(items), Facts(rank_facts(facts))
     )
 
 
-def _sentence(parameters: Sequence[Judged], facts: Identifiability) -> str:
+def beside_tolerances(directions: Sequence[NullDirection], geometry: set[str]) -> list[NullDirection]:
+    """Null-space directions without those of geometry parameters alone: their tolerances are knowledge."""
+    return [own for own in directions if not geometry.issuperset(own.combination)]
+
+
+def tolerance_only(parameters: Sequence[Judged]) -> str | None:
+    """How many geometry parameters only their tolerances tell of; None where there is none."""
+    free = [row for row in parameters if row.group == "geometry" and not row.held]
+    count = sum(not known(row.status) for row in free)
+    if not count:
+        return None
+    verb, its = ("is", "its") if count == 1 else ("are", "their")
+    return f"{count} of {counted(len(free), 'geometry parameter')} {verb} known by {its} tolerances only."
+
+
+def _sentence(parameters: Sequence[Judged], directions: Sequence[NullDirection], what: str) -> str:
     lost = [label(row.name) for row in parameters if row.status == "unidentifiable"]
     weak = [label(row.name) for row in parameters if row.status == "weak"]
     if lost:
@@ -30,16 +53,16 @@ def _sentence(parameters: Sequence[Judged], facts: Identifiability) -> str:
         said = f"{listed(lost)} {verb} {NOT_DETERMINED}. No value is given, since any would be made up."
     elif any(row.status == "unvalidated" for row in parameters):
         said = (
-            "The measurements would determine every parameter that was not held, but the model does not"
+            f"The measurements would determine every {what} that was not held, but the model does not"
             " describe them: nothing here is validated."
         )
-    elif facts.null_space:
+    elif directions:
         said = (
-            "Every parameter that was not held has an estimate, but some combinations are only weakly"
+            f"Every {what} that was not held has an estimate, but some combinations are only weakly"
             " observable."
         )
     else:
-        said = "Nothing that was asked for: every parameter that was not held is determined by the data."
+        said = f"Nothing that was asked for: every {what} that was not held is determined by the data."
     return said + (f" Weakly observable, beyond the tolerance: {listed(weak)}." if weak else "")
 
 

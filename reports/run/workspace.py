@@ -8,7 +8,6 @@ from ..style.blocks import FigureBlock, Paragraph, Section, Table, row_of, secti
 from ..words import numbers
 from ..words.findings import accuracy_reason, place
 from ..words.wording import label, listed, person, sentence
-from .fit_quality import misfit_factor
 from .workspace_figure import NAME
 
 TITLE = "Accuracy of the TCP"
@@ -20,6 +19,9 @@ def workspace_section(result: Result) -> Section:
     workspace, near = accuracy.workspace, accuracy.near_shots
     if workspace is None or near is None:
         said = sentence(accuracy_reason(accuracy, person) or "")
+        return section_of(TITLE, Paragraph(f"No accuracy is claimed: {said}. {_where(accuracy)}"))
+    if result.misfit is not None:
+        said = "the model does not describe the measurements, and what it misses moves the TCP as well"
         return section_of(TITLE, Paragraph(f"No accuracy is claimed: {said}. {_where(accuracy)}"))
     return section_of(
         TITLE,
@@ -50,18 +52,6 @@ def _doubts(result: Result) -> list[str]:
         said.append(
             f"{names} {'is' if one else 'are'} only weakly determined and {'enters' if one else 'enter'} with"
             f" {'its' if one else 'their'} large standard uncertainty."
-        )
-    if times := misfit_factor(result):
-        said.append(
-            f"The model does not fit: the residuals, {numbers.significant(result.likelihood.rms_mm, 2, 'mm')}"
-            f" rms, are {times} times the stated noise. Their cause moves the TCP as well and is in none of"
-            " these numbers: with the offsets the error is larger than stated here. Held-out targets"
-            " (--hold-out) show where."
-        )
-    elif result.misfit is not None:
-        said.append(
-            "The model does not describe the measurements: these numbers are unvalidated, and the error with"
-            " the offsets is larger than stated here."
         )
     return said
 

@@ -37,7 +37,7 @@ def workspace_picture(result: Result) -> Picture | None:
     is claimed.
     """
     accuracy = result.accuracy
-    if not accuracy.maps:
+    if not accuracy.maps or result.misfit is not None:
         return None
     maps = accuracy.maps
     # One scale of length for both planes. Panels are placed by hand: a fitted layout takes a second.

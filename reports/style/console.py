@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import textwrap
+
 from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from ..words.wording import clipped
+from ..words.wording import NOT_DETERMINED, clipped
 from . import blocks
 
 STYLE = {
@@ -25,6 +27,9 @@ VERDICT_STYLE = {
 }
 
 
+_HEAD = 13  # letters of a line of a head, at least
+
+
 def marked(mark: str, text: str) -> Text:
     """A text behind the shape of a status, in its colour; plain for no status."""
     return Text(f"{MARK[mark]} {text}", style=STYLE[mark]) if mark else Text(text)
@@ -35,15 +40,25 @@ def note(text: str) -> Text:
     return Text("! ", style="bold yellow") + Text(text)
 
 
+def _over_numbers(head: str, stated: blocks.Table, k: int) -> str:
+    """The head of column `k` in lines hardly longer than its cells: numbers do not give way to a head."""
+    widths = [len(row.cells[k].text) for row in stated.rows if all(cell.span == 1 for cell in row.cells)]
+    return "\n".join(textwrap.wrap(head, max(_HEAD, *widths))) if widths else head
+
+
 def rich_table(stated: blocks.Table, longest: int | None = None) -> Table:
     """A table of a page, for the terminal; texts of unmarked cells are cut to `longest` letters."""
     table = Table(box=None, pad_edge=False)
-    for column in stated.columns:
-        table.add_column(escape(column.text), justify="right" if column.align == "right" else "left")
+    for k, column in enumerate(stated.columns):
+        right = column.align == "right"
+        head = _over_numbers(column.text, stated, k) if right else column.text
+        table.add_column(escape(head), justify="right" if right else "left")
     for row in stated.rows:
         cells: list[Text] = []
         for cell in row.cells:
-            text = cell.text if longest is None or cell.mark else clipped(cell.text, longest)
+            # There are no cells over several columns: words of one have to be short.
+            whole = "not determined" if cell.span > 1 and cell.text == NOT_DETERMINED else cell.text
+            text = whole if longest is None or cell.mark else clipped(whole, longest)
             cells.append(marked(cell.mark, text))
             cells.extend(Text("") for _ in range(cell.span - 1))
         table.add_row(*cells)

@@ -15,17 +15,27 @@ from ...analysis.solution import ParameterResult
 from ...analysis.status import Verdict
 from ...experiments.plans.make import MadePlan
 from ...experiments.procedure.events import Ended, KnownOffset
-from ..run.diagnosis import diagnosis_section
-from ..run.parameters import offsets_caption, other_tables, parameter_table, unit_of
-from ..run.placements import placements_lines
+from ..run.diagnostics.diagnosis import diagnosis_section
+from ..run.diagnostics.placements import placements_lines
+from ..run.diagnostics.second_opinions import hold_out_section, intervals_section, robust_section
+from ..run.geometry import check_lines, geometry_lines
+from ..run.parameters import (
+    Judged,
+    offsets_caption,
+    offsets_table,
+    offsets_worth,
+    other_tables,
+    unit_of,
+    worth_column,
+)
 from ..run.posterior_summary import posterior_sentence
 from ..run.report_page import report_notes
-from ..run.second_opinions import hold_out_section, intervals_section, robust_section
-from ..run.unobservable import direction_words
+from ..run.unobservable import beside_tolerances, direction_words
 from ..style import blocks
 from ..style.console import MARK, STYLE, VERDICT_STYLE, marked, note, rich_table
 from ..words import numbers
 from ..words.findings import VERDICT_WORDS, check_notes, headline
+from ..words.geometry import worth_sentence
 from ..words.observability import advice_sentence, over_target_sentence
 from ..words.wording import counted, ended, label, listed, person, sentence, shown
 
@@ -40,11 +50,14 @@ def print_result(console: Console, result: Result) -> None:
     _print_notes(console, report_notes(result))
     if (could_be := diagnosis_section(result)) is not None:
         _print_section(console, could_be)
-    offsets = [row for row in result.parameters if row.group == "offset"]
-    _print_table(console, parameter_table(offsets_caption(row.status for row in offsets), offsets))
+    _print_table(console, offsets_table(result))
+    if (worth := offsets_worth(result)) is not None:
+        console.print(Text(worth))
+    for line in geometry_lines(result):
+        console.print(Text(line))
     for table in other_tables(result.parameters):
         _print_table(console, table)
-    _print_directions(console, result.identifiability.null_space)
+    _print_directions(console, result.identifiability.null_space, result.parameters)
     console.print(Text(_fit_line(result.likelihood)))
     for line in placements_lines(result):
         console.print(Text(line))
@@ -61,20 +74,26 @@ def print_check(console: Console, check: Check) -> None:
     _print_notes(console, [sentence(note) for note in check_notes(check)])
     console.print(Text("What this plan will determine", style="italic"))
     table = Table(box=None, pad_edge=False)
-    for name in ("name", "predicted u", "without prior", "prior", "status"):
+    worth, of = worth_column(check.geometry)
+    for name in ("name", "predicted u", worth, "without prior", "prior", "status"):
         table.add_column(name, justify="left" if name in ("name", "status") else "right")
     for row in check.parameters:
         unit = unit_of(row.unit)
+        if row.group == "geometry":
+            continue
         alone = "infinite" if row.data_std is None else numbers.spread(row.data_std, unit)
         table.add_row(
             label(row.name),
             "—" if row.std is None else numbers.spread(row.std, unit),
+            of(row) if row.group == "offset" or check.geometry.stated else "",
             "—" if row.held else alone,
             numbers.spread(row.prior_std, unit),
             marked(row.status, row.status),
         )
     console.print(table)
-    _print_directions(console, check.identifiability.null_space)
+    for line in check_lines(check):
+        console.print(Text(line))
+    _print_directions(console, check.identifiability.null_space, check.parameters)
     if check.advice is not None:
         console.print(Text(advice_sentence(check.advice)))
     if check.over_target is not None:
@@ -113,10 +132,14 @@ def print_proposal(console: Console, made: MadePlan) -> None:
     table = Table(box=None, pad_edge=False)
     table.add_column("name")
     table.add_column("predicted u", justify="right")
-    for row in check.parameters:
-        if row.group == "offset":
-            table.add_row(label(row.name), "—" if row.std is None else numbers.spread(row.std, row.unit))
+    worth, of = worth_column(check.geometry)
+    table.add_column(worth, justify="right")
+    offsets = [row for row in check.parameters if row.group == "offset"]
+    for row in offsets:
+        table.add_row(label(row.name), "—" if row.std is None else numbers.spread(row.std, row.unit), of(row))
     console.print(table)
+    if (said := worth_sentence(check.geometry, offsets)) is not None:
+        console.print(Text(said))
     if made.proposal is not None:
         travel = made.proposal.travel_s
         seconds = "" if travel is None else f"; travel {numbers.significant(travel, 2)} s"
@@ -147,11 +170,17 @@ def print_carried(console: Console, answer: Ended) -> None:
         caption = offsets_caption(row.status for row in answer.parameters)
         console.print(Text(caption, style="italic"))
         table = Table(box=None, pad_edge=False)
-        for name in ("name", "estimate", "u", "status"):
+        shown = None if answer.verdict == "misfit" else answer.geometry
+        said = None if shown is None else worth_sentence(shown, answer.parameters)
+        worth = [] if said is None or shown is None else [worth_column(shown)]
+        for name in ("name", "estimate", "u", *(head for head, _ in worth), "status"):
             table.add_column(name, justify="left" if name in ("name", "status") else "right")
         for row in answer.parameters:
-            table.add_row(label(row.name), *_estimate_and_std(row), marked(row.status, row.status))
+            beside = [of(row) for _, of in worth]
+            table.add_row(label(row.name), *_estimate_and_std(row), *beside, marked(row.status, row.status))
         console.print(table)
+        if said is not None:
+            console.print(Text(said))
     if answer.consistent and answer.p_value is not None:
         chance = numbers.p_value(answer.p_value)
         console.print(Text(f"p-value of the residuals under the stated noise: {chance}."))
@@ -258,8 +287,11 @@ def _print_table(console: Console, table: blocks.Table) -> None:
     console.print(rich_table(table))
 
 
-def _print_directions(console: Console, directions: Sequence[NullDirection]) -> None:
-    for direction in directions:
+def _print_directions(
+    console: Console, directions: Sequence[NullDirection], parameters: Iterable[Judged]
+) -> None:
+    geometry = {row.name for row in parameters if row.group == "geometry"}
+    for direction in beside_tolerances(directions, geometry):
         words = direction_words(direction)
         console.print(
             Text("✕ " if direction.kind == "exact" else "◆ ", style="bold")

@@ -83,7 +83,11 @@ def times(factor: float) -> str:
 
 
 def _off(own: OffPrior, name: Namer) -> str:
-    return name(own.name) if own.stds is None else f"{name(own.name)} ({own.stds:+.1f})"
+    return (
+        name(own.name)
+        if own.stds is None
+        else f"{name(own.name)} ({own.stds:+.1f})".replace("(-", f"({numbers.MINUS}")
+    )
 
 
 def _level() -> str:

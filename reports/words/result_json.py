@@ -56,7 +56,7 @@ def to_json(result: Result) -> dict[str, Any]:
         "parameters": [_parameter(parameter) for parameter in result.parameters],
         "identifiability": _identifiability(result.identifiability),
         "fits": {"likelihood": _likelihood(result.likelihood), "midpoint": _midpoint(result.midpoint)},
-        "geometry": _geometry(result.geometry),
+        "geometry": geometry_json(result.geometry),
         "posterior": _posterior(result),
         "shots": _plain(result.shots, "shots"),
         "distances": _plain(result.distances, "distances"),
@@ -85,7 +85,7 @@ def check_json(check: Check) -> dict[str, Any]:
             for row in check.parameters
         ],
         "identifiability": _identifiability(check.identifiability),
-        "geometry": _geometry(check.geometry),
+        "geometry": geometry_json(check.geometry),
         "postures": _plain(check.postures, "postures"),
         "curve": _plain(check.curve, "curve"),
         "over_target": _plain(check.over_target, "over_target"),
@@ -110,7 +110,8 @@ def _parameter(row: ParameterResult) -> dict[str, Any]:
     return {**plain, **share, "reason": row.cause and reason(row.cause)}
 
 
-def _geometry(own: GeometryResult) -> dict[str, Any]:
+def geometry_json(own: GeometryResult) -> dict[str, Any]:
+    """What an answer says of the geometry."""
     tolerance = {"length_mm": own.length_mm, "angle_deg": own.angle_deg}
     return {
         "tolerance": _plain(tolerance, "geometry.tolerance") if own.stated else None,
@@ -120,6 +121,7 @@ def _geometry(own: GeometryResult) -> dict[str, Any]:
         "consider": _plain(own.consider, "geometry.consider"),
         "at_half": _plain(own.at_half, "geometry.at_half"),
         "at_twice": _plain(own.at_twice, "geometry.at_twice"),
+        "confounded": _plain(own.confounded, "geometry.confounded"),
     }
 
 

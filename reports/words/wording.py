@@ -21,6 +21,9 @@ _UNSEEN = {"Cc", "Cs", "Cn", "Zl", "Zp"}
 _TURNING = frozenset("\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")
 
 
+_GEOMETRY = re.compile(r"(link|joint)(\d+)\.(a|alpha|d|beta|theta|gravity|cos|sin)")
+_GREEK = {"alpha": "α", "beta": "β", "theta": "θ", "cos": "cos q", "sin": "sin q"}
+
 NOT_DETERMINED = "not determined by these data"
 
 
@@ -43,14 +46,19 @@ def clipped(name: str, width: int = NAME_WIDTH) -> str:
 
 
 def label(name: str, width: int = NAME_WIDTH) -> str:
-    """A parameter's name as people write it: `delta2` is J2 (δ2), others stay as they are."""
-    found = re.fullmatch(r"delta(\d+)", name)
-    return f"J{found.group(1)} (δ{found.group(1)})" if found else clipped(name, width)
+    """A parameter's name as people write it: `delta2` is J2 (δ2), `link2.alpha` is link 2, α; others stay as
+    they are."""
+    if found := re.fullmatch(r"delta(\d+)", name):
+        return f"J{found.group(1)} (δ{found.group(1)})"
+    if found := _GEOMETRY.fullmatch(name):
+        body, number, axis = found.groups()
+        return f"{'link ' if body == 'link' else 'J'}{number}, {_GREEK.get(axis, axis)}"
+    return clipped(name, width)
 
 
 def person(name: str) -> str:
     """A parameter or target in a sentence for people."""
-    return label(name) if name.startswith("delta") else clipped(name)
+    return label(name)
 
 
 def sentence(text: str) -> str:

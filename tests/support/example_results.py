@@ -24,6 +24,7 @@ from zerobeam.experiments.plans.patterns import pattern
 from zerobeam.model.files.header import StatedDistance, StatedTarget
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import Run, read_run
+from zerobeam.model.files.stated_geometry import StatedGeometry
 from zerobeam.model.robot import Robot
 from zerobeam.reports.run.report_page import pictures
 from zerobeam.reports.style.canvas import Picture
@@ -166,6 +167,16 @@ def _held_out() -> Analysis:
     return _analysed(run, held_out=("left", "right"))
 
 
+def _geometry() -> Analysis:
+    """Three targets, an upper arm that is 0.4 mm longer, and the geometry estimated, the ladder included."""
+    plan = _several(
+        {"near": (900.0, 0.0, 0.0), "left": (700.0, 500.0, 200.0), "right": (800.0, -400.0, 300.0)}, 8
+    )
+    run = simulated(replace(plan, robot=_longer_upper_arm(0.4)), TABLE_2, 3)[1]
+    own = run.header.model_copy(update={"geometry": StatedGeometry(scale="estimated")})
+    return _analysed(_named(replace(run, robot=irb1600(), header=own), "links.jsonl"))
+
+
 def _separate() -> Analysis:
     """Both noises up to a factor of their own: only that of the joints is observable, and weakly."""
     plan = good_plan(8, noise={"scale": "separate"}, spot_mm=0.01)
@@ -242,6 +253,7 @@ _MAKERS: dict[str, Callable[[], Analysis]] = {
     "outlier": _outlier,
     "held_out": _held_out,
     "separate": _separate,
+    "geometry": _geometry,
     "hostile": _hostile,
 }
 
@@ -292,6 +304,10 @@ def held_out() -> Result:
 
 def separate() -> Result:
     return EXAMPLES["separate"]
+
+
+def geometry() -> Result:
+    return EXAMPLES["geometry"]
 
 
 def hostile() -> Result:

@@ -172,7 +172,7 @@ def properties(schema: Any) -> Iterator[str]:
 
 
 # Objects whose keys are names: of parameters, packages, indices, or the user's own.
-OPEN = {"combination", "header", "observability", "versions", "worst_std"}
+OPEN = {"at_half", "at_twice", "combination", "consider", "header", "observability", "versions", "worst_std"}
 
 
 def keys(answer: Any) -> Iterator[str]:
@@ -195,20 +195,27 @@ def answers_of(kind: str, folder: Path) -> list[dict[str, Any]]:
     header, *shots = (json.loads(line) for line in good.read_text(encoding="utf-8").splitlines())
     header["distances"] = [{"between": ["psd", "far"], "mm": 1, "sigma_mm": 1}]
     far = [{**shot, "shot": len(shots) + i, "target": "far"} for i, shot in enumerate(shots)]
-    two = folder / "two.jsonl"
-    two.write_text("\n".join(json.dumps(row) for row in (header, *shots, *far)), encoding="utf-8")
+    # The two that are tied by a distance are one placement, and are held out together.
+    apart = [{**shot, "shot": 2 * len(shots) + i, "target": "apart"} for i, shot in enumerate(shots)]
+    three = folder / "three.jsonl"
+    three.write_text("\n".join(json.dumps(row) for row in (header, *shots, *far, *apart)), encoding="utf-8")
     # With two columns exchanged there is something to diagnose.
     exchanged = folder / "exchanged.jsonl"
     rows = [{**shot, "joints_deg": [shot["joints_deg"][i] for i in (0, 2, 1, 3, 4, 5)]} for shot in shots]
     ties, header = header, {**header, "distances": [], "limits": "warn"}
     exchanged.write_text("\n".join(json.dumps(row) for row in (header, *rows)), encoding="utf-8")
-    asked = ("--ess", 100, "--json", "--robust", "huber", "--hold-out", "far")
+    asked = ("--ess", 100, "--json", "--robust", "huber", "--hold-out", "apart")
+    uncertain = folder / "uncertain.jsonl"
+    free = {**ties, "distances": [], "geometry": {"scale": "estimated"}}
+    uncertain.write_text("\n".join(json.dumps(row) for row in (free, *shots)), encoding="utf-8")
     # With two targets the placements of such a run disagree.
     crossed = [{**shot, "joints_deg": [shot["joints_deg"][i] for i in (0, 1, 2, 5, 4, 3)]} for shot in shots]
     swapped = folder / "swapped.jsonl"
     swapped.write_text("\n".join(json.dumps(row) for row in (ties, *crossed, *far)), encoding="utf-8")
-    alone = [command_line("analyse", run, *asked[:3]).json for run in (x_pattern, exchanged, swapped)]
-    return [command_line("analyse", two, *asked).json, *alone]
+    alone = [
+        command_line("analyse", run, *asked[:3]).json for run in (x_pattern, exchanged, swapped, uncertain)
+    ]
+    return [command_line("analyse", three, *asked).json, *alone]
 
 
 @pytest.mark.parametrize("name", SCHEMA_NAMES)

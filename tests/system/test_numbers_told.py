@@ -47,6 +47,14 @@ def worked_out(answer: Any) -> Iterator[float]:
     for row in answer["parameters"]:
         if row["midpoint"] is not None and row["std"] is not None:
             yield (row["midpoint"] - row["estimate"]) / row["std"]
+        if row.get("tolerance_share") is not None:
+            yield 100 * row["tolerance_share"]
+        if row["group"] == "geometry" and row["std"] is not None:
+            yield 100 * max(1 - row["std"] / row["prior_std"], 0)
+    rows = [row for row in answer["parameters"] if row["group"] == "geometry" and not row["held"]]
+    yield from (len(rows), sum(row["estimate"] is None for row in rows))
+    if answer["geometry"]["factors"] is not None:
+        yield from (100 * value for value in answer["geometry"]["factors"]["log_u"])
     for budget in answer["budget"]:
         ranked = sorted(budget["rows"], key=lambda row: abs(row["share"]))
         for rows in (*([row] for row in ranked), *(ranked[:count] for count in range(2, len(ranked)))):
@@ -79,11 +87,17 @@ def made_up(text: str, known: list[float]) -> list[str]:
     return found
 
 
-@pytest.fixture(scope="module", params=["good", "x-pattern"])
+@pytest.fixture(scope="module", params=["good", "x-pattern", "good with geometry"])
 def report(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    (case,) = (case for case in demo_runs() if case.name == request.param)
-    folder = tmp_path_factory.mktemp("told") / "report"
-    assert zerobeam("report", case.path, "-o", folder, "--ess", "400").status in (0, 1)
+    name, _, geometry = request.param.partition(" with ")
+    (case,) = (case for case in demo_runs() if case.name == name)
+    folder, run = tmp_path_factory.mktemp("told") / "report", case.path
+    if geometry:
+        header, *shots = run.read_text(encoding="utf-8").splitlines()
+        run = folder.with_name("run.jsonl")
+        stated = json.dumps({**json.loads(header), "geometry": {"scale": "estimated"}})
+        run.write_text("\n".join([stated, *shots]), encoding="utf-8")
+    assert zerobeam("report", run, "-o", folder, "--ess", "400").status in (0, 1)
     return folder
 
 

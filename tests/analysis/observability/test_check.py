@@ -6,9 +6,10 @@ import pytest
 from cells import AXIS_LASER, TABLE_2, good_plan, header, pattern_plan, plan_of, simulated
 
 from zerobeam.analysis.analyse import analyse
-from zerobeam.analysis.observability.aim import aim, servo_joints
+from zerobeam.analysis.observability.aim import aim, aim_plan, servo_joints
 from zerobeam.analysis.observability.check import check
 from zerobeam.model import kernel
+from zerobeam.model.files.stated_geometry import StatedGeometry
 from zerobeam.model.problem import Problem
 from zerobeam.reports.words.causes import reason
 from zerobeam.reports.words.findings import check_notes, headline
@@ -65,6 +66,28 @@ def test_the_x_pattern():
     for row in answer.parameters:
         if row.status == "unidentifiable":
             assert row.std is None
+
+
+def test_what_an_offset_is_confounded_with_is_the_largest_correlation():
+    """By the inverse of the information, in numpy alone."""
+    plan = good_plan()
+    plan = plan_of(plan.header.model_copy(update={"geometry": StatedGeometry()}), plan.postures)
+    turned = aim_plan(plan)
+    problem = turned.problem
+    jacobian = problem.whiten(turned.x).jacobian[:, problem.parameters.free]
+    covariance = np.linalg.inv(jacobian.T @ jacobian + np.eye(jacobian.shape[1]))
+    std = np.sqrt(np.diag(covariance))
+    names = [item.name for item in problem.parameters.items if not item.held]
+    found = check(plan, turned).geometry.confounded
+    assert {row.offset for row in found} == {f"delta{i}" for i in range(2, 7)}
+    for row in found:
+        own = names.index(row.offset)
+        correlation = covariance[own] / (std * std[own])
+        links = [k for k, name in enumerate(names) if name.startswith(("link", "joint"))]
+        most = max(links, key=lambda k: abs(correlation[k]))
+        assert names[most] == row.parameter
+        assert row.correlation == pytest.approx(correlation[most], rel=1e-6)
+    assert check(good_plan()).geometry.confounded == ()
 
 
 def test_how_far_each_posture_is_off():

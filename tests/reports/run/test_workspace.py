@@ -8,13 +8,12 @@ from dataclasses import replace
 
 import pytest
 from cells import PROBE, irb1600
-from example_results import good
+from example_results import good, misfit
 from made_fit import by_hand
 from numpy import diag, radians
 from study_text import texts_of
 
 from zerobeam.analysis.diagnostics.accuracy import accuracy
-from zerobeam.analysis.misfit import LackOfFit
 from zerobeam.analysis.result import Result
 from zerobeam.analysis.status import Status, UnsoundResult
 from zerobeam.reports.run.workspace import workspace_section
@@ -187,17 +186,16 @@ def test_the_section_tells_the_numbers_of_the_result(result: Result) -> None:
 
 
 def test_doubts_stand_before_the_maps(result: Result) -> None:
-    bad = replace(
-        result,
-        accuracy=replace(result.accuracy, weak=("delta4", "delta5")),
-        likelihood=replace(result.likelihood, p_value=1e-9, chi2=96.0, rms_mm=0.95),
-        findings=(LackOfFit(96.0, 6, 1e-9, 0.95),),
-    )
+    bad = replace(result, accuracy=replace(result.accuracy, weak=("delta4", "delta5")))
     said = [block.text for block in workspace_section(bad).lead if isinstance(block, Paragraph)]
     assert said[1] == (
         "J4 (δ4) and J5 (δ5) are only weakly determined and enter with their large standard uncertainty."
     )
-    assert (
-        "The model does not fit: the residuals, 0.95\u00a0mm rms, are 4.0 times the stated noise" in said[2]
-    )
-    assert "the error is larger than stated here" in said[2]
+
+
+def test_a_misfit_claims_no_accuracy() -> None:
+    section = workspace_section(misfit())
+    (said,) = [block.text for block in section.all if isinstance(block, Paragraph)]
+    assert said.startswith("No accuracy is claimed: the model does not describe the measurements")
+    assert not [block for block in section.all if isinstance(block, Table)]
+    assert workspace_picture(misfit()) is None

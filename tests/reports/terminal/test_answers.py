@@ -92,11 +92,10 @@ def test_what_is_not_determined_has_no_number() -> None:
         "(δ2)",
         "not",
         "determined",
-        "by",
-        "these",
-        "data",
         "✕",
         "unidentifiable",
+        "—",
+        "—",
     ]
     assert f"{FORBIDDEN:.2f}"[1:] not in printed(x_pattern())
 
@@ -194,6 +193,19 @@ def test_the_end_of_a_run_has_no_number_for_what_is_not_determined() -> None:
         lying["parameters"][0] |= claim
         with pytest.raises(UnsoundResult, match="delta2"):
             end_of(lying)
+
+
+def test_the_end_of_a_run_says_what_u_is_worth_unless_it_is_a_misfit() -> None:
+    to, text = console()
+    ended = event_of(carried())
+    assert isinstance(ended, Ended)
+    print_carried(to, replace(ended, geometry=good().geometry))
+    said = " ".join(text.getvalue().split())
+    assert "u if the arm deviates" in said
+    assert "State `geometry` to estimate it." in said
+    to, text = console()
+    print_carried(to, replace(ended, geometry=good().geometry, verdict="misfit"))
+    assert "State `geometry`" not in text.getvalue()
 
 
 def test_the_end_of_a_run_warns_where_the_shots_contradict_the_model() -> None:

@@ -52,13 +52,17 @@ def test_the_keys_are_those_of_the_design() -> None:
     answer = to_json(good())
     assert answer["schema"] == RESULT_SCHEMA
     assert list(answer) == [
-        *("schema", "verdict", "headline", "parameters", "identifiability", "fits", "posterior"),
-        *("shots", "distances", "intervals", "accuracy", "budget", "robust", "hold_out"),
+        *("schema", "verdict", "headline", "parameters", "identifiability", "fits", "geometry"),
+        *("posterior", "shots", "distances", "intervals", "accuracy", "budget", "robust", "hold_out"),
         *("placements", "scene", "misfit", "diagnosis", "notes", "inputs"),
     ]
     assert list(answer["parameters"][0]) == [
         *("name", "unit", "status", "held", "estimate", "std", "data_std", "interval95", "prior_std"),
-        *("midpoint", "group", "reason"),
+        *("midpoint", "group", "tolerance_share", "reason"),
+    ]
+    assert list(answer["geometry"]) == [
+        *("tolerance", "considered_tolerance", "factors", "ladder", "consider", "at_half", "at_twice"),
+        "confounded",
     ]
     assert list(answer["fits"]) == ["likelihood", "midpoint"]
     assert {"converged", "iterations", "cost", "rms_mm", "chi2", "dof", "p_value"} <= set(

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from ...analysis.result import Result
-from ..style.blocks import Paragraph, Section, row_of, section_of, table_of
-from ..words.diagnosis import CAUSES, changed, diagnosis_said, explanation_sentence, times
-from ..words.wording import sentence
+from ....analysis.result import Result
+from ...style.blocks import Paragraph, Section, row_of, section_of, table_of
+from ...words.diagnosis import CAUSES, changed, diagnosis_said, explanation_sentence, times
+from ...words.wording import sentence
 
 
 def diagnosis_section(result: Result) -> Section | None:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from ...analysis.diagnostics.hold_out import HoldOut
-from ...analysis.diagnostics.outliers import Robust
-from ...analysis.findings import HeldOutMisfit
-from ...analysis.result import Result
-from ..style.blocks import Cell, Facts, Paragraph, Section, Table, row_of, section_of, table_of
-from ..words import numbers
-from ..words.findings import hold_out_message
-from ..words.wording import NOT_DETERMINED, clipped, label, listed, sentence
-from .parameters import noise_factors, unit_of
+from ....analysis.diagnostics.hold_out import HoldOut
+from ....analysis.diagnostics.outliers import Robust
+from ....analysis.findings import HeldOutMisfit
+from ....analysis.posterior.intervals import Intervals
+from ....analysis.result import Result
+from ...style.blocks import Cell, Facts, Paragraph, Section, Table, row_of, section_of, table_of
+from ...words import numbers
+from ...words.findings import hold_out_message
+from ...words.wording import NOT_DETERMINED, clipped, label, listed, sentence
+from ..parameters import noise_factors, unit_of
 
 
 def robust_section(result: Result) -> Section | None:
@@ -64,7 +65,7 @@ def _robust_table(result: Result, robust: Robust) -> Table:
     rows = []
     for row in robust.parameters:
         own, unit = result.parameters.named(row.name), unit_of(row.unit)
-        if own.group == "target":
+        if own.group in ("target", "geometry"):
             continue
         name = label(row.name)
         if own.estimate is None or own.std is None or row.estimate is None:
@@ -134,10 +135,15 @@ def hold_out_sentences(result: Result, held_out: HoldOut) -> list[str]:
 def intervals_section(result: Result) -> Section | None:
     """The intervals by three methods, where they differ or a parameter is weak; None where there is none
     such."""
-    if not result.intervals:
+    if not _of_people(result):
         return None
     table, said = intervals_table(result)
     return section_of("Intervals by three methods", Paragraph(said), table)
+
+
+def _of_people(result: Result) -> list[Intervals]:
+    """All but those of the geometry, whose section has them; `result.json` has all."""
+    return [row for row in result.intervals if result.parameters.named(row.name).group != "geometry"]
 
 
 def intervals_table(result: Result) -> tuple[Table, str]:
@@ -148,6 +154,7 @@ def intervals_table(result: Result) -> tuple[Table, str]:
         return missing if interval is None or std is None else numbers.interval(interval, std, unit_of(unit))
 
     # The fit is at the marginal mode of noise factors, where no profile starts.
+    chosen = _of_people(result)
     no_profile = "not defined" if noise_factors(result.parameters) else "no end found"
     columns = [("name", "left"), ("curvature", "right"), ("profile", "right"), ("posterior", "right")]
     rows = [
@@ -157,13 +164,13 @@ def intervals_table(result: Result) -> tuple[Table, str]:
             ends(row.name, row.unit, row.profile, no_profile),
             ends(row.name, row.unit, row.posterior, "not sampled"),
         )
-        for row in result.intervals
+        for row in chosen
     ]
     said = (
         "By the curvature at the estimate, by the profile likelihood and by the quantiles of the posterior’s"
         " draws."
     )
-    if differing := [label(row.name) for row in result.intervals if row.differ]:
+    if differing := [label(row.name) for row in chosen if row.differ]:
         said += (
             f" They differ by a tenth of their width or more for {listed(differing)}: do not rely on one"
             " alone there, the widest is the safe one."

@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...analysis.diagnostics.leave_one_out import Jackknife, LeaveOneOut
-from ...analysis.misfit import LACK_OF_FIT
-from ...analysis.recordings.effective import Effective
-from ...analysis.recordings.steps import Step, Steps
-from ...analysis.result import Result
-from ..style.blocks import FigureBlock, Paragraph, Section, Table, row_of, section_of, table_of
-from ..style.canvas import Picture, new_figure, style, to_svg
-from ..style.palette import light
-from ..words import numbers
-from ..words.wording import clipped, counted, label, listed
+from ....analysis.diagnostics.leave_one_out import Jackknife, LeaveOneOut
+from ....analysis.misfit import LACK_OF_FIT
+from ....analysis.recordings.effective import Effective
+from ....analysis.recordings.steps import Step, Steps
+from ....analysis.result import Result
+from ...style.blocks import FigureBlock, Paragraph, Section, Table, row_of, section_of, table_of
+from ...style.canvas import Picture, new_figure, style, to_svg
+from ...style.palette import light
+from ...words import numbers
+from ...words.wording import clipped, counted, label, listed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -154,8 +154,7 @@ def _effective_sentence(own: Effective) -> str:
     return (
         f"Successive residuals of a recording are correlated ({measure}):"
         f" {counted(own.shots, 'measurement')} say as much as {numbers.significant(own.number, 2)}"
-        f" independent ones (κ = {numbers.significant(own.kappa, 2)}). The stated uncertainties take all"
-        " measurements as independent."
+        f" independent ones (κ = {numbers.significant(own.kappa, 2)}); their information is divided by κ."
     )
 
 

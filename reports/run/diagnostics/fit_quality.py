@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ...analysis.misfit import LACK_OF_FIT, LackOfFit
-from ...analysis.result import DistanceResult, LikelihoodSummary, MidpointSummary, Result
-from ...analysis.solution import ParameterResult
-from ..style.blocks import Cell, Paragraph, Section, Table, row_of, section_of, table_of
-from ..words import numbers
-from ..words.findings import likelihood_message
-from ..words.misfit import criterion_sentence
-from ..words.wording import NOT_DETERMINED, clipped, label, person, sentence
-from .parameters import noise_factors, other_tables
+from ....analysis.misfit import LACK_OF_FIT, LackOfFit
+from ....analysis.result import DistanceResult, LikelihoodSummary, MidpointSummary, Result
+from ....analysis.solution import ParameterResult
+from ...style.blocks import Cell, Paragraph, Section, Table, row_of, section_of, table_of
+from ...words import numbers
+from ...words.findings import likelihood_message
+from ...words.misfit import criterion_sentence
+from ...words.wording import NOT_DETERMINED, clipped, label, person, sentence
+from ..parameters import noise_factors, other_tables
 
 _NO_COST = "—"  # not defined for this cost
 

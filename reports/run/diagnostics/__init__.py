@@ -1,0 +1,1 @@
+"""What a fit of a run is tested by, as sections of its report."""

@@ -1,0 +1,167 @@
+"""The geometry in the report of a run: its section, its figure, and what stands beside u on page one."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from example_results import geometry, good, misfit, x_pattern
+from study_text import texts_of
+
+from zerobeam.analysis.result import Result
+from zerobeam.reports.run.geometry import geometry_lines, geometry_section, ladder_table
+from zerobeam.reports.run.ladder_figure import ladder_picture
+from zerobeam.reports.run.parameters import offsets_section, offsets_table, offsets_worth
+from zerobeam.reports.run.report_page import report_page
+from zerobeam.reports.style.blocks import Paragraph, Section, Table
+from zerobeam.reports.words.wording import label
+
+
+def section(result: Result) -> Section:
+    found = geometry_section(result)
+    assert found is not None
+    return found
+
+
+def said(own: Section) -> str:
+    return " ".join(block.text for block in own.all if isinstance(block, Paragraph))
+
+
+def table(own: Section, caption: str) -> Table:
+    (found,) = [block for block in own.all if isinstance(block, Table) and block.caption.startswith(caption)]
+    return found
+
+
+def everything(value: Any) -> Iterator[str]:
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, list | tuple):
+        for item in value:
+            yield from everything(item)
+    elif dataclasses.is_dataclass(value):
+        yield from everything(list(vars(value).values()))
+
+
+# ── the first page ────────────────────────────────────────────────────────────────────────────
+
+
+def test_beside_u_stands_what_it_is_if_the_arm_deviates() -> None:
+    heads = [column.text for column in offsets_table(good()).columns]
+    assert heads == ["name", "estimate", "95 % interval", "status", "u", "u if the arm deviates"]
+    for row in texts_of(offsets_table(good()))[2:]:  # without the head and δ1
+        u, considered = (float(text.rstrip("°")) for text in row[-2:])
+        assert considered > u > 0
+    assert "State `geometry` to estimate it." in said(offsets_section(good()))
+
+
+def test_an_unidentifiable_offset_has_no_worth_either() -> None:
+    (row,) = [row for row in texts_of(offsets_table(x_pattern())) if row[0] == label("delta2")]
+    assert row[-2:] == ["—", "—"]
+
+
+def test_a_misfit_says_nothing_of_what_u_is_worth() -> None:
+    """The model is refuted: a number for an arm within tolerances would be a sign of success."""
+    assert offsets_worth(misfit()) is None
+    assert [column.text for column in offsets_table(misfit()).columns][-1] == "status"
+    assert "if the arm deviates" not in " ".join(everything(report_page(misfit())))
+
+
+def test_with_geometry_stated_the_share_of_the_tolerances_stands_there() -> None:
+    own = offsets_table(geometry())
+    assert own.columns[-1].text == "set by tolerances"
+    for row, shown in zip(
+        [row for row in geometry().parameters if row.group == "offset"], own.rows, strict=True
+    ):
+        share = row.tolerance_share
+        expected = "—" if share is None else f"{100 * share:.0f}\u00a0%"
+        assert shown.cells[-1].text == expected
+        assert share is None or 0 <= share <= 1
+    text = said(offsets_section(geometry()))
+    assert "With half the tolerances" in text
+    assert "State `geometry`" not in text
+
+
+def test_the_first_page_lists_no_link() -> None:
+    page = report_page(geometry())
+    (first,) = [own for own in page.sections if own.title == "Offsets"]
+    assert not re.search(r"link \d", " ".join(everything(first)))
+
+
+# ── the section ───────────────────────────────────────────────────────────────────────────────
+
+
+def test_nominal_geometry_has_no_section() -> None:
+    assert geometry_section(good()) is None
+    assert ladder_picture(good()) is None
+    assert geometry_lines(good()) == []
+
+
+def test_the_table_has_the_parameters_that_are_determined_and_no_other() -> None:
+    rows = [row for row in geometry().parameters if row.group == "geometry"]
+    determined = [label(row.name) for row in rows if row.estimate is not None and row.std is not None]
+    lost = [row for row in rows if row.status == "unidentifiable"]
+    assert determined
+    assert lost
+    shown = table(section(geometry()), "Deviations from nominal")
+    assert [row.cells[0].text for row in shown.rows] == determined
+    text = said(section(geometry()))
+    (listed,) = re.findall(r"Prior only, without an estimate: (\d+) geometry parameters?", text)
+    assert int(listed) == len(lost)
+    # What only the prior says has no number.
+    assert re.search(r"no more than the tolerances: [^.]*\.", text)
+    (names,) = re.findall(r"no more than the tolerances: ([^.]*)\.", text)
+    assert not re.search(r"\d\.\d|mm|°", names)
+
+
+def test_the_ladder_is_a_table_and_a_figure_that_say_the_same() -> None:
+    shown = ladder_table(geometry())
+    assert shown is not None
+    ladder = geometry().geometry.ladder
+    assert [row.cells[0].text for row in shown.rows] == [
+        "nominal geometry",
+        "+ link geometry",
+        "+ gravity",
+        "+ first harmonics",
+    ]
+    assert [row.cells[1].text for row in shown.rows] == [str(rung.parameters) for rung in ladder]
+    assert [row.cells[-1].text.split(":")[0] for row in shown.rows] == [
+        "yes" if rung.kept else "no" for rung in ladder
+    ]
+    picture = ladder_picture(geometry())
+    assert picture is not None
+    for row in shown.rows:
+        number = row.cells[2].text.split("\u00a0")[0]
+        assert number in picture.alt
+        assert number in picture.svg
+        assert row.cells[3].text in picture.alt
+    ElementTree.fromstring(picture.svg)
+
+
+def test_a_ladder_of_a_misfit_is_not_in_the_colour_of_success() -> None:
+    refuted = replace(misfit(), geometry=geometry().geometry)
+    picture = ladder_picture(refuted)
+    kept = ladder_picture(geometry())
+    assert picture is not None
+    assert kept is not None
+    from zerobeam.reports.style.palette import light
+
+    assert light("identified") in kept.svg
+    assert light("identified") not in picture.svg
+    assert geometry_lines(refuted) == []
+
+
+@pytest.mark.parametrize("made", [good, geometry])
+def test_the_budget_calls_the_geometry_exact_only_where_it_is(made: Any) -> None:
+    (own,) = [own for own in report_page(made()).sections if own.title == "Uncertainty budget"]
+    assert ("the robot’s geometry" in said(own)) == (made is good)
+
+
+def test_what_only_the_tolerances_tell_is_not_called_determined() -> None:
+    (own,) = [own for own in report_page(geometry()).sections if own.title == "What cannot be determined"]
+    assert re.search(r"\d+ of \d+ geometry parameters are known by their tolerances only", said(own))
+    assert "every parameter that was not held is determined" not in said(own)
