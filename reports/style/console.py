@@ -27,7 +27,7 @@ VERDICT_STYLE = {
 }
 
 
-_HEAD = 13  # letters of a line of a head, at least
+_HEAD = 10  # letters of a line of a head, at least
 
 
 def marked(mark: str, text: str) -> Text:

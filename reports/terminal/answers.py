@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 
 from rich.console import Console
@@ -75,6 +76,7 @@ def print_check(console: Console, check: Check) -> None:
     console.print(Text("What this plan will determine", style="italic"))
     table = Table(box=None, pad_edge=False)
     worth, of = worth_column(check.geometry)
+    worth = "\n".join(textwrap.wrap(worth, 10))
     for name in ("name", "predicted u", worth, "without prior", "prior", "status"):
         table.add_column(name, justify="left" if name in ("name", "status") else "right")
     for row in check.parameters:

@@ -12,6 +12,7 @@ import pytest
 from cells import OPEN_PROBE, PROBE, TABLE_2, good_plan, header, irb1600, plan_of, simulated, varied_postures
 from scipy import stats
 
+from zerobeam.analysis.estimation.fit import fit_from
 from zerobeam.analysis.misfit import (
     BeyondPrior,
     Criterion,
@@ -19,10 +20,9 @@ from zerobeam.analysis.misfit import (
     LackOfFit,
     Misfit,
     PlacementsDisagree,
-    misfit_of,
 )
 from zerobeam.analysis.so_far import so_far
-from zerobeam.analysis.solution import Solution, solve
+from zerobeam.analysis.solution import Solution, judge, solve
 from zerobeam.analysis.status import UnsoundResult, verdict_of
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import Run
@@ -236,11 +236,13 @@ def test_the_placements_by_plain_least_squares() -> None:
     assert found.p_value == pytest.approx(stats.f.sf(f, found.rank, found.dof), rel=0.1)
 
 
-def test_fewer_independent_measurements_disagree_less() -> None:
+def test_by_nominal_geometry_fewer_independent_measurements_disagree_as_much() -> None:
+    """Errors of the geometry correlate the residuals: the effective number must not excuse them."""
     solution = solve(Problem.from_run(disagreeing(0.3, scale="estimated")), starts=0)
-    found = only(solution, PlacementsDisagree)
-    again = misfit_of(solution.fit, solution.identified, effective=found.factor**2)
-    assert again is None or PlacementsDisagree not in map(type, again.criteria)
+    found, problem = only(solution, PlacementsDisagree), solution.problem
+    fewer = problem.weighted(np.full(problem.shots, 1 / found.factor**2))
+    again = judge(fit_from(fewer, solution.fit.x))
+    assert only(again, PlacementsDisagree).factor == pytest.approx(found.factor, rel=0.05)
 
 
 # ── the model is right ────────────────────────────────────────────────────────────────────────

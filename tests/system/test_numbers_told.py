@@ -56,7 +56,11 @@ def worked_out(answer: Any) -> Iterator[float]:
     if answer["geometry"]["factors"] is not None:
         yield from (100 * value for value in answer["geometry"]["factors"]["log_u"])
     for budget in answer["budget"]:
-        ranked = sorted(budget["rows"], key=lambda row: abs(row["share"]))
+        offset = budget["name"].startswith("delta")
+        own = [other["rows"] for other in answer["budget"] if other["name"].startswith("delta") == offset]
+        # Small in every column of the table, not in one.
+        order = sorted(range(len(budget["rows"])), key=lambda i: max(abs(rows[i]["share"]) for rows in own))
+        ranked = [budget["rows"][i] for i in order]
         for rows in (*([row] for row in ranked), *(ranked[:count] for count in range(2, len(ranked)))):
             yield 100 * sum(row["share"] for row in rows)
             square = sum(math.copysign(row["contribution"] ** 2, row["contribution"]) for row in rows)

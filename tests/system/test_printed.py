@@ -87,10 +87,10 @@ CASES: dict[str, tuple[Made, int]] = {
     "analyse_x_pattern": (analysed(*rows(X_PATTERN)), 1),
     "analyse_uncalibrated": (analysed(*rows(UNCALIBRATED)), 0),
     "analyse_joint_1_free": (good(held=[]), 1),
-    "analyse_noise_understated": (good(noise=UNDERSTATED), 0),
+    "analyse_noise_understated": (good(noise=UNDERSTATED), 1),
     "analyse_noise_estimated": (good(noise={**NOISE, "scale": "estimated"}), 0),
     "analyse_tolerance_missed": (good(tolerance={"offset_deg": 0.005}), 1),
-    "analyse_pushed": (pushed(), 0),
+    "analyse_pushed": (pushed(), 1),
     "analyse_two_targets": (two_targets(), 0),
     "check_good": (checked(lambda: good_plan(8)), 0),
     "check_x_pattern": (checked(lambda: pattern_plan("x")), 1),
@@ -101,7 +101,7 @@ CASES: dict[str, tuple[Made, int]] = {
     "run_x_pattern": (carried(lambda: pattern_plan("x")), 1),
     "run_adaptive": (carried(lambda: good_plan(8), "--adaptive", "--tolerance", "2"), 0),
     "run_refused": (carried(lambda: good_plan(5), cell=SILENT), 1),
-    "run_bumped": (carried(lambda: good_plan(7, joint_deg=0.002), cell=BUMPED), 0),
+    "run_bumped": (carried(lambda: good_plan(7, joint_deg=0.002), cell=BUMPED), 1),
 }
 
 

@@ -21,6 +21,7 @@ from zerobeam.analysis.diagnostics.leave_one_out import LeaveOneOut, fits_withou
 from zerobeam.analysis.estimation.fit import fit_from, fit_likelihood
 from zerobeam.analysis.findings import moved_target, tolerances
 from zerobeam.analysis.placements import placements
+from zerobeam.analysis.posterior.intervals import _profile_width
 from zerobeam.analysis.recordings.effective import effective
 from zerobeam.analysis.recordings.steps import steps
 from zerobeam.analysis.solution import Solution, judge
@@ -98,6 +99,12 @@ def test_kuka_14_predicts_placements_that_it_has_not_seen(kuka: Solution, run: d
 
 def test_a_split_of_kuka_14_agrees(kuka: Solution) -> None:
     assert rms(compared(kuka, 1)) <= 1.2
+
+
+def test_a_profile_counts_measurements_by_their_effective_number(kuka: Solution) -> None:
+    """The root of the drop at its ends is Student's quantile, but for what the fit takes up."""
+    assert kuka.problem.weights.max() < 0.7
+    assert 1.0 < _profile_width(kuka) / kuka.quantile < 1.15
 
 
 def test_a_split_of_panda_1_disagrees_with_nominal_geometry(run: dict[str, Run]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -27,6 +28,7 @@ from zerobeam.experiments.studies.geometry.plans import (
 )
 from zerobeam.experiments.studies.geometry.study import answer_of, geometry_study
 from zerobeam.model.problem import Problem
+from zerobeam.reports.words import numbers
 
 ARMS, LONG_ARMS = 40, 1000
 FEW_CANDIDATES = 400
@@ -190,3 +192,26 @@ def test_the_coverage_study_runs_and_holds_for_a_header_with_geometry() -> None:
     assert not own["noise understated by 2"].agrees
     # The paper's fit knows of no geometry: on such arms its intervals do not hold.
     assert not own["midpoint"].agrees
+
+
+@pytest.mark.long
+def test_the_table_of_the_docs_is_what_check_says() -> None:
+    """docs/studies.md, to the two digits that it has."""
+    text = (Path(__file__).parents[4] / "docs" / "studies.md").read_text(encoding="utf-8")
+    rows = dict(
+        re.findall(
+            r"^\| (\d+, (?:nominal|freed)(?:, close tolerances)?) \| (.*) \|$", text, flags=re.MULTILINE
+        )
+    )
+    plans = [make() for make in studied_plans(0)[:PROBE]]
+    assert list(rows) == [plan.name for plan in plans]
+    for plan in plans:
+        checks = module._checks(plan)
+        ranges = []
+        for kind in ("noise_only", "considered", "freed"):
+            values = [getattr(row, kind) for row in checks]
+            ranges.append(f"{numbers.spread(min(values))}–{numbers.spread(max(values))}")
+        told = f"{plan.tolerance.length_mm:g} mm, {plan.tolerance.angle_deg:g}°"
+        assert plan.proposal is not None
+        certified = f"{100 * plan.proposal.efficiency:.0f} %"
+        assert rows[plan.name].split(" | ") == [told, *ranges, certified], plan.name
