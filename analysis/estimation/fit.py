@@ -126,7 +126,7 @@ class LikelihoodFit:
 
 def chance(problem: Problem, residual: Matrix, z: Matrix) -> float:
     """That whitened residuals (M,) and scaled parameters (f,) are as large at a mode, their noise known."""
-    return float(chdtrc(problem.data_size, float(residual @ residual + z @ z)))
+    return float(chdtrc(problem.measured_size, float(residual @ residual + z @ z)))
 
 
 def fit_likelihood(
