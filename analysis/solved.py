@@ -46,7 +46,7 @@ def independent(solution: Solution, factors: Factors | None = None) -> Solution:
     Not where that would leave nothing to judge a misfit by: in a short run that a wrong model does not fit,
     the errors of the model are what is correlated.
     """
-    divisor = effective(solution, tolerances(solution)).divisor
+    divisor = effective(solution, tolerances(solution)).divisor if solution.converged else 1.0
     if divisor == 1:
         return solution
     problem = solution.problem
