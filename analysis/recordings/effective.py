@@ -18,7 +18,7 @@ from scipy.special import ndtr
 
 from ...model.robot import Matrix
 from ..solution import Solution
-from .recordings import Recorded, covariances, recordings
+from .recordings import Recorded, covariances, recording_rows, recordings
 
 CHANCE = 0.01  # p-value below which a correlation is used
 _FEWEST = 4  # measurements of a recording with a correlation of its own
@@ -70,20 +70,20 @@ class Effective:
 def effective(solution: Solution, rival: Matrix | None = None) -> Effective:
     """The lag-1 correlations of the residuals at the mode, per recording and of all; `rival` as of
     `recordings`."""
-    recorded, numbers = recordings(solution.fit, rival), solution.problem.shot_numbers
-    every = recorded.every
+    problem, numbers = solution.problem, solution.problem.shot_numbers
+    every = recording_rows(problem)
     found: dict[int, RecordingLag] = {}
-    if solution.converged and any(own.shots >= _FEWEST for own in every):
-        found = lags(recorded)
+    if solution.converged and any(len(own) >= _FEWEST for own in every):
+        found = lags(recordings(solution.fit, rival))
     rows = []
     for i, own in enumerate(every):
         rho = p_value = None
         if i in found:
             rho, p_value = correlation([found[i]])
         kappa = None if rho is None else _kappa(rho)
-        first, last = numbers[own.rows[0]], numbers[own.rows[-1]]
-        rows.append(RecordingCorrelation(own.target, first, last, own.shots, rho, kappa, p_value))
-    shots = solution.problem.shots
+        target, first, last = problem.targets[problem.target_index[own[0]]], numbers[own[0]], numbers[own[-1]]
+        rows.append(RecordingCorrelation(target, first, last, len(own), rho, kappa, p_value))
+    shots = problem.shots
     if not found:
         return Effective(tuple(rows), shots, None, None, None, 1.0)
     rho, p_value = correlation(equalised(list(found.values())))
