@@ -15,6 +15,7 @@ by delta is the Jacobian by q as well.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
@@ -121,7 +122,12 @@ def shot_functions(
         if len(_made) == _MOST_MADE:
             _made.pop(next(iter(_made)))
         _made[key] = ShotFunctions(robot, tool, log_det, geometry)
-    return _made[key]
+    made = _made[key]
+    if made.geometry is not geometry:
+        # The functions are the same whatever the tolerances, but these are asked of their geometry.
+        made = copy.copy(made)
+        object.__setattr__(made, "geometry", geometry)
+    return made
 
 
 class _Shot:

@@ -215,3 +215,16 @@ def test_the_table_of_the_docs_is_what_check_says() -> None:
         assert plan.proposal is not None
         certified = f"{100 * plan.proposal.efficiency:.0f} %"
         assert rows[plan.name].split(" | ") == [told, *ranges, certified], plan.name
+
+
+def test_tolerances_are_those_of_the_header_whatever_was_made_before() -> None:
+    """The functions of an arm are made once for all tolerances; the tolerances must not be."""
+    plan = studied_plans(0, FEW_CANDIDATES)[TWELVE]().plan
+    for level in (TYPICAL, CLOSE, TYPICAL):
+        own = dataclasses.replace(plan, header=with_tolerance(plan.header, level))
+        problem = Problem.from_plan(own)
+        assert (problem.geometry.length == level.length_mm).all()
+        closer = problem.with_geometry(problem.geometry.scaled(1 / 3, 1 / 3))
+        assert closer.parameters.prior_std[closer.parameters.index("link2.a")] == pytest.approx(
+            level.length_mm / 3
+        )
