@@ -16,7 +16,8 @@ from zerobeam.analysis.recordings.recordings import recording_rows, recordings
 from zerobeam.analysis.recordings.steps import all_steps, steps
 from zerobeam.analysis.solution import Solution, judge
 from zerobeam.model.constraint import shot_functions
-from zerobeam.model.robot import Matrix, Robot
+from zerobeam.model.geometry import Geometry
+from zerobeam.model.robot import Matrix
 
 PLACES = {"left": (800.0, 300.0, 100.0), "right": (850.0, -350.0, 200.0), "psd": (900.0, 0.0, 0.0)}
 EACH = 20
@@ -169,35 +170,28 @@ def test_a_step_is_the_same_if_the_rest_is_as_well(solution: Solution) -> None:
 
 
 def test_the_columns_of_link_errors_against_an_arm_that_has_them(solution: Solution) -> None:
-    """By differences of another model: the covariance that they make is the same, whatever their axes."""
+    """By differences of the nominal model of an arm whose links are moved by one parameter."""
     problem, fit = solution.problem, solution.fit
     columns = link_columns(problem, fit.x)
     assert columns is not None
-    assert columns.shape == (180, 25)
-    other = []
-    for j in range(1, 6):
-        axis = problem.robot.joints[j].axis
-        across = np.linalg.svd(axis[None])[2][1:]
-        for move in (*np.eye(3), *across):
-            turn = len(other) % 5 >= 3
-            step, size = (1e-5, np.radians(0.1)) if turn else (1e-3, 0.3)
-            extra = np.eye(4)
-            if turn:
-                x, y, z = move * step
-                extra[:3, :3] += np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-            else:
-                extra[:3, 3] = move * step
-            joints = list(problem.robot.joints)
-            joints[j] = replace(joints[j], fixed=joints[j].fixed @ extra)
-            robot = Robot("other", tuple(joints), problem.robot.flange)
-            with_it = replace(problem, robot=robot, functions=shot_functions(robot, problem.tool))
-            miss, _ = with_it.linearise(fit.x)
-            by = np.linalg.solve(fit.whitened.factor, (miss - fit.whitened.miss)[:, :, None]) / step * size
-            other.append(by.reshape(-1))
-    expected = np.array(other).T
-    np.testing.assert_allclose(
-        columns @ columns.T, expected @ expected.T, atol=2e-3 * np.abs(columns).max() ** 2
-    )
+    geometry = Geometry.of_links(problem.robot, 0.3, 0.1)
+    expected = []
+    for k, (of, axis) in enumerate(geometry.names):
+        item = problem.with_geometry(geometry).parameters.items[problem.robot.n + k]
+        if item.held:
+            continue
+        step = 1e-3 * geometry.prior_std(of, axis)
+        values = np.zeros(len(geometry.names))
+        values[k] = step
+        robot = geometry.applied(problem.robot, values)
+        with_it = replace(problem, robot=robot, functions=shot_functions(robot, problem.tool))
+        residual, _ = with_it.linearise(fit.x)
+        apart = residual - fit.whitened.residual_mm
+        expected.append(np.linalg.solve(fit.whitened.factor, apart[:, :, None]).reshape(-1) * 1e3)
+    found = columns[: len(expected[0])]
+    np.testing.assert_allclose(found, np.array(expected).T, atol=2e-3 * np.abs(columns).max())
+    # Control: with the links' order turned over they are others.
+    assert np.abs(found[:, ::-1] - np.array(expected).T).max() > 0.1 * np.abs(columns).max()
 
 
 def test_a_rival_takes_the_correlation_that_it_explains(solution: Solution) -> None:
