@@ -43,15 +43,16 @@ def independent(solution: Solution, factors: Factors | None = None) -> Solution:
     """The same with its measurements at their effective number, where neighbouring ones are correlated; the
     uncertainty of estimated `factors` of the tolerances stays in.
 
-    Not where that would leave nothing to judge a misfit by: in a short run that a wrong model does not fit,
-    the errors of the model are what is correlated.
+    Not where nominal geometry does not describe the measurements, or nothing would be left to judge a misfit
+    by: the errors of the model are then what is correlated, and no number is validated.
     """
     divisor = effective(solution, tolerances(solution)).divisor if solution.converged else 1.0
     if divisor == 1:
         return solution
     problem = solution.problem
     weighted = problem.weighted(np.full(problem.shots, 1 / divisor))
-    if solution.misfit is not None and weighted.data_size <= int(problem.parameters.free.sum()):
+    of_model = len(problem.tolerated) == 0 or weighted.data_size <= int(problem.parameters.free.sum())
+    if solution.misfit is not None and of_model:
         return solution
     fit = replace(fit_from(weighted, solution.fit.x), others=solution.fit.others)
     return judge(fit if factors is None else with_open_factors(fit, factors))
