@@ -33,7 +33,7 @@ def placements_section(result: Result) -> Section | None:
         for text in (
             *_left_out_sentences(own.leave_one_out),
             _jackknife_sentence(result, own.jackknife),
-            _effective_sentence(own.effective),
+            _effective_sentence(own.effective, result),
             *_step_sentences(own.steps),
         )
         if text
@@ -56,7 +56,7 @@ def placements_lines(result: Result) -> list[str]:
     if own.leave_one_out is not None and own.leave_one_out.rms_mm is not None:
         lines.append(_pooled(own.leave_one_out))
     if own.effective.divisor > 1:
-        lines.append(_effective_sentence(own.effective))
+        lines.append(_effective_sentence(own.effective, result))
     return [*lines, *_step_sentences(own.steps)]
 
 
@@ -145,16 +145,19 @@ def _jackknife_table(result: Result, own: Jackknife) -> Table | None:
     return table_of("Offsets by the delete-one-placement jackknife", columns, rows) if rows else None
 
 
-def _effective_sentence(own: Effective) -> str:
+def _effective_sentence(own: Effective, result: Result) -> str:
     if own.rho is None or own.kappa is None or own.p_value is None:
         return ""
     measure = f"lag-1 correlation {numbers.fixed(own.rho, 2)}, p {numbers.p_value(own.p_value)}"
     if own.divisor == 1:
         return f"Successive residuals of a recording are not correlated beyond chance ({measure})."
+    used = "their information is divided by κ"
+    if result.misfit is not None and not result.geometry.stated:
+        used = "a misfit by nominal geometry is left as it is"
     return (
         f"Successive residuals of a recording are correlated ({measure}):"
         f" {counted(own.shots, 'measurement')} say as much as {numbers.significant(own.number, 2)}"
-        f" independent ones (κ = {numbers.significant(own.kappa, 2)}); their information is divided by κ."
+        f" independent ones (κ = {numbers.significant(own.kappa, 2)}); {used}."
     )
 
 
