@@ -343,7 +343,7 @@ def unconverged(problem: Problem, **asked: Any) -> LikelihoodFit:
 def test_a_failed_fit_has_its_own_status_and_no_numbers(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(importlib.import_module("zerobeam.analysis.analyse"), "fit_likelihood", unconverged)
+    monkeypatch.setattr(importlib.import_module("zerobeam.analysis.ladder"), "fit_likelihood", unconverged)
     told = zerobeam("report", GOOD, "-o", tmp_path / "out", "--json")
     assert (told.status, told.err) == (3, "")
     assert "did not converge" in told.json["headline"]
