@@ -74,6 +74,10 @@ class ShotFunctions:
     _functions: dict[str, ca.Function] = field(default_factory=dict, repr=False)
     _kernels: dict[tuple[str, bool], Kernel] = field(default_factory=dict, repr=False)
 
+    def __reduce__(self) -> tuple[object, ...]:
+        # In another process they are made anew, or those that are there are taken.
+        return shot_functions, (self.robot, self.tool, self.log_det, self.geometry)
+
     def function(self, name: str) -> ca.Function:
         """The function of that name."""
         if name not in self._functions:

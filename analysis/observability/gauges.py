@@ -52,7 +52,7 @@ def gauge_of(problem: Problem, x: Matrix, weight: float) -> Gauge:
     taken_up = [spanned(jacobian, tolerated)]
     followed = _followed(aimed, x, hit, moving_joints(problem.joints) > 0)
     if followed:
-        near_by = _near_by(problem, x, aimed, hit) if null.size else []
+        near_by = _near_by(problem, x, aimed, hit) if null.size or tolerated.any() else []
     else:
         # What hits there may be a matter of the tool: a tip hardly off the last axis reaches hardly further.
         near_by = [
@@ -66,7 +66,7 @@ def gauge_of(problem: Problem, x: Matrix, weight: float) -> Gauge:
             aimed, jacobian, _ = information_root(problem, least_told.x, weight)
             null = _null_space(jacobian, _ROUNDING_SPECIAL)
     dimension, exact_part = _confirm(null, near_by, followed)
-    taken_up += [spanned(point.jacobian, tolerated) for point in near_by]
+    taken_up += [spanned(own.jacobian, tolerated) for own in near_by if own.same or not followed]
     every = np.any(taken_up, axis=0)
     return Gauge(aimed, jacobian, null.basis, null.part, dimension, exact_part, every)
 

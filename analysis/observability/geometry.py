@@ -59,9 +59,9 @@ class GeometryResult:
     angle_deg: Tolerance
     factors: Factors | None
     ladder: tuple[Rung, ...]
-    consider: dict[str, float | None]
-    at_half: dict[str, float | None]
-    at_twice: dict[str, float | None]
+    consider: dict[str, float]
+    at_half: dict[str, float]
+    at_twice: dict[str, float]
     confounded: tuple[Confounded, ...] = ()
 
 
@@ -79,14 +79,14 @@ def geometry_result(
     """Of a problem at x (p,) with the covariance (f, f) of its scaled free parameters."""
     parameters = problem.parameters
 
-    def of_offsets(std: Matrix) -> dict[str, float | None]:
+    def of_offsets(std: Matrix) -> dict[str, float]:
         return {
-            item.name: float(std[i]) * item.display if known(status[i]) else None
+            item.name: float(std[i]) * item.display
             for i, item in enumerate(parameters.items)
-            if item.group == "offset" and not item.held
+            if item.group == "offset" and known(status[i])
         }
 
-    def at(factor: float) -> dict[str, float | None]:
+    def at(factor: float) -> dict[str, float]:
         if not len(problem.tolerated):
             return {}
         return of_offsets(parameters.unscaled(with_tolerances(problem, covariance, factor)))
@@ -125,7 +125,7 @@ def _confounded(problem: Problem, covariance: Matrix, status: tuple[Status, ...]
                 yield Confounded(item.name, parameters.names[rivals[k]], float(found[k]))
 
 
-def worst(uncertainties: dict[str, float | None]) -> float | None:
+def worst(uncertainties: dict[str, float]) -> float | None:
     """The largest of them; None where there is none."""
     values = [value for value in uncertainties.values() if value is not None]
     return float(np.max(values)) if values else None

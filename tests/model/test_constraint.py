@@ -677,7 +677,7 @@ def middle(beams: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
 @pytest.mark.parametrize("kind", TOOLS[:2])
 def test_the_midpoint_of_two_skew_beams(cases, arm_name, kind):
     case = cases(arm_name, kind)
-    function = midpoint_function(ShotFunctions(case.robot, case.tool))
+    function = midpoint_function(case.robot, case.tool)
     for (q1, _, free), (q2, _, _) in zip(case.points, case.points[1:], strict=False):
         delta, _, unknowns = case.split(free)
 
@@ -727,7 +727,7 @@ def test_a_midpoint_known_by_hand():
         Joint(name, kind, np.eye(4), np.array([0.0, 0, 1]), -1e3, 1e3)
         for name, kind in (("turn", "revolute"), ("lift", "prismatic"))
     )
-    function = midpoint_function(ShotFunctions(Robot("mast", joints, np.eye(4)), tool))
+    function = midpoint_function(Robot("mast", joints, np.eye(4)), tool)
     point, *_ = function([0, 0], [np.pi / 2, 100], [0, 0], [])
     np.testing.assert_allclose(dense(point), [0, 0, 50], atol=1e-12)
     # The offset of the lift moves both beams, and the middle, by as much.

@@ -80,7 +80,7 @@ def test_nothing_is_left_open_and_each_gauge_that_is_held_is_one(seed, kinds, to
     assert nulls(problem, x, parameters.free) == expected
     held = {item.name: item.held_by for item in parameters.items if item.held}
     last = {f"link{n}.{axis}": "free tool" for axis in ("a", "alpha", "d")}
-    own = {"delta1": "base frame", "link1.d": "base frame", **last}
+    own = {"delta1": "base frame", "link1.d": "first link", **last}
     if not expected:
         own[f"delta{n}"] = "tool rotation"
     assert held == own
@@ -122,7 +122,7 @@ def test_what_moves_with_the_targets_is_held_behind_a_slide_too():
     ):
         problem, x = problem_of(robot_of(seed, kinds), LASER)
         parameters = problem.parameters
-        base = {i.name for i in parameters.items if i.group == "geometry" and i.held_by == "base frame"}
+        base = {i.name for i in parameters.items if i.group == "geometry" and i.held_by == "first link"}
         assert base == held
         # The second slide's offset moves with the targets: it is free, and told to be a gauge.
         expected = kinds.count("p") - 1

@@ -318,8 +318,8 @@ def test_panda_2_without_the_placement_that_slipped(shared_data: Path, tmp_path:
 
 
 def test_the_steps_that_were_found_by_hand(shared_data: Path, tmp_path: Path) -> None:
-    """panda_2: high_0 from its ninth measurement on for some eight; kuka_14: two of raised_left_0."""
-    for arm, target, first, last in ((PANDA_2, "high_0", 9, 16), (KUKA_14, "raised_left_0", 0, 1)):
+    """panda_2: high_0 from its ninth measurement on for some eight."""
+    for arm, target, first, last in ((PANDA_2, "high_0", 9, 16),):
         _, run = imported(shared_data, tmp_path, arm)
         found = solve(Problem.from_run(read_run(run)), starts=0)
         (step,) = (row for row in steps(found, tolerances(found)).rows if row.target == target)

@@ -14,8 +14,9 @@ from ....analysis.result import Result
 from ...style.blocks import FigureBlock, Paragraph, Section, Table, row_of, section_of, table_of
 from ...style.canvas import Picture, new_figure, style, to_svg
 from ...style.palette import light
+from ...style.typeface import in_font
 from ...words import numbers
-from ...words.wording import clipped, counted, label, listed
+from ...words.wording import clipped, counted, label, listed, shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -200,7 +201,7 @@ def placements_picture(result: Result) -> Picture | None:
         axes.set_ylabel("mm")
         axes.set_ylim(bottom=0)
         axes.set_xlim(-0.6, len(rows) - 0.4)
-        axes.set_xticks(x, [clipped(row.placements[0], 14) for row in rows])
+        axes.set_xticks(x, [clipped(in_font(shown(row.placements[0])), 14) for row in rows])
         axes.tick_params(axis="x", labelsize=8, rotation=30 if len(rows) > 5 else 0)
         axes.grid(visible=False, axis="x")
         axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, frameon=False, fontsize=8.5)

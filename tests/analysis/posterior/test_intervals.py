@@ -9,6 +9,7 @@ from cells import TABLE_2, good_plan, header, irb1600, plan_of, run_of, simulate
 from scipy import stats
 
 from zerobeam.analysis import analyse as module
+from zerobeam.analysis import ladder
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.diagnostics import outliers
 from zerobeam.analysis.estimation.fit import fit_likelihood
@@ -155,9 +156,9 @@ def test_a_run_of_which_no_offset_is_known_is_answered(monkeypatch):
 
 def test_without_a_fit_there_is_nothing(monkeypatch):
     _, run = simulated(good_plan(10), TABLE_2, seed=2)
-    real = module.fit_likelihood
+    real = ladder.fit_likelihood
     monkeypatch.setattr(
-        module,
+        ladder,
         "fit_likelihood",
         lambda *args, **kwargs: dataclasses.replace(
             real(*args, **kwargs), converged=False, reason="cut short"

@@ -50,6 +50,7 @@ def test_it_has_a_title_an_outline_page_numbers_tags_and_only_its_own_fonts() ->
             "Accuracy of the TCP",
             "Uncertainty budget",
             "Fit quality",
+            "Placements and recordings",
             "Posterior",
             "Residuals",
             "Inputs",
