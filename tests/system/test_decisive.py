@@ -28,7 +28,7 @@ from zerobeam.analysis.observability.check import Check, check
 from zerobeam.analysis.posterior.posterior import Draws
 from zerobeam.analysis.result import Result
 from zerobeam.analysis.solution import ParameterTable
-from zerobeam.analysis.status import UnsoundResult
+from zerobeam.analysis.status import Status, UnsoundResult
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.plan import read_plan
 from zerobeam.model.files.run import read_run
@@ -257,7 +257,8 @@ def with_pseudo_inverse(result: Result, chosen: Case) -> Result:
             claim["interval95"] = (0.123 - 2 * tempting, 0.123 + 2 * tempting)
             with pytest.raises(UnsoundResult, match=row.name):
                 replace(row, **claim)
-            row = replace(row, **claim, status="identified", cause=None)
+            status: Status = "identified" if result.misfit is None else "unvalidated"
+            row = replace(row, **claim, status=status, cause=None)
         rows.append(row)
     return replace(result, parameters=ParameterTable(rows))
 
