@@ -67,6 +67,9 @@ class Judged:
         return f"| {' | '.join((*cells, 'yes' if self.named else 'no', said))} |\n"
 
 
+pytestmark = pytest.mark.long  # twenty whole analyses: make test has the diagnosis of each cause alone
+
+
 @pytest.fixture(scope="module")
 def judged(tmp_path_factory: pytest.TempPathFactory) -> list[Judged]:
     result = []

@@ -179,6 +179,7 @@ def test_the_whole_study_agrees() -> None:
     assert (plans["12, freed"].efficiency or 0) > 0.7
 
 
+@pytest.mark.long
 def test_the_coverage_study_runs_and_holds_for_a_header_with_geometry() -> None:
     plan = studied_plans(0, FEW_CANDIDATES)[TWELVE]().plan
     targets = {"psd": plan.header.targets["psd"].model_copy(update={"sigma_mm": 30.0})}
