@@ -23,7 +23,7 @@ from .diagnostics.scene import scene
 from .estimation.fit import start_at
 from .estimation.midpoint import MidpointFit, fit_midpoint
 from .estimation.robust import Loss
-from .findings import findings, tolerances
+from .findings import findings
 from .observability.geometry import geometry_result
 from .optima import undecided_names
 from .posterior.intervals import intervals
@@ -78,7 +78,7 @@ def _analyse(
     tell("fit", 0.0)
     # What was asked for in vain is said before the long part.
     unseen = hold_out(problem, held_out, seed) if held_out else None
-    found = solved(problem, run.header, seed=seed, told=lambda share: tell("fit", 0.7 * share))
+    found = solved(problem, run.header, seed=seed, progress=lambda share: tell("fit", 0.7 * share))
     tell("fit", 0.7)
     midpoint = fit_midpoint(problem.with_geometry(NOMINAL))
     tell("fit", 1.0)
@@ -95,7 +95,7 @@ def _analyse(
         tell("posterior", 1.0)
     shots = shot_results(solution.fit)
     robust = robust_result(solution, loss) if loss is not None and solution.converged else None
-    placed = placement_result(solution, tolerances(solution))
+    placed = placement_result(solution, solution.link_columns)
     result = Result(
         verdict=solution.verdict,
         parameters=_with_midpoint(solution, midpoint),

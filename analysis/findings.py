@@ -8,13 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc
 
-from ..model.robot import Matrix
 from .diagnostics.displacement import Displacement, displacement
 from .diagnostics.hold_out import HoldOut
 from .diagnostics.influence import ShotResult
 from .diagnostics.outliers import OUTLYING, Robust
 from .misfit import LACK_OF_FIT, Criterion
-from .observability.consider import link_columns
 from .optima import undecided_names
 from .posterior.posterior import PosteriorSummary
 from .recordings.steps import Steps
@@ -99,19 +97,13 @@ def on_the_model(solution: Solution) -> Iterator[Finding]:
         yield OtherBasins(solution.fit.other_basins, undecided)
 
 
-def tolerances(solution: Solution) -> Matrix | None:
-    """What links within their tolerances do to the residuals at the mode; None where they are fitted."""
-    fit = solution.fit
-    return link_columns(fit.problem, fit.x)
-
-
 def moved_target(solution: Solution) -> Displacement | None:
     """The displacement of a target, if there is a significant one that links within their tolerances do not
     explain as well."""
     moved = displacement(solution.fit) if solution.converged else None
     if moved is None or not moved.significant:
         return None
-    rival = tolerances(solution)
+    rival = solution.link_columns
     moved = moved if rival is None else displacement(solution.fit, rival)
     return moved if moved is not None and moved.significant else None
 

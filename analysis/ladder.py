@@ -31,8 +31,9 @@ class Climbed:
     factors: Factors | None
 
 
-def climb_ladder(problem: Problem, header: Header, seed: int, told: Callable[[float], None]) -> Climbed:
-    """Fit what the header states of the geometry; without that key nominal geometry, without a ladder."""
+def climb_ladder(problem: Problem, header: Header, seed: int, progress: Callable[[float], None]) -> Climbed:
+    """Fit what the header states of the geometry; without that key nominal geometry, without a ladder.
+    `progress` gets the share that is done."""
     stated, whole = header.geometry, problem.geometry
     if stated is None:
         return Climbed(fit_likelihood(problem, seed=seed), (), None)
@@ -47,7 +48,7 @@ def climb_ladder(problem: Problem, header: Header, seed: int, told: Callable[[fl
     if whole.harmonics:
         tries.append(("harmonics", stated.harmonics is True, Geometry(harmonics=whole.harmonics)))
     for k, (name, asked, more) in enumerate(tries):
-        told((k + 1) / (len(tries) + 1))
+        progress((k + 1) / (len(tries) + 1))
         tried = from_near(problem.with_geometry(kept.joined(more)), fit)
         own = _rung(name, tried, kept=False)
         own = replace(own, kept=asked or _better(own, best))
@@ -105,11 +106,9 @@ def held_out_rms(fit: LikelihoodFit) -> float | None:
     parameters, d = problem.parameters, problem.tool.miss_size
     free = parameters.free & ~parameters.group("noise")
     whitened = fit.whitened
-    jacobian = whitened.jacobian[:, free] * np.sqrt(fit.weight)
-    residual = whitened.residual * np.sqrt(fit.weight)
-    shots = problem.shots * d
-    jacobian[shots:] /= np.sqrt(fit.weight)
-    residual[shots:] /= np.sqrt(fit.weight)
+    jacobian, residual = whitened.jacobian[:, free], whitened.residual.copy()
+    jacobian[: problem.shots * d] *= np.sqrt(fit.weight)
+    residual[: problem.shots * d] *= np.sqrt(fit.weight)
     prior = (fit.x - parameters.prior_mean)[free] / parameters.prior_std[free]
     total, missing = jacobian.T @ jacobian + np.eye(jacobian.shape[1]), jacobian.T @ residual + prior
     squares = 0.0

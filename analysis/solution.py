@@ -25,7 +25,7 @@ from .covariance import Covariance
 from .estimation.fit import AgainstNoise, LikelihoodFit, fit_likelihood
 from .misfit import Misfit, misfit_of
 from .observability.causes import Cause, Unconverged
-from .observability.consider import tolerance_share
+from .observability.consider import link_columns, tolerance_share
 from .observability.identifiability import Identified, identify, no_better_than
 from .observability.verdict import cause_for
 from .optima import undecided
@@ -195,6 +195,12 @@ class Solution:
     def against_noise(self) -> AgainstNoise:
         """The residuals against the stated noise."""
         return self.fit.against_noise(self.identified.facts.rank)
+
+    @cached_property
+    def link_columns(self) -> Matrix | None:
+        """(M, g) what links within their tolerances do to the residuals at the mode: a rival of other
+        explanations. None where they are estimated."""
+        return link_columns(self.problem, self.fit.x)
 
     @property
     def dof(self) -> int:

@@ -14,7 +14,6 @@ from ..model.files.header import Header
 from ..model.problem import Problem
 from .estimation.fit import fit_from
 from .estimation.tolerance_factors import Factors, with_open_factors
-from .findings import tolerances
 from .ladder import climb_ladder
 from .observability.geometry import Rung
 from .recordings.effective import effective
@@ -32,10 +31,10 @@ class Solved:
 
 
 def solved(
-    problem: Problem, header: Header, *, seed: int = 0, told: Callable[[float], None] | None = None
+    problem: Problem, header: Header, *, seed: int = 0, progress: Callable[[float], None] | None = None
 ) -> Solved:
-    """Fit and judge; `told` gets the share that is done."""
-    climbed = climb_ladder(problem, header, seed, told or (lambda share: None))
+    """Fit and judge; `progress` gets the share that is done."""
+    climbed = climb_ladder(problem, header, seed, progress or (lambda share: None))
     return Solved(independent(judge(climbed.fit), climbed.factors), climbed.ladder, climbed.factors)
 
 
@@ -46,7 +45,7 @@ def independent(solution: Solution, factors: Factors | None = None) -> Solution:
     Not where nominal geometry does not describe the measurements, or nothing would be left to judge a misfit
     by: the errors of the model are then what is correlated, and no number is validated.
     """
-    divisor = effective(solution, tolerances(solution)).divisor if solution.converged else 1.0
+    divisor = effective(solution, solution.link_columns).divisor if solution.converged else 1.0
     if divisor == 1:
         return solution
     problem = solution.problem

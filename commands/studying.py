@@ -57,7 +57,7 @@ def study_geometry(
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """Coverage for arms that are not as drawn: nominal geometry against estimated geometry."""
+    """Coverage for arms that deviate from nominal geometry: taken as nominal against estimated."""
     from ..experiments.studies.geometry.study import geometry_study
 
     store = _store(folder)

@@ -123,9 +123,3 @@ def _confounded(problem: Problem, covariance: Matrix, status: tuple[Status, ...]
                 found = correlation[parameters.among_free[rivals]]
                 k = int(np.argmax(np.abs(found)))
                 yield Confounded(item.name, parameters.names[rivals[k]], float(found[k]))
-
-
-def worst(uncertainties: dict[str, float]) -> float | None:
-    """The largest of them; None where there is none."""
-    values = [value for value in uncertainties.values() if value is not None]
-    return float(np.max(values)) if values else None

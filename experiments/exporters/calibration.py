@@ -24,7 +24,7 @@ from ...reports.words.causes import reason
 from ...reports.words.findings import displacement_sentence
 from ...reports.words.misfit import criterion_sentence, misfit_headline
 from ...reports.words.wording import listed
-from .corrected import GeometryValue, Holds, corrected_robot, left_out_of, rms_without
+from .corrected import STATUS_WORDS, GeometryValue, Holds, corrected_robot, left_out_of, rms_without
 
 SEED = 0  # of the fit's starts, as of `analyse` unless asked for otherwise
 MEANING = "true position = recorded position + offset"
@@ -102,11 +102,7 @@ class Offset:
             said = f"UNIDENTIFIABLE, excluded: {self.reason}"
         else:
             said = f"{self.estimate:+.6f} {self.unit}, std {self.std:.2g} {self.unit}, "
-            said += {
-                "identified": "identified",
-                "weak": "WEAK: weakly observable",
-                "unvalidated": "UNVALIDATED: the model does not describe the measurements",
-            }[self.status]
+            said += STATUS_WORDS[self.status]
             said += "" if self.exported or self.left_out else ", not applied"
             said += ", EXCLUDED on request" if self.left_out else ""
         return one_line(f"{self.name} ({self.joint}): {said}")

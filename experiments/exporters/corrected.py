@@ -23,6 +23,14 @@ from ...reports.words.causes import reason
 Holds = Literal["offsets", "links", "all"]
 
 
+# What a file says of a parameter with an estimate.
+STATUS_WORDS: dict[Status, str] = {
+    "identified": "identified",
+    "weak": "WEAK: weakly observable",
+    "unvalidated": "UNVALIDATED: the model does not describe the measurements",
+}
+
+
 @dataclass(frozen=True)
 class GeometryValue:
     """One geometry parameter: its `row` of the answer.
@@ -70,11 +78,7 @@ class GeometryValue:
             why = "" if row.cause is None else f": {reason(row.cause)}"
             kind = "HELD" if self.status == "held" else "UNIDENTIFIABLE"
             return f"{self.name}: {kind}, nominal{why}"
-        said = {
-            "identified": "identified",
-            "weak": "WEAK: weakly observable",
-            "unvalidated": "UNVALIDATED: the model does not describe the measurements",
-        }[self.status]
+        said = STATUS_WORDS[self.status]
         said += ", EXCLUDED on request" if self.left_out else "" if self.exported else ", not applied"
         return f"{self.name}: {row.estimate:+.6f} {row.unit}, std {row.std:.2g} {row.unit}, {said}"
 

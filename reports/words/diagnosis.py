@@ -51,7 +51,7 @@ def changed(found: Explanation) -> str:
         case "units":
             if found.amount > 1:
                 return "with the joint angles read as radians"
-            return "with the joint angles divided by 57.3 (converted from radians once too often)"
+            return "with the joint angles divided by 57.3 (converted from radians to degrees twice)"
         case "coupling":
             how = "added to" if found.amount > 0 else "subtracted from"
             return f"with {joints[0]} {how} {joints[1]} (coupled joints)"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from ...analysis.misfit import (
     LACK_OF_FIT,
     BeyondPrior,
@@ -66,15 +64,11 @@ def criterion_sentence(criterion: Criterion, name: Namer = str) -> str:
 
 
 def misfit_headline(misfit: Misfit, name: Namer = str) -> str:
-    """What is wrong, first of all; the gravest criterion, and what follows for the answer."""
-    first = criterion_sentence(_gravest(misfit.criteria), name).removeprefix("Lack of fit: ")
+    """What is wrong, first of all; the first criterion, and what follows for the answer."""
+    first = criterion_sentence(misfit.criteria[0], name).removeprefix("Lack of fit: ")
     more = len(misfit.criteria) - 1
     also = f" {more} more {'criterion says' if more == 1 else 'criteria say'} so." if more else ""
     return f"{first[0].upper()}{first[1:]}.{also} {UNVALIDATED[0].upper()}{UNVALIDATED[1:]}."
-
-
-def _gravest(criteria: Sequence[Criterion]) -> Criterion:
-    return criteria[0]
 
 
 def times(factor: float) -> str:

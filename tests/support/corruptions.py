@@ -198,7 +198,7 @@ CORRUPTIONS = (
     Corruption("zero of J2 90° off", "good", zero_off(2, 90), "zero", (2,)),
     Corruption("zero of J4 180° off", "good", zero_off(4, 180), "zero", (4,)),
     Corruption("radians in place of degrees", "good", scaled(np.pi / 180), "units"),
-    Corruption("degrees converted from radians once too often", "good", scaled(180 / np.pi), "units"),
+    Corruption("angles converted from radians to degrees twice", "good", scaled(180 / np.pi), "units"),
     Corruption("J3 recorded against the horizontal (J2 added)", "good", coupled(1.0), "coupling", (2, 3)),
     Corruption("one measurement at other angles", "good", leant_on(3), "measurements", measurements=(3,)),
     Corruption("robot file: sign of alpha in row 4", "good", wrong_row(4, "alpha_deg", 90), "twist", (4, 5)),

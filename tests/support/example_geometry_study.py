@@ -1,4 +1,4 @@
-"""A study of arms that are not as drawn, made up for the tests of its page; and a hostile one."""
+"""A study of arms that deviate from nominal geometry, made up for its page; and a hostile one."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def geometry_study() -> GeometryStudy:
     rng = np.random.default_rng(11)
     return GeometryStudy(
         study="geometry",
-        title="Do the intervals hold if the arm is not as drawn?",
+        title="Do the intervals hold if the arm deviates from nominal geometry?",
         headline="With the geometry estimated the 95 % intervals hold the truth as often as stated.",
         agrees=True,
         settings=GeometrySettings(

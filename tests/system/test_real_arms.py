@@ -19,7 +19,7 @@ from zerobeam.analysis.diagnostics.halves import HalfAgainstHalf, half_against_h
 from zerobeam.analysis.diagnostics.hold_out import hold_out
 from zerobeam.analysis.diagnostics.leave_one_out import LeaveOneOut, fits_without, leave_one_out
 from zerobeam.analysis.estimation.fit import fit_from, fit_likelihood
-from zerobeam.analysis.findings import moved_target, tolerances
+from zerobeam.analysis.findings import moved_target
 from zerobeam.analysis.placements import placements
 from zerobeam.analysis.posterior.intervals import _profile_width
 from zerobeam.analysis.recordings.effective import effective
@@ -121,13 +121,13 @@ def test_nominal_geometry_is_a_misfit_of_kuka_14_and_left_as_it_is(run: dict[str
 
 
 def test_a_slipped_recording_does_not_speak_for_all(kuka: Solution) -> None:
-    found = effective(kuka, tolerances(kuka))
+    found = effective(kuka, kuka.link_columns)
     rho = {row.target: row.rho for row in found.recordings}
     assert min(rho["raised_left_0"] or 0, rho["raised_left_1"] or 0) > 0.5
     assert found.rho is not None
     assert found.rho < 0.35
     # The socket moved by 0.7 mm before measurement 166.
-    named = {(row.target, row.last_shot) for row in steps(kuka, tolerances(kuka)).rows}
+    named = {(row.target, row.last_shot) for row in steps(kuka, kuka.link_columns).rows}
     assert ("raised_left_1", 165) in named
 
 

@@ -22,7 +22,7 @@ from zerobeam.analysis.diagnostics.displacement import displacement
 from zerobeam.analysis.diagnostics.hold_out import hold_out
 from zerobeam.analysis.diagnostics.leave_one_out import fits_without, jackknife, leave_one_out
 from zerobeam.analysis.estimation.fit import fit_likelihood
-from zerobeam.analysis.findings import moved_target, on_held_out, tolerances
+from zerobeam.analysis.findings import moved_target, on_held_out
 from zerobeam.analysis.misfit import PlacementsDisagree
 from zerobeam.analysis.posterior.posterior import UNSAMPLED
 from zerobeam.analysis.recordings.steps import steps
@@ -322,7 +322,7 @@ def test_the_steps_that_were_found_by_hand(shared_data: Path, tmp_path: Path) ->
     for arm, target, first, last in ((PANDA_2, "high_0", 9, 16),):
         _, run = imported(shared_data, tmp_path, arm)
         found = solve(Problem.from_run(read_run(run)), starts=0)
-        (step,) = (row for row in steps(found, tolerances(found)).rows if row.target == target)
+        (step,) = (row for row in steps(found, found.link_columns).rows if row.target == target)
         start = found.problem.targets.index(target)
         at = int(np.argmax(found.problem.target_index == start))
         assert step.first_shot - at == first

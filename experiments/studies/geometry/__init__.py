@@ -1,1 +1,1 @@
-"""The study of arms that are not as drawn: links off by their tolerances."""
+"""The study of arms that deviate from nominal geometry: links off by their tolerances."""

@@ -68,7 +68,7 @@ class ToleranceLevel:
 @dataclass(frozen=True)
 class CheckedOffset:
     """What `check` predicts of one offset before any measurement, None where the plan does not determine it:
-    with nominal geometry and an arm that is as drawn (`noise_only`), with nominal geometry and an arm that
+    with nominal geometry and an arm of nominal geometry (`noise_only`), with nominal geometry and an arm that
     has the tolerances (`considered`), with the geometry estimated (`freed`)."""
 
     name: str

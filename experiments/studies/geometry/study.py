@@ -1,4 +1,4 @@
-"""Do the intervals hold if the arm is not as drawn? Arms drawn from tolerances, solved in several ways.
+"""Do the intervals hold if the arm deviates from nominal geometry? Random arms, solved in several ways.
 
 Every simulated arm has offsets and links of its own, and measures a plan once, with noise. Its measurements
 are solved with the geometry estimated, and with nominal geometry: with the uncertainty of the consider
@@ -90,7 +90,7 @@ def geometry_study(
     estimators = [own for answer in answers for own in answer.estimators]
     return GeometryStudy(
         study="geometry",
-        title="Do the intervals hold if the arm is not as drawn?",
+        title="Do the intervals hold if the arm deviates from nominal geometry?",
         headline=_headline(count, answers),
         agrees=all(own.agrees is not own.control for own in estimators),
         settings=GeometrySettings(
@@ -162,8 +162,7 @@ def _checked(with_key: Check, without: Check) -> Iterator[CheckedOffset]:
         if row.group == "offset" and not row.held:
             if plain.name != row.name:
                 raise ValueError(f"{plain.name} is not {row.name}")
-            nominal_known = known(plain.status)
-            considered = with_key.geometry.consider[row.name] if nominal_known else None
+            considered = with_key.geometry.consider.get(row.name) if known(plain.status) else None
             yield CheckedOffset(row.name, row.unit, plain.std, considered, row.std)
 
 

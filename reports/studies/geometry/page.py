@@ -1,4 +1,4 @@
-"""The page of the study `geometry`: what intervals are worth if the arm is not as drawn."""
+"""The page of the study `geometry`: what intervals are worth if the arm deviates from nominal."""
 
 from __future__ import annotations
 
@@ -62,14 +62,14 @@ from .z_figure import z_picture
 _ERRORS = ("bias", "bias_mcse", "rmse", "predicted_std", "z", "z_low", "z_high", "checked_std")
 _KINDS = ("noise_only", "considered", "freed")
 _ABOUT = (
-    "Noise only: nominal geometry, and an arm that is as drawn. Considered: nominal geometry, and an arm"
-    " that has the tolerances. Freed: the geometry estimated, with the tolerances as priors. From the"
-    " smallest u of an offset to the largest, as `zerobeam check` predicts it."
+    "Noise only: geometry taken as nominal, of an arm that has it. Considered: geometry taken as nominal, of"
+    " an arm that deviates by the tolerances. Freed: the geometry estimated, with the tolerances as priors."
+    " From the smallest u of an offset to the largest, as `zerobeam check` predicts it."
 )
 
 
 def geometry_page(answer: GeometryStudy) -> Page:
-    """The display strings of a study of arms that are not as drawn."""
+    """The display strings of a study of arms that deviate from nominal geometry."""
     settings, plans = answer.settings, answer.plans
     estimators = [own for plan in plans for own in plan.estimators]
     sections = [

@@ -1,4 +1,4 @@
-"""Arms that are not as drawn: what holds, what must fail, and that `check` foresees the scatter."""
+"""Arms that deviate from nominal geometry: what holds, what must fail, what `check` foresees."""
 
 from __future__ import annotations
 
