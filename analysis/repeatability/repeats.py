@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from ...model.errors import BadInput
 from ...model.files.header import Header
-from ...model.files.reading import read_bytes
+from ...model.files.reading import LARGEST_RECORDING, read_bytes
 from ...model.files.run import Run, read_run
 from ...model.problem import Problem
 from ...model.robot import Matrix, Robot
@@ -91,7 +91,7 @@ def _names(given: Sequence[Path | Run]) -> list[str]:
 
 
 def _sha256(one: Path | Run) -> str:
-    return one.sha256 if isinstance(one, Run) else hashlib.sha256(read_bytes(one)).hexdigest()
+    return one.sha256 if isinstance(one, Run) else hashlib.sha256(read_bytes(one, LARGEST_RECORDING)).hexdigest()
 
 
 def _refuse_twice(named: Sequence[tuple[str, str]]) -> None:

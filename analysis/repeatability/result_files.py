@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...model.errors import BadInput
-from ...model.files.reading import parse_json, read_text, shown
+from ...model.files.reading import LARGEST_RECORDING, parse_json, read_text, shown
 from ..misfit import LACK_OF_FIT, LackOfFit
 from ..result import RESULT_SCHEMA as SCHEMA
 from ..status import known
@@ -22,7 +22,7 @@ _WITHOUT_PRIOR = 0.98  # std over the one without priors: from here on they have
 def read_result(path: Path, name: str) -> Repeat:
     """One run from its result; BadInput where the file is not a whole one."""
     try:
-        answer = parse_json(read_text(path)[0], file=path, line=1)
+        answer = parse_json(read_text(path, LARGEST_RECORDING)[0], file=path, line=1)
         if answer["schema"] != SCHEMA:
             raise ValueError(f"schema {shown(answer['schema'])}")
         return _of_result(answer, name)

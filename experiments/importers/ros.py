@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...model.errors import BadInput, missing_extra
-from ...model.files.reading import did_you_mean
+from ...model.files.reading import did_you_mean, require_regular
 from ...model.robot import Robot
 from .dwells import Log, Mark, Stillness
 from .imported import Imported, Job, one_target_each
@@ -76,6 +76,8 @@ def _read(
     """The log of a bag, and the topic that it was read from."""
     if not path.exists():
         raise BadInput("there is no such file", file=path, remedy="name a .bag, .mcap, .db3 or folder")
+    for file in path.iterdir() if path.is_dir() else (path,):
+        require_regular(file)
     with _opened(path) as reader:
         states = [c for c in reader.connections if c.msgtype == _JOINT_STATE]
         chosen = _topic(states, topic, reader, path)

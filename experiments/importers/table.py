@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ...model.errors import BadInput
-from ...model.files.reading import did_you_mean, read_text, shown
+from ...model.files.reading import LARGEST_TABLE, did_you_mean, read_text, shown
 from ...model.robot import Matrix, Robot
 
 
@@ -109,7 +109,7 @@ def read_table(
     path: Path, *, header_row: bool, delimiter: str, decimal: str, joints_of: Robot | None
 ) -> Table:
     """The table of a file. Without a header row `joints_of` means: its columns are a robot's joints."""
-    text, _ = read_text(path)
+    text, _ = read_text(path, LARGEST_TABLE)
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, strict=True)
     rows: list[list[str]] = []
     lines: list[int] = []

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ...model.errors import BadInput, RigFault, missing_extra
+from ...model.files.reading import require_regular
 from .camera import Camera, Image
 from .sensors_file import CameraBeside
 
@@ -85,6 +86,8 @@ class _Folder:
             raise BadInput(f"the folder of pictures cannot be read: {error.strerror}", file=folder) from None
         if not files:
             raise BadInput("the folder has no pictures", allowed=", ".join(sorted(_SUFFIXES)), file=folder)
+        for file in files:
+            require_regular(file)
         self._files: Iterator[Path] = iter(files)
         self._file: Path | None = None
 
@@ -136,6 +139,8 @@ def _capture(source: str | int | None, called: str, sheet: Camera) -> Capture:
         waits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, _ANSWER_MS, cv2.CAP_PROP_READ_TIMEOUT_MSEC, _ANSWER_MS]
         capture = cv2.VideoCapture(source, cv2.CAP_FFMPEG, waits)
     else:
+        if isinstance(source, str) and Path(source).exists():
+            require_regular(Path(source))
         capture = cv2.VideoCapture(source)
     if not capture.isOpened():
         capture.release()

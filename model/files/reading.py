@@ -10,13 +10,16 @@ import difflib
 import hashlib
 import json
 import math
+import os
 import re
+import stat
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
+from ruamel.yaml.composer import Composer
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
@@ -24,33 +27,64 @@ from ..errors import BadInput
 
 Place = tuple[str | int, ...]
 
+# Bytes of a file, by its kind (docs/files.md).
+LARGEST_YAML = 4 * 10**6
+LARGEST = 64 * 10**6  # what other programs write: URDF, programs and configurations of controllers
+LARGEST_RECORDING = 256 * 10**6  # runs and results
+LARGEST_TABLE = 1024 * 10**6  # logs in CSV
+
+_AT_ONCE = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+_KINDS = {stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket", stat.S_IFCHR: "a device", stat.S_IFBLK: "a device"}
+
 MOST_VALUES = 200_000  # in a YAML file: a plan of 20 000 postures
 DEEPEST = 50  # levels of nesting: no file of ours has more than six
 
 
-def read_bytes(path: Path) -> bytes:
-    """Content of a file; BadInput for one that is missing, a folder, unreadable or empty."""
+def read_bytes(path: Path, most: int = LARGEST) -> bytes:
+    """Content of a regular file of at most `most` bytes; BadInput for one that is missing, a folder, a device,
+    a pipe, unreadable, too large or empty."""
     try:
-        content = path.read_bytes()
-    except FileNotFoundError:
-        raise BadInput("there is no such file", file=path, remedy=_near_file(path)) from None
-    except (IsADirectoryError, PermissionError) as error:
-        # Windows answers "permission denied" for a folder.
-        if path.is_dir():
-            raise BadInput(
-                "this is a folder, not a file", file=path, remedy="name a file inside it"
-            ) from None
-        raise BadInput(f"the file cannot be read: {error.strerror}", file=path) from None
+        require_regular(path)
+        # What a name stands for may have changed meanwhile: opening waits for nobody at the end of a pipe.
+        with open(os.open(path, os.O_RDONLY | _AT_ONCE), "rb") as file:
+            content = file.read(most + 1)
     except (OSError, ValueError) as error:
-        raise BadInput(f"the file cannot be read: {error}", file=path) from None
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise BadInput(f"the file cannot be read: {reason}", file=path) from None
+    if len(content) > most:
+        raise BadInput(
+            "the file is too large",
+            found=f"more than {most // 10**6} MB",
+            allowed=f"at most {most // 10**6} MB for a file of this kind",
+            remedy="is it the right file? If so, divide it into several files",
+            file=path,
+        )
     if not content.strip():
         raise BadInput("the file is empty", file=path)
     return content
 
 
-def read_text(path: Path) -> tuple[str, str]:
-    """Text of a UTF-8 file and the SHA-256 of its bytes."""
-    content = read_bytes(path)
+def require_regular(path: Path) -> None:
+    """BadInput for what is no regular file, before it is opened: a device has no end, a pipe may never begin."""
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError:
+        raise BadInput("there is no such file", file=path, remedy=_near_file(path)) from None
+    if stat.S_ISDIR(mode):
+        raise BadInput("this is a folder, not a file", file=path, remedy="name a file inside it")
+    if not stat.S_ISREG(mode):
+        raise BadInput(
+            "this is not a regular file",
+            found=_KINDS.get(stat.S_IFMT(mode), "something else"),
+            allowed="a regular file",
+            remedy="save what comes from it to a file first",
+            file=path,
+        )
+
+
+def read_text(path: Path, most: int = LARGEST) -> tuple[str, str]:
+    """Text of a UTF-8 file of at most `most` bytes, and the SHA-256 of its bytes."""
+    content = read_bytes(path, most)
     return decode(content, file=path, line=None), hashlib.sha256(content).hexdigest()
 
 
@@ -106,11 +140,33 @@ class Document:
         return None
 
 
+class _TooMany(Exception):
+    """More values than a file may hold; the argument is the line."""
+
+
+class _Bounded(Composer):
+    """ruamel's composer; it ends at a number of nodes, each of which takes a kilobyte."""
+
+    _left = 2 * MOST_VALUES  # keys are nodes too
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        self._left -= 1
+        if self._left < 0:
+            raise _TooMany(self.parser.peek_event().start_mark.line + 1)
+        return super().compose_node(parent, index)
+
+
 def read_yaml(path: Path) -> Document:
     """One YAML 1.2 document whose top is a mapping."""
-    text, sha256 = read_text(path)
+    text, sha256 = read_text(path, LARGEST_YAML)
+    reader = YAML(typ="safe", pure=True)
+    reader.Composer = _Bounded
     try:
-        node = YAML(typ="safe", pure=True).compose(text)
+        node = reader.compose(text)
+    except _TooMany as error:
+        raise BadInput(
+            f"the file holds more than {MOST_VALUES} values", file=path, line=error.args[0]
+        ) from None
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         raise BadInput(

@@ -32,7 +32,7 @@ from .arrays import (
 )
 from .header import RUN_SCHEMA, Header, check_header, header_content
 from .json_lines import json_line, json_rows
-from .reading import Place, did_you_mean, read_bytes
+from .reading import LARGEST_RECORDING, Place, did_you_mean, read_bytes
 from .robot_file import load_robot
 from .shot import Shot, check_distances, check_shots
 from .validation import require_schema, validate
@@ -259,7 +259,7 @@ def read_run(path: Path | str) -> Run:
     <Run good.jsonl: 7 measurements of psd, irb1600>
     """
     path = Path(path)
-    run, torn = recorded(read_bytes(path), path)
+    run, torn = recorded(read_bytes(path, LARGEST_RECORDING), path)
     if not run.shots:
         found = "a header only" if torn is None else "a header and a torn line"
         raise BadInput("the run has no measurements", found=found, file=path, remedy="record some")

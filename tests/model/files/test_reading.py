@@ -1,3 +1,5 @@
+import os
+import socket
 from pathlib import Path
 
 import pytest
@@ -5,7 +7,15 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
-from zerobeam.model.files.reading import parse_json, read_text, read_yaml
+from zerobeam.model.files import reading
+from zerobeam.model.files.reading import (
+    LARGEST_YAML,
+    _Bounded,
+    parse_json,
+    read_bytes,
+    read_text,
+    read_yaml,
+)
 
 
 def yaml(tmp_path: Path, text: str | bytes) -> Path:
@@ -104,6 +114,34 @@ def test_missing_file_folder_and_empty_file(tmp_path, refused):
     assert "folder" in refused(read_text, tmp_path).what
     assert "empty" in refused(read_text, yaml(tmp_path, " \n\n")).what
     assert "cannot be read" in refused(read_text, Path("a\0b")).what
+
+
+def test_only_regular_files_are_opened(tmp_path, refused):
+    pipe, link, plug = tmp_path / "pipe", tmp_path / "link", tmp_path / "plug"
+    os.mkfifo(pipe)
+    link.symlink_to("/dev/zero")
+    with socket.socket(socket.AF_UNIX) as end:
+        end.bind(str(plug))
+        found = [refused(read_text, path).found for path in (pipe, link, plug, Path("/dev/null"))]
+    assert found == ["a pipe", "a device", "a socket", "a device"]
+
+
+def test_a_file_is_read_up_to_the_size_for_its_kind(tmp_path, refused):
+    path = yaml(tmp_path, "a: 1\n")
+    os.truncate(path, LARGEST_YAML + 1)
+    error = refused(read_yaml, path)
+    assert (error.what, error.found) == ("the file is too large", "more than 4 MB")
+    assert len(read_bytes(path)) == LARGEST_YAML + 1
+    os.truncate(path, 10**12)  # a hole: it takes no room on the disk
+    assert refused(read_bytes, path, 10**6).allowed == "at most 1 MB for a file of this kind"
+
+
+def test_many_values_end_where_too_many_are_read(tmp_path, refused, monkeypatch):
+    monkeypatch.setattr(reading, "MOST_VALUES", 100)
+    assert read_yaml(yaml(tmp_path, f"a: [{'1,' * 50}]\n")).data == {"a": [1] * 50}
+    monkeypatch.setattr(_Bounded, "_left", 200)
+    error = refused(read_yaml, yaml(tmp_path, f"a:\n  [{'1,' * 300}]\n"))
+    assert (error.what, error.line) == ("the file holds more than 100 values", 2)
 
 
 def test_a_byte_order_mark_is_no_content(tmp_path):
