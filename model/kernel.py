@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .c_source import NoSource, grid_source
+from .compiling import KernelWarning, private, private_folder, ran
 from .robot import Matrix
 
 # No contraction to fused multiply-adds: both paths must give the same numbers.
@@ -31,10 +32,6 @@ _FLAGS = ("-O2", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno", "-W
 _DIGEST = 32  # bytes of the sha256 that ends each cached library
 
 Index = NDArray[np.int64]
-
-
-class KernelWarning(UserWarning):
-    """The compiled path was asked for and is not to be had; the plain one serves."""
 
 
 class Offsets(NamedTuple):
@@ -264,12 +261,10 @@ def _compiler() -> tuple[str, tuple[str, ...], str] | None:
         if path is None:
             continue
         for flags in ((*_FLAGS, "-march=native"), _FLAGS):
-            done = subprocess.run(
-                [path, *flags, "-dM", "-E", "-x", "c", os.devnull],
-                capture_output=True,
-                text=True,
-                check=False,
-            )
+            try:
+                done = ran([path, *flags, "-dM", "-E", "-x", "c", os.devnull])
+            except subprocess.TimeoutExpired:
+                return None
             if done.returncode == 0:
                 return path, flags, done.stdout
     return None
@@ -299,18 +294,20 @@ def _load(function: ca.Function, hoisted: Collection[str], gram: bool) -> ctypes
     compiler = _compiler()
     if compiler is None:
         warnings.warn(
-            "no C compiler found: CasADi's virtual machine serves, slower", KernelWarning, stacklevel=3
+            "no C compiler found that works: CasADi's virtual machine serves, slower",
+            KernelWarning,
+            stacklevel=3,
         )
         return None
     path, flags, macros = compiler
     try:
         source = grid_source(function, hoisted, gram=gram)
         key = hashlib.sha256("\0".join([source, *flags, macros]).encode()).hexdigest()
-        library = cache_folder() / f"{function.name()}-{key[:32]}.so"
+        library = private_folder(cache_folder()) / f"{function.name()}-{key[:32]}.so"
         if not _whole(library):
             _compile([path, *flags], source, library)
         loaded = ctypes.CDLL(str(library))
-    except (OSError, NoSource, subprocess.CalledProcessError) as error:
+    except (OSError, NoSource, subprocess.SubprocessError) as error:
         warnings.warn(
             f"the kernel could not be compiled ({error}): CasADi's virtual machine serves, slower",
             KernelWarning,
@@ -324,8 +321,11 @@ def _load(function: ca.Function, hoisted: Collection[str], gram: bool) -> ctypes
 
 
 def _whole(library: Path) -> bool:
-    """Whether a cached library is there and undamaged: its last bytes are the sha256 of the rest."""
+    """Whether a cached library is there, of this user alone, and undamaged: its last bytes are the sha256 of
+    the rest."""
     try:
+        if not private(library):
+            return False
         data = library.read_bytes()
     except FileNotFoundError:
         return False
@@ -334,16 +334,11 @@ def _whole(library: Path) -> bool:
 
 def _compile(command: list[str], source: str, library: Path) -> None:
     """Compile to another name, then rename: two processes may race, each ends with a whole file."""
-    library.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=library.parent) as folder:
         code, built = Path(folder) / "kernel.c", Path(folder) / "kernel.so"
         code.write_text(source)
-        subprocess.run(
-            [*command, str(code), "-o", str(built), "-lm"],
-            check=True,
-            capture_output=True,
-            text=True,
-        )
+        ran([*command, str(code), "-o", str(built), "-lm"]).check_returncode()
         data = built.read_bytes()
         built.write_bytes(data + hashlib.sha256(data).digest())
+        built.chmod(0o600)
         os.replace(built, library)

@@ -68,7 +68,7 @@ def kernel_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     folder, made = shared / "kernels", shared / "made"
     with pytest.MonkeyPatch.context() as patch:
         for name, path in (("ZEROBEAM_CACHE", folder), ("ZEROBEAM_TESTS_MADE", made)):
-            path.mkdir(exist_ok=True)
+            path.mkdir(mode=0o700, exist_ok=True)
             patch.setenv(name, str(path))
         yield folder
 

@@ -91,7 +91,9 @@ def _names(given: Sequence[Path | Run]) -> list[str]:
 
 
 def _sha256(one: Path | Run) -> str:
-    return one.sha256 if isinstance(one, Run) else hashlib.sha256(read_bytes(one, LARGEST_RECORDING)).hexdigest()
+    if isinstance(one, Run):
+        return one.sha256
+    return hashlib.sha256(read_bytes(one, LARGEST_RECORDING)).hexdigest()
 
 
 def _refuse_twice(named: Sequence[tuple[str, str]]) -> None:

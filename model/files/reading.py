@@ -34,15 +34,20 @@ LARGEST_RECORDING = 256 * 10**6  # runs and results
 LARGEST_TABLE = 1024 * 10**6  # logs in CSV
 
 _AT_ONCE = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
-_KINDS = {stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket", stat.S_IFCHR: "a device", stat.S_IFBLK: "a device"}
+_KINDS = {
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}
 
 MOST_VALUES = 200_000  # in a YAML file: a plan of 20 000 postures
 DEEPEST = 50  # levels of nesting: no file of ours has more than six
 
 
 def read_bytes(path: Path, most: int = LARGEST) -> bytes:
-    """Content of a regular file of at most `most` bytes; BadInput for one that is missing, a folder, a device,
-    a pipe, unreadable, too large or empty."""
+    """Content of a regular file of at most `most` bytes; BadInput for one that is missing, a folder, a
+    device, a pipe, unreadable, too large or empty."""
     try:
         require_regular(path)
         # What a name stands for may have changed meanwhile: opening waits for nobody at the end of a pipe.
@@ -65,7 +70,7 @@ def read_bytes(path: Path, most: int = LARGEST) -> bytes:
 
 
 def require_regular(path: Path) -> None:
-    """BadInput for what is no regular file, before it is opened: a device has no end, a pipe may never begin."""
+    """BadInput for what is no regular file. It is not opened: a device has no end, a pipe may never begin."""
     try:
         mode = path.stat().st_mode
     except FileNotFoundError:

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from zerobeam.model import kernel
+from zerobeam.model import compiling, kernel
 from zerobeam.model.kernel import (
     Kernel,
     KernelWarning,
@@ -526,3 +526,85 @@ def test_a_compiler_that_does_not_know_the_processor_goes_without(empty_cache, t
     made, told = warned(small())
     assert (made.compiled, told) == (True, [])
     assert made(np.ones(2), np.ones(3))[0] == 6
+
+
+@pytest.mark.skipif(os.name != "posix", reason="the false compilers are shell scripts")
+@pytest.mark.parametrize("at_once", [True, False], ids=["at the first question", "at a kernel"])
+def test_a_compiler_that_hangs_is_ended_with_its_children(
+    empty_cache, tmp_path, compilers, monkeypatch, at_once
+):
+    os.mkfifo(tmp_path / "pipe")
+    alive = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    answers = "" if at_once else 'case "$*" in *-dM*) echo "#define ONE 1"; exit 0;; esac\n'
+    cc = script(tmp_path / "cc", f"{answers}(echo begun; exec sleep 1000) > {tmp_path / 'pipe'} &\nwait\n")
+    compilers(os.environ["PATH"], cc)
+    monkeypatch.setattr(compiling, "LONGEST_S", 1.0)
+    made, told = warned(small())
+    ((category, text, filename),) = told
+    assert category is KernelWarning
+    assert filename == __file__
+    assert ("no C compiler" in text) if at_once else ("timed out after 1.0 seconds" in text)
+    assert made(np.ones(2), np.ones(3))[0] == 6
+    with open(alive, "rb") as pipe:
+        assert pipe.read(6) == b"begun\n"
+        os.set_blocking(alive, True)
+        assert pipe.read() == b""  # the end comes when nobody is left who could write
+    monkeypatch.setattr(subprocess, "Popen", never_compile)
+    assert not warned(small("other"))[0].compiled
+
+
+# --- whose the cache is -----------------------------------------------------------------------------
+
+posix = pytest.mark.skipif(os.name != "posix", reason="owners and modes are POSIX's")
+
+
+@needs_compiler
+@posix
+def test_the_cache_is_the_users_own_whatever_the_umask(tmp_path, monkeypatch):
+    folder = tmp_path / "above" / "cache"
+    monkeypatch.setenv("ZEROBEAM_CACHE", str(folder))
+    before = os.umask(0)
+    try:
+        Kernel(small(), compile=True)
+    finally:
+        os.umask(before)
+    (library,) = folder.iterdir()
+    modes = [stat.S_IMODE(path.stat().st_mode) for path in (folder.parent, folder, library)]
+    assert modes == [0o700, 0o700, 0o600]
+
+
+@needs_compiler
+@posix
+@pytest.mark.parametrize("how", ["writable", "another's"])
+def test_a_cache_that_others_can_write_is_not_used(empty_cache, monkeypatch, how):
+    Kernel(small(), compile=True)
+    (name,) = libraries(empty_cache)
+    (empty_cache / name).write_bytes(b"planted")
+    if how == "writable":
+        empty_cache.chmod(0o777)
+    else:
+        another = os.getuid() + 1
+        monkeypatch.setattr(os, "getuid", lambda: another)
+        monkeypatch.setattr(compiling, "_make_private", lambda folder: None)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        both = [Kernel(small(), compile=True), Kernel(small("other"), compile=True)]
+    assert libraries(empty_cache) == [name]
+    assert (empty_cache / name).read_bytes() == b"planted"
+    ((category, text, filename),) = [(each.category, str(each.message), each.filename) for each in told]
+    assert (category, filename) == (KernelWarning, __file__)
+    assert f"chmod 700 {empty_cache}" in text
+    if how == "writable":
+        assert [made.compiled for made in both] == [True, True]
+        assert stat.S_IMODE(compiling._own_folder(empty_cache).stat().st_mode) == 0o700
+
+
+@needs_compiler
+@posix
+def test_a_library_that_others_can_write_is_built_again(empty_cache):
+    Kernel(small(), compile=True)
+    (library,) = empty_cache.iterdir()
+    library.chmod(0o666)
+    assert not kernel._whole(library)
+    assert Kernel(small(), compile=True).compiled
+    assert kernel._whole(library)
