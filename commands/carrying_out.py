@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from contextlib import ExitStack
 from enum import StrEnum
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..model.errors import BadInput
-from .console import EXIT_STATUS, INTERRUPTED, err, out, print_json
+from .console import EXIT_STATUS, INTERRUPTED, err, json_text, out, print_json
 from .options import Camera, Json, NewRunFile, PlanFile, Seed
 
 if TYPE_CHECKING:
@@ -125,7 +124,7 @@ def run(
         def told(event: Event) -> None:
             seen(event)
             if json_lines:
-                sys.stdout.write(json.dumps(event_json(event), ensure_ascii=False, allow_nan=False) + "\n")
+                sys.stdout.write(json_text(event_json(event)) + "\n")
                 sys.stdout.flush()
 
         try:

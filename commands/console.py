@@ -11,18 +11,26 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from rich.console import Console
+from ..reports.style.terminal import Terminal
 
 EXIT_STATUS = {"pass": 0, "weak": 1, "degenerate": 1, "misfit": 1}
 FAULT = 3
 INTERRUPTED = 130
 
-out = Console(highlight=False, soft_wrap=False)
-err = Console(stderr=True, highlight=False)
+out = Terminal(highlight=False, soft_wrap=False)
+err = Terminal(stderr=True, highlight=False)
 
 
 def print_json(answer: dict[str, Any]) -> None:
-    sys.stdout.write(json.dumps(answer, ensure_ascii=False, allow_nan=False, indent=1) + "\n")
+    sys.stdout.write(json_text(answer, indent=1) + "\n")
+
+
+def json_text(answer: dict[str, Any], indent: int | None = None) -> str:
+    """JSON in which what a person would not see is escaped: it may end up in a terminal."""
+    from ..reports.words.wording import visible
+
+    text = json.dumps(answer, ensure_ascii=False, allow_nan=False, indent=indent)
+    return visible(text, lambda letter: json.dumps(letter)[1:-1])
 
 
 def plain(message: object) -> str:

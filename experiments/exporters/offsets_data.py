@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from typing import Any
 
+from ...reports.words import spreadsheet
 from ...reports.words.causes import reason
 from .calibration import MEANING, SEED, Calibration, Offset, one_line
 
@@ -32,19 +31,14 @@ _PARAMETER_KEYS = ("name", "unit", "group", "status", "estimate", "std", "interv
 
 def csv_text(calibration: Calibration) -> str:
     """One row a joint, every row with its provenance. A field is empty where the data cannot determine it."""
-    file = io.StringIO()
-    rows = [_row(offset, calibration) for offset in calibration.offsets]
-    table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-    table.writeheader()
-    table.writerows(rows)
-    return file.getvalue()
+    return spreadsheet.csv_text(_row(offset, calibration) for offset in calibration.offsets)
 
 
 def _row(offset: Offset, calibration: Calibration) -> dict[str, object]:
     low, high = offset.interval95 or (None, None)
     return {
         "offset": offset.name,
-        "joint": _text(offset.joint),
+        "joint": one_line(offset.joint),
         "kind": offset.kind,
         "unit": offset.unit,
         "status": offset.status,
@@ -54,19 +48,13 @@ def _row(offset: Offset, calibration: Calibration) -> dict[str, object]:
         "std": offset.std,
         "low95": low,
         "high95": high,
-        "reason": _text(offset.reason or ""),
-        "run": _text(calibration.run),
+        "reason": one_line(offset.reason or ""),
+        "run": one_line(calibration.run),
         "run_sha256": calibration.sha256,
-        "robot": _text(calibration.robot),
+        "robot": one_line(calibration.robot),
         "zerobeam": calibration.versions["zerobeam"],
-        "notes": _text("; ".join(calibration.warnings)),
+        "notes": one_line("; ".join(calibration.warnings)),
     }
-
-
-def _text(name: str) -> str:
-    """A name on one line; a leading apostrophe keeps a spreadsheet from taking it for a formula."""
-    name = one_line(name)
-    return f"'{name}" if name.startswith(("=", "+", "-", "@")) else name
 
 
 def document(calibration: Calibration) -> dict[str, Any]:

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from ..style.blocks import Page
 from ..style.canvas import Picture
-from ..words.wording import shown
+from ..words.spreadsheet import Row, csv_text
 from .html import PageKind, Turnable, html
 from .pdf import pdf
-
-Row = Mapping[str, object]
 
 
 def write_page(
@@ -40,15 +36,3 @@ def write_page(
     for name, picture in pictures.items():
         (folder / "figures" / f"{name}.svg").write_text(picture.svg, encoding="utf-8")
     return [f"{name}.svg" for name in pictures]
-
-
-def csv_text(rows: Iterable[Row]) -> str:
-    """Rows with the same keys as CSV with a header; what is not known is an empty cell."""
-    out = io.StringIO()
-    writer: csv.DictWriter[str] | None = None
-    for row in rows:
-        if writer is None:
-            writer = csv.DictWriter(out, fieldnames=list(row), lineterminator="\n")
-            writer.writeheader()
-        writer.writerow({key: shown(cell) if isinstance(cell, str) else cell for key, cell in row.items()})
-    return out.getvalue()

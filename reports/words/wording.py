@@ -18,6 +18,7 @@ LONGEST_WORD = 60
 
 # Cc control, Cs lone surrogates, Cn unassigned, Zl and Zp separators: nothing to see in any font.
 _UNSEEN = {"Cc", "Cs", "Cn", "Zl", "Zp"}
+_PERHAPS = re.compile(r"[^\n -~]")
 _TURNING = frozenset("\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")
 
 
@@ -29,11 +30,18 @@ NOT_DETERMINED = "not determined by these data"
 
 def shown(text: str) -> str:
     """`text` with what cannot be seen written out (`\\x00`, `\\u202e`); line breaks become spaces."""
-    text = re.sub(r"[\r\n\t]+", " ", text)
-    return "".join(
-        escaped(letter) if letter in _TURNING or unicodedata.category(letter) in _UNSEEN else letter
-        for letter in text
-    )
+    return visible(re.sub(r"[\r\n\t]+", " ", text))
+
+
+def visible(text: str, escape: Callable[[str], str] | None = None) -> str:
+    """`text` with what cannot be seen, but for line breaks, as `escape` writes it (default: `escaped`)."""
+    write = escape or escaped
+
+    def one(found: re.Match[str]) -> str:
+        letter = found.group()
+        return write(letter) if letter in _TURNING or unicodedata.category(letter) in _UNSEEN else letter
+
+    return _PERHAPS.sub(one, text)
 
 
 def clipped(name: str, width: int = NAME_WIDTH) -> str:

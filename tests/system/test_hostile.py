@@ -6,6 +6,7 @@ are with those outputs.
 
 from __future__ import annotations
 
+import io
 import json
 import re
 import unicodedata
@@ -17,9 +18,12 @@ import pytest
 from chromium import PHONE, chromium
 from command_line import Answer, zerobeam
 from pages import Page, assert_fetches_nothing
+from rich.table import Table
+from rich.text import Text
 
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.robot_file import BUILT_IN
+from zerobeam.reports.style.terminal import Terminal
 
 SCRIPT = "</script><script>alert(1)</script>"
 LONG = 'quote" onload="' + "long" * 1250
@@ -88,6 +92,35 @@ def test_a_name_that_cannot_be_seen_is_refused_in_words_that_can(name: str, tmp_
         answer.refused()
         assert unseen(answer.err) == []
         assert "\\u202e$(touch x)" in answer.err
+
+
+ALL_UNSEEN = "".join(UNSEEN[name] for name in ("turned", "escape")) + "\x9b31m\x7f\u2028"
+
+
+@pytest.mark.parametrize("options", [(), ("--json",)], ids=["text", "json"])
+def test_a_table_of_offsets_prints_no_name_raw(tmp_path: Path, options: tuple[str, ...]) -> None:
+    table = tmp_path / "table.csv"
+    names = (f"delta2{ALL_UNSEEN}_deg", f"first{ALL_UNSEEN}", f"second{ALL_UNSEEN}")
+    rows = [["run", names[0]], [names[1], "0.1"], [names[2], "0.2"]]
+    table.write_text("\n".join(",".join(row) for row in rows) + "\n", encoding="utf-8")
+    answer = zerobeam("compare", table, *options)
+    assert answer.status != 3, answer.err
+    assert unseen(answer.out + answer.err) == []
+    assert "u202e" in answer.out + answer.err
+    if options:
+        assert answer.json["runs"][0]["name"] == names[1].strip()
+
+
+def test_nothing_gets_through_a_console_but_its_own_colours() -> None:
+    out = io.StringIO()
+    console = Terminal(file=out, force_terminal=True, width=200, color_system="standard")
+    table = Table(title=ALL_UNSEEN)
+    table.add_column(ALL_UNSEEN)
+    table.add_row(ALL_UNSEEN)
+    console.print(table, ALL_UNSEEN, Text(ALL_UNSEEN, style="red"), markup=False)
+    assert "\x1b[31m" in out.getvalue()
+    assert "\\u202e" in out.getvalue()
+    assert unseen(re.sub(r"\x1b\[[0-9;]*m", "", out.getvalue())) == []
 
 
 def test_no_name_makes_a_file(told: tuple[Path, Answer]) -> None:
