@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.special import ellipk
 
 from ...model.files.reading import shown
-from ...model.files.validation import refusal
+from ...model.files.validation import refusal, without_length
 from ...model.robot import Matrix
 
 PsdKind = Literal["duo-lateral", "tetra-lateral"]
@@ -43,7 +43,7 @@ _ALONG_X = np.cos(np.radians(20.0))
 def face_normal(value: object) -> object:
     if value is None or value == "beam":
         return value
-    if not isinstance(value, list | tuple) or len(value) != 3 or not any(value):
+    if not isinstance(value, list | tuple) or len(value) != 3 or without_length(value):
         raise refusal(
             "this is not a normal of a PSD's face",
             found=shown(value),

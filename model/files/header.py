@@ -20,6 +20,7 @@ from .stated_geometry import StatedGeometry
 from .validation import (
     FileModel,
     Name,
+    NotNegative,
     Point,
     Positive,
     PositiveOrList,
@@ -29,6 +30,7 @@ from .validation import (
     refusal,
     tuple_of,
     validate,
+    without_length,
 )
 
 RUN_SCHEMA: Literal["zerobeam/run/1"] = "zerobeam/run/1"
@@ -129,7 +131,7 @@ class StatedTool(FileModel):
                 found=f"direction: {shown(self.direction)}",
                 remedy="remove it, or state kind: laser",
             )
-        if self.direction is not None and not any(self.direction):
+        if self.direction is not None and without_length(self.direction):
             raise refusal(
                 "tool.direction has no length",
                 key=("direction",),
@@ -164,7 +166,7 @@ class StatedNoise(FileModel):
     joint_mm: Positive | None = Field(
         default=None, description="of a prismatic joint's reading, millimetres, where joint_deg is one number"
     )
-    spot_mm: Annotated[float, Field(ge=0)] = Field(
+    spot_mm: NotNegative = Field(
         description="of a spot reading, or of the ball in its socket, in each direction, millimetres"
     )
     scale: Literal["known", "estimated", "separate"] = Field(

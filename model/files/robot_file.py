@@ -17,6 +17,8 @@ from .reading import did_you_mean, read_yaml, shown
 from .urdf import read_urdf, roll_pitch_yaw
 from .validation import FileModel, Name, Point, Positive, refusal, require_schema, validate
 
+MOST_JOINTS = 100  # more are a mistake, and would be computed for hours
+
 BUILT_IN = Path(__file__).parents[1] / "robots"
 
 
@@ -120,9 +122,9 @@ class RobotFile(FileModel):
         description="standard: Rz(theta) Tz(d) Tx(a) Rx(alpha) Ry(beta); "
         "modified (Craig): Rx(alpha) Tx(a) Ry(beta) Rz(theta) Tz(d)"
     )
-    joints: Annotated[tuple[StatedJoint, ...], BeforeValidator(_joint_rows), Field(min_length=1)] = Field(
-        description="one row a joint, joint 1 first"
-    )
+    joints: Annotated[
+        tuple[StatedJoint, ...], BeforeValidator(_joint_rows), Field(min_length=1, max_length=MOST_JOINTS)
+    ] = Field(description="one row a joint, joint 1 first")
     base: StatedTransform = Field(
         default=StatedTransform(), description="from the base frame to the frame of the first row"
     )

@@ -14,7 +14,7 @@ from ..robot import Robot
 from .header import Header
 from .limits import check_limits, require_joint_count
 from .reading import did_you_mean, shown
-from .validation import FileModel, TargetName, refusal
+from .validation import MOST, FileModel, TargetName, refusal
 
 
 def _joint_values(value: object) -> object:
@@ -49,7 +49,7 @@ JointValues = Annotated[tuple[float, ...], BeforeValidator(_joint_values)]
 class Shot(FileModel):
     """One recorded measurement: the joints when the beam was on the target (or the probe in its socket)."""
 
-    shot: int = Field(ge=0, description="number of the measurement, unique in its run")
+    shot: int = Field(ge=0, le=MOST, description="number of the measurement, unique in its run")
     target: TargetName = Field(description="name of the target that was hit")
     joints_deg: JointValues = Field(
         description="recorded joint positions, joint 1 first, degrees (millimetres for a prismatic joint)"

@@ -11,7 +11,15 @@ from pydantic import BeforeValidator, Field
 from ..errors import BadInput
 from ..robot import Matrix, Robot
 from .reading import Place, shown
-from .validation import FileModel, Point, PositiveOrList, as_tuple, positive_or_list, refusal
+from .validation import (
+    FileModel,
+    NotNegative,
+    Point,
+    PositiveOrList,
+    as_tuple,
+    positive_or_list,
+    refusal,
+)
 
 
 def _direction(value: object) -> object:
@@ -82,7 +90,7 @@ class StatedGeometry(FileModel):
         default="auto",
         description="first harmonic of each joint's reading; auto: if it predicts better",
     )
-    masses_kg: Annotated[tuple[Annotated[float, Field(ge=0)], ...], BeforeValidator(as_tuple)] | None = Field(
+    masses_kg: Annotated[tuple[NotNegative, ...], BeforeValidator(as_tuple)] | None = Field(
         default=None, description="mass of each link, at its far end (default: equal masses)"
     )
     up: Annotated[Point, BeforeValidator(_direction)] = Field(

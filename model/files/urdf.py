@@ -18,8 +18,10 @@ import numpy as np
 from ..errors import BadInput
 from ..robot import Joint, JointKind, Matrix, Robot, rotation_about, shift
 from .reading import did_you_mean, read_text
+from .validation import LARGEST_OTHER
 
 MILLIMETRES = 1000.0  # in a metre
+LARGEST = 1000.0  # m or rad: what other files may hold in mm and degrees, in round figures
 
 
 def roll_pitch_yaw(roll: float, pitch: float, yaw: float) -> Matrix:
@@ -269,7 +271,7 @@ class _Reader:
                 )
         speed: float | None = None
         if limit is not None and limit.get("velocity") is not None:
-            (velocity,) = self._numbers(limit, "velocity", 1)
+            (velocity,) = self._numbers(limit, "velocity", 1, LARGEST_OTHER)
             # Files whose writer did not know the speed have 0 there.
             speed = velocity * unit if velocity > 0 else None
         return Joint(edge.name, kind, fixed, axis, lower * unit, upper * unit, speed)
@@ -295,17 +297,20 @@ class _Reader:
         roll, pitch, yaw = self._numbers(element, "rpy", 3) if element.get("rpy") is not None else [0.0] * 3
         return shift(x * MILLIMETRES, y * MILLIMETRES, z * MILLIMETRES) @ roll_pitch_yaw(roll, pitch, yaw)
 
-    def _numbers(self, element: ElementTree.Element, name: str, count: int) -> list[float]:
+    def _numbers(
+        self, element: ElementTree.Element, name: str, count: int, largest: float = LARGEST
+    ) -> list[float]:
         text = self._attribute(element, name)
         try:
             values = [float(word) for word in text.split()]
         except ValueError:
             values = []
-        if len(values) != count or not all(math.isfinite(value) for value in values):
+        if len(values) != count or not all(-largest <= value <= largest for value in values):
+            numbers = "a number" if count == 1 else f"{count} numbers with blanks between, each"
             raise self._bad(
                 f"{name!r} of <{element.tag}> cannot be read",
                 element,
                 found=text,
-                allowed="a finite number" if count == 1 else f"{count} finite numbers with blanks between",
+                allowed=f"{numbers} from -{largest:g} to {largest:g}",
             )
         return values

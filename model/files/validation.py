@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+import math
 import types
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, Self, TypeVar, Union, get_args, get_origin
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PrivateAttr, ValidationError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PrivateAttr,
+    ValidationError,
+    model_validator,
+)
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from ..errors import BadInput
@@ -24,10 +34,38 @@ Schema = Literal[
 ]
 
 
+# Magnitudes of numbers (docs/files.md): by the unit that ends a key, and without one. Beyond them sums of
+# squares overflow, or no digit of a millimetre is left.
+LARGEST = {"mm": 1e6, "deg": 1e5}
+LARGEST_OTHER = 1e12
+SMALLEST = 1e-12  # of what must be above 0, and of the length of a direction
+MOST = 10**9  # of what is counted
+
+
 class FileModel(BaseModel):
-    """Base of what is read from files: no unknown keys, no conversion of types, no NaN or infinity."""
+    """Base of what is read from files: no unknown keys, no conversion of types, no NaN or infinity, and no
+    numbers that nothing physical has."""
 
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @model_validator(mode="after")
+    def _within_bounds(self) -> Self:
+        for name, value in self.__dict__.items():
+            unit = name.rpartition("_")[2]
+            most, of = (LARGEST[unit], f" {unit}") if unit in LARGEST else (LARGEST_OTHER, "")
+            inner = value.items() if type(value) is dict and of else ()
+            parts = enumerate(value) if type(value) is tuple else inner or ((None, value),)
+            for part, number in parts:
+                if type(number) is float and not -most <= number <= most:
+                    key = (name,) if part is None else (name, part)
+                    raise refusal(
+                        f"{called(key)} is out of range",
+                        key=key,
+                        found=f"{number:g}{of}",
+                        allowed=f"-{most:g} to {most:g}{of}",
+                        remedy="correct the number, or its unit",
+                    )
+        return self
 
 
 def refusal(
@@ -97,13 +135,30 @@ def positive_or_list(what: str) -> BeforeValidator:
 
 
 Point = Annotated[tuple[float, float, float], tuple_of(3, "[x, y, z]")]
-Positive = Annotated[float, Field(gt=0)]
+
+
+def _not_vanishing(value: float) -> float:
+    if 0 < value < SMALLEST:
+        least = f"at least {SMALLEST:g}"
+        raise refusal("a number is too small", found=f"{value:g}", allowed=least, remedy="correct its unit")
+    return value
+
+
+def without_length(value: Any) -> bool:
+    """Whether three numbers are no direction; what is no number at all is left to others to refuse."""
+    try:
+        return math.hypot(*value) < SMALLEST
+    except (TypeError, OverflowError):
+        return False
+
+
+Positive = Annotated[float, Field(gt=0), AfterValidator(_not_vanishing)]
 Name = Annotated[str, BeforeValidator(_name)]
 TargetName = Annotated[str, BeforeValidator(_target_name)]
 PositiveOrList = Positive | tuple[Positive, ...]
-NotNegative = Annotated[float, Field(ge=0)]
+NotNegative = Annotated[float, Field(ge=0), AfterValidator(_not_vanishing)]
 Share = Annotated[float, Field(gt=0, le=1)]
-Count = Annotated[int, Field(ge=1)]
+Count = Annotated[int, Field(ge=1, le=MOST)]
 Pair = Annotated[tuple[float, float], tuple_of(2)]
 
 
@@ -261,6 +316,8 @@ def _in_words(kind: str, facts: Mapping[str, Any], message: str) -> tuple[str, s
         return "is not one of the allowed words", str(facts["expected"])
     if kind == "finite_number":
         return "is not finite", "a finite number"
+    if kind == "too_long":
+        return "is too long", f"at most {facts['max_length']}"
     if kind in ("string_too_short", "too_short"):
         return "is empty" if facts["min_length"] == 1 else "is too short", f"at least {facts['min_length']}"
     return f"cannot be used: {message}", None

@@ -19,13 +19,21 @@ from ....model.files.header import (
     StatedTool,
 )
 from ....model.files.reading import shown
-from ....model.files.validation import FileModel, Name, Point, Positive, refusal
+from ....model.files.validation import (
+    Count,
+    FileModel,
+    Name,
+    NotNegative,
+    Point,
+    Positive,
+    refusal,
+    without_length,
+)
 
 TARGET = "psd"
 _MOST_RUNS = 100_000
 
 Cost = Literal["likelihood", "midpoint"]
-Count = Annotated[int, Field(ge=1)]
 
 
 def as_tuple(value: object) -> object:
@@ -82,9 +90,7 @@ class PlanMaking(FileModel):
     beam_mm: Annotated[tuple[float, float], BeforeValidator(_pair)] = Field(
         default=(200.0, 2000.0), description="shortest and longest beam, millimetres"
     )
-    margin_deg: Annotated[float, Field(ge=0)] = Field(
-        default=5.0, description="kept to every joint limit, degrees"
-    )
+    margin_deg: NotNegative = Field(default=5.0, description="kept to every joint limit, degrees")
 
     @model_validator(mode="after")
     def _agree(self) -> Self:
@@ -95,7 +101,7 @@ class PlanMaking(FileModel):
                 found=shown(list(self.beam_mm)),
                 allowed="a shortest beam of 0 or more and below the longest",
             )
-        if self.facing is not None and not any(self.facing):
+        if self.facing is not None and without_length(self.facing):
             raise refusal(
                 "the target's face has no direction",
                 key=("facing",),

@@ -101,6 +101,8 @@ def test_roll_pitch_yaw_turn_about_fixed_axes():
         ('<limit lower="-2" upper="1"', "<limit", "'turn' has no limits", 14),
         ('lower="-2"', 'lower="2"', "lower limit ≥ upper limit", 14),
         ('lower="-2"', 'lower="nan"', "'lower' of <limit> cannot be read", 14),
+        ('xyz="0 0 0.4"', 'xyz="0 0 1e30"', "'xyz' of <origin> cannot be read", 12),
+        ('upper="1"', 'upper="1e16"', "'upper' of <limit> cannot be read", 14),
         ('xyz="0 0 0.4"', 'xyz="0 0,4"', "'xyz' of <origin> cannot be read", 12),
         ('xyz="0 0 0.4"', 'xyz="0 0 0 0.4"', "'xyz' of <origin> cannot be read", 12),
         ('xyz="0 0 2"', 'xyz="0 0 0"', "has no length", 13),

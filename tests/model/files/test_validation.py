@@ -3,7 +3,15 @@ from pathlib import Path
 import pytest
 from pydantic import Field
 
-from zerobeam.model.files.validation import FileModel, validate
+from zerobeam.model.files.validation import (
+    LARGEST,
+    LARGEST_OTHER,
+    SMALLEST,
+    FileModel,
+    Point,
+    PositiveOrList,
+    validate,
+)
 
 
 class Inner(FileModel):
@@ -50,3 +58,45 @@ def test_wrong_values_are_told_in_words(refused, inner, what, found):
     assert what in error.what
     assert found is None or error.found == found
     assert "pydantic" not in str(error)
+
+
+class Numbers(FileModel):
+    a_mm: float = 0.0
+    turn_deg: float = 0.0
+    ratio: float = 0.0
+    point_mm: Point = (0.0, 0.0, 0.0)
+    sigma_mm: PositiveOrList = 1.0
+    offsets_deg: dict[str, float] = Field(default={})
+
+
+@pytest.mark.parametrize(
+    ("stated", "what", "found", "allowed"),
+    [
+        ({"a_mm": 1e30}, "a_mm is out of range", "1e+30 mm", "-1e+06 to 1e+06 mm"),
+        ({"turn_deg": -1e6}, "turn_deg is out of range", "-1e+06 deg", "-100000 to 100000 deg"),
+        ({"ratio": 1e160}, "ratio is out of range", "1e+160", "-1e+12 to 1e+12"),
+        ({"point_mm": [0, 1e7, 0]}, "item 2 of point_mm is out of range", "1e+07 mm", "-1e+06 to 1e+06 mm"),
+        ({"sigma_mm": [1, 1e7]}, "item 2 of sigma_mm is out of range", "1e+07 mm", "-1e+06 to 1e+06 mm"),
+        ({"offsets_deg": {"x": 1e6}}, "offsets_deg.x is out of range", "1e+06 deg", None),
+        ({"sigma_mm": 1e-160}, "a number is too small", "1e-160", "at least 1e-12"),
+        ({"sigma_mm": [1, 1e-13]}, "a number is too small", "1e-13", "at least 1e-12"),
+    ],
+)
+def test_numbers_that_nothing_physical_has_are_refused(refused, stated, what, found, allowed):
+    error = refused(validate, Numbers, stated, file=Path("f"), line=lambda place: 10 + len(place))
+    assert (error.what, error.found) == (what, found)
+    assert allowed is None or error.allowed == allowed
+    assert error.line == 10 + (
+        2 if "item" in what or "." in what or isinstance(stated.get("sigma_mm"), list) else 1
+    )
+
+
+def test_the_bounds_themselves_are_allowed():
+    widest = {
+        "a_mm": -LARGEST["mm"],
+        "turn_deg": LARGEST["deg"],
+        "ratio": LARGEST_OTHER,
+        "point_mm": [1e-300, 0.0, 0.0],
+        "sigma_mm": [SMALLEST, LARGEST["mm"]],
+    }
+    validate(Numbers, widest, file=None, line=lambda _: None)
