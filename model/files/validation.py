@@ -116,32 +116,34 @@ def _target_name(value: object) -> object:
     return _name(value)
 
 
+def _not_vanishing(value: float, key: Place = ()) -> float:
+    if 0 < value < SMALLEST:
+        found, least = f"{value:g}", f"at least {SMALLEST:g}"
+        raise refusal("a number is too small", key=key, found=found, allowed=least, remedy="correct its unit")
+    return value
+
+
 def positive_or_list(what: str) -> BeforeValidator:
     """One positive number, or one for each joint; `what` it is begins the message of a wrong one."""
 
     def check(value: object) -> object:
         values = value if isinstance(value, list | tuple) else [value]
         for i, item in enumerate(values):
+            key = (i,) if isinstance(value, list | tuple) else ()
             if isinstance(item, bool) or not isinstance(item, int | float) or not item > 0:
                 raise refusal(
                     f"{what} cannot be used",
-                    key=(i,) if isinstance(value, list | tuple) else (),
+                    key=key,
                     found=shown(item),
                     allowed="one number above 0, or a list of them, one for each joint",
                 )
+            _not_vanishing(item, key)
         return as_tuple(value)
 
     return BeforeValidator(check)
 
 
 Point = Annotated[tuple[float, float, float], tuple_of(3, "[x, y, z]")]
-
-
-def _not_vanishing(value: float) -> float:
-    if 0 < value < SMALLEST:
-        least = f"at least {SMALLEST:g}"
-        raise refusal("a number is too small", found=f"{value:g}", allowed=least, remedy="correct its unit")
-    return value
 
 
 def without_length(value: Any) -> bool:
