@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ..interruption import answered
 from ..model.errors import BadInput
-from .console import EXIT_STATUS, INTERRUPTED, err, json_text, out, print_json
+from .console import EXIT_STATUS, OutputLost, err, json_text, out, print_json
 from .options import Camera, Json, NewRunFile, PlanFile, Seed
 
 if TYPE_CHECKING:
@@ -124,18 +125,20 @@ def run(
         def told(event: Event) -> None:
             seen(event)
             if json_lines:
-                sys.stdout.write(json_text(event_json(event)) + "\n")
-                sys.stdout.flush()
+                try:
+                    sys.stdout.write(json_text(event_json(event)) + "\n")
+                    sys.stdout.flush()
+                except OutputLost:
+                    said = f"note: the events are no longer read; the run goes on, into {file}"
+                    err.print(said, markup=False, soft_wrap=True)
 
         try:
             answer = record(planned, file, request, told)
         except KeyboardInterrupt:
-            err.print(
-                f"stopped: what is recorded stays in {file}; --resume goes on with it",
-                markup=False,
-                soft_wrap=True,
-            )
-            raise typer.Exit(INTERRUPTED) from None
+            if file.exists():
+                kept = f"What is recorded stays in {file}: --resume goes on with it."
+                err.print(kept, markup=False, soft_wrap=True)
+            raise
     if as_json:
         print_json(event_json(answer))
     elif not json_lines:
@@ -213,6 +216,7 @@ def controller(
             out.print("Ctrl-C ends it.")
             threading.Event().wait()
         except KeyboardInterrupt:
+            answered()
             raise typer.Exit(0) from None
 
 

@@ -1,24 +1,94 @@
-"""What every command prints to and ends with: consoles, exit statuses, progress, JSON."""
+"""What every command prints to and ends with: streams, consoles, exit statuses, progress, JSON."""
 
 from __future__ import annotations
 
 import json
-import math
-import signal
+import os
 import sys
-import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from typing import Any
+from contextlib import contextmanager, suppress
+from typing import Any, TextIO, cast
 
+from ..interruption import obey
 from ..reports.style.terminal import Terminal
 
 EXIT_STATUS = {"pass": 0, "weak": 1, "degenerate": 1, "misfit": 1}
 FAULT = 3
-INTERRUPTED = 130
+
+UNREAD = 141  # 128 + SIGPIPE, as a shell has it
 
 out = Terminal(highlight=False, soft_wrap=False)
 err = Terminal(stderr=True, highlight=False)
+
+
+class OutputLost(Exception):
+    """What was printed reaches nobody: its reader has gone, or the disk is full. Raised once."""
+
+
+class _Stream:
+    """A standard stream that says what becomes of it: once it fails, it takes everything and writes nothing.
+
+    The libraries would take a reader that has gone for a reason to exit with status 1, a verdict.
+    """
+
+    def __init__(self, stream: TextIO, *, loud: bool) -> None:
+        self._stream, self._loud = stream, loud
+        self.lost: OSError | None = None
+
+    def write(self, text: str) -> int:
+        self._do(lambda: self._stream.write(text))
+        return len(text)
+
+    def flush(self) -> None:
+        self._do(self._stream.flush)
+
+    def drop(self) -> None:
+        """Forget what is not written yet: who should read it may never do so."""
+        with suppress(OSError):  # of a stream without a descriptor, too
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, self._stream.fileno())
+            os.close(nowhere)
+
+    def _do(self, what: Callable[[], object]) -> None:
+        if self.lost is not None:
+            return
+        try:
+            what()
+        except OSError as error:
+            self.lost = error
+            self.drop()
+            if self._loud:
+                raise OutputLost from error
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+@contextmanager
+def guarded_streams() -> Iterator[Callable[[], OSError | None]]:
+    """Within, standard output raises OutputLost where it fails, and standard error is silent then.
+
+    The value is why output was lost, None where it was not; to be called at the end.
+    """
+    before = sys.stdout, sys.stderr
+    output, errors = (
+        _Stream(stream or open(os.devnull, "w"), loud=loud)  # noqa: SIM115 - None: was closed by the caller
+        for stream, loud in ((sys.stdout, True), (sys.stderr, False))
+    )
+
+    def lost() -> OSError | None:
+        with suppress(OutputLost):
+            output.flush()
+        return output.lost
+
+    sys.stdout, sys.stderr = cast(TextIO, output), cast(TextIO, errors)
+    try:
+        yield lost
+    except KeyboardInterrupt:
+        output.drop()
+        raise
+    finally:
+        sys.stdout, sys.stderr = before
 
 
 def print_json(answer: dict[str, Any]) -> None:
@@ -50,30 +120,7 @@ def progress(title: str) -> Iterator[Callable[[str, float], None]]:
         task = bar.add_task(title, total=1.0)
 
         def tell(stage: str, share: float) -> None:
+            obey()
             bar.update(task, description=f"{title}: {stage}", completed=share)
 
         yield tell
-
-
-@contextmanager
-def stoppable() -> Iterator[None]:
-    """Ctrl-C (SIGINT) and a request to end (SIGTERM) raise KeyboardInterrupt, whatever the parent set.
-
-    A shell lets what it starts in the background ignore SIGINT, many CI runners too, and Python leaves it so.
-    `timeout` sends its signal twice, to the process and to its group: what comes within a second of the
-    first is taken for the same request, so that it does not break off the way out.
-    """
-    last = -math.inf
-
-    def stop(*_: Any) -> None:
-        nonlocal last
-        if (now := time.monotonic()) - last > 1.0:
-            last = now
-            raise KeyboardInterrupt
-
-    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

@@ -252,7 +252,7 @@ def _named(text: str | None) -> list[str] | None:
 def _write_imported(imported: Imported, file: Path) -> None:
     from ..model.files.run import write_run
 
+    write_run(file, imported.header, imported.shots)
     for line in imported.understood:
         out.print(line, markup=False)
-    write_run(file, imported.header, imported.shots)
     out.print(f"{len(imported.shots)} measurements written to {file}", soft_wrap=True, markup=False)

@@ -73,7 +73,8 @@ def study_table2(
     """What joint noise would make three runs scatter as those of the paper's Table 2?"""
     from ..experiments.studies.table2 import table2_study
 
-    _study(folder, as_json, lambda tell: table2_study(seed, tell))
+    store = _store(folder)
+    _study(folder, as_json, lambda tell: table2_study(seed, tell, store=store), store)
 
 
 Runs = Annotated[
@@ -136,7 +137,7 @@ def _study(
     folder: Path,
     as_json: bool,
     studied: Callable[[Callable[[str, float], None]], StudyAnswer],
-    store: Path | None = None,
+    store: Path,
 ) -> NoReturn:
     """Carry a study out, write it, print it; the exit status says whether it agrees.
 
@@ -153,12 +154,11 @@ def _study(
             tell("writing", 1.0)
             paths = write_study(folder, answer)
     except KeyboardInterrupt:
-        if store is not None and store.exists():
+        if store.exists():
             kept = f"The finished cases are kept in {store}: the same command goes on with them."
             err.print(kept, markup=False, soft_wrap=True)
         raise
-    if store is not None:
-        store.unlink(missing_ok=True)
+    store.unlink(missing_ok=True)
     if as_json:
         print_json(to_json(answer))
     else:

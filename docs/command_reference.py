@@ -10,7 +10,7 @@ from typing import Any
 
 import typer.main
 
-from zerobeam.cli import app
+from zerobeam.commands.program import app
 
 _KINDS = {bool: "", int: "whole number", float: "number", str: "text", Path: "path"}
 _INTRO = """\
@@ -18,8 +18,8 @@ _INTRO = """\
 
 Made from the command line: `zerobeam COMMAND --help` prints the same. The exit status is 0 for the verdict
 pass (or where the command succeeded), 1 for weak or degenerate, or a study or comparison that does not agree,
-2 for bad input or usage, 3 for a fault of the rig or a fit that did not converge, 130 after Ctrl-C or
-SIGTERM.
+2 for bad input or usage, 3 for a fault of the rig, a fit that did not converge or output that cannot be
+written, 130 after Ctrl-C or SIGTERM, 141 where nobody reads the output any more.
 """
 
 

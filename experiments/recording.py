@@ -24,7 +24,7 @@ from .procedure.session import Carried, Procedure, recorded_event, told_by
 from .rigs.abb.access import Access
 from .rigs.abb.caution import Caution
 from .rigs.abb.driver import AbbRig
-from .rigs.replay import ReplayRig
+from .rigs.replay import ReplayRig, require_planned
 from .rigs.simulated.cell_file import Cell, read_cell
 from .rigs.simulated.simulator import SimulatedRig
 from .sensors.interface import Sensors
@@ -74,7 +74,7 @@ def record(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
     order: Order = adaptive or InTurn(len(plan.postures))
     if request.closing:
         order = Closing(order, len(plan.postures))
-    with _journal(file, header, request) as journal:
+    with _journal(plan, file, header, request) as journal:
         told(_begin(plan, journal, request))
         carried = Procedure(plan, rig, journal, order, told).carry_out()
         torn = journal.torn
@@ -103,7 +103,7 @@ def _by_hand(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
         "plan sha256": plan.sha256,
     }
     shots: tuple[Shot, ...] = ()
-    with _journal(file, _header(plan, file, about), request) as journal:
+    with _journal(plan, file, _header(plan, file, about), request) as journal:
         told(_begin(plan, journal, request))
         done = {shot.shot for shot in journal.shots}
         for shot in simulated_shots(truth, rng):
@@ -164,8 +164,12 @@ def _header(plan: Plan, file: Path, about: dict[str, str | int | float]) -> Head
     return plan.header.model_copy(update={"provenance": {**plan.header.provenance, **about}, "robot": robot})
 
 
-def _journal(file: Path, header: Header, request: RunRequest) -> RunJournal:
-    return RunJournal.resumed(file, header) if request.resume else RunJournal(file, header)
+def _journal(plan: Plan, file: Path, header: Header, request: RunRequest) -> RunJournal:
+    if not request.resume:
+        return RunJournal(file, header)
+    said = "the recording has a measurement that is not of this plan"
+    remedy = "remove its line, or start without --resume under another name"
+    return RunJournal.resumed(file, header, lambda run: require_planned(plan, run, said, remedy))
 
 
 def _begin(plan: Plan, journal: RunJournal, request: RunRequest) -> Begun:

@@ -28,6 +28,7 @@ from xml.sax.saxutils import escape, quoteattr
 from .irc5 import Irc5
 from .resources import Asked, State, answer
 from .return_code import RequestRefused
+from .unruffled import Unruffled
 
 REQUESTS_A_SECOND = 20
 _SESSIONS = 70
@@ -106,7 +107,7 @@ class Gate:
         self._left(name)
 
 
-class RwsServer(ThreadingHTTPServer):
+class RwsServer(Unruffled, ThreadingHTTPServer):
     """Answers for a controller; `plugged` is cleared while its cable is out."""
 
     daemon_threads = True
@@ -148,6 +149,11 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _handle(self) -> None:
         body = self._body()
+        try:
+            urlsplit(self.path)
+        except ValueError:
+            self._send(400, "text/html", "<html><body>Bad Request</body></html>")
+            return
         self.server.plugged.wait()
         gate, now = self.server.gate, time.monotonic()
         if gate.busy(now):
@@ -287,7 +293,7 @@ class Digest:
             return False
         secret = _md5(f"{user}:{REALM}:{self._users[user]}")
         wanted = _md5(f"{secret}:{nonce}:{said['nc']}:{client}:auth:{_md5(f'{method}:{uri}')}")
-        if not hmac.compare_digest(wanted, response):
+        if not hmac.compare_digest(wanted.encode(), response.encode()):  # of str it takes ASCII alone
             return False
         self._counts[nonce] = count
         return True

@@ -31,6 +31,7 @@ from ..rigs.simulated.simulator import SimulatedRig
 from ..sensors.camera import Camera, Image
 from ..sensors.psd import Psd
 from .irc5 import Irc5
+from .unruffled import Unruffled
 
 _LONGEST_LINE = 1000
 _MOST_SAMPLES = 10_000
@@ -60,7 +61,7 @@ class CellSensors:
             return self._controller.cell.before(target)
 
 
-class SensorServer(ThreadingTCPServer):
+class SensorServer(Unruffled, ThreadingTCPServer):
     """Answers for the sensors of a controller's cell."""
 
     daemon_threads = True
@@ -134,7 +135,7 @@ class _Handler(StreamRequestHandler):
             try:
                 asked = json.loads(line)
                 reply = self.server.reply(asked) if isinstance(asked, dict) else {"error": "no JSON object"}
-            except ValueError:
+            except (ValueError, RecursionError):  # nested too deeply
                 reply = {"error": "no JSON"}
             except ZerobeamError as error:
                 reply = {"error": str(error)}

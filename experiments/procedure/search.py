@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...interruption import obey
 from ...model.robot import Matrix
 from ..sensors.camera import Camera, Image
 from ..sensors.markers import NoPair, Pair, blobs, is_black, marker_pair, spot_between
@@ -215,6 +216,7 @@ class Search:
         return read_spot(self._rig, self._psd, self._dark, _SAMPLES).light >= LIT
 
     def _go(self, joints: Matrix) -> None:
+        obey()
         self._rig.move(joints)
         self.joints = joints
 

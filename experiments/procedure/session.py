@@ -18,6 +18,7 @@ from threadpoolctl import threadpool_limits
 
 from ...analysis.estimation.fit import fit_likelihood
 from ...analysis.so_far import SoFar, so_far
+from ...interruption import interruptible, obey, uninterrupted
 from ...model.errors import RigFault
 from ...model.files.plan import Plan
 from ...model.files.shot import Shot
@@ -87,13 +88,15 @@ class Procedure:
     def carry_out(self) -> Carried:
         """Make the measurements that are not in the journal yet. The rig is stopped however this ends."""
         try:
-            with threadpool_limits(limits=1, user_api="blas"):
-                return self._carry_out()
+            with uninterrupted():
+                try:
+                    with interruptible(), threadpool_limits(limits=1, user_api="blas"):
+                        return self._carry_out()
+                finally:
+                    self.rig.stop()  # before anything is said: who is told may be slow to listen
         except (RigFault, KeyboardInterrupt) as stopped:
             self.told(Stopped(str(stopped) or "interrupted"))
             raise
-        finally:
-            self.rig.stop()
 
     def _carry_out(self) -> Carried:
         state = self.state()
@@ -102,6 +105,7 @@ class Procedure:
             shot = self._attempts(number)
             if shot is None:
                 continue
+            obey()
             self.journal.append(shot)
             state = self.state()
             assert state is not None

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...analysis.observability.aim import aim, servo_joints
+from ...interruption import obey
 from ...model.problem import Problem
 from ...model.robot import Matrix
 from .refusal import MeasurementRefused, Reason
@@ -89,8 +90,9 @@ def come_to(rig: Rig, belief: Belief, joints: Matrix) -> None:
     not a scatter (unidirectional approach, as ISO 9283 has it for its poses).
     """
     robot = belief.problem.robot
-    rig.move(np.maximum(joints - FROM_BELOW / robot.display, robot.lower))
-    rig.move(joints)
+    for there in (np.maximum(joints - FROM_BELOW / robot.display, robot.lower), joints):
+        obey()
+        rig.move(there)
 
 
 def step(belief: Belief, joints: Matrix, jacobian: Matrix, error: Matrix, largest: float) -> Matrix:

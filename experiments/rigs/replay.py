@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...analysis.observability.aim import servo_joints
 from ...model.errors import BadInput, RigFault
@@ -44,8 +43,9 @@ class ReplayRig:
         if run.header.tool.kind != "laser":
             raise BadInput("a probe's run cannot be replayed: it has no spots", file=run.path)
         self._name, self._display = run.path.name, plan.robot.display
+        remedy = "replay it with the plan that it was made with"
+        require_planned(plan, run, "the recording was not made with this plan", remedy)
         problem = Problem.from_plan(plan)
-        _require_planned(plan, run, kept=servo_joints(problem) == 0)
         self._shots = {shot.shot: shot for shot in run.shots}
         self._supposed = Belief(problem.select(np.array([0])), problem.nominal())
         self._on, self._time = False, 0.0
@@ -101,10 +101,12 @@ class ReplayRig:
         return np.asarray(np.linalg.solve(-axes.T, np.array(self._shot.spot_mm or (0.0, 0.0))))
 
 
-def _require_planned(plan: Plan, run: Run, kept: NDArray[np.bool_]) -> None:
-    """BadInput for the first measurement that is not of the plan, by the joints that no servo turns (n,)."""
-    for shot, joints, line in zip(run.shots, run.joints, run.lines, strict=True):
-        count = len(plan.postures)
+def require_planned(plan: Plan, run: Run, said: str, remedy: str) -> None:
+    """BadInput for the first measurement that is not of the plan: by its number, its target, and with a laser
+    by the joints that no servo turns."""
+    kept = servo_joints(Problem.from_plan(plan)) == 0 if plan.header.tool.kind == "laser" else slice(0)
+    planned_deg, count = plan.postures * plan.robot.display, len(plan.postures)
+    for shot, line in zip(run.shots, run.lines, strict=True):
         number = shot.shot % count  # a closing measurement is in the posture of the first
         if shot.shot >= 2 * count:
             found, allowed = (
@@ -115,7 +117,7 @@ def _require_planned(plan: Plan, run: Run, kept: NDArray[np.bool_]) -> None:
             found = f"measurement {shot.shot} at target {shot.target}"
             allowed = f"target {plan.targets[number]}, as the plan's posture {number}"
         else:
-            off = (np.abs(joints - plan.postures[number]) * plan.robot.display)[kept]
+            off = np.abs(shot.joints_deg - planned_deg[number])[kept]
             if off.max(initial=0.0) <= _SAME_POSTURE:
                 continue
             found = (
@@ -123,10 +125,10 @@ def _require_planned(plan: Plan, run: Run, kept: NDArray[np.bool_]) -> None:
             )
             allowed = f"the plan's posture {number}, but for the joints that the servo turns"
         raise BadInput(
-            "the recording was not made with this plan",
+            said,
             found=found,
             allowed=allowed,
-            remedy="replay it with the plan that it was made with",
+            remedy=remedy,
             file=run.path,
             line=line,
         )

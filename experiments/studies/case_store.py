@@ -13,6 +13,7 @@ from typing import Generic, TypeVar
 from pydantic import TypeAdapter
 
 from ...analysis.status import UnsoundResult
+from ...interruption import obey, uninterrupted
 from ...model.errors import BadInput
 from ...model.files.closing import Closing
 from ...model.files.reading import parse_json, shown
@@ -86,6 +87,7 @@ class CaseStore(Closing, Generic[Case]):
             self._file.truncate(0)
             self._write(first)
 
+    @uninterrupted()
     def _write(self, line: bytes) -> None:
         while line:
             line = line[self._file.write(line) :]
@@ -140,6 +142,7 @@ def each_case(
         answers = {} if kept is None else kept.done
         for number in range(count):
             if number not in answers:
+                obey()
                 answers[number] = work(number)
                 if kept is not None:
                     kept.add(number, answers[number])

@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from scipy import optimize, stats
@@ -19,6 +20,7 @@ from ...model.robot import Matrix
 from ...reports.words.wording import label
 from ..rigs.simulated.cell_file import ArmInCell, Cell
 from .campaign import Repeated, campaign, seeds
+from .case_store import each_case
 from .cell import CANDIDATES, SHOTS, header, optimal_plan, paper_plan
 from .scatter import (
     LEAST_DEG,
@@ -61,12 +63,18 @@ Progress = Callable[[str, float], None]
 
 
 def table2_study(
-    seed: int, progress: Progress, *, triples: int = TRIPLES, processes: int | None = None
+    seed: int,
+    progress: Progress,
+    *,
+    triples: int = TRIPLES,
+    processes: int | None = None,
+    store: Path | None = None,
 ) -> Table2Study:
     """Carry out the whole study.
 
     It agrees if three runs through the simulated cell, at the noise that explains the paper's scatter,
-    scatter as predicted: what is asked of the paper's numbers is a comparison.
+    scatter as predicted: what is asked of the paper's numbers is a comparison. With a `store` the answer of
+    each plan is kept in that file at once, and a study that was stopped goes on from there.
     """
     began = time.perf_counter()
     own = header(_NOMINAL_DEG, _SPOT_MM)
@@ -80,18 +88,16 @@ def table2_study(
     predictions = [Prediction(plan, truth) for _, _, plan in asked]
     found = [explained(p.covariance, scatter(EXPERIMENTS), dof) for p in predictions]
     cell = Cell(arm=ArmInCell(offsets_deg=truth))
-    works = [
-        Repeated(_with_noise(plan, noise.joint_deg), cell)
-        for (_, _, plan), noise in zip(asked, found, strict=True)
-    ]
-    progress("runs", 0.1)
-    ran = campaign(
-        works, seeds(seed, len(EXPERIMENTS)), lambda share: progress("runs", 0.1 + 0.7 * share), processes
-    )
-    progress("triples", 0.8)
-    rng = np.random.default_rng(seed)
-    plans = []
-    for (name, words, plan), prediction, noise, runs in zip(asked, predictions, found, ran, strict=True):
+    normal = np.random.default_rng(seed).normal(size=(len(asked), triples, *EXPERIMENTS.shape))
+
+    def studied(k: int) -> Table2Plan:
+        name, words, plan = asked[k]
+        (runs,) = campaign(
+            [Repeated(_with_noise(plan, found[k].joint_deg), cell)],
+            seeds(seed, len(EXPERIMENTS)),
+            lambda share: progress(name, 0.1 + 0.9 * (k + 0.9 * share) / len(asked)),
+            processes,
+        )
         estimates = np.array(
             [
                 [offset.estimate for offset in run.state.offsets if offset.status != "held"]
@@ -100,8 +106,10 @@ def table2_study(
             ],
             dtype=float,
         )
-        normal = rng.normal(size=(triples, *EXPERIMENTS.shape))
-        plans.append(compared(name, words, len(plan.postures), prediction, noise, estimates, normal))
+        return compared(name, words, len(plan.postures), predictions[k], found[k], estimates, normal[k])
+
+    heading = {"study": "table2", "seed": seed, "triples": triples, "versions": versions()}
+    plans = each_case(store, heading, Table2Plan, len(asked), studied)
     agrees = all(plan.agrees for plan in plans)
     return Table2Study(
         study="table2",

@@ -5,19 +5,22 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from io import FileIO
 from pathlib import Path
 from typing import Any, Self
 
+from ...interruption import uninterrupted
 from ..errors import BadInput, RigFault
 from .closing import Closing
 from .header import RUN_SCHEMA, Header, check_header, header_content
 from .reading import shown
 from .robot_file import load_robot
-from .run import header_text, recorded, shot_text
+from .run import Run, header_text, recorded, shot_text
 from .shot import Shot, check_shot
 from .whole_file import lock, refuse_existing, sync_folder, write_whole
+
+Fits = Callable[[Run], None]  # raises BadInput for a recording that must not be gone on with
 
 
 class RunJournal(Closing):
@@ -40,14 +43,15 @@ class RunJournal(Closing):
         self._open(path, header)
 
     @classmethod
-    def resumed(cls, path: Path | str, header: Header) -> Self:
+    def resumed(cls, path: Path | str, header: Header, fits: Fits | None = None) -> Self:
         """Go on with a run file that was begun with the same header, even if it has no shot yet.
 
         A torn last line is taken out, and `torn` is a sentence that says so. BadInput, and the file is
-        left as it is, if it is not there, cannot be read, has another header or is being recorded to.
+        left as it is, if it is not there, cannot be read, has another header or is being recorded to, or
+        if `fits` raises it.
         """
         journal = cls.__new__(cls)
-        journal._open(Path(path), header)
+        journal._open(Path(path), header, fits)
         return journal
 
     @property
@@ -69,7 +73,7 @@ class RunJournal(Closing):
         self._write(shot_text(shot))
         self._shots[shot.shot] = shot
 
-    def _open(self, path: Path, header: Header) -> None:
+    def _open(self, path: Path, header: Header, fits: Fits | None = None) -> None:
         if not path.is_file():
             raise BadInput(
                 "there is no recording to go on with",
@@ -89,6 +93,8 @@ class RunJournal(Closing):
                 raise BadInput("the file is empty", remedy="remove it, start without --resume", file=path)
             run, torn = recorded(content, path)
             _require_same(run.header, header, file=path, line=run.header_line)
+            if fits is not None:
+                fits(run)
             self.header, self.robot = run.header, run.robot
             self._shots = {shot.shot: shot for shot in run.shots}
             self.torn: str | None = None
@@ -114,7 +120,7 @@ class RunJournal(Closing):
     def _write(self, text: str) -> None:
         """Text at the end of the file, brought to the disk whole or taken back."""
         rest = content = text.encode("utf-8")
-        with self._closed_on_failure():
+        with uninterrupted(), self._closed_on_failure():
             try:
                 while rest:
                     rest = rest[self._file.write(rest) :]

@@ -9,6 +9,7 @@ import tempfile
 from io import FileIO
 from pathlib import Path
 
+from ...interruption import uninterrupted
 from ..errors import BadInput
 
 if sys.platform == "win32":
@@ -38,6 +39,7 @@ def refuse_existing(path: Path, *, or_else: str = "move it away first") -> None:
         )
 
 
+@uninterrupted()
 def write_whole(path: Path, text: str) -> None:
     """Write text as UTF-8 next to `path`, bring it to the disk, then give it its name."""
     refuse_existing(path)

@@ -5,17 +5,25 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import shutil
+import socket
 import tempfile
+import time
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
+from ...interruption import interruptible, uninterrupted
 from ...model.errors import BadInput
 
 # What file managers leave behind in any folder that was looked at.
 _LITTER = {".DS_Store", "Thumbs.db", "desktop.ini"}
+# A folder that is not finished: where and by which process it is written; without, of earlier versions.
+_UNFINISHED = re.compile(r"\.zerobeam-new-(?:(?P<here>[0-9a-f]{8})-(?P<process>[0-9]+)-)?[a-z0-9_]{8}")
+_DAY_S = 24 * 3600
 
 Made = TypeVar("Made")
 
@@ -38,20 +46,23 @@ def write_folder(folder: Path | str, kind: Kind, fill: Callable[[Path], Made]) -
     """
     target = Path(os.path.realpath(folder))
     check_target(target, kind)
-    made = _make_parents(target.parent, kind)
-    try:
-        aside = _folder_beside(target, "new", kind)
+    with uninterrupted():
+        made = _make_parents(target.parent, kind)
+        _sweep(target.parent)
         try:
-            filled = fill(aside)
-            _swap(aside, target, kind)
-        except OSError as error:
-            raise _cannot_write(target, kind, error) from error
-        finally:
-            shutil.rmtree(aside, ignore_errors=True)
-    except BaseException:
-        for parent in made:
-            _remove_if_empty(parent)
-        raise
+            aside = _folder_beside(target, "new", kind)
+            try:
+                with interruptible():
+                    filled = fill(aside)
+                _swap(aside, target, kind)
+            except OSError as error:
+                raise _cannot_write(target, kind, error) from error
+            finally:
+                shutil.rmtree(aside, ignore_errors=True)
+        except BaseException:
+            for parent in made:
+                _remove_if_empty(parent)
+            raise
     return filled
 
 
@@ -107,7 +118,8 @@ def _make_parents(parent: Path, kind: Kind) -> list[Path]:
 
 def _folder_beside(target: Path, purpose: str, kind: Kind) -> Path:
     try:
-        beside = Path(tempfile.mkdtemp(prefix=f".zerobeam-{purpose}-", dir=target.parent))
+        prefix = f".zerobeam-{purpose}-{_here()}-{os.getpid()}-"
+        beside = Path(tempfile.mkdtemp(prefix=prefix, dir=target.parent))
         # mkdtemp's folder is private; ours gets the rights that any new folder would have.
         mask = os.umask(0)
         os.umask(mask)
@@ -115,6 +127,35 @@ def _folder_beside(target: Path, purpose: str, kind: Kind) -> Path:
     except OSError as error:
         raise _cannot_write(target.parent, kind, error) from error
     return beside
+
+
+def _here() -> str:
+    """This computer, in the names of folders that several may write beside."""
+    return f"{zlib.crc32(socket.gethostname().encode()):08x}"
+
+
+def _sweep(parent: Path) -> None:
+    """Remove what was being written here by processes that were killed, or more than a day ago."""
+    with contextlib.suppress(OSError):  # whoever may not look here may not write here either
+        for entry in os.scandir(parent):
+            ours = _UNFINISHED.fullmatch(entry.name)
+            if ours is None or not entry.is_dir(follow_symlinks=False):
+                continue
+            old = time.time() - entry.stat(follow_symlinks=False).st_mtime > _DAY_S
+            if old or (ours["here"] == _here() and _has_ended(int(ours["process"]))):
+                shutil.rmtree(entry.path, ignore_errors=True)
+
+
+def _has_ended(process: int) -> bool:
+    if os.name == "nt":  # where os.kill ends a process, whatever the signal
+        return False
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return True
+    except (PermissionError, OverflowError):
+        pass
+    return False
 
 
 def _swap(new: Path, target: Path, kind: Kind) -> None:

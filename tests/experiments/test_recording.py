@@ -245,6 +245,49 @@ def test_another_plan_seed_or_cell_cannot_go_on_with_a_run(
     assert file.read_bytes() == before
 
 
+def foreign(row: dict[str, Any], what: str) -> None:
+    """Make a measurement one that the plan does not have."""
+    if what == "number":
+        row["shot"] = 14  # 0 to 6 are the plan's, 7 to 13 closing ones
+    elif what == "target":
+        row["target"] = "elsewhere"
+    else:
+        row["joints_deg"][1] += 6.0
+
+
+@pytest.mark.parametrize(
+    ("what", "told"), [("number", "measurement 14"), ("target", "elsewhere"), ("posture", "joint 2 is")]
+)
+def test_a_run_with_a_measurement_of_another_plan_cannot_be_resumed(
+    tmp_path: Path, plan: Plan, quick: tuple[dict[str, Any], Path], what: str, told: str
+) -> None:
+    rows = quick[1].read_bytes().splitlines()[:4]
+    row = json.loads(rows[3])
+    foreign(row, what)
+    rows[3] = json.dumps(row).encode()
+    file = tmp_path / "run.jsonl"
+    before = b"\n".join(rows) + b'\n{"torn'
+    file.write_bytes(before)
+    events: list[Event] = []
+    with pytest.raises(BadInput, match="not of this plan") as refused:
+        record(plan, file, replace(QUICK, resume=True), events.append)
+    assert (refused.value.line, file.read_bytes(), events) == (4, before, [])
+    assert told in str(refused.value)
+
+
+def test_a_probe_run_with_a_measurement_of_another_plan_cannot_be_resumed(tmp_path: Path) -> None:
+    plan = read_plan(plan_file(tmp_path / "plan.yaml", good_plan(3, tool=PROBE)))
+    file = tmp_path / "run.jsonl"
+    record(plan, file, QUICK, silent)
+    rows = file.read_bytes().splitlines()
+    for what in ("number", "target"):
+        row = json.loads(rows[3])
+        foreign(row, what)
+        file.write_bytes(b"\n".join([*rows[:3], json.dumps(row).encode(), b""]))
+        with pytest.raises(BadInput, match="not of this plan"):
+            record(plan, file, replace(QUICK, resume=True), silent)
+
+
 def test_a_file_that_exists_is_refused_before_anything_moves(tmp_path: Path, plan: Plan) -> None:
     file = tmp_path / "run.jsonl"
     file.write_text("mine")

@@ -16,7 +16,7 @@ DEAF = ["sh", "-c", 'trap "" INT TERM; exec "$@"', "sh"]
 @contextmanager
 def child(command: Sequence[str], **asked: Any) -> Iterator[subprocess.Popen[str]]:
     """A process whose output is text; a test that fails, or runs out of time, does not wait for it."""
-    with subprocess.Popen(command, text=True, stdout=subprocess.PIPE, **asked) as process:
+    with subprocess.Popen(command, text=True, **{"stdout": subprocess.PIPE, **asked}) as process:
         try:
             yield process
         finally:

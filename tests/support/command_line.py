@@ -9,7 +9,6 @@ import json
 import os
 import sys
 import warnings
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -55,7 +54,7 @@ def _no_constant(name: str) -> float:
 
 
 def zerobeam(*arguments: object) -> Answer:
-    """`zerobeam ARGUMENTS…`, through `main`, on no terminal."""
+    """`zerobeam ARGUMENTS…`, through `cli.run`, on no terminal."""
     out, err = io.StringIO(), io.StringIO()
     with (
         mock.patch.object(sys, "argv", ["zerobeam", *map(str, arguments)]),
@@ -63,21 +62,11 @@ def zerobeam(*arguments: object) -> Answer:
         contextlib.redirect_stdout(out),
         contextlib.redirect_stderr(err),
         warnings.catch_warnings(),
-        _ended() as status,
     ):
         for name in _NOT_ASKED:
             os.environ.pop(name, None)
-        cli.main()
-    return Answer(status[0], out.getvalue(), err.getvalue())
-
-
-@contextlib.contextmanager
-def _ended() -> Iterator[list[int]]:
-    status: list[int] = []
-    try:
-        yield status
-    except SystemExit as end:
-        status.append(int(end.code or 0))
+        status = cli.run()
+    return Answer(status, out.getvalue(), err.getvalue())
 
 
 def plan_file(path: Path, plan: Plan) -> Path:

@@ -24,10 +24,9 @@ from example_studies import agreeing, disagreeing, typed
 from golden_files import assert_golden
 
 import zerobeam as package
-from zerobeam import cli
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
 from zerobeam.analysis.status import UnsoundResult
-from zerobeam.commands import console
+from zerobeam.commands import program
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.schema import SCHEMA_NAMES
 from zerobeam.model.files.header import RUN_SCHEMA
@@ -400,20 +399,6 @@ def test_an_interruption_is_no_verdict_either(
     assert after == [inherited] * 2
 
 
-def test_a_request_that_comes_twice_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    """`timeout` sends it to the process and to its group; a second Ctrl-C of a person comes later."""
-    now = [100.0]
-    monkeypatch.setattr(console.time, "monotonic", lambda: now[0])
-    with console.stoppable():
-        with pytest.raises(KeyboardInterrupt):
-            signal.raise_signal(signal.SIGTERM)
-        now[0] += 0.5
-        signal.raise_signal(signal.SIGTERM)
-        now[0] += 0.6
-        with pytest.raises(KeyboardInterrupt):
-            signal.raise_signal(signal.SIGINT)
-
-
 # --- bad input: one message, exit 2, nothing written --------------------------------------------------
 
 PANDA_LIKE = """<robot name="arm"><link name="a"/><link name="b"/>
@@ -734,7 +719,7 @@ def test_when_the_pdf_fails_the_old_report_stays_and_nothing_is_left_about(
 
 def commands() -> dict[str, Any]:
     """Every command by its full name."""
-    root = typer.main.get_command(cli.app)
+    root = typer.main.get_command(program.app)
 
     def within(command: Any, name: str) -> dict[str, Any]:
         found = {name: command}

@@ -114,7 +114,7 @@ def test_the_rooms_are_those_of_the_design() -> None:
 
 
 def test_no_other_python_file_stands_at_the_root() -> None:
-    assert {file.name for file in ROOT.glob("*.py")} == {"__init__.py", "cli.py"}
+    assert {file.name for file in ROOT.glob("*.py")} == {"__init__.py", "cli.py", "interruption.py"}
 
 
 def test_a_module_is_named_for_what_it_is() -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from asked_to_end import ask, lost, without_reminders
 from cells import OPEN_LASER, good_plan, header, irb1600, plan_of
 from command_line import plan_file
 from run_events import as_json
@@ -16,6 +17,7 @@ from zerobeam.experiments.procedure.order import InTurn
 from zerobeam.experiments.procedure.session import ATTEMPTS, PHASES, Carried, Procedure
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
+from zerobeam.interruption import requested, stoppable
 from zerobeam.model.errors import RigFault
 from zerobeam.model.files.journal import RunJournal
 from zerobeam.model.files.plan import Plan, read_plan
@@ -172,6 +174,49 @@ def test_a_stop_leaves_the_shots_so_far_and_a_rig_at_rest(
     run = read_run(tmp_path / "run.jsonl")
     assert [shot.shot for shot in run.shots] == events_of("recorded", events) == [0, 1]
     assert run.warnings == ()
+
+
+def test_a_request_that_is_lost_ends_the_run_before_the_next_move(tmp_path: Path, plan: Plan) -> None:
+    """As in CasADi's wrapper, at each of the first servo steps: no move follows, and no measurement."""
+    file = tmp_path / "run.jsonl"
+    for step in range(1, 4):
+        file.unlink(missing_ok=True)
+        rig = SimulatedRig(plan, Cell.model_validate({"camera": None}), 3)
+        moves_after, steps, move = [], [], rig.move
+
+        def told(event: Event, of: int = step, seen: list[float] = steps) -> None:
+            if event["event"] == "spot" and event["shot"] == 2:
+                seen.append(event["off_mm"])
+                if len(seen) == of:
+                    lost()
+
+        def watched(joints: Matrix, move: Any = move, after: list[bool] = moves_after) -> None:
+            if requested():
+                after.append(True)
+            move(joints)
+
+        rig.move = watched  # type: ignore[method-assign]
+        with without_reminders(), stoppable(), pytest.raises(KeyboardInterrupt):
+            carried(plan, file, rig=rig, told=told)
+        assert len(steps) == step
+        assert moves_after == []
+        assert not rig._on
+        assert [shot.shot for shot in read_run(file).shots] == [0, 1]
+
+
+def test_the_stop_of_the_rig_is_not_interrupted(tmp_path: Path, plan: Plan) -> None:
+    rig = SimulatedRig(plan, Cell.model_validate({"camera": None}), 3)
+    halt = rig.stop
+
+    def stops() -> None:
+        ask()
+        halt()
+
+    rig.stop = stops  # type: ignore[method-assign]
+    with stoppable(), pytest.raises(KeyboardInterrupt):
+        carried(plan, tmp_path / "run.jsonl", rig=rig)
+    assert not rig._on
+    assert len(read_run(tmp_path / "run.jsonl").shots) == 6
 
 
 def test_an_open_tool_and_two_targets_are_carried_out(tmp_path: Path) -> None:

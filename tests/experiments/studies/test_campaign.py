@@ -105,7 +105,7 @@ def test_a_run_that_fails_says_why_and_ends_no_other() -> None:
 
 SCRIPT = """
 from cells import good_plan
-from zerobeam.commands.console import stoppable
+from zerobeam.interruption import stoppable
 from zerobeam.experiments.studies.campaign import Repeated, campaign, seeds
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
 

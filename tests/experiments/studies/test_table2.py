@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -125,12 +126,35 @@ def test_one_noise_is_seen_where_it_is_and_not_where_it_is_not() -> None:
     assert np.mean(even > np.quantile(even, 0.95)) == pytest.approx(0.05, abs=1e-3)
 
 
-def test_the_study(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The real thing with fewer triples, without pictures and of our Y-Pattern alone."""
+def test_the_study(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The real thing with fewer triples, without pictures and of our Y-Pattern alone: stopped after its first
+    plan, and resumed."""
     monkeypatch.setattr(table2, "Cell", functools.partial(table2.Cell, camera=None))
     monkeypatch.setattr(table2, "optimal_plan", lambda own, seed: paper_plan(own))
     shares: list[float] = []
-    answer = to_json(table2_study(0, lambda _, share: shares.append(share), triples=199, processes=1))
+    store = tmp_path / "table2.cases.jsonl"
+
+    def stopped(stage: str, share: float) -> None:
+        shares.append(share)
+        if stage == "optimal":
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        table2_study(0, stopped, triples=199, processes=1, store=store)
+    kept = store.read_bytes()
+    assert kept.count(b"\n") == 2  # the heading and a plan
+    stages: list[str] = []
+    resumed = table2_study(0, lambda stage, _: stages.append(stage), triples=199, processes=1, store=store)
+    answer = to_json(resumed)
+    assert set(stages) == {"plans", "optimal"}
+    assert store.read_bytes().startswith(kept)
+    assert answer["plans"][0] == json.loads(kept.splitlines()[1])["answer"]
+    # Both are the same plan with the same seeds: all but what depends on the random triples is the same.
+    same = ("joint_deg", "low", "high", "chi2", "dof", "chance", "axes")
+    assert [[plan[key] for key in same] for plan in answer["plans"][:1]] == [
+        [plan[key] for key in same] for plan in answer["plans"][1:]
+    ]
+    assert answer["plans"][0]["p_value"] != answer["plans"][1]["p_value"]
     assert json.loads(json.dumps(answer, allow_nan=False)) == answer
     assert shares == sorted(shares)
     assert answer["paper"]["std"] == pytest.approx(EXPERIMENTS.std(axis=0, ddof=1).tolist())

@@ -1,0 +1,123 @@
+"""All commands put together, and what becomes of their errors: messages and exit statuses."""
+
+from __future__ import annotations
+
+import gc
+import sys
+import traceback
+import warnings
+from importlib.metadata import version as installed
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from ..interruption import answered, requested
+from ..model.errors import RigFault, ZerobeamError
+from . import carrying_out, exporting, importing, judging, studying
+from .console import FAULT, UNREAD, OutputLost, err, guarded_streams, out, plain
+
+
+class _Stopped(Exception):
+    """The command was interrupted."""
+
+
+class _Commands(TyperGroup):
+    """All commands; an interruption of any of them reaches `carried_out`.
+
+    Typer would end without a word after Ctrl-C, and after Ctrl-C at a question with status 1, a verdict.
+    """
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except (KeyboardInterrupt, typer.Abort):
+            raise _Stopped from None
+
+
+app = typer.Typer(
+    name="zerobeam",
+    cls=_Commands,
+    help="Joint offsets of an industrial robot from laser measurements of one point, with their uncertainty.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+)
+for command in (
+    judging.demo,
+    judging.check,
+    judging.analyse,
+    judging.report,
+    judging.compare,
+    judging.plan,
+    carrying_out.run,
+    carrying_out.controller,
+    judging.schema,
+):
+    app.command()(command)
+app.add_typer(importing.imports, name="import")
+app.add_typer(studying.studies, name="study")
+app.add_typer(exporting.exports, name="export")
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        out.print(f"zerobeam {installed('zerobeam')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _zerobeam(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Joint offsets of an industrial robot from laser measurements of one point, with their uncertainty."""
+
+
+def _warn(message: Warning | str, *_: Any, **__: Any) -> None:
+    err.print(f"note: {plain(message)}", markup=False, soft_wrap=True)
+
+
+def carried_out() -> int:
+    """The exit status of what `sys.argv` asks for; KeyboardInterrupt where it was stopped.
+
+    Every error that is the user's is one message, no traceback.
+    """
+    warnings.showwarning = _warn
+    # Few cycles, many objects: at the usual thresholds collecting takes some 5 % of a report's time.
+    gc.set_threshold(50_000, 20, 20)
+    with guarded_streams() as lost:
+        status = _status()
+        error = lost()
+        if error is None or requested():
+            return status
+        if isinstance(error, BrokenPipeError):
+            return UNREAD
+        err.print(f"error: the output cannot be written: {error.strerror}", markup=False, soft_wrap=True)
+        return FAULT
+
+
+def _status() -> int:
+    try:
+        app(standalone_mode=True)
+    except SystemExit as end:
+        return int(end.code or 0)
+    except OutputLost:
+        return UNREAD
+    except _Stopped:
+        raise KeyboardInterrupt from None
+    except Exception as error:
+        if isinstance(error, RigFault):
+            answered()  # a rig that could not be stopped is the worse message
+        elif requested():
+            raise  # other words for an interruption
+        if isinstance(error, ZerobeamError):
+            err.print(f"error: {plain(error)}", markup=False, soft_wrap=True)
+            return error.exit_status
+        # Python's own status for this is 1, which is a verdict here.
+        sys.stderr.write(plain(traceback.format_exc()))
+        err.print("error: this is a fault of zerobeam itself, please report it with the lines above")
+        return FAULT
+    return 0

@@ -1,0 +1,109 @@
+"""What a killed process leaves beside a folder is swept; what is being written, or is not ours, stays."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from asked_to_end import ask
+from child import child
+
+from zerobeam.interruption import stoppable
+from zerobeam.reports.output import whole_folder
+from zerobeam.reports.output.whole_folder import Kind, write_folder
+
+KIND = Kind("note", frozenset({"note.json"}), "note.json", "a/note")
+WRITER = """
+import sys, time
+from pathlib import Path
+from zerobeam.reports.output.whole_folder import Kind, write_folder
+
+def fill(aside):
+    (aside / "note.json").write_text("{")
+    print("writing", flush=True)
+    time.sleep(600)
+
+write_folder(Path(sys.argv[1]), Kind("note", frozenset({"note.json"}), "note.json", "a/note"), fill)
+"""
+
+
+def fill(aside: Path) -> None:
+    (aside / "note.json").write_text('{"schema": "a/note"}')
+
+
+def names(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="whether another process lives is not asked there")
+def test_what_a_killed_process_left_is_removed_and_what_another_one_writes_is_not(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", WRITER]
+    one, other = ([*command, str(tmp_path / name)] for name in ("one", "other"))
+    with child(one) as killed, child(other) as alive:
+        for process in (killed, alive):
+            assert process.stdout is not None
+            assert process.stdout.readline() == "writing\n"
+        assert len(names(tmp_path)) == 2
+        killed.kill()
+        killed.wait()
+        write_folder(tmp_path / "mine", KIND, fill)
+        left = names(tmp_path) - {"mine"}
+        assert len(left) == 1
+        assert f"-{alive.pid}-" in left.pop()
+        alive.kill()
+        alive.wait()
+        write_folder(tmp_path / "mine", KIND, fill)
+    assert names(tmp_path) == {"mine"}
+
+
+def test_of_what_nothing_is_known_only_what_is_a_day_old_is_removed(tmp_path: Path) -> None:
+    yesterday = time.time() - 25 * 3600
+    litter = [".zerobeam-new-abcd1234", f".zerobeam-new-00000000-{2**22 + 1}-abcd1234"]
+    others = [".zerobeam-newly", ".zerobeam-old-abcd1234", "zerobeam-new-abcd1234"]
+    for made, name in enumerate([*litter, *others]):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "note.json").write_text(str(made))
+    (tmp_path / ".zerobeam-new-file1234").write_text("mine")
+    before = names(tmp_path)
+    write_folder(tmp_path / "out", KIND, fill)
+    assert names(tmp_path) == before | {"out"}
+    for name in before:
+        os.utime(tmp_path / name, (yesterday, yesterday))
+    write_folder(tmp_path / "out", KIND, fill)
+    assert names(tmp_path) == before - set(litter) | {"out"}
+
+
+def test_a_link_is_not_followed(tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.tex").write_text("mine")
+    link = tmp_path / ".zerobeam-new-abcd1234"
+    link.symlink_to(tmp_path / "mine")
+    os.utime(tmp_path / "mine", (0, 0))
+    write_folder(tmp_path / "out", KIND, fill)
+    assert (tmp_path / "mine" / "thesis.tex").read_text() == "mine"
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("where", ["mkdtemp", "rename", "rmtree"])
+def test_an_interruption_at_its_seams_leaves_all_or_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: signal.Signals, where: str
+) -> None:
+    """Just behind the making of the folder, the renaming, the removal of the old one."""
+    write_folder(tmp_path / "out", KIND, fill)
+    owner = {"mkdtemp": whole_folder.tempfile, "rename": Path, "rmtree": whole_folder.shutil}[where]
+    does = getattr(owner, where)
+
+    def interrupted(*arguments: object, **named: object) -> object:
+        answer = does(*arguments, **named)
+        ask(how)
+        return answer
+
+    monkeypatch.setattr(owner, where, interrupted)
+    with stoppable(), pytest.raises(KeyboardInterrupt):
+        write_folder(tmp_path / "out", KIND, fill)
+    assert names(tmp_path) == {"out"}
+    assert names(tmp_path / "out") == {"note.json"}
