@@ -22,7 +22,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from scipy.special import chdtri, fdtrc
 
-from ..model.problem import rms_length
+from ..model.problem import Problem, rms_length
 from ..model.robot import Matrix
 from .estimation.fit import CONTRADICTED, LikelihoodFit
 from .observability.identifiability import Identified
@@ -37,6 +37,7 @@ BEYOND_PRIOR = 4.0  # prior stds: one in 16,000 estimates of a normal is further
 DISAGREES = 1.6
 _REACH = 0.01  # what moves the residuals by less (stds, within its prior std) explains none of them
 
+Geometry = Literal["nominal", "estimated"]
 Kind = Literal["chi2", "noise_factor", "prior", "placements"]
 
 
@@ -52,6 +53,7 @@ class LackOfFit:
     p_value: float
     rms_mm: float | None = None
     with_priors: bool = False
+    geometry: Geometry = "nominal"
 
     @property
     def factor(self) -> float:
@@ -105,6 +107,7 @@ class PlacementsDisagree:
     rank: int
     dof: int
     p_value: float
+    geometry: Geometry = "nominal"
 
 
 Criterion = LackOfFit | ImplausibleNoise | BeyondPrior | PlacementsDisagree
@@ -135,7 +138,9 @@ def misfit_of(fit: LikelihoodFit, identified: Identified) -> Misfit | None:
 def _lack_of_fit(fit: LikelihoodFit, rank: int) -> Iterator[LackOfFit]:
     chi2, dof, p_value = fit.against_noise(rank)
     if p_value is not None and p_value < LACK_OF_FIT:
-        yield LackOfFit(chi2, dof, p_value, rms_length(fit.whitened.residual_mm))
+        yield LackOfFit(
+            chi2, dof, p_value, rms_length(fit.whitened.residual_mm), geometry=_geometry(fit.problem)
+        )
     elif fit.chance is not None and fit.chance < CONTRADICTED:
         residual, rms_mm = fit.whitened.residual, rms_length(fit.whitened.residual_mm)
         whole = float(residual @ residual + fit.z @ fit.z)
@@ -225,7 +230,11 @@ def _disagreement(fit: LikelihoodFit) -> Iterator[PlacementsDisagree]:
         by_one = [float(((_range_of(columns).T @ rest) ** 2).sum()) for columns in own]
         most = places[int(np.argmax(by_one))].name
         names = tuple(place.name for place in places)
-        yield PlacementsDisagree(names, most, float(np.sqrt(ratio)), rank, dof, p_value)
+        yield PlacementsDisagree(names, most, float(np.sqrt(ratio)), rank, dof, p_value, _geometry(problem))
+
+
+def _geometry(problem: Problem) -> Geometry:
+    return "estimated" if len(problem.tolerated) else "nominal"
 
 
 def _range_of(columns: Matrix) -> Matrix:

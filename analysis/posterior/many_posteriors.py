@@ -15,9 +15,9 @@ from ...model.robot import Matrix
 from ..estimation.coordinates import SeenCoordinates
 from ..estimation.fit import Fits
 from .moves import IndependenceProposal, degrees_of_freedom
-from .sampler import MAPPED_SHARE, ROUND, SHARE, Moves, possible_density
+from .sampler import GOOD, MAPPED_SHARE, ROUND, SHARE, Moves, possible_density
 
-_REFITS, _GOOD = 4, 0.5  # the proposal is fitted anew at most so often, while less than this is accepted;
+_REFITS = 4  # the proposal is fitted anew at most so often, while less than GOOD are accepted;
 LEAST_STEPS, _MOST_STEPS = 10, 400  # then so many steps over the square of the acceptance, and at most
 _WIDER = 1.3  # a refitted proposal is so much wider than the walkers' spread,
 _HEAVY = 5.0  # and its nu this: for the tails
@@ -88,7 +88,7 @@ def _drawn_together(
 
     w = advanced(proposal.draw(count * draws, rng), ROUND)
     for _ in range(_REFITS):
-        if _accepted(moves) >= _GOOD:
+        if _accepted(moves) >= GOOD:
             break
         # The whitening, and with it the proposal, is fitted anew to where the walkers are.
         v = place(w)

@@ -1,17 +1,21 @@
 """The two moves for emcee: independence from a multivariate t, and differential evolution.
 
 emcee's own accept walkers one by one, and emcee checks and copies each log-density in Python: dearer than the
-density. These accept all at once, and draw from a generator of their ensemble's own.
+density. These accept all at once, evaluate the proposals of many steps in one call, and draw from a
+generator of their ensemble's own.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...model.robot import Matrix
+
+_ROWS = 4096  # of one call of the density
 
 
 class IndependenceProposal:
@@ -34,14 +38,10 @@ class IndependenceProposal:
         result: Matrix = self.location + (normal * np.sqrt(self.nu / chi2)[:, None]) @ self.factor.T
         return result
 
-    def factors(self, points: Matrix, proposed: Matrix) -> Matrix:
-        """(W,) ln g(points) - ln g(proposed), as in emcee's moves: what the proposal itself favours."""
-        return self.log_density(points) - self.log_density(proposed)
-
-    def refitted(self, draws: Matrix) -> IndependenceProposal:
-        """With the centre and spread of draws (N, f); itself where they are too few to tell."""
+    def refitted(self, draws: Matrix, fewest: int) -> IndependenceProposal:
+        """With the centre and spread of draws (N, f); itself where fewer than `fewest` of them differ."""
         size = len(self.location)
-        if len(np.unique(draws[:, 0])) < 10 * size:
+        if len(np.unique(draws[:, 0])) < fewest:
             return self
         try:
             factor = np.asarray(np.linalg.cholesky(np.cov(draws.T).reshape(size, size)), dtype=float)
@@ -64,10 +64,14 @@ class _Move:
         self.accepted = self.proposed = 0
 
     def settle(
-        self, model: Any, state: Any, chosen: NDArray[np.int64], points: Matrix, factors: Matrix | float
+        self,
+        state: Any,
+        chosen: NDArray[np.int64],
+        points: Matrix,
+        log_density: Matrix,
+        factors: Matrix | float,
     ) -> Any:
         """Metropolis and Hastings for the walkers `chosen` (indices); returns which of them moved."""
-        log_density = model.log_prob_fn(points)
         # From -inf to -inf is NaN, and no move.
         with np.errstate(invalid="ignore"):
             gain = log_density - state.log_prob[chosen] + factors
@@ -80,16 +84,35 @@ class _Move:
 
 
 class IndependenceMove(_Move):
-    """Every walker to a draw of the proposal."""
+    """Every walker to a draw of the proposal.
 
-    def __init__(self, proposal: IndependenceProposal, random: np.random.Generator) -> None:
+    The draws do not depend on where the walkers are: those of `ahead` steps go to the density together.
+    """
+
+    def __init__(self, proposal: IndependenceProposal, random: np.random.Generator, ahead: int = 1) -> None:
         super().__init__(random)
         self.proposal = proposal
+        self.ahead = ahead
+        self._drawn: Iterator[tuple[Matrix, Matrix, Matrix]] = iter(())
 
     def propose(self, model: Any, state: Any) -> tuple[Any, Any]:
-        points = self.proposal.draw(len(state.coords), self.random)
-        factors = self.proposal.factors(state.coords, points)
-        return state, self.settle(model, state, np.arange(len(points)), points, factors)
+        walkers = len(state.coords)
+        drawn = next(self._drawn, None)
+        if drawn is None:
+            steps = max(1, min(self.ahead, _ROWS // walkers))
+            self.ahead -= steps
+            points = self.proposal.draw(steps * walkers, self.random)
+            many = (points, model.log_prob_fn(points), self.proposal.log_density(points))
+            self._drawn = zip(*(np.split(values, steps) for values in many), strict=True)
+            drawn = next(self._drawn)
+        points, log_density, own = drawn
+        factors = self.factors(self.proposal.log_density(state.coords), own)
+        return state, self.settle(state, np.arange(walkers), points, log_density, factors)
+
+    def factors(self, here: Matrix, there: Matrix) -> Matrix:
+        """(W,) as in emcee's moves, what the proposal itself favours: ln g of the walkers and of what is
+        proposed to them."""
+        return here - there
 
 
 class DifferentialMove(_Move):
@@ -117,5 +140,6 @@ class DifferentialMove(_Move):
             start = np.repeat(starts[:, 0], len(half))
             stretch = scale * (1 + 1e-5 * self.random.standard_normal((len(own), 1)))
             steps = stretch * (state.coords[start + other[first]] - state.coords[start + other[second]])
-            accepted[own] = self.settle(model, state, own, state.coords[own] + steps, 0.0)
+            points = state.coords[own] + steps
+            accepted[own] = self.settle(state, own, points, model.log_prob_fn(points), 0.0)
         return state, accepted

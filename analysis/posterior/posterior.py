@@ -23,7 +23,7 @@ from ..estimation.fit import LikelihoodFit
 from ..solution import Solution
 from ..status import Status, UnsoundResult, known, require_no_more_than
 from .moves import IndependenceProposal, degrees_of_freedom
-from .sampler import RHAT_GATE, Progress, Sampled, diagnostics, sample_density
+from .sampler import RHAT_GATE, Progress, Sampled, sample_density
 
 _THREADS_FROM = 50  # shots
 _KEPT_PER_WALKER = 400
@@ -201,7 +201,7 @@ def _summarised(
     """Draws and summary in the units that people read."""
     parameters = problem.parameters
     ensembles, walkers, steps, _ = shown.shape
-    rhat, bulk = diagnostics(shown)
+    rhat, bulk = sampled.rhat, sampled.ess_bulk
     free = [(item, state) for item, state in zip(parameters.items, status, strict=True) if not item.held]
     converged = bool(sampled.settled and rhat.max() <= RHAT_GATE and bulk.min() >= min(ess, 400.0))
     rows = tuple(

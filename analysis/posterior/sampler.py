@@ -28,6 +28,7 @@ _STEPS_PLANNED = 64
 SHARE = 0.1  # of the steps, by differential evolution
 ROUND = 20  # steps from one fit of the proposal to the next
 ROUNDS = (2, 5)  # at least and at most
+GOOD = 0.5  # of the proposals accepted: the proposal is close to the density
 SETTLED = 0.03  # more proposals accepted than in any round before: not yet settled
 _PULLS = 12  # halvings of the way to the proposal's location
 _FIRST_LOOK = 60  # steps: from shorter chains the ESS comes out too large
@@ -97,6 +98,7 @@ class Moves:
 
         moves = [(self.independence, 1 - self._share), (self.differential, self._share)]
         sampler = emcee.EnsembleSampler(*start.shape, log_density, moves=moves, vectorize=True)
+        self.independence.ahead = round((1 - self._share) * steps)
         # emcee's legacy generator has no more to do than to choose between the moves.
         choice = np.random.RandomState(self._random.integers(2**32)).get_state()
         state = emcee.State(start, log_prob=log_density(start), random_state=choice)
@@ -201,19 +203,27 @@ class _Run:
 
     def refit(self, values: Matrix, mapped: bool) -> None:
         draws = values.reshape(-1, values.shape[-1])
-        if not mapped:
-            self._proposal = self._proposal.refitted(draws)
-            return
         size = draws.shape[1]
+        if not mapped:
+            # From few draws a covariance of many parameters is a worse proposal than one that is close.
+            fewest = 10 * size if self._independent < GOOD else max(10 * size, 2 * size**2)
+            self._proposal = self._proposal.refitted(draws, fewest)
+            return
         self._transport = TriangularMap(self.randoms[0].permutation(draws)[:_FITTED], self._first.factor)
         self._proposal = IndependenceProposal(np.zeros(size), np.eye(size), self._first.nu)
+
+    def _first_look(self, walkers: int) -> int:
+        """Steps: many times what it takes until a walker's draws are independent."""
+        if self._transport is not None:
+            return _MAPPED_LOOK
+        return _FIRST_LOOK if self._independent < GOOD or walkers < _LOOK_WALKERS else _FIRST_LOOK // 2
 
     def grow(self, starts: Matrix, ess: float, limit: int, progress: Progress) -> _Grown:
         """Draws until they have settled and are enough, or `limit` steps are done."""
         walkers = starts.shape[1]
         needed = max(ess, _TURNOVER * ENSEMBLES * walkers)
         values = starts[:, :, None][:, :, :0]
-        total = min(_FIRST_LOOK if self._transport is None else _MAPPED_LOOK, limit)
+        total = min(self._first_look(walkers), limit)
         while True:
             last = values[:, :, -1] if values.size else starts
             values = np.concatenate([values, self.advance(last, total - values.shape[2])], axis=2)
@@ -221,7 +231,9 @@ class _Run:
             rhat, bulk = diagnostics(looked_at)
             reached = float(bulk.min())
             progress(min(reached / needed, 0.99))
-            settled = float(rhat.max()) <= RHAT_GATE and drift(looked_at) <= _DRIFT_GATE
+            # Where the map does not reach, no walker tells; a poor acceptance does.
+            reaches = self._transport is None or self._independent >= GOOD
+            settled = float(rhat.max()) <= RHAT_GATE and drift(looked_at) <= _DRIFT_GATE and reaches
             enough = reached >= needed
             if (enough and settled) or total >= limit:
                 return _Grown(values, rhat, bulk, enough, settled)

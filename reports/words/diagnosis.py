@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ...analysis.diagnostics.diagnosis import Explanation
 from . import numbers
+from .numbers import times
 from .wording import clipped, listed
 
 _MOST_NAMED = 10
@@ -80,8 +81,3 @@ def diagnosis_said(found: tuple[Explanation, ...]) -> str:
     if len(found) > 1:
         return "The measurements do not decide between these: check each. Nothing was applied."
     return "No other cause that was tried explains the residuals as well. Nothing was applied."
-
-
-def times(factor: float) -> str:
-    """A multiple of the noise: 1.1, 1,333."""
-    return f"{factor:,.0f}" if factor >= 100 else f"{factor:.1f}"

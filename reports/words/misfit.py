@@ -13,6 +13,7 @@ from ...analysis.misfit import (
     PlacementsDisagree,
 )
 from . import numbers
+from .numbers import times
 from .wording import Namer, listed
 
 UNVALIDATED = "no estimate or uncertainty of this run is validated"
@@ -34,9 +35,9 @@ def criterion_sentence(criterion: Criterion, name: Namer = str) -> str:
             rms = "" if criterion.rms_mm is None else f"; {criterion.rms_mm:.2f} mm rms"
             return (
                 f"Lack of fit: residuals are {times(criterion.factor)} times the stated noise"
-                f" (χ² {criterion.chi2:.0f}, {criterion.dof} dof, {_p(criterion.p_value)}{rms}): the nominal"
-                " geometry does not describe this arm, a column, sign, zero, unit, target or measurement is"
-                " not as stated, or the noise is understated"
+                f" (χ² {criterion.chi2:.0f}, {criterion.dof} dof, {_p(criterion.p_value)}{rms}): the"
+                f" {criterion.geometry} geometry does not describe this arm, a column, sign, zero, unit,"
+                " target or measurement is not as stated, or the noise is understated"
             )
         case ImplausibleNoise(of, factor, interval, plausible):
             low, high = (times(end) for end in interval)
@@ -58,8 +59,8 @@ def criterion_sentence(criterion: Criterion, name: Namer = str) -> str:
             return (
                 f"The placements disagree: the offsets that each of the {count} would have alone differ by"
                 f" {times(criterion.factor)} times what the scatter within them explains (F({criterion.rank},"
-                f" {criterion.dof}), {_p(criterion.p_value)}), most of all at {criterion.most}: the nominal"
-                " geometry does not describe this arm, or a placement is wrong"
+                f" {criterion.dof}), {_p(criterion.p_value)}), most of all at {criterion.most}: the"
+                f" {criterion.geometry} geometry does not describe this arm, or a placement is wrong"
             )
 
 
@@ -69,11 +70,6 @@ def misfit_headline(misfit: Misfit, name: Namer = str) -> str:
     more = len(misfit.criteria) - 1
     also = f" {more} more {'criterion says' if more == 1 else 'criteria say'} so." if more else ""
     return f"{first[0].upper()}{first[1:]}.{also} {UNVALIDATED[0].upper()}{UNVALIDATED[1:]}."
-
-
-def times(factor: float) -> str:
-    """A factor as people read it: 1.5, 0.12, 1333."""
-    return f"{factor:.1f}" if 0.95 <= factor < 100 else numbers.significant(factor, 2 if factor < 1 else 4)
 
 
 def _off(own: OffPrior, name: Namer) -> str:

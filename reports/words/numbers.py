@@ -82,6 +82,13 @@ def p_value(p: float) -> str:
     return f"{p:.3f}" if p < 0.1 or p > 0.9 else f"{p:.2f}"
 
 
+def times(factor: float) -> str:
+    """A factor as people read it: 0.12, 1.5, 1,333."""
+    if factor >= 100:
+        return f"{factor:,.0f}"
+    return f"{factor:.1f}" if factor >= 0.95 else significant(factor, 2)
+
+
 def with_unit(text: str, unit: str) -> str:
     """`text` followed by its unit: ° close up, mm after a space that does not break."""
     return text if not unit else text + _UNITS.get(unit, f"{NO_BREAK}{unit}")

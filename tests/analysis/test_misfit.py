@@ -26,6 +26,7 @@ from zerobeam.analysis.solution import Solution, judge, solve
 from zerobeam.analysis.status import UnsoundResult, verdict_of
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import Run
+from zerobeam.model.files.stated_geometry import StatedGeometry
 from zerobeam.model.problem import Problem
 from zerobeam.model.robot import Matrix, Robot
 from zerobeam.reports.words.misfit import criterion_sentence
@@ -125,6 +126,14 @@ def test_chi_squared_against_the_stated_noise() -> None:
     assert found.factor == pytest.approx(np.sqrt(found.chi2 / found.dof))
     assert 2 < found.factor < 4
     assert f"{found.factor:.1f} times the stated noise" in criterion_sentence(found)
+
+
+def test_it_says_which_geometry_does_not_describe_the_arm() -> None:
+    run = dataclasses.replace(simulated(sockets(longer(irb1600(), 2, 20.0)), TABLE_2, 1)[1], robot=irb1600())
+    for stated, word in ((None, "nominal"), (StatedGeometry(gravity=False, harmonics=False), "estimated")):
+        own = dataclasses.replace(run, header=run.header.model_copy(update={"geometry": stated}))
+        found = only(solve(Problem.from_run(own), starts=0), LackOfFit)
+        assert f"the {word} geometry does not describe this arm" in criterion_sentence(found)
 
 
 # ── the noise factor ──────────────────────────────────────────────────────────────────────────

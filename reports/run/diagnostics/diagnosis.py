@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from ....analysis.result import Result
 from ...style.blocks import Paragraph, Section, row_of, section_of, table_of
-from ...words.diagnosis import CAUSES, changed, diagnosis_said, explanation_sentence, times
+from ...words.diagnosis import CAUSES, changed, diagnosis_said, explanation_sentence
+from ...words.numbers import times
 from ...words.wording import sentence
 
 

@@ -7,6 +7,7 @@ from cells import TABLE_2, good_plan, pattern_plan, simulated_problem
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.posterior import posterior
 from zerobeam.analysis.posterior.posterior import Whitening, sample_posterior
+from zerobeam.analysis.posterior.sampler import diagnostics
 from zerobeam.analysis.solution import judge
 from zerobeam.reports.words.findings import posterior_message
 
@@ -59,7 +60,9 @@ def test_an_unconverged_posterior_has_no_parameters(monkeypatch):
 
     def cut_short(*args, **kwargs):
         sampled = real(*args, **kwargs)
-        return replace(sampled, values=sampled.values[:, :, :2])
+        values = sampled.values[:, :, :2]
+        rhat, bulk = diagnostics(values)
+        return replace(sampled, values=values, rhat=rhat, ess_bulk=bulk)
 
     monkeypatch.setattr(posterior, "sample_density", cut_short)
     _, _, (summary, draws) = posterior_of(good_plan())
@@ -75,7 +78,8 @@ def test_a_disagreeing_ensemble_closes_the_gate(monkeypatch):
     def shifted(*args, **kwargs):
         sampled = real(*args, **kwargs)
         sampled.values[0] += 1.0
-        return sampled
+        rhat, bulk = diagnostics(sampled.values)
+        return replace(sampled, rhat=rhat, ess_bulk=bulk)
 
     monkeypatch.setattr(posterior, "sample_density", shifted)
     _, _, (summary, _) = posterior_of(good_plan())

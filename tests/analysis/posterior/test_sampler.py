@@ -41,22 +41,23 @@ def test_the_proposal_is_a_multivariate_t():
     assert stats.kstest((inner**2).sum(axis=0) / 3, stats.f(3, 7).cdf).pvalue > 1e-4
 
 
-class WrongSign(IndependenceProposal):
-    def factors(self, points, proposed):
-        return -super().factors(points, proposed)
+class WrongSign(IndependenceMove):
+    def factors(self, here, there):
+        return -super().factors(here, there)
 
 
-class NoFactors(IndependenceProposal):
-    def factors(self, points, proposed):
-        return 0.0
+class NoFactors(IndependenceMove):
+    def factors(self, here, there):
+        return np.zeros_like(here)
 
 
 class LopsidedDifference(DifferentialMove):
     """Not symmetric: every step goes to the right."""
 
-    def settle(self, model, state, chosen, points, factors):
+    def settle(self, state, chosen, points, log_density, factors):
         there = state.coords[chosen]
-        return super().settle(model, state, chosen, there + np.abs(points - there), factors)
+        right = there + np.abs(points - there)
+        return super().settle(state, chosen, right, normal(right), factors)
 
 
 def variance_by(move, steps=800, walkers=32):
@@ -71,12 +72,12 @@ def variance_by(move, steps=800, walkers=32):
 
 def test_the_sign_of_the_factors():
     """field.md: right 0.997, wrong sign 0.52, without factors 0.685 (at its own nu); bounds from the ESS."""
-    right, error = variance_by(IndependenceMove(t_at_zero(1), np.random.default_rng(1)))
-    assert abs(right - 1) < 4 * error
-    assert error < 0.03
+    for ahead in (1, 300):
+        right, error = variance_by(IndependenceMove(t_at_zero(1), np.random.default_rng(1), ahead))
+        assert abs(right - 1) < 4 * error
+        assert error < 0.03
     for control in (WrongSign, NoFactors):
-        proposal = control(np.zeros(1), np.eye(1), 6.0)
-        wrong, error = variance_by(IndependenceMove(proposal, np.random.default_rng(1)))
+        wrong, error = variance_by(control(t_at_zero(1), np.random.default_rng(1)))
         assert abs(wrong - 1) > 10 * error
 
 
@@ -188,7 +189,7 @@ def test_a_badly_scaled_correlated_normal():
     assert np.abs(along.std(axis=0) - 1).max() < 4.5 / np.sqrt(2 * 2000)
 
 
-@pytest.mark.parametrize("bend", [0.5, 3.0])
+@pytest.mark.parametrize("bend", [0.5, 1.5])
 def test_a_banana(bend):
     """x ~ N(0, 1), y = bend x^2 + N(0, 0.1): a sheet as thin as that is sampled in bent coordinates."""
 
