@@ -7,6 +7,8 @@ nobody reads the output any more.
 
 from __future__ import annotations
 
+import atexit
+import os
 import sys
 from collections.abc import Callable
 from contextlib import suppress
@@ -17,7 +19,22 @@ from .interruption import INTERRUPTED, answered, interruptible, leave, stoppable
 
 def main() -> NoReturn:
     """Entry point of the console script."""
-    sys.exit(run(leave))
+    left: list[int] = []
+
+    @atexit.register  # before all others, so that it is called last
+    def end() -> None:
+        """Without taking the modules apart: that takes a while, in which a request would kill the process."""
+        for stream in filter(None, (sys.stdout, sys.stderr)):
+            with suppress(OSError, ValueError):
+                stream.flush()
+        for status in left:
+            os._exit(status)
+
+    def leaving(status: int) -> None:
+        left.append(status)
+        leave(status)
+
+    sys.exit(run(leaving))
 
 
 def run(ended: Callable[[int], None] = lambda status: None) -> int:

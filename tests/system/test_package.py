@@ -52,7 +52,7 @@ def contents(wheel: Path) -> set[str]:
 
 def expected(tree: Path) -> set[str]:
     """Every file of the root's package and of its rooms, under the name that it has in the wheel."""
-    files = [tree / "__init__.py", tree / "cli.py", tree / "py.typed"]
+    files = [tree / "__init__.py", tree / "cli.py", tree / "interruption.py", tree / "py.typed"]
     files += [file for room in rooms(tree) for file in room.rglob("*") if file.is_file()]
     return {
         f"zerobeam/{file.relative_to(tree).as_posix()}"
