@@ -5,11 +5,14 @@ A ball at the flange sat in two sockets 50 mm apart, at several places of the ce
 
 from __future__ import annotations
 
+import os
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from command_line import Answer, zerobeam
+from made_once import made_once
 
 
 @dataclass(frozen=True)
@@ -49,9 +52,19 @@ def header_text(data: Path, arm: Arm, chosen: Sequence[str]) -> str:
     )
 
 
-def imported(data: Path, folder: Path, arm: Arm, chosen: Sequence[str] | None = None) -> tuple[Answer, Path]:
-    """What the import said, and the run file; of all places of the cell, or of the chosen ones."""
-    chosen = places(data, arm) if chosen is None else chosen
+def recorded(data: Path, arm: Arm) -> tuple[Answer, Path]:
+    """What the import of all places of an arm said, and the run file, which nobody may change."""
+
+    def make() -> tuple[Answer, Path]:
+        return imported(
+            data, Path(tempfile.mkdtemp(dir=os.environ["ZEROBEAM_TESTS_MADE"])), arm, places(data, arm)
+        )
+
+    return made_once(f"import {arm.name}", make)
+
+
+def imported(data: Path, folder: Path, arm: Arm, chosen: Sequence[str]) -> tuple[Answer, Path]:
+    """What the import said, and the run file, of the chosen places of the cell."""
     header, run = folder / f"{arm.name}.yaml", folder / f"{arm.name}.jsonl"
     header.write_text(header_text(data, arm, chosen), encoding="utf-8")
     files, targets = [], []

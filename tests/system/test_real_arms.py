@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from recordings import DINOVA_1, KUKA_14, PANDA_1, PANDA_2, imported
+from recordings import DINOVA_1, KUKA_14, PANDA_1, PANDA_2, recorded
 
 from zerobeam.analysis.diagnostics.halves import HalfAgainstHalf, half_against_half, rms, splits
 from zerobeam.analysis.diagnostics.hold_out import hold_out
@@ -41,13 +41,21 @@ def whole(scale: Literal["known", "estimated"] = "known") -> StatedGeometry:
     return StatedGeometry(gravity=True, harmonics=True, scale=scale)
 
 
+class Runs(dict[str, Run]):
+    """By the arm's name, read when one is asked for."""
+
+    def __init__(self, data: Path) -> None:
+        self.data = data
+
+    def __missing__(self, name: str) -> Run:
+        (arm,) = (own for own in (KUKA_14, PANDA_1, PANDA_2, DINOVA_1) if own.name == name)
+        self[name] = read_run(recorded(self.data, arm)[1])
+        return self[name]
+
+
 @pytest.fixture(scope="module")
-def run(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Run]:
-    folder = tmp_path_factory.mktemp("arms")
-    return {
-        arm.name: read_run(imported(shared_data, folder, arm)[1])
-        for arm in (KUKA_14, PANDA_1, PANDA_2, DINOVA_1)
-    }
+def run(shared_data: Path) -> Runs:
+    return Runs(shared_data)
 
 
 def stated(run: Run, geometry: StatedGeometry | None) -> Run:
@@ -87,11 +95,11 @@ def compared(solution: Solution, count: int) -> list[HalfAgainstHalf]:
 
 
 @pytest.fixture(scope="module")
-def kuka(run: dict[str, Run]) -> Solution:
+def kuka(run: Runs) -> Solution:
     return answer(run["kuka_14"], whole())
 
 
-def test_kuka_14_predicts_placements_that_it_has_not_seen(kuka: Solution, run: dict[str, Run]) -> None:
+def test_kuka_14_predicts_placements_that_it_has_not_seen(kuka: Solution, run: Runs) -> None:
     assert (held_out(kuka).rms_mm or np.inf) <= 0.21
     # Negative control: nominal geometry.
     assert (held_out(answer(run["kuka_14"], None)).rms_mm or 0.0) > 0.5
@@ -107,13 +115,13 @@ def test_a_profile_counts_measurements_by_their_effective_number(kuka: Solution)
     assert 1.0 < _profile_width(kuka) / kuka.quantile < 1.15
 
 
-def test_a_split_of_panda_1_disagrees_with_nominal_geometry(run: dict[str, Run]) -> None:
+def test_a_split_of_panda_1_disagrees_with_nominal_geometry(run: Runs) -> None:
     problem = Problem.from_run(stated(run["panda_1"], None))
     nominal = judge(fit_likelihood(problem, starts=0))
     assert rms(compared(nominal, 1)) >= 2
 
 
-def test_nominal_geometry_is_a_misfit_of_kuka_14_and_left_as_it_is(run: dict[str, Run]) -> None:
+def test_nominal_geometry_is_a_misfit_of_kuka_14_and_left_as_it_is(run: Runs) -> None:
     """The errors of the geometry correlate the residuals: that must not excuse them."""
     nominal = answer(run["kuka_14"], None)
     assert nominal.problem.weights.max() == 1  # a misfit is left as it is
@@ -178,7 +186,7 @@ def test_splits_are_different_halves() -> None:
     ],
 )
 def test_placements_that_the_fit_has_not_seen(
-    run: dict[str, Run],
+    run: Runs,
     name: str,
     without: tuple[str, ...],
     scale: Literal["known", "estimated"],
@@ -190,7 +198,7 @@ def test_placements_that_the_fit_has_not_seen(
 
 
 @pytest.mark.long
-def test_from_one_placement_the_others_of_panda_2(run: dict[str, Run]) -> None:
+def test_from_one_placement_the_others_of_panda_2(run: Runs) -> None:
     """At least as good as the public model of the arm, by the same placement: 0.569 mm."""
     problem = Problem.from_run(stated(run["panda_2"], whole()))
     others = [place.name for place in placements(problem) if place.name != "front_center"]
@@ -200,7 +208,7 @@ def test_from_one_placement_the_others_of_panda_2(run: dict[str, Run]) -> None:
 
 
 @pytest.mark.long
-def test_halves_of_all_arms_agree(run: dict[str, Run]) -> None:
+def test_halves_of_all_arms_agree(run: Runs) -> None:
     freed, nominal = [], []
     for name, without in (("panda_2", SLIPPED), ("panda_1", ()), ("kuka_14", ())):
         freed.append(compared(answer(run[name], whole(), without=without), SPLITS))
@@ -212,12 +220,12 @@ def test_halves_of_all_arms_agree(run: dict[str, Run]) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["panda_2", "panda_1", "kuka_14", "dinova_1"])
-def test_nominal_geometry_is_a_misfit_of_every_arm(run: dict[str, Run], name: str) -> None:
+def test_nominal_geometry_is_a_misfit_of_every_arm(run: Runs, name: str) -> None:
     assert answer(run[name], None).verdict == "misfit"
 
 
 @pytest.mark.long
-def test_panda_2_with_its_geometry(run: dict[str, Run]) -> None:
+def test_panda_2_with_its_geometry(run: Runs) -> None:
     found = answer(run["panda_2"], whole())
     # Confounded with link 6 and the tip: 0.3 mm of a6 are 0.07°.
     row = found["delta6"]

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from command_line import Answer
-from recordings import DINOVA_1, KUKA_14, PANDA_1, PANDA_2, Arm, imported
+from recordings import DINOVA_1, KUKA_14, PANDA_1, PANDA_2, Arm, recorded
 
 from zerobeam.analysis import analyse as analysing
 from zerobeam.analysis.analyse import analyse
@@ -66,9 +66,9 @@ class Analysed:
         return "\n".join(self.answer["notes"])
 
 
-def analysed(data: Path, folder: Path, arm: Arm, *, sampled: bool = False) -> Analysed:
+def analysed(data: Path, arm: Arm, *, sampled: bool = False) -> Analysed:
     """Only where the posterior is looked at it is `sampled`: that takes ten times as long as the rest."""
-    told, run = imported(data, folder, arm)
+    told, run = recorded(data, arm)
     assert told.status == 0, told.err
     with pytest.MonkeyPatch.context() as patch:
         if not sampled:
@@ -79,23 +79,23 @@ def analysed(data: Path, folder: Path, arm: Arm, *, sampled: bool = False) -> An
 
 
 @pytest.fixture(scope="module")
-def panda_2(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Analysed:
-    return analysed(shared_data, tmp_path_factory.mktemp("panda_2"), PANDA_2, sampled=True)
+def panda_2(shared_data: Path) -> Analysed:
+    return analysed(shared_data, PANDA_2, sampled=True)
 
 
 @pytest.fixture(scope="module")
-def panda_1(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Analysed:
-    return analysed(shared_data, tmp_path_factory.mktemp("panda_1"), PANDA_1)
+def panda_1(shared_data: Path) -> Analysed:
+    return analysed(shared_data, PANDA_1)
 
 
 @pytest.fixture(scope="module")
-def kuka_14(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Analysed:
-    return analysed(shared_data, tmp_path_factory.mktemp("kuka_14"), KUKA_14)
+def kuka_14(shared_data: Path) -> Analysed:
+    return analysed(shared_data, KUKA_14)
 
 
 @pytest.fixture(scope="module")
-def dinova_1(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Analysed:
-    return analysed(shared_data, tmp_path_factory.mktemp("dinova_1"), DINOVA_1)
+def dinova_1(shared_data: Path) -> Analysed:
+    return analysed(shared_data, DINOVA_1)
 
 
 def test_the_import_of_panda_2_tells_what_it_took(panda_2: Analysed) -> None:
@@ -287,11 +287,9 @@ LEFT_OUT = [(PANDA_2, 0.986), (PANDA_1, 1.573), (KUKA_14, 0.671)]
 
 
 @pytest.mark.parametrize(("arm", "rms_mm"), LEFT_OUT, ids=[arm.name for arm, _ in LEFT_OUT])
-def test_each_placement_as_the_others_predict_it(
-    arm: Arm, rms_mm: float, shared_data: Path, tmp_path: Path
-) -> None:
+def test_each_placement_as_the_others_predict_it(arm: Arm, rms_mm: float, shared_data: Path) -> None:
     """Against an independent prototype of offsets only, whose noise settings differ a little."""
-    _, run = imported(shared_data, tmp_path, arm)
+    _, run = recorded(shared_data, arm)
     found = solve(Problem.from_run(read_run(run)), starts=0)
     fits = fits_without(found)
     left_out, knife = leave_one_out(found, fits), jackknife(found, fits)
@@ -303,8 +301,8 @@ def test_each_placement_as_the_others_predict_it(
     assert max((row.u or 0.0) / (found[row.name].u or 1.0) for row in knife.offsets) > 2
 
 
-def test_panda_2_without_the_placement_that_slipped(shared_data: Path, tmp_path: Path) -> None:
-    _, run = imported(shared_data, tmp_path, PANDA_2)
+def test_panda_2_without_the_placement_that_slipped(shared_data: Path) -> None:
+    _, run = recorded(shared_data, PANDA_2)
     problem = Problem.from_run(read_run(run)).without_targets(["high_0", "high_1"])
     found = solve(problem, starts=0)
     left_out = leave_one_out(found, fits_without(found))
@@ -317,10 +315,10 @@ def test_panda_2_without_the_placement_that_slipped(shared_data: Path, tmp_path:
     assert plain.p_value < 1e-6
 
 
-def test_the_steps_that_were_found_by_hand(shared_data: Path, tmp_path: Path) -> None:
+def test_the_steps_that_were_found_by_hand(shared_data: Path) -> None:
     """panda_2: high_0 from its ninth measurement on for some eight."""
     for arm, target, first, last in ((PANDA_2, "high_0", 9, 16),):
-        _, run = imported(shared_data, tmp_path, arm)
+        _, run = recorded(shared_data, arm)
         found = solve(Problem.from_run(read_run(run)), starts=0)
         (step,) = (row for row in steps(found, found.link_columns).rows if row.target == target)
         start = found.problem.targets.index(target)
