@@ -110,9 +110,18 @@ class Density:
 
     def quads(self, x: Matrix) -> Matrix:
         """(N,) m' S^-1 m of every shot at one x (p,), unweighted; data set 0."""
-        count = self.problem.shots
-        at = np.tile(x, (count, 1))
-        quad, _ = Density(self.problem, self.joints[:1], self.spots[:1])._shot_sums(at, None, np.eye(count))
+        problem = self.problem
+        parts = problem.split(x)
+        quad, _ = self._kernel("terms")(
+            self._turns[0],
+            self.spots[0],
+            np.ones(1),
+            parts.arm,
+            parts.targets[problem.target_index],
+            parts.tool,
+            problem.variances(x),
+            problem.noise.variances,
+        )
         return quad
 
     def noise_weight(self, x: Matrix, of: Index | None = None) -> Matrix:

@@ -1,18 +1,30 @@
-"""What each measurement does to the answer: leave-one-out residuals and Cook's distances, exact, by a fit
-without each measurement. The tests hold them against the formulas of the linearised fit."""
+"""What each measurement does to the answer: leave-one-out residuals and Cook's distances.
+
+Up to 300 measurements they are exact, by a fit without each one. That takes time with the square of their
+number: of more, one Newton step from the mode is taken in place of a fit, but for those of high leverage. A
+single one of so many moves the answer by little, and the two differ by some 1e-3 of a residual's standard
+deviation. The tests hold both against the formulas of the linearised fit.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...model.density import Density
 from ...model.problem import Problem
 from ...model.robot import Matrix
+from ..estimation.coordinates import SeenCoordinates
 from ..estimation.fit import LikelihoodFit, modes
 from ..estimation.robust import leverages
+
+_REFITTED = 300  # measurements up to which each one is left out by a fit
+_LEVERAGE = 0.5  # from which on it is in any case
+_MOST_REFITTED = 100  # of these
+_ROWS = 1000  # measurements of a block: their informations are (rows, f, f)
 
 
 @dataclass(frozen=True)
@@ -59,19 +71,54 @@ class Influence(NamedTuple):
 
 
 def influence(problem: Problem, fit: LikelihoodFit) -> Influence:
-    """By N fits, each without one measurement. Where one of them fails its measurement has nan."""
+    """By N fits, each without one measurement, or by a step instead. Where one of them fails its measurement
+    has nan."""
     count, d = problem.shots, problem.tool.miss_size
     root = np.sqrt(fit.weight)
-    _, decides = leverages(problem.roots(fit.whitened) * root, fit.covariance)
+    open_part, decides = leverages(problem.roots(fit.whitened) * root, fit.covariance)
     residual = fit.whitened.residual[: count * d].reshape(count, d) * root
-    density = Density(problem).weighted(1.0 - np.eye(count))
-    without = modes(density, np.tile(fit.x, (count, 1)))
-    move = density.scaled(without.x) - fit.z
+    density, refitted = Density(problem), np.arange(count)
+    x, unknown = np.tile(fit.x, (count, 1)), decides.copy()
+    if count > _REFITTED:
+        x = _stepped(problem, fit, decides)
+        left = np.linalg.eigvalsh(open_part)[:, 0]
+        highest = np.argsort(left, kind="stable")[:_MOST_REFITTED]
+        refitted = highest[1 - left[highest] > _LEVERAGE]
+    if len(refitted):
+        weights = np.ones((len(refitted), count))
+        weights[np.arange(len(refitted)), refitted] = 0.0
+        without = modes(density.weighted(weights), np.tile(fit.x, (len(refitted), 1)))
+        x[refitted], unknown[refitted] = without.x, decides[refitted] | ~without.converged
+    move = density.scaled(x) - fit.z
     cooks = (move * np.linalg.solve(fit.covariance, move.T).T).sum(axis=1) / move.shape[1]
-    left_out, _ = problem.linearise(without.x)
-    unknown = decides | ~without.converged
+    left_out, _ = problem.linearise(x)
     return Influence(
         np.linalg.norm(residual, axis=1) / np.sqrt(problem.weights),
         np.where(unknown, np.nan, np.linalg.norm(left_out, axis=1)),
         np.where(unknown, np.nan, cooks),
     )
+
+
+def _stepped(problem: Problem, fit: LikelihoodFit, decides: NDArray[np.bool_]) -> Matrix:
+    """x (N, p) after one Newton step from the mode without each measurement, in the coordinates of a fit:
+    (H - H_i) step = -g_i with its own slope and information; nothing of use where it `decides` (N,) alone."""
+    known, _ = problem.with_noise_of(fit.x) if problem.noise.estimated else (problem, fit.x)
+    coordinates = SeenCoordinates(Density(problem))
+    v = coordinates.from_parameters(fit.x[None])
+    place = coordinates.at(v)
+    curvature = np.linalg.inv(coordinates.covariance(fit.x[None], fit.covariance[None]))
+    x = np.empty((problem.shots, len(fit.x)))
+    for k in range(len(problem.targets)):
+        every = np.flatnonzero(problem.target_index == k)
+        for mine in np.array_split(every, -(-len(every) // _ROWS)):
+            # Data sets of one measurement each.
+            one = replace(known.select(mine[:1]), distances=())
+            own = Density(one, *(part[mine][:, None] for part in (known.joints, known.spots, known.weights)))
+            slopes = own.slopes(np.tile(fit.x, (len(mine), 1)))
+            gradient = (slopes.gradient + fit.z) * fit.weight
+            information = (slopes.information - np.eye(own.size)) * fit.weight
+            information[decides[mine]] = 0.0
+            left = curvature - place.information(information)
+            step = -np.linalg.solve(left, place.gradient(gradient)[:, :, None])[:, :, 0]
+            x[mine] = coordinates.to_parameters(v + step)
+    return x

@@ -4,13 +4,15 @@ Its residuals are correlated and it has no noise model, so it comes as a point e
 likelihood; what its scatter is follows from the joints' noise by the sandwich. The cost does not see the
 gap between two skew beams, and two beams always cost zero. For a probe each shot gives one point, and the
 points of a target are compared with their mean.
+
+N beams have N (N - 1) / 2 pairs, and a middle is no sum of something of either beam: the sum over all pairs
+has no closed form of sums over shots. Above 50,000 pairs a random sample of them takes their place.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +23,8 @@ from ...model.robot import Matrix
 from .levenberg_marquardt import least_squares, levenberg_marquardt, solve_rows
 
 _COMPILE_FROM = 50  # data sets
+_PAIRS = 50_000  # of beams: all of them up to here, of more a sample of so many
+_SEED = 0  # of the sample
 _PARALLEL = 1e-4  # rad: beams nearer to parallel than this have no middle that could be trusted
 
 
@@ -98,33 +102,32 @@ def _fitted(middles: _Middles, joints: Matrix, with_covariance: bool = False) ->
 
     def residual(z: Matrix, rows: Index) -> tuple[Matrix, Matrix]:
         points, jacobian, _ = middles.at(at(z), joints[rows])
-        centred, by_x = middles.centred(points), middles.centred(jacobian)
-        by_z = (by_x * scale)[..., free]
+        centred, by_z = middles.centred(points), middles.centred(jacobian[..., free] * scale[free])
         return centred.reshape(len(z), -1), by_z.reshape(len(z), -1, by_z.shape[-1])
 
     found = levenberg_marquardt(least_squares(residual), np.zeros((len(joints), int(free.sum()))))
     x = at(found.x)
-    points, _, by_shot = middles.at(x, joints)
+    points, _, by_shots = middles.at(x, joints)
     x[:, parameters.group("target")] = middles.means(points).reshape(len(x), -1)
     covariance = np.zeros((len(x), 0, 0))
     if with_covariance:
         _, jacobian = residual(found.x, np.arange(len(x)))
-        covariance = _sandwich(middles, jacobian, by_shot)
+        covariance = _sandwich(middles, jacobian, by_shots)
     converged = found.converged & np.isfinite(covariance).all(axis=(1, 2))
     return MidpointFits(
         x, covariance, free, found.cost, points.shape[1], found.iterations, converged, found.reason
     )
 
 
-def _sandwich(middles: _Middles, jacobian: Matrix, by_shot: Matrix) -> Matrix:
+def _sandwich(middles: _Middles, jacobian: Matrix, by_shots: Sequence[Matrix]) -> Matrix:
     """(W, g, g): to first order z moves by -(J'J)^-1 J' dr, and dr by the joints' noise of every shot."""
     problem = middles.problem
     count = len(jacobian)
-    moved = np.zeros((count, problem.shots, problem.robot.n, *by_shot.shape[2:4]))  # (W, N, n, m, 3)
-    rows = np.arange(by_shot.shape[2])
-    for which, shots in enumerate(middles.shots):
+    moved = np.zeros((count, problem.shots, problem.robot.n, *by_shots[0].shape[1:3]))  # (W, N, n, m, 3)
+    rows = np.arange(by_shots[0].shape[1])
+    for shots, by_shot in zip(middles.shots, by_shots, strict=True):
         # By the noise of one joint of one shot: the middles in which that shot has a part.
-        moved[:, shots, :, rows] += by_shot[:, which].transpose(1, 0, 3, 2)
+        moved[:, shots, :, rows] += by_shot.transpose(1, 0, 3, 2)
     by_noise = middles.centred(moved.transpose(0, 3, 4, 1, 2).reshape(count, len(rows), 3, -1))
     by_noise = by_noise.reshape(count, jacobian.shape[1], -1) * np.tile(problem.noise.joint, problem.shots)
     if problem.tool.kind == "probe":
@@ -156,47 +159,48 @@ class _Middles:
         if problem.tool.kind == "probe":
             note = "a probe has points, not beams: the scatter of the tip's positions is minimised"
             return cls(problem, (np.arange(problem.shots),)), note
-        _, direction = problem.beams(problem.parameters.prior_mean)
-        kept: list[tuple[int, int]] = []
-        parallel: list[tuple[int, int]] = []
-        for i, j in combinations(range(problem.shots), 2):
-            if problem.target_index[i] == problem.target_index[j]:
-                sine = float(np.linalg.norm(np.cross(direction[i], direction[j])))
-                (kept if sine > _PARALLEL else parallel).append((i, j))
+        first, second, every = _pairs(problem)
         message = None
-        if parallel:
-            i, j = (problem.shot_numbers[s] for s in parallel[0])
+        if len(first) < every:
             message = (
-                f"{len(parallel)} of {len(parallel) + len(kept)} pairs of beams are parallel and have no"
+                f"of the {every} pairs of beams {len(first)} are used, a random sample (seed {_SEED}); nearly"
+                " parallel pairs dominate eq. 8, and another sample gives other estimates"
+            )
+        _, direction = problem.beams(problem.parameters.prior_mean)
+        kept = np.linalg.norm(np.cross(direction[first], direction[second]), axis=1) > _PARALLEL
+        if not kept.all():
+            pairs, lost = len(kept), np.flatnonzero(~kept)
+            i, j = (problem.shot_numbers[own[lost[0]]] for own in (first, second))
+            parallel = (
+                f"{len(lost)} of {pairs} pairs of beams are parallel and have no"
                 f" middle (measurements {i} and {j}, for one): they are left out"
             )
-        if not kept:
+            message = parallel if message is None else f"{message}; {parallel}"
+        if not kept.any():
             return None, (message or "no target is seen from two measurements") + "; nothing is left to fit"
-        first, second = np.array(kept).T
-        return cls(problem, (first, second)), message
+        return cls(problem, (first[kept], second[kept])), message
 
-    def at(self, x: Matrix, joints: Matrix) -> tuple[Matrix, Matrix, Matrix]:
-        """Points, their Jacobian by x (W, p), and (W, shots of a point, m, 3, n) by those shots' joints."""
+    def at(self, x: Matrix, joints: Matrix) -> tuple[Matrix, Matrix, list[Matrix]]:
+        """Points, their Jacobian by x (W, p), and (W, m, 3, n) by the joints of each of their shots."""
         problem = self.problem
         count, n, m = len(x), problem.robot.n, len(self._target)
         parts, parameters = problem.split(x), problem.parameters
         arm, tool = (np.repeat(part, m, axis=0) for part in (parts.arm, parts.tool))
         turned = [joints[:, shots].reshape(count * m, n) for shots in self.shots]
         if len(turned) == 2:
-            middle = problem.functions.kernel("midpoint", compile=count > _COMPILE_FROM)
-            points, own, first, second = middle(*turned, arm, tool)
-            by_shot = np.stack([first, second])
+            compile = count > _COMPILE_FROM or m > _COMPILE_FROM**2
+            middle = problem.functions.kernel("midpoint", compile=compile)
+            points, own, *by_shots = middle(*turned, arm, tool)
         else:
             tip = tool if tool.shape[1] else np.tile(problem.tool.point, (count * m, 1))
             points, by = problem.functions.kernel("placed")(*turned, arm, tip)
             own = by if tool.shape[1] else by[:, :, : arm.shape[1]]
-            by_shot = own[None, :, :, parameters.block("offset")]
+            by_shots = [own[:, :, parameters.block("offset")]]
         jacobian = np.zeros((count, m, 3, len(parameters)))
         own = own.reshape(count, m, 3, -1)
         jacobian[..., parameters.arm] = own[..., : arm.shape[1]]
         jacobian[..., parameters.block("tool")] = own[..., arm.shape[1] :]
-        by_shot = by_shot.reshape(-1, count, m, 3, n).transpose(1, 0, 2, 3, 4)
-        return points.reshape(count, m, 3), jacobian, by_shot
+        return points.reshape(count, m, 3), jacobian, [by.reshape(count, m, 3, n) for by in by_shots]
 
     def means(self, values: Matrix) -> Matrix:
         """(W, K, ...) means over the points of each target (zero for a target without any)."""
@@ -204,8 +208,25 @@ class _Middles:
         for k in range(len(self.problem.targets)):
             mine = self._target == k
             if mine.any():
-                result[:, k] = values[:, mine].mean(axis=1)
+                result[:, k] = (values if mine.all() else values[:, mine]).mean(axis=1)
         return result
 
     def centred(self, values: Matrix) -> Matrix:
-        return np.asarray(values - self.means(values)[:, self._target])
+        means = self.means(values)
+        return np.asarray(values - (means if means.shape[1] == 1 else means[:, self._target]))
+
+
+def _pairs(problem: Problem) -> tuple[Index, Index, int]:
+    """The two shots of each pair of beams at one target, all or a random sample of them, and how many pairs
+    there are."""
+    order = np.argsort(problem.target_index, kind="stable")
+    of = problem.target_index[order]
+    later = np.searchsorted(of, of, side="right") - 1 - np.arange(len(of))  # shots with which each has a pair
+    end = np.cumsum(later)
+    every = int(end[-1]) if len(end) else 0
+    chosen = np.arange(min(every, _PAIRS))
+    if every > _PAIRS:
+        chosen = np.sort(np.random.default_rng(_SEED).choice(every, _PAIRS, replace=False, shuffle=False))
+    first = np.searchsorted(end, chosen, side="right")
+    second = first + 1 + chosen - (end - later)[first]
+    return order[first], order[second], every

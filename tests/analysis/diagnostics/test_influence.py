@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
-from cells import PROBE, TABLE_2, good_plan, plan_of, simulated_problem
+from cells import LASER, OPEN_LASER, PROBE, TABLE_2, good_plan, plan_of, simulated_problem
 
+from zerobeam.analysis.diagnostics import influence as module
 from zerobeam.analysis.diagnostics.influence import Influence, influence
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.estimation.robust import leverages
@@ -30,7 +31,14 @@ def by_formula(problem, fit):
     )
 
 
-BOTH = pytest.mark.parametrize("way", [influence, by_formula])
+def by_step(problem, fit):
+    """As for more than 300 measurements."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "_REFITTED", 0)
+        return influence(problem, fit)
+
+
+BOTH = pytest.mark.parametrize("way", [influence, by_formula, by_step])
 
 
 @pytest.mark.parametrize(("way", "bound"), [(influence, 1e-3), (by_formula, 0.1)])
@@ -82,6 +90,36 @@ def test_the_leverages_sum_to_what_the_shots_determine():
     assert determined == pytest.approx(8, rel=0.05)
     # Ten times the covariance: every shot would tell more than all of them.
     assert leverages(blocks, 10 * fit.covariance)[1].any()
+
+
+@pytest.mark.parametrize("scale", ["known", "estimated", "separate"])
+@pytest.mark.parametrize("tool", [LASER, OPEN_LASER, PROBE])
+def test_one_step_is_as_good_as_a_fit(tool, scale, monkeypatch):
+    """With 60 measurements of different weights: to 5e-3 of a residual's std, where leaving one out moves the
+    largest by a quarter of it at least. With separate factors a fit goes from their marginal mode to the
+    common one, whichever measurement is left out, which is a tenth in Cook's distance."""
+    plan = good_plan(60, tool=tool, noise={"scale": scale})
+    _, problem = simulated_problem(plan, TABLE_2 if tool is not PROBE else {"delta4": 0.5}, seed=3)
+    problem = problem.weighted(np.linspace(0.5, 1.0, 60))
+    fit = fit_likelihood(problem, starts=0)
+    fits = influence(problem, fit)
+    monkeypatch.setattr(module, "_REFITTED", 59)
+    steps = influence(problem, fit)
+    residual = np.linalg.norm(fit.whitened.residual_mm, axis=1)
+    std = np.sqrt((residual**2).mean())
+    assert np.abs(fits.leave_one_out - residual).max() > 0.25 * std
+    np.testing.assert_allclose(steps.leave_one_out, fits.leave_one_out, atol=5e-3 * std)
+    np.testing.assert_allclose(steps.cooks, fits.cooks, atol=0.15 if scale == "separate" else 1e-3)
+    np.testing.assert_array_equal(steps.whitened, fits.whitened)
+
+
+def test_one_step_does_not_depend_on_the_blocks(monkeypatch):
+    _, problem = simulated_problem(good_plan(12), TABLE_2, seed=3)
+    fit = fit_likelihood(problem, starts=0)
+    monkeypatch.setattr(module, "_REFITTED", 11)
+    whole = influence(problem, fit)
+    monkeypatch.setattr(module, "_ROWS", 5)
+    np.testing.assert_allclose(influence(problem, fit).cooks, whole.cooks, rtol=1e-9)
 
 
 @BOTH
