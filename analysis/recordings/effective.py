@@ -18,12 +18,12 @@ from scipy.special import ndtr
 
 from ...model.robot import Matrix
 from ..solution import Solution
-from .recordings import Recorded, covariances, recording_rows, recordings
+from .recordings import Recorded, covariance, recording_rows, recordings, traces
 
 CHANCE = 0.01  # p-value below which a correlation is used
 _FEWEST = 4  # measurements of a recording with a correlation of its own
 _GRID = np.array([-0.9, -0.6, -0.3, -0.1, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9])
-_LARGE = 600  # residuals of a recording whose covariance is no longer taken apart
+LARGE = 600  # residuals of a recording whose covariance is no longer written out
 _LEFT = 1e-3  # of the variance of an error: a recording with less left of all its errors is not tested
 
 
@@ -98,33 +98,42 @@ def _kappa(rho: float) -> float:
 class RecordingLag(NamedTuple):
     """Of a recording: `product` the sum over its neighbours of the products of their residuals, `square` the
     sum of squares; `products` and `squares` (grid,) what they are expected to be for the correlations of the
-    grid; `white` (n d, n d) the covariance of the residuals without correlation."""
+    grid; `size` n d; `white` (n d, n d) the covariance of the residuals without correlation, None of a long recording, and
+    `left` its trace, `bias` that of neighbours as a share of it."""
 
     shots: int
     product: float
     square: float
     products: Matrix
     squares: Matrix
-    white: Matrix
+    size: int
+    left: float
+    bias: float
+    white: Matrix | None
 
 
 def lags(recorded: Recorded) -> dict[int, RecordingLag]:
     """Of the recordings that are long enough, by their place."""
-    by_rho = [covariances(recorded, float(rho)) for rho in _GRID]
-    white = by_rho[int(np.argmin(np.abs(_GRID)))]
+    by_rho = [(float(rho), recorded.shared(float(rho))) for rho in _GRID]
+    none = int(np.argmin(np.abs(_GRID)))
     result = {}
     for i, own in enumerate(recorded.every):
         d, residual = own.residual.shape[1], own.residual
+        left, neighbours = traces(own, *by_rho[none])
         # A fit that takes up all errors leaves rounding.
-        if own.shots < _FEWEST or np.trace(white[i]) < _LEFT * own.shots * d:
+        if own.shots < _FEWEST or left < _LEFT * own.shots * d:
             continue
+        expected = [traces(own, *at) for at in by_rho]
         result[i] = RecordingLag(
             own.shots,
             float((residual[1:] * residual[:-1]).sum()),
             float((residual**2).sum()),
-            np.array([np.trace(part[i], offset=d) for part in by_rho]),
-            np.array([np.trace(part[i]) for part in by_rho]),
-            white[i],
+            np.array([products for _, products in expected]),
+            np.array([squares for squares, _ in expected]),
+            own.shots * d,
+            left,
+            neighbours / left,
+            covariance(own, *by_rho[none]) if own.shots * d <= LARGE else None,
         )
     return result
 
@@ -135,7 +144,7 @@ def equalised(found: Sequence[RecordingLag]) -> list[RecordingLag]:
     A target that slips while it is measured makes large residuals that are all alike: by the plain sums that
     one recording would speak for all.
     """
-    mean_square = np.array([own.square / np.trace(own.white) for own in found])
+    mean_square = np.array([own.square / own.left for own in found])
     middle = float(np.median(mean_square))
     times = [middle / value if value > middle else 1.0 for value in mean_square]
     return [
@@ -160,14 +169,12 @@ def correlation(found: Sequence[RecordingLag]) -> tuple[float, float]:
 
 def _values(own: RecordingLag, ratio: float) -> Matrix:
     """Weights of the chi-squares of which product - ratio * square is the sum."""
-    size = len(own.white)
-    d = size // own.shots
-    if size > _LARGE:
+    d = own.size // own.shots
+    if own.white is None:
         # Of a long recording: those of independent errors, shifted by the bias.
-        bias = float(np.trace(own.white, offset=d) / np.trace(own.white))
         angles = np.pi * np.arange(1, own.shots + 1) / (own.shots + 1)
-        return np.repeat(np.cos(angles) - (ratio - bias), d)
-    form = (np.eye(size, k=d) + np.eye(size, k=-d)) / 2 - ratio * np.eye(size)
+        return np.repeat(np.cos(angles) - (ratio - own.bias), d)
+    form = (np.eye(own.size, k=d) + np.eye(own.size, k=-d)) / 2 - ratio * np.eye(own.size)
     values, vectors = np.linalg.eigh(own.white)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     return np.asarray(np.linalg.eigvalsh(root.T @ form @ root))

@@ -3,7 +3,9 @@
 The residuals r of a fit are no independent numbers even if the errors are: with whitened Jacobian A and
 C = (A'A + I)^-1 their covariance is M = I - A C A'. With errors of covariance R it is M R M + A C^2 A', if
 the parameters are as their priors say. With C^-1 = L L' and B = A L'^-1, the Jacobian in posterior stds, M is
-I - B B', and the parts of one recording follow from its own rows of B and from B' R B.
+I - B B', and the parts of one recording follow from its own rows of B and from B' R B. What is needed of a
+long recording's covariance (its traces, its product with a vector, draws) follows from them without the
+matrix, whose size grows with the square of the measurements.
 """
 
 from __future__ import annotations
@@ -17,6 +19,8 @@ from ...model.kernel import Index
 from ...model.problem import Problem, Whitened
 from ...model.robot import Matrix
 from ..estimation.fit import LikelihoodFit
+
+_NOTHING = 1e-18  # a correlation below rounding
 
 
 def by_targets(problem: Problem, whitened: Whitened) -> Matrix:
@@ -51,6 +55,13 @@ class Recorded:
 
     every: tuple[Recording, ...]
     prior: Matrix
+
+    def shared(self, rho: float) -> Matrix:
+        """(f, f) the covariance of B'r if errors within recordings have the correlation `rho`."""
+        total = self.prior.copy()
+        for own in self.every:
+            total += own.jacobian.T @ times_errors(own, rho)
+        return total
 
 
 def recording_rows(problem: Problem) -> list[Index]:
@@ -95,23 +106,68 @@ def recordings(fit: LikelihoodFit, rival: Matrix | None = None) -> Recorded:
     return Recorded(every, inverse @ inverse.T)
 
 
-def correlated(shots: int, d: int, rho: float) -> Matrix:
-    """(n d, n d) the covariance of errors of variance 1 with the correlation rho^k k measurements apart."""
-    apart = np.abs(np.subtract.outer(np.arange(shots), np.arange(shots)))
-    own = np.eye(shots) if rho == 0 else rho ** apart.astype(float)
-    return np.asarray(np.kron(own, np.eye(d)), dtype=float)
+def times_errors(own: Recording, rho: float) -> Matrix:
+    """(n d, f) R B of a recording, for errors of variance 1 with the correlation rho^k k measurements apart."""
+    if rho == 0:
+        return own.jacobian
+    blocks = own.jacobian.reshape(own.shots, -1)
+    both = _decaying(blocks, rho) + _decaying(blocks[::-1], rho)[::-1] - blocks
+    return np.asarray(both.reshape(own.jacobian.shape))
 
 
-def covariances(recorded: Recorded, rho: float) -> list[Matrix]:
-    """(n d, n d) of the residuals of each recording if errors within recordings have the correlation rho."""
-    shared = recorded.prior.copy()
-    own_errors = []
-    for own in recorded.every:
-        errors = correlated(own.shots, own.residual.shape[1], rho)
-        shared += own.jacobian.T @ errors @ own.jacobian
-        own_errors.append(errors)
-    result = []
-    for own, errors in zip(recorded.every, own_errors, strict=True):
-        cross = own.jacobian @ (own.jacobian.T @ errors)
-        result.append(errors - cross - cross.T + own.jacobian @ shared @ own.jacobian.T)
-    return result
+def _decaying(values: Matrix, rho: float) -> Matrix:
+    """(n, …) the sums of rho^k times what is k before, over all k: by doubling."""
+    total, lag, factor = values.copy(), 1, rho
+    while lag < len(values) and abs(factor) > _NOTHING:
+        total[lag:] += factor * total[:-lag]
+        lag, factor = 2 * lag, factor**2
+    return total
+
+
+def traces(own: Recording, rho: float, shared: Matrix) -> tuple[float, float]:
+    """The traces of the covariance of a recording's residuals: of measurements with themselves, and with
+    those that follow them. `shared` is that of all recordings at `rho`."""
+    d, jacobian = own.residual.shape[1], own.jacobian
+    by_errors, by_shared = times_errors(own, rho), jacobian @ shared
+    plain = own.shots * d - 2 * (jacobian * by_errors).sum() + (by_shared * jacobian).sum()
+    following = (own.shots - 1) * d * rho
+    following -= (jacobian[:-d] * by_errors[d:]).sum() + (by_errors[:-d] * jacobian[d:]).sum()
+    following += (by_shared[:-d] * jacobian[d:]).sum()
+    return float(plain), float(following)
+
+
+def white_times(own: Recording, shared: Matrix, vector: Matrix) -> Matrix:
+    """(n d,) the covariance of a recording's residuals without correlation times a vector (n d,)."""
+    along = own.jacobian.T @ vector
+    return np.asarray(vector + own.jacobian @ (shared @ along - 2 * along))
+
+
+def covariance(own: Recording, rho: float, shared: Matrix) -> Matrix:
+    """(n d, n d) of the residuals of a recording if errors have the correlation `rho`."""
+    d = own.residual.shape[1]
+    apart = np.abs(np.subtract.outer(np.arange(own.shots), np.arange(own.shots)))
+    errors = np.kron(np.eye(own.shots) if rho == 0 else rho ** apart.astype(float), np.eye(d))
+    cross = own.jacobian @ times_errors(own, rho).T
+    return np.asarray(errors - cross - cross.T + own.jacobian @ shared @ own.jacobian.T, dtype=float)
+
+
+def drawn(own: Recording, rho: float, shared: Matrix, count: int, rng: np.random.Generator) -> Matrix:
+    """(count, n, d) residuals of a recording with that covariance, at random."""
+    n, d = own.residual.shape
+    errors = rng.normal(size=(n, count, d))
+    errors[1:] *= np.sqrt(1 - rho**2)
+    errors = _decaying(errors, rho).transpose(1, 0, 2)
+    others = _root(shared - own.jacobian.T @ times_errors(own, rho))
+    along = rng.normal(size=(count, len(others))) @ others.T - errors.reshape(count, n * d) @ own.jacobian
+    return errors + (along @ own.jacobian.T).reshape(count, n, d)
+
+
+def drawn_by_covariance(covariance: Matrix, count: int, rng: np.random.Generator) -> Matrix:
+    """(count, m) normal at random with that covariance (m, m)."""
+    root = _root(covariance)
+    return rng.normal(size=(count, len(root))) @ root.T
+
+
+def _root(covariance: Matrix) -> Matrix:
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))

@@ -21,14 +21,15 @@ from ...model.robot import Matrix
 from ..estimation.fit import LikelihoodFit
 from ..holm import holm
 from ..solution import Solution
-from .effective import CHANCE, correlation, equalised, lags
-from .recordings import Recording, covariances, recordings
+from .effective import CHANCE, LARGE, correlation, equalised, lags
+from .recordings import Recording, covariance, drawn, drawn_by_covariance, recordings, white_times
 
 _FEWEST = 6  # measurements of a recording that is tested
 _FEWEST_LEFT = 12.0  # degrees of freedom that the fit leaves to it
 _SHORTEST = 2  # measurements of a run, and of the rest
 _PLACES = 60  # at most so many places of a change: of a longer recording every second, third…
 _SIMULATED = 300
+_NUMBERS = 1_000_000  # simulated residuals at once
 _TELLS_MM = 10.0
 _EULER = float(np.euler_gamma)
 _RHO_STEP = 0.05
@@ -90,35 +91,44 @@ def all_steps(fit: LikelihoodFit, rival: Matrix | None = None, seed: int = 0) ->
     tested = [
         i
         for i, own in enumerate(every)
-        if i in lag and own.shots >= _FEWEST and np.trace(lag[i].white) >= _FEWEST_LEFT
+        if i in lag and own.shots >= _FEWEST and lag[i].left >= _FEWEST_LEFT
     ]
     if not tested:
         return [], len(every)
     pooled, chance = correlation(equalised(list(lag.values())))
     shared = pooled if chance < CHANCE else 0.0
-    by_rho: dict[float, list[Matrix]] = {}
+    by_rho: dict[float, Matrix] = {0.0: recorded.shared(0.0)}
     found = []
     rng = np.random.default_rng(seed)
     for i in tested:
-        own, white = every[i], lag[i].white
+        own = every[i]
         runs = _runs(own)
         best, size = _largest(own, runs, own.residual[None])
         size_mm, design = _size(own, runs, int(best[0]))
-        left = own.residual + (white @ (design.reshape(-1, 3) @ size_mm)).reshape(own.residual.shape)
+        moved = white_times(own, by_rho[0.0], design.reshape(-1, 3) @ size_mm)
+        left = own.residual + moved.reshape(own.residual.shape)
         alone = lag[i]._replace(product=float((left[1:] * left[:-1]).sum()), square=float((left**2).sum()))
         rho = max(0.0, shared, correlation([alone])[0])
         rho = min(0.95, round(rho / _RHO_STEP) * _RHO_STEP)
         if rho not in by_rho:
-            by_rho[rho] = covariances(recorded, rho)
-        values, vectors = np.linalg.eigh(by_rho[rho][i])
-        root = vectors * np.sqrt(np.maximum(values, 0.0))
-        simulated = (rng.normal(size=(_SIMULATED, len(root))) @ root.T).reshape(
-            _SIMULATED, *own.residual.shape
-        )
-        chance = _gumbel(float(size[0]), _largest(own, runs, simulated)[1])
-        found.append(_step(fit, own, runs, int(best[0]), chance))
+            by_rho[rho] = recorded.shared(rho)
+        simulated = _simulated(own, runs, rho, by_rho[rho], rng)
+        found.append(_step(fit, own, runs, int(best[0]), _gumbel(float(size[0]), simulated)))
     adjusted = holm([step.p_value for step in found])
     return [replace(step, p_value=p) for step, p in zip(found, adjusted, strict=True)], len(every)
+
+
+def _simulated(own: Recording, runs: Runs, rho: float, shared: Matrix, rng: np.random.Generator) -> Matrix:
+    """(B,) the largest of simulated recordings without a step."""
+    size = own.residual.size
+    if size <= LARGE:
+        errors = drawn_by_covariance(covariance(own, rho, shared), _SIMULATED, rng)
+        return _largest(own, runs, errors.reshape(_SIMULATED, *own.residual.shape))[1]
+    # Of a long recording some at a time, in bounded memory.
+    at_once = max(1, min(_SIMULATED, _NUMBERS // size))
+    counts = [min(at_once, _SIMULATED - k) for k in range(0, _SIMULATED, at_once)]
+    parts = [_largest(own, runs, drawn(own, rho, shared, count, rng))[1] for count in counts]
+    return np.concatenate(parts)
 
 
 def _runs(own: Recording) -> Runs:

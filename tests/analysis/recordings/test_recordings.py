@@ -12,7 +12,14 @@ from scipy import stats
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
 from zerobeam.analysis.observability.consider import link_columns
 from zerobeam.analysis.recordings.effective import CHANCE, RecordingLag, _chance, correlation, effective, lags
-from zerobeam.analysis.recordings.recordings import recording_rows, recordings
+from zerobeam.analysis.recordings.recordings import (
+    covariance,
+    drawn,
+    recording_rows,
+    recordings,
+    traces,
+    white_times,
+)
 from zerobeam.analysis.recordings.steps import all_steps, steps
 from zerobeam.analysis.solution import Solution, judge
 from zerobeam.model.constraint import shot_functions
@@ -130,6 +137,54 @@ def test_the_saddle_point_against_simulation(weights: list[float]) -> None:
     rng, count = np.random.default_rng(4), 200_000
     share = (rng.chisquare(1, size=(count, len(weights))) @ np.array(weights) > 0).mean()
     assert _chance(np.array(weights)) == pytest.approx(share, abs=0.02)
+
+
+# --- long recordings --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.6, -0.9])
+def test_what_is_needed_of_a_covariance_without_the_matrix(solution: Solution, rho: float) -> None:
+    """Traces, products and draws against the covariance of the errors of all recordings, written out."""
+    recorded = recordings(solution.fit)
+    count, blocks = EACH * 3, [own.jacobian for own in recorded.every]
+    every = np.vstack(blocks)
+    one = np.kron(rho ** np.abs(np.subtract.outer(np.arange(EACH), np.arange(EACH))).astype(float), np.eye(3))
+    errors = np.kron(np.eye(3), one)
+    left = np.eye(len(every)) - every @ every.T
+    whole = left @ errors @ left + every @ recorded.prior @ every.T
+    shared = recorded.shared(rho)
+    for i, own in enumerate(recorded.every):
+        mine = slice(count * i, count * (i + 1))
+        expected = whole[mine, mine]
+        np.testing.assert_allclose(covariance(own, rho, shared), expected, atol=1e-12)
+        np.testing.assert_allclose(
+            traces(own, rho, shared), [np.trace(expected), np.trace(expected, offset=3)], atol=1e-10
+        )
+        if rho == 0:
+            vector = np.arange(float(count))
+            np.testing.assert_allclose(white_times(own, shared, vector), expected @ vector, atol=1e-10)
+        many = drawn(own, rho, shared, 20_000, np.random.default_rng(1)).reshape(20_000, count)
+        # 5.5 standard errors of 3600 products.
+        bound = 5.5 * np.sqrt((np.outer(np.diag(expected), np.diag(expected)) + expected**2) / 20_000)
+        assert (np.abs(many.T @ many / 20_000 - expected) < bound).all()
+
+
+def test_a_long_recording_says_the_same(solution: Solution, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As if twenty measurements were too many to write their covariance out: rho is the same, the p-values
+    are those of other simulations and of the approximation for long recordings."""
+    e = errors(np.random.default_rng(6), 0.3)
+    e[26:33] -= recordings(solution.fit).every[1].by_target[6:13] @ np.array([0.7, -0.6, 0.4])
+    own = of_errors(solution, e)
+    plain, (step,) = effective(own), steps(own).rows
+    monkeypatch.setattr("zerobeam.analysis.recordings.effective.LARGE", 10)
+    monkeypatch.setattr("zerobeam.analysis.recordings.steps.LARGE", 10)
+    monkeypatch.setattr("zerobeam.analysis.recordings.steps._NUMBERS", 60 * 70)
+    long, (again,) = effective(own), steps(own).rows
+    assert long.rho == pytest.approx(plain.rho, abs=1e-9)
+    assert long.p_value == pytest.approx(plain.p_value, rel=1.0)
+    assert (again.first_shot, again.last_shot) == (step.first_shot, step.last_shot) == (26, 32)
+    assert again.shift_mm == pytest.approx(step.shift_mm)
+    assert again.p_value < 1e-2
 
 
 # --- steps --------------------------------------------------------------------------------------
