@@ -6,7 +6,7 @@ gap between two skew beams, and two beams always cost zero. For a probe each sho
 points of a target are compared with their mean.
 
 N beams have N (N - 1) / 2 pairs, and a middle is no sum of something of either beam: the sum over all pairs
-has no closed form of sums over shots. Above 50,000 pairs a random sample of them takes their place.
+has no closed form of sums over shots. Above 50,000 pairs a random sample of 20,000 takes their place.
 """
 
 from __future__ import annotations
@@ -23,8 +23,10 @@ from ...model.robot import Matrix
 from .levenberg_marquardt import least_squares, levenberg_marquardt, solve_rows
 
 _COMPILE_FROM = 50  # data sets
-_PAIRS = 50_000  # of beams: all of them up to here, of more a sample of so many
-_SEED = 0  # of the sample
+_PAIRS = 50_000  # of beams: all of them up to here, of more
+_SAMPLE = 20_000  # at random
+_SEED = 0
+_TOLERANCE = (1e-14, 1e-9)  # of the cost, where the search ends: of all pairs, and of a sample
 _PARALLEL = 1e-4  # rad: beams nearer to parallel than this have no middle that could be trusted
 
 
@@ -105,7 +107,8 @@ def _fitted(middles: _Middles, joints: Matrix, with_covariance: bool = False) ->
         centred, by_z = middles.centred(points), middles.centred(jacobian[..., free] * scale[free])
         return centred.reshape(len(z), -1), by_z.reshape(len(z), -1, by_z.shape[-1])
 
-    found = levenberg_marquardt(least_squares(residual), np.zeros((len(joints), int(free.sum()))))
+    start, tolerance = np.zeros((len(joints), int(free.sum()))), _TOLERANCE[middles.sampled]
+    found = levenberg_marquardt(least_squares(residual), start, tolerance=tolerance)
     x = at(found.x)
     points, _, by_shots = middles.at(x, joints)
     x[:, parameters.group("target")] = middles.means(points).reshape(len(x), -1)
@@ -145,12 +148,14 @@ def _sandwich(middles: _Middles, jacobian: Matrix, by_shots: Sequence[Matrix]) -
 class _Middles:
     """The points whose scatter eq. 8 measures: (W, m, 3) and their Jacobian (W, m, 3, p).
 
-    `shots` names the shots of each point: two for the middle of a pair, one for a tip.
+    `shots` names the shots of each point: two for the middle of a pair, one for a tip; `sampled` says that
+    there are more pairs than these.
     """
 
-    def __init__(self, problem: Problem, shots: tuple[Index, ...]) -> None:
+    def __init__(self, problem: Problem, shots: tuple[Index, ...], sampled: bool = False) -> None:
         self.problem = problem
         self.shots = shots
+        self.sampled = sampled
         self._target = problem.target_index[shots[0]]
 
     @classmethod
@@ -178,7 +183,7 @@ class _Middles:
             message = parallel if message is None else f"{message}; {parallel}"
         if not kept.any():
             return None, (message or "no target is seen from two measurements") + "; nothing is left to fit"
-        return cls(problem, (first[kept], second[kept])), message
+        return cls(problem, (first[kept], second[kept]), sampled=len(first) < every), message
 
     def at(self, x: Matrix, joints: Matrix) -> tuple[Matrix, Matrix, list[Matrix]]:
         """Points, their Jacobian by x (W, p), and (W, m, 3, n) by the joints of each of their shots."""
@@ -224,9 +229,10 @@ def _pairs(problem: Problem) -> tuple[Index, Index, int]:
     later = np.searchsorted(of, of, side="right") - 1 - np.arange(len(of))  # shots with which each has a pair
     end = np.cumsum(later)
     every = int(end[-1]) if len(end) else 0
-    chosen = np.arange(min(every, _PAIRS))
-    if every > _PAIRS:
-        chosen = np.sort(np.random.default_rng(_SEED).choice(every, _PAIRS, replace=False, shuffle=False))
+    if every <= _PAIRS:
+        chosen = np.arange(every)
+    else:
+        chosen = np.sort(np.random.default_rng(_SEED).choice(every, _SAMPLE, replace=False, shuffle=False))
     first = np.searchsorted(end, chosen, side="right")
     second = first + 1 + chosen - (end - later)[first]
     return order[first], order[second], every

@@ -98,8 +98,8 @@ def _kappa(rho: float) -> float:
 class RecordingLag(NamedTuple):
     """Of a recording: `product` the sum over its neighbours of the products of their residuals, `square` the
     sum of squares; `products` and `squares` (grid,) what they are expected to be for the correlations of the
-    grid; `size` n d; `white` (n d, n d) the covariance of the residuals without correlation, None of a long recording, and
-    `left` its trace, `bias` that of neighbours as a share of it."""
+    grid; `size` n d; `white` (n d, n d) the covariance of the residuals without correlation, None of a long
+    recording, and `left` its trace, `bias` that of neighbours as a share of it."""
 
     shots: int
     product: float

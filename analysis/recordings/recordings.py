@@ -107,7 +107,7 @@ def recordings(fit: LikelihoodFit, rival: Matrix | None = None) -> Recorded:
 
 
 def times_errors(own: Recording, rho: float) -> Matrix:
-    """(n d, f) R B of a recording, for errors of variance 1 with the correlation rho^k k measurements apart."""
+    """(n d, f) R B of a recording: errors of variance 1, with the correlation rho^k k measurements apart."""
     if rho == 0:
         return own.jacobian
     blocks = own.jacobian.reshape(own.shots, -1)

@@ -89,9 +89,7 @@ def all_steps(fit: LikelihoodFit, rival: Matrix | None = None, seed: int = 0) ->
     recorded = recordings(fit, rival)
     every, lag = recorded.every, lags(recorded)
     tested = [
-        i
-        for i, own in enumerate(every)
-        if i in lag and own.shots >= _FEWEST and lag[i].left >= _FEWEST_LEFT
+        i for i, own in enumerate(every) if i in lag and own.shots >= _FEWEST and lag[i].left >= _FEWEST_LEFT
     ]
     if not tested:
         return [], len(every)

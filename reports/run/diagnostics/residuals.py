@@ -83,6 +83,7 @@ def residuals_section(result: Result) -> Section:
 # ── the figure ────────────────────────────────────────────────────────────────────────────────
 
 FEW_SHOTS = 60
+MOST_DRAWN, LARGEST_DRAWN = 1000, 100
 _FEW_TARGETS = 8
 
 
@@ -90,16 +91,18 @@ def residuals_picture(result: Result) -> Picture:
     """Above the residuals in mm, dots with the leave-one-out residual as a ring; below in their own σ.
 
     Measurements are in order of target, in the order of the run. For more than 60 the stems go and the
-    dots shrink. The line in the lower panel is the 95 % limit that the stated noise leads one to expect.
+    dots shrink; of more than 1000 some are drawn. The line in the lower panel is the 95 % limit that the
+    stated noise leads one to expect.
     """
     shots = result.shots
     order = sorted(shots, key=_rank(shots))
     few = len(order) <= FEW_SHOTS
+    drawn = drawn_of(order)
     with style():
         figure = new_figure(3.7)
         above, below = figure.subplots(2, 1, sharex=True)
-        _millimetres(above, order, few)
-        over = _sigmas(below, order, few)
+        _millimetres(above, drawn, few)
+        _sigmas(below, drawn, few)
         room = _targets(above, below, order)
         if few:
             below.set_xticks(range(len(order)), [str(shot.shot) for shot in order])
@@ -115,11 +118,36 @@ def residuals_picture(result: Result) -> Picture:
             axes.set_ylim(bottom=0)
         svg = to_svg(figure, "misses")
     worst = max(order, key=lambda shot: float(shot.whitened))
+    over = sum(shot.whitened > limit for shot, limit in zip(order, _limits(order), strict=True))
+    title = "Residuals, measurement by measurement"
+    if len(drawn) < len(order):
+        title += (
+            f": {len(drawn)} of {len(order)} are drawn, the {LARGEST_DRAWN} largest and others evenly; all"
+            " are in result.json"
+        )
     alt = (
         f"Residuals of {len(order)} measurements at {_targets_of(order)}. {over} lie beyond "
         f"the 95 % limit of the noise; the largest is measurement {worst.shot}."
     )
-    return Picture("misses", "Residuals, measurement by measurement", alt, svg)
+    return Picture("misses", title, alt, svg)
+
+
+def drawn_of(shots: Sequence[ShotResult]) -> dict[int, ShotResult]:
+    """Those of the figure, by their place: all, or of many the largest normalised ones and others evenly."""
+    if len(shots) <= MOST_DRAWN:
+        return dict(enumerate(shots))
+    largest = sorted(range(len(shots)), key=lambda i: -shots[i].whitened)[:LARGEST_DRAWN]
+    rest = sorted(set(range(len(shots))).difference(largest))
+    even = np.linspace(0, len(rest) - 1, MOST_DRAWN - LARGEST_DRAWN).round().astype(int)
+    return {i: shots[i] for i in sorted([*largest, *(rest[k] for k in even)])}
+
+
+def _limits(shots: Sequence[ShotResult]) -> list[float]:
+    """Of the normalised residuals, below which noise leaves 95 % of them."""
+    from scipy.special import chdtri
+
+    by_size = {size: math.sqrt(chdtri(size, 0.05)) for size in {len(shot.miss_mm) for shot in shots}}
+    return [by_size[len(shot.miss_mm)] for shot in shots]
 
 
 def _targets_of(shots: Sequence[ShotResult]) -> str:
@@ -134,12 +162,12 @@ def _rank(shots: Sequence[ShotResult]) -> Callable[[ShotResult], int]:
     return lambda shot: first[shot.target]
 
 
-def _millimetres(axes: Axes, shots: Sequence[ShotResult], few: bool) -> None:
-    x = np.arange(len(shots))
-    length = np.array([math.hypot(*shot.miss_mm) for shot in shots])
-    left = [shot.leave_one_out for shot in shots]
-    predicted = np.array([i for i, value in enumerate(left) if value is not None], dtype=int)
-    ring = np.array([value for value in left if value is not None])
+def _millimetres(axes: Axes, drawn: dict[int, ShotResult], few: bool) -> None:
+    x = np.array(list(drawn))
+    length = np.array([math.hypot(*shot.miss_mm) for shot in drawn.values()])
+    left = {i: shot.leave_one_out for i, shot in drawn.items()}
+    predicted = np.array([i for i, value in left.items() if value is not None], dtype=int)
+    ring = np.array([value for value in left.values() if value is not None])
     if few:
         axes.vlines(x, 0, length, color=light("line"), linewidth=1)
     size = 4.5 if few else 1.8
@@ -189,14 +217,13 @@ def _dot(role: str, *, filled: bool, words: str, shape: str = "o") -> Line2D:
     )
 
 
-def _sigmas(axes: Axes, shots: Sequence[ShotResult], few: bool) -> int:
-    """Draws the lower panel; how many measurements lie beyond the 95 % limit."""
+def _sigmas(axes: Axes, drawn: dict[int, ShotResult], few: bool) -> None:
+    """Draws the lower panel."""
     from matplotlib.lines import Line2D
-    from scipy.special import chdtri
 
-    x = np.arange(len(shots))
-    whitened = np.array([shot.whitened for shot in shots])
-    limit = np.array([math.sqrt(chdtri(len(shot.miss_mm), 0.05)) for shot in shots])
+    x = np.array(list(drawn))
+    whitened = np.array([shot.whitened for shot in drawn.values()])
+    limit = np.array(_limits(list(drawn.values())))
     beyond = whitened > limit
     if few:
         axes.vlines(x, 0, whitened, color=light("line"), linewidth=1)
@@ -211,7 +238,6 @@ def _sigmas(axes: Axes, shots: Sequence[ShotResult], few: bool) -> int:
     outside = [_dot("weak", filled=True, words="beyond it", shape="^")] if beyond.any() else []
     _key(axes, [expected, *outside])
     axes.set_ylabel("normalised residual")
-    return int(beyond.sum())
 
 
 def _targets(above: Axes, below: Axes, shots: Sequence[ShotResult]) -> float:

@@ -153,7 +153,8 @@ def test_parallel_pairs_are_left_out_and_told():
 def test_of_many_pairs_a_sample_is_taken(monkeypatch, good):
     """Of 28 pairs 20: a set that a seed fixes, and said so; the estimates are other ones, but not far off."""
     _, problem, fit = good
-    monkeypatch.setattr("zerobeam.analysis.estimation.midpoint._PAIRS", 20)
+    monkeypatch.setattr("zerobeam.analysis.estimation.midpoint._PAIRS", 27)
+    monkeypatch.setattr("zerobeam.analysis.estimation.midpoint._SAMPLE", 20)
     middles, message = _Middles.of(problem)
     assert message.startswith("of the 28 pairs of beams 20 are used, a random sample (seed 0)")
     pairs = list(zip(*middles.shots, strict=True))

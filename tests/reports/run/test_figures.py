@@ -12,6 +12,7 @@ from example_results import EXAMPLES, drawn, draws, good, hostile, misfit, uncon
 
 from zerobeam.analysis.result import Result
 from zerobeam.analysis.status import UnsoundResult
+from zerobeam.reports.run.diagnostics.residuals import drawn_of
 from zerobeam.reports.run.offsets_figure import offsets_picture
 from zerobeam.reports.run.posterior_summary import posterior_picture
 from zerobeam.reports.style.canvas import themed
@@ -118,6 +119,25 @@ def test_hundreds_of_shots_stay_small() -> None:
         misfit(), shots=tuple(dataclasses.replace(shot, shot=i) for i, shot in enumerate(misfit().shots * 6))
     )
     assert len(drawn(many)["misses"].svg) < 300_000
+
+
+def test_of_thousands_of_measurements_some_are_drawn() -> None:
+    """A thousand, the largest among them; the caption and the counts say what there is."""
+    shots = misfit().shots
+    many = [dataclasses.replace(shots[i % len(shots)], shot=i, whitened=0.1 + i % 7 / 7) for i in range(3000)]
+    for i in range(50):
+        many[13 * i] = dataclasses.replace(many[13 * i], whitened=9.0)
+    order = sorted(many, key=lambda shot: shot.target)
+    chosen = drawn_of(order)
+    assert len(chosen) == 1000
+    assert all(order[i] is shot for i, shot in chosen.items())
+    assert sum(shot.whitened == 9.0 for shot in chosen.values()) == 50
+    assert np.diff(list(chosen)).max() <= 5  # evenly over the run
+    picture = drawn(dataclasses.replace(misfit(), shots=tuple(many)))["misses"]
+    assert len(picture.svg) < 400_000
+    assert "1000 of 3000 are drawn" in picture.title
+    assert "50 lie beyond" in picture.alt
+    assert len(drawn_of(order[:1000])) == 1000
 
 
 def test_markup_in_names_is_text() -> None:
