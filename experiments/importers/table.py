@@ -57,7 +57,11 @@ class Table:
 
     def numbers(self, columns: list[int]) -> Matrix:
         """(N, columns) finite numbers; BadInput with line and column of the first that is none."""
-        return np.array([[self._value(i, column) for column in columns] for i in range(len(self.rows))])
+        parts = [_finite(self.texts(column), self.decimal) for column in columns]
+        if any(part is None for part in parts):
+            # One by one: the first that is none is named.
+            return np.array([[self._value(i, column) for column in columns] for i in range(len(self.rows))])
+        return np.array(parts).T
 
     def texts(self, column: int) -> list[str]:
         return [row[column] for row in self.rows]
@@ -85,6 +89,20 @@ def number(text: str, decimal: str = ".") -> float | None:
         return float(text.replace(",", ".") if decimal == "," else text)
     except ValueError:
         return None
+
+
+def _finite(texts: list[str], decimal: str) -> Matrix | None:
+    """All numbers of a column at once; None where one is not finite or no number."""
+    letters = "".join(texts)
+    if "_" in letters or (decimal == "," and "." in letters):
+        return None
+    if decimal == ",":
+        texts = [text.replace(",", ".") for text in texts]
+    try:
+        values = np.fromiter(map(float, texts), dtype=float, count=len(texts))
+    except ValueError:
+        return None
+    return values if np.isfinite(values).all() else None
 
 
 def check_signs(delimiter: str, decimal: str) -> None:
@@ -115,8 +133,9 @@ def read_table(
     lines: list[int] = []
     try:
         for cells in reader:
-            if any(cell.strip() for cell in cells):
-                rows.append([cell.strip() for cell in cells])
+            row = list(map(str.strip, cells))
+            if any(row):
+                rows.append(row)
                 lines.append(reader.line_num)
     except csv.Error as error:
         raise BadInput(f"the file is not valid CSV: {error}", file=path, line=reader.line_num) from None

@@ -49,5 +49,9 @@ def json_rows(content: bytes, path: Path) -> tuple[list[tuple[int, Any]], int | 
     return rows, None
 
 
+# Made once: json.dumps makes one for each line.
+_ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+
+
 def json_line(content: dict[str, Any]) -> str:
-    return json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":")) + "\n"
+    return _ENCODER.encode(content) + "\n"

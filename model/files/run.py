@@ -325,7 +325,7 @@ def header_text(header: Header) -> str:
 
 def shot_text(shot: Shot) -> str:
     """The line of a shot in a run file."""
-    return json_line(shot.model_dump(mode="json", exclude_none=True))
+    return json_line({key: value for key, value in shot if value is not None})
 
 
 def write_run(path: Path | str, header: Header, shots: Iterable[Shot]) -> None:

@@ -17,11 +17,16 @@ from .reading import did_you_mean, shown
 from .validation import MOST, FileModel, TargetName, refusal
 
 
+_NUMBERS = frozenset({float, int})
+
+
 def _joint_values(value: object) -> object:
     if not isinstance(value, list | tuple) or not value:
         raise refusal(
             "the joints are not a list of numbers", found=shown(value), allowed="[joint 1, joint 2, …]"
         )
+    if _NUMBERS.issuperset(map(type, value)):
+        return tuple(value)
     for i, item in enumerate(value):
         if isinstance(item, bool) or not isinstance(item, int | float):
             raise refusal(
