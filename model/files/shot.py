@@ -16,7 +16,6 @@ from .limits import check_limits, require_joint_count
 from .reading import did_you_mean, shown
 from .validation import MOST, FileModel, TargetName, refusal
 
-
 _NUMBERS = frozenset({float, int})
 
 
