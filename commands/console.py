@@ -45,8 +45,8 @@ class _Stream:
     def drop(self) -> None:
         """Forget what is not written yet: who should read it may never do so."""
         with suppress(OSError):  # of a stream without a descriptor, too
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, self._stream.fileno())
+            own, nowhere = self._stream.fileno(), os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, own)
             os.close(nowhere)
 
     def _do(self, what: Callable[[], object]) -> None:
