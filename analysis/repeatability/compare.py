@@ -43,8 +43,9 @@ CHANCE = 0.01  # of a false alarm over all questions together
 class ComparedOffset:
     """One offset over the `runs` that determine it; without two of them the rest is None.
 
-    `predicted_std` is the root mean square of the runs' standard uncertainties; it and `test` are None where
-    nothing is predicted. `unvalidated`: it is so in a run that its numbers are from, and so are they.
+    `predicted_std` is the root mean square of the scatter that the runs predict, their standard uncertainties
+    without what the geometry adds to all of them; it and `test` are None where nothing is predicted.
+    `unvalidated`: it is so in a run that its numbers are from, and so are they.
     """
 
     name: str
@@ -253,9 +254,13 @@ def sample_of(repeats: Sequence[Repeat], at: Matrix, size: int) -> Sample:
     if any("unidentifiable" in repeat.status for repeat in repeats):
         # Then the residuals are far from linear, and what is predicted of the others varies from run to run.
         covariances = None
+    names = sorted({name for repeat in repeats for name in repeat.geometry})
+    by_geometry = np.zeros((len(repeats), size, len(names)))
+    for own, repeat in zip(by_geometry, repeats, strict=True):
+        own[:, [names.index(name) for name in repeat.geometry]] = repeat.by_geometry
     dof = [repeat.noise_dof for repeat in repeats if repeat.noise_dof is not None]
     joint = all(repeat.joint for repeat in repeats)
-    return Sample(values, covariances, joint, sum(dof) if dof else None, at)
+    return Sample(values, covariances, joint, sum(dof) if dof else None, at, by_geometry)
 
 
 def _adjusted(rows: Sequence[Row | None]) -> list[Row | None]:
@@ -274,7 +279,7 @@ def _outlier(sample: Sample, odd: Sequence[AgainstOthers | None], bound: float) 
 def _run(repeat: Repeat, at: float, factor: float, odd: AgainstOthers | None) -> ComparedRun:
     std = np.full(len(repeat.names), np.nan)
     if repeat.covariance is not None:
-        std = factor * np.sqrt(np.diag(repeat.covariance))
+        std = np.sqrt(factor**2 * np.diag(repeat.covariance) + (repeat.by_geometry**2).sum(axis=1))
     rows = zip(repeat.names, repeat.units, repeat.status, repeat.value.tolist(), std.tolist(), strict=True)
     return ComparedRun(
         name=repeat.name,

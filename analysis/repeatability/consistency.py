@@ -1,8 +1,10 @@
 """How far runs scatter, and how far they should: the tests that `compare` makes of a sample of runs.
 
 The mean of runs with covariances C_r is Aitken's, and the sum of squares about it, sum (x_r - m)' C_r^-1
-(x_r - m), is chi-squared. Where the noise is estimated, C_r is known up to one factor common to all runs, and
-what was chi-squared is F. Units are those that people read: degrees, millimetres.
+(x_r - m), is chi-squared. What the geometry of the arm adds, K_r g with one unknown g ~ N(0, 1) for all runs,
+is estimated with the mean: x_r - m - K_r g in place of x_r - m, and g'g added to the sum. Where the noise is
+estimated, C_r is known up to one factor common to all runs, and what was chi-squared is F. Units are those
+that people read: degrees, millimetres.
 """
 
 from __future__ import annotations
@@ -100,9 +102,10 @@ class Sample:
     """R runs of m offsets: `values` (R, m), nan where a run does not determine one; `at` (R,) hours or
     numbers.
 
-    `covariances` (R, m, m) are what each run predicts, None where there is no prediction to rely on; their
-    terms between offsets are known only if `joint`, and then every run determines every offset. `noise_dof`
-    are the degrees of freedom of an estimated noise, None if it is known.
+    `covariances` (R, m, m) are what each run predicts by its noise, None where there is no prediction to rely
+    on; their terms between offsets are known only if `joint`, and then every run determines every offset.
+    `noise_dof` are the degrees of freedom of an estimated noise, None if it is known. `by_geometry` (R, m, g)
+    is what deviations of the arm add to each run, all by the same g unit normal numbers.
     """
 
     values: Matrix
@@ -110,6 +113,7 @@ class Sample:
     joint: bool
     noise_dof: int | None
     at: Matrix
+    by_geometry: Matrix
 
     @cached_property
     def determined(self) -> NDArray[np.bool_]:
@@ -120,24 +124,30 @@ class Sample:
         """One offset of those runs that determine it: then a variance is all there is to know."""
         rows = self.determined[:, i]
         own = None if self.covariances is None else self.covariances[rows][:, i : i + 1, i : i + 1]
-        return Sample(self.values[rows][:, i : i + 1], own, True, self.noise_dof, self.at[rows])
+        by_geometry = self.by_geometry[rows][:, i : i + 1]
+        return Sample(self.values[rows][:, i : i + 1], own, True, self.noise_dof, self.at[rows], by_geometry)
 
     def without(self, run: int) -> Sample:
         """All runs but one, by its place."""
         rows = np.arange(len(self.values)) != run
         own = None if self.covariances is None else self.covariances[rows]
-        return Sample(self.values[rows], own, self.joint, self.noise_dof, self.at[rows])
+        by_geometry = self.by_geometry[rows]
+        return Sample(self.values[rows], own, self.joint, self.noise_dof, self.at[rows], by_geometry)
 
     @cached_property
     def common(self) -> Common:
         """The mean weighted by the covariances (Aitken 1935), of runs that determine every offset."""
         assert self.covariances is not None
+        count, size, deviations = self.by_geometry.shape
+        design = np.concatenate([np.tile(np.eye(size), (count, 1, 1)), self.by_geometry], axis=2)
         precisions = np.linalg.inv(self.covariances)
-        covariance = np.linalg.inv(precisions.sum(axis=0))
-        mean = covariance @ np.einsum("rij,rj->i", precisions, self.values)
-        off = self.values - mean
-        chi2 = float(np.einsum("ri,rij,rj->", off, precisions, off))
-        return Common(mean, covariance, chi2, off.size - mean.size)
+        information = np.einsum("rik,rij,rjl->kl", design, precisions, design, optimize=True)
+        information[size:, size:] += np.eye(deviations)
+        covariance = np.linalg.inv(information)
+        both = covariance @ np.einsum("rik,rij,rj->k", design, precisions, self.values, optimize=True)
+        off = self.values - design @ both
+        chi2 = float(np.einsum("ri,rij,rj->", off, precisions, off) + (both[size:] ** 2).sum())
+        return Common(both[:size], covariance[:size, :size], chi2, off.size - size)
 
     def p_value(self, chi2: float, dof: int) -> float:
         """The p-value of a sum of squares, if all runs scatter as predicted."""
@@ -147,7 +157,7 @@ class Sample:
 
     @property
     def predicted_std(self) -> float:
-        """Root mean square of the predicted stds, of one offset or all."""
+        """Root mean square of the stds that are predicted of the scatter, of one offset or all."""
         assert self.covariances is not None
         return float(np.sqrt(np.diagonal(self.covariances, axis1=1, axis2=2).mean()))
 
@@ -186,16 +196,20 @@ def scatter(own: Sample) -> Scatter | None:
 def mean_of(sample: Sample, i: int, as_predicted: bool) -> Mean | None:
     """The mean of offset i, None where it is not compared. Its interval is that of the prediction only where
     the runs scatter as predicted; else it is from their scatter (Student's t), about the plain mean."""
-    values = sample.offset(i).values[:, 0]
+    own = sample.offset(i)
+    values = own.values[:, 0]
     if len(values) < 2:
         return None
     if as_predicted:
-        common = (sample if sample.joint else sample.offset(i)).common
+        common = (sample if sample.joint else own).common
         k = i if sample.joint else 0
         mean, half = float(common.mean[k]), float(sample.quantile * np.sqrt(common.covariance[k, k]))
         return Mean(mean, (mean - half, mean + half), "prediction")
     mean, count = float(values.mean()), len(values)
     half = float(stats.t.ppf((1 + LEVEL) / 2, count - 1) * values.std(ddof=1) / np.sqrt(count))
+    # What the arm's deviations add to all runs alike is not in their scatter.
+    shared = float(np.linalg.norm(own.by_geometry[:, 0].mean(axis=0)))
+    half = float(np.hypot(half, stats.norm.ppf((1 + LEVEL) / 2) * shared))
     return Mean(mean, (mean - half, mean + half), "scatter")
 
 

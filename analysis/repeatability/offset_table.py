@@ -62,6 +62,8 @@ def read_table(path: Path) -> Iterator[Repeat]:
             status=tuple("not stated" if math.isnan(own) else "stated" for own in value),
             value=value,
             covariance=None,
+            by_geometry=np.zeros((len(names), 0)),
+            geometry=(),
             joint=False,
             noise_scale=1.0,
             noise_dof=None,

@@ -7,6 +7,7 @@ not. Here it is taken out again.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,16 +19,26 @@ from ..observability.gauges import information_root
 _ROUNDING = 1e-11  # as in `identifiability`
 
 
-def without_prior(fit: LikelihoodFit, columns: Sequence[int]) -> tuple[Matrix, Matrix]:
-    """Values (m,) and covariance (m, m) at noise scale 1 of the parameters `columns`, internal units, by
-    measurements and distances without any prior. They must be identifiable (or weakly so).
+class WithoutPrior(NamedTuple):
+    """Parameters without any prior, internal units: `value` (m,), `covariance` (m, m) by the noise alone at
+    noise scale 1, and `by_geometry` (m, g) what each geometry parameter adds, if it is one tolerance off."""
+
+    value: Matrix
+    covariance: Matrix
+    by_geometry: Matrix
+
+
+def without_prior(fit: LikelihoodFit, columns: Sequence[int]) -> WithoutPrior:
+    """The parameters `columns` by measurements, distances and tolerances of the geometry, without any prior.
+    They must be identifiable (or weakly so).
 
     At the mode the gradient of the log-likelihood is the negative of the log-prior's, which is z: one Newton
     step of the likelihood alone takes the prior out (exact for a linear problem). All other unknowns are
-    eliminated (Schur complement), so that they may be unidentifiable.
+    eliminated (Schur complement), so that they may be unidentifiable. The rows of the least squares are those
+    of the noise, then those of the tolerances: so are the columns of its pseudo-inverse.
     """
     problem, parameters = fit.problem, fit.problem.parameters
-    _, root, _ = information_root(problem, fit.x, 1.0)
+    _, root, _ = information_root(problem, fit.x, fit.weight)
     own = parameters.among_free[list(columns)]
     rest = np.setdiff1d(np.arange(root.shape[1]), own)
     length = np.linalg.norm(root[:, rest], axis=0)
@@ -35,10 +46,14 @@ def without_prior(fit: LikelihoodFit, columns: Sequence[int]) -> tuple[Matrix, M
     by_rest = np.linalg.lstsq(root[:, rest] / length, root[:, own], rcond=_ROUNDING)[0] / length[:, None]
     left = root[:, own] - root[:, rest] @ by_rest
     covariance = np.linalg.inv(left.T @ left)
-    weight = float(Density(problem).noise_weight(fit.x[None])[0])
+    by_row = covariance @ left.T
+    by_noise, by_geometry = np.split(by_row, [len(left) - len(problem.tolerated)], axis=1)
     # A tolerance of the geometry is knowledge, which stays.
     pulled = np.where(parameters.group("geometry")[parameters.free], 0.0, fit.z)
-    step = covariance @ (pulled[own] - by_rest.T @ pulled[rest]) / weight
+    at_mode = float(Density(problem).noise_weight(fit.x[None])[0])
+    step = covariance @ (pulled[own] - by_rest.T @ pulled[rest]) * fit.weight / at_mode
     scale = parameters.prior_std[list(columns)]
-    value = fit.x[list(columns)] + step * scale
-    return value, np.asarray(covariance * np.outer(scale, scale))
+    noise = fit.weight * np.asarray(by_noise @ by_noise.T)
+    return WithoutPrior(
+        fit.x[list(columns)] + step * scale, noise * np.outer(scale, scale), by_geometry * scale[:, None]
+    )

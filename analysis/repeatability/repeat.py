@@ -60,7 +60,9 @@ class Repeat:
     """One run: what its measurements say of the free offsets `names` (m,).
 
     `value` (m,) and `covariance` (m, m) are nan where the run does not determine the offset; the covariance
-    is that at noise scale 1, None without a prediction, and has variances alone unless `joint`. `noise_dof`
+    is by the noise at noise scale 1, None without a prediction, and has variances alone unless `joint`.
+    `by_geometry` (m, g) is what each of the freed geometry parameters `geometry` adds to the offsets if it is
+    one tolerance off: the same in all runs of the arm. `noise_dof`
     is None where the noise is known, else the degrees of freedom that `noise_scale` is estimated from. `held`
     are the other offsets. `failure` is why the fit did not converge, None if it did.
     """
@@ -76,6 +78,8 @@ class Repeat:
     status: tuple[RepeatStatus, ...]
     value: Matrix
     covariance: Matrix | None
+    by_geometry: Matrix
+    geometry: tuple[str, ...]
     joint: bool
     noise_scale: float
     noise_dof: int | None

@@ -44,7 +44,7 @@ def _of_result(answer: dict[str, Any], name: str) -> Repeat:
     scale = float(fit["noise_scale"] or 1.0)
     status: list[RepeatStatus] = []
     findings: list[RunFinding] = []
-    value, variance = [], []
+    value, variance, by_geometry = [], [], []
     for row in free:
         if known(row["status"]) and not row["std"] > 0:
             raise ValueError(f"the std of {row['name']} is not above 0")
@@ -53,7 +53,9 @@ def _of_result(answer: dict[str, Any], name: str) -> Repeat:
             findings.append(PriorInEstimate(str(row["name"])))
         status.append(row["status"] if clean or not known(row["status"]) else "prior")
         value.append(float(row["estimate"]) if clean else math.nan)
-        variance.append((float(row["std"]) / scale) ** 2 if clean else math.nan)
+        share = row.get("tolerance_share") or 0.0
+        variance.append((1 - share) * (float(row["std"]) / scale) ** 2 if clean else math.nan)
+        by_geometry.append(math.sqrt(share) * float(row["std"]) if clean else math.nan)
     when = inputs["header"].get("provenance", {}).get(WHEN)
     p_value = fit["p_value"]
     misfit = answer.get("misfit")
@@ -75,6 +77,9 @@ def _of_result(answer: dict[str, Any], name: str) -> Repeat:
         status=tuple(status),
         value=np.array(value),
         covariance=np.diag(variance),
+        # A result does not say how deviations work together: offset by offset, each has one of its own.
+        by_geometry=np.diag(by_geometry),
+        geometry=tuple(str(row["name"]) for row in free),
         joint=False,
         noise_scale=scale,
         noise_dof=None if noise == "known" else max(int(fit["dof"] or 1), 1),

@@ -49,6 +49,8 @@ def unfitted(run: Run, problem: Problem, name: str) -> Repeat:
         status=tuple("unidentifiable" for _ in free),
         value=np.full(len(free), np.nan),
         covariance=np.full((len(free), len(free)), np.nan),
+        by_geometry=np.zeros((len(free), 0)),
+        geometry=(),
         joint=True,
         noise_scale=1.0,
         noise_dof=None if problem.noise.known else 1,
@@ -66,18 +68,23 @@ def fitted(repeat: Repeat, problem: Problem, header: Header, seed: int) -> Repea
     parameters = problem.parameters
     columns = [parameters.index(name) for name in repeat.names]
     value, covariance = repeat.value.copy(), np.full_like(np.outer(repeat.value, repeat.value), np.nan)
+    geometry = tuple(parameters.names[column] for column in problem.tolerated)
+    by_geometry = np.full((len(columns), len(geometry)), np.nan)
     known = [k for k, column in enumerate(columns) if column in solution.known]
     if known:
         own_columns = [columns[k] for k in known]
-        own_value, own_covariance = without_prior(solution.fit, own_columns)
+        own = without_prior(solution.fit, own_columns)
         display = parameters.display[own_columns]
-        value[known] = own_value * display
-        covariance[np.ix_(known, known)] = own_covariance * np.outer(display, display)
+        value[known] = own.value * display
+        covariance[np.ix_(known, known)] = own.covariance * np.outer(display, display)
+        by_geometry[known] = own.by_geometry * display[:, None]
     return replace(
         repeat,
         status=tuple(solution.status[column] for column in columns),
         value=value,
         covariance=covariance,
+        by_geometry=by_geometry,
+        geometry=geometry,
         noise_scale=solution.noise_scale,
         noise_dof=None if problem.noise.known else max(solution.dof, 1),
         findings=(*_on_the_fit(solution), *repeat.findings),

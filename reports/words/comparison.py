@@ -132,8 +132,8 @@ def sentence_of(finding: RunFinding) -> str:
             )
         case SharedTolerances():
             return (
-                "it frees the geometry: the part of u that the tolerances set is the same in all runs of the"
-                " arm; they scatter less than predicted, and their mean is no better by that part"
+                "it frees the geometry: what the arm's deviations add is the same in all runs; their scatter"
+                " is tested without it, and more runs do not lower it in the mean"
             )
         case PriorInEstimate(name):
             return (

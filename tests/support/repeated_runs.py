@@ -36,6 +36,8 @@ def repeat(value: Sequence[float], covariance: Any = COVARIANCE, **changes: Any)
         "status": ("identified",) * size,
         "value": np.array(value, dtype=float),
         "covariance": covariance,
+        "by_geometry": np.zeros((size, 0)),
+        "geometry": (),
         "joint": covariance is not None,
         "noise_scale": 1.0,
         "noise_dof": None,

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cells import LASER, TABLE_2, good_plan, pattern_plan, run_of
+from cells import LASER, TABLE_2, good_plan, pattern_plan, run_of, simulated
 from repeated_runs import COVARIANCE, drawn, repeat, repeats, run_files, table_file
 from scipy import stats
 
@@ -19,10 +19,11 @@ from zerobeam.analysis.holm import holm
 from zerobeam.analysis.repeatability.compare import compare as compare_runs
 from zerobeam.analysis.repeatability.compare import compared as compared_runs
 from zerobeam.analysis.repeatability.compare import sample_of
-from zerobeam.analysis.repeatability.consistency import Sample, against_others, consistency, drift
+from zerobeam.analysis.repeatability.consistency import Sample, against_others, consistency, drift, mean_of
 from zerobeam.analysis.repeatability.prior_free import without_prior
 from zerobeam.analysis.repeatability.repeat import Kind, Repeat
 from zerobeam.analysis.repeatability.run_files import fitted, problem_of, unfitted
+from zerobeam.analysis.solution import solve
 from zerobeam.experiments.simulate import Truth, simulated_readings
 from zerobeam.experiments.studies.table2 import EXPERIMENTS, OFFSETS, PRINTED_MEAN, PRINTED_STD
 from zerobeam.model.errors import BadInput
@@ -48,8 +49,17 @@ def compared(kind: Kind, repeats: Sequence[Repeat], seed: int) -> Json:
 def sample(values: np.ndarray, covariances: np.ndarray | None = None, **changes: Any) -> Sample:
     """Of runs that all predict COVARIANCE, unless stated otherwise."""
     covariances = np.tile(COVARIANCE, (len(values), 1, 1)) if covariances is None else covariances
-    stated = {"joint": True, "noise_dof": None, "at": np.arange(1.0, len(values) + 1)}
+    stated = {
+        "joint": True,
+        "noise_dof": None,
+        "at": np.arange(1.0, len(values) + 1),
+        "by_geometry": np.zeros((*values.shape, 0)),
+    }
     return Sample(values, covariances, **{**stated, **changes})
+
+
+def unpredicted(values: np.ndarray, at: np.ndarray) -> Sample:
+    return Sample(values, None, False, None, at, np.zeros((*values.shape, 0)))
 
 
 # ── the paper's Table 2 ───────────────────────────────────────────────────────────────────────
@@ -134,6 +144,48 @@ def test_the_common_mean_is_that_of_stacked_least_squares() -> None:
     assert common.dof == 9
 
 
+def test_what_an_arm_adds_to_all_runs_is_a_covariance_between_them() -> None:
+    """Generalised least squares by the covariance of all numbers of all runs."""
+    rng = np.random.default_rng(5)
+    values, by_geometry = drawn(4, seed=2), rng.normal(size=(4, 3, 2)) * 0.05
+    stacked = by_geometry.reshape(12, 2)
+    precision = np.linalg.inv(np.kron(np.eye(4), COVARIANCE) + stacked @ stacked.T)
+    design = np.tile(np.eye(3), (4, 1))
+    covariance = np.linalg.inv(design.T @ precision @ design)
+    mean = covariance @ design.T @ precision @ values.ravel()
+    off = values.ravel() - design @ mean
+    common = sample(values, by_geometry=by_geometry).common
+    np.testing.assert_allclose(common.mean, mean)
+    np.testing.assert_allclose(common.covariance, covariance)
+    assert common.chi2 == pytest.approx(off @ precision @ off)
+    assert common.dof == 9
+
+
+def test_more_runs_of_one_arm_lower_only_the_noise() -> None:
+    """300 arms with 5 runs each: whether the runs agree, and whether the mean's interval holds the truth."""
+    rng, count = np.random.default_rng(6), 300
+    by_geometry = np.tile(np.array([[0.1, 0.0], [0.05, 0.05], [0.0, 0.02]]), (5, 1, 1))
+    p_values, holds, alone = [], 0, 0
+    for k in range(count):
+        values = drawn(5, seed=2000 + k) + by_geometry[0] @ rng.normal(size=2)
+        own = sample(values, by_geometry=by_geometry)
+        whole, mean = consistency(own), mean_of(own, 0, True)
+        assert whole is not None
+        assert mean is not None
+        p_values.append(whole.p_value)
+        holds += mean.interval95[0] < 1 < mean.interval95[1]
+        by_scatter, noise = mean_of(own, 0, False), mean_of(sample(values), 0, True)
+        assert by_scatter is not None
+        assert noise is not None
+        assert by_scatter.interval95[1] - by_scatter.interval95[0] > 2 * 1.96 * 0.1
+        alone += noise.interval95[0] < 1 < noise.interval95[1]
+    assert stats.kstest(p_values, "uniform").pvalue > 0.001
+    low, high = stats.binom.ppf([0.001, 0.999], count, 0.95)
+    assert low <= holds <= high
+    # As if each run had an arm of its own, that it never has.
+    assert alone < low
+
+
 def test_a_run_against_the_others_is_its_distance_from_their_mean() -> None:
     values = drawn(4, seed=3)
     own = sample(values)
@@ -144,7 +196,7 @@ def test_a_run_against_the_others_is_its_distance_from_their_mean() -> None:
     assert told.chi2 == pytest.approx(off @ np.linalg.solve(COVARIANCE + others.covariance, off))
     assert told.dof == 3
     # Without a prediction: Student's t against the scatter of the others, offset by offset.
-    alone = against_others(Sample(values[:, :1], None, False, None, own.at), 1)
+    alone = against_others(unpredicted(values[:, :1], own.at), 1)
     rest = np.delete(values[:, 0], 1)
     t = abs(values[1, 0] - rest.mean()) / (rest.std(ddof=1) * np.sqrt(1 + 1 / 3))
     assert alone is not None
@@ -153,7 +205,7 @@ def test_a_run_against_the_others_is_its_distance_from_their_mean() -> None:
 
 def test_drift_is_that_of_a_regression() -> None:
     at, values = np.array([0.0, 1.0, 5.0, 7.0]), np.array([0.1, 0.3, 0.2, 0.6])
-    told = drift(Sample(values[:, None], None, True, None, at))
+    told = drift(unpredicted(values[:, None], at))
     line = stats.linregress(at, values)
     assert told is not None
     assert told.slope == pytest.approx(line.slope)
@@ -161,7 +213,7 @@ def test_drift_is_that_of_a_regression() -> None:
     half = stats.t.ppf(0.975, 2) * line.stderr
     assert told.interval95 == pytest.approx([line.slope - half, line.slope + half])
     # Numbers that were rounded onto a line tell nothing of the scatter about it.
-    assert drift(Sample(np.array([[0.1], [0.2], [0.3]]), None, True, None, np.arange(3.0))) is None
+    assert drift(unpredicted(np.array([[0.1], [0.2], [0.3]]), np.arange(3.0))) is None
 
 
 def test_holm_raises_the_least_most() -> None:
@@ -258,13 +310,31 @@ def test_the_prior_is_taken_out_of_values_and_covariance() -> None:
         truth = Truth.stated(plan, {})
         read = simulated_readings(truth.problem, truth.x[None], np.random.default_rng(3))
         fit = fit_likelihood(truth.problem.moved(read.joints[0], read.spots[0]))
-        found.append((fit.x[columns], *without_prior(fit, columns)))
+        found.append((fit.x[columns], *without_prior(fit, columns)[:2]))
     (pulled, value, covariance), (wide, same, like) = found
     std = np.sqrt(np.diag(like))
     np.testing.assert_allclose((value - wide) / std, 0, atol=0.02)
     np.testing.assert_allclose((same - wide) / std, 0, atol=0.02)
     np.testing.assert_allclose(covariance, like, rtol=0.02)
     assert np.abs((pulled - wide) / std).max() > 0.1
+
+
+@pytest.mark.parametrize("scale", ["known", "estimated"])
+def test_noise_and_tolerances_are_told_apart(scale: str) -> None:
+    """Their parts add up to the covariance of the fit, where no prior has a part in it."""
+    stated = {"gravity": False, "harmonics": False}
+    plan = good_plan(12, geometry=stated, noise={"scale": scale})
+    solution = solve(Problem.from_run(simulated(plan, TABLE_2, 1)[1]), starts=0)
+    columns = [1, 2, 3, 4, 5]
+    found = without_prior(solution.fit, columns)
+    stds = np.sqrt(solution.noise_scale**2 * np.diag(found.covariance) + (found.by_geometry**2).sum(axis=1))
+    shares = (found.by_geometry**2).sum(axis=1) / stds**2
+    for name, std, share in zip([f"delta{i}" for i in range(2, 7)], stds, shares, strict=True):
+        row = solution[name]
+        assert row.std is not None
+        assert np.degrees(std) == pytest.approx(row.std, rel=0.03)
+        assert share == pytest.approx(row.tolerance_share, rel=0.03)
+        assert 0.1 < share < 1
 
 
 def test_the_odd_run_is_found_and_where_there_is_none_none(tmp_path: Path) -> None:
