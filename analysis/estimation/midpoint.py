@@ -105,7 +105,8 @@ def _fitted(middles: _Middles, joints: Matrix, with_covariance: bool = False) ->
     def residual(z: Matrix, rows: Index) -> tuple[Matrix, Matrix]:
         points, jacobian, _ = middles.at(at(z), joints[rows])
         centred, by_z = middles.centred(points), middles.centred(jacobian[..., free] * scale[free])
-        return centred.reshape(len(z), -1), by_z.reshape(len(z), -1, by_z.shape[-1])
+        centred = centred.reshape(len(z), -1)
+        return centred, by_z.reshape(*centred.shape, by_z.shape[-1])
 
     start, tolerance = np.zeros((len(joints), int(free.sum()))), _TOLERANCE[middles.sampled]
     found = levenberg_marquardt(least_squares(residual), start, tolerance=tolerance)

@@ -106,6 +106,7 @@ def _parallel_axes(problem: Problem) -> NDArray[np.bool_]:
     (axes,) = problem.functions.kernel("axes")(
         problem.joints, problem.split(problem.parameters.prior_mean).arm
     )
+    axes = axes.reshape(-1, 3, problem.robot.n)  # the kernel gives one column without its axis
     cosine = np.abs(axes.transpose(0, 2, 1) @ axes).min(axis=0)
     return np.asarray(cosine > 1 - _PARALLEL)
 

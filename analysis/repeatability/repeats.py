@@ -130,6 +130,13 @@ def _require_same_arm(one: str, robot: Robot, other: str, another: Robot) -> Non
 
 
 def _require_comparable(one: Repeat, other: Repeat) -> None:
+    if not one.names:
+        raise BadInput(
+            "there is no offset to compare: every one is held",
+            found=f"held in {one.name}: {', '.join(one.held) or 'no offsets at all'}",
+            remedy="free some in `held`",
+        )
+
     def refuse(what: str, mine: object, yours: object, allowed: str, remedy: str) -> None:
         found = f"{mine} in {one.name}, {yours} in {other.name}"
         raise BadInput(what, found=found, allowed=allowed, remedy=remedy)
