@@ -35,6 +35,8 @@ from .status import known, versions
 
 Progress = Callable[[str, float], None]
 
+MOST_ESS = 1e5  # quantiles have three digits long before; the draws of more do not go into memory
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Analysis(Solution):
@@ -61,6 +63,13 @@ def analyse(
     besides the others, `held_out` for a fit without the targets of these names (* and ? as in file names)
     and a look at how it does there. `progress` gets the stage and its share.
     """
+    if not 0 < ess <= MOST_ESS:
+        raise BadInput(
+            "the effective sample size cannot be used",
+            found=f"{ess:g}",
+            allowed=f"a number above 0, up to {MOST_ESS:g}",
+            argument="ess",
+        )
     # Small matrices: threads in the linear algebra cost more than they give, and change the last bits.
     with threadpool_limits(limits=1, user_api="blas"):
         try:

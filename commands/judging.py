@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
@@ -42,13 +41,14 @@ class LossName(StrEnum):
     STUDENT = "student"
 
 
+_FARTHEST = 1e6  # mm, as in files
 _OPTIONS = {"facing": "--facing", "acceptance_deg": "--acceptance", "beam_mm": "--beam"}
 
 Picture = Annotated[
     Path | None, typer.Option(help="Write a page with the plan in 3D (.html).", show_default=False)
 ]
 Ess = Annotated[
-    float, typer.Option(min=100, help="Effective sample size of the posterior, for every parameter.")
+    float, typer.Option(min=100, max=1e5, help="Effective sample size of the posterior, for every parameter.")
 ]
 Robust = Annotated[
     LossName | None,
@@ -182,8 +182,10 @@ def plan(
     file: Annotated[
         Path, typer.Option("-o", "--out", help="Plan file to write (.yaml).", show_default=False)
     ],
-    shots: Annotated[int, typer.Option(min=2, help="Number of measurements.")] = 7,
-    candidates: Annotated[int, typer.Option(min=10, help="Candidate postures to choose from.")] = 10_000,
+    shots: Annotated[int, typer.Option(min=2, max=10_000, help="Number of measurements.")] = 7,
+    candidates: Annotated[
+        int, typer.Option(min=10, max=1_000_000, help="Candidate postures to choose from.")
+    ] = 10_000,
     criterion: Annotated[CriterionName, typer.Option(help="Criterion of an optimal plan.")] = CriterionName.A,
     tolerance: Annotated[
         float | None,
@@ -192,7 +194,9 @@ def plan(
             show_default=False,
         ),
     ] = None,
-    max_shots: Annotated[int, typer.Option(min=2, help="With --tolerance: the most measurements.")] = 30,
+    max_shots: Annotated[
+        int, typer.Option(min=2, max=10_000, help="With --tolerance: the most measurements.")
+    ] = 30,
     facing: Annotated[
         str, typer.Option(help="Outward normal of the target's face: X,Y,Z, or any.")
     ] = "0,0,1",
@@ -320,11 +324,11 @@ def _numbers(text: str, count: int, option: str) -> tuple[float, ...]:
         values = tuple(float(part) for part in text.split(","))
     except ValueError:
         values = ()
-    if len(values) != count or not all(math.isfinite(value) for value in values):
+    if len(values) != count or not all(-_FARTHEST <= value <= _FARTHEST for value in values):
         raise BadInput(
             f"{option} is not understood",
             found=text,
-            allowed=f"{count} numbers separated by commas",
+            allowed=f"{count} numbers up to {_FARTHEST:g} separated by commas",
         )
     return values
 

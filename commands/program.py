@@ -76,7 +76,10 @@ def _zerobeam(
     """Joint offsets of an industrial robot from laser measurements of one point, with their uncertainty."""
 
 
-def _warn(message: Warning | str, *_: Any, **__: Any) -> None:
+def _warn(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
+    """Print a note of our own. What libraries note of numbers says nothing to a person."""
+    if not category.__module__.startswith(__package__.partition(".")[0]):
+        return
     err.print(f"note: {plain(message)}", markup=False, soft_wrap=True)
 
 

@@ -81,6 +81,7 @@ Runs = Annotated[
     int | None,
     typer.Option(
         min=0,
+        max=100_000,
         help="Simulated runs of each case, instead of the file's; 0: prediction only.",
         show_default=False,
     ),

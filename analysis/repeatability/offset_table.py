@@ -12,9 +12,8 @@ import numpy as np
 
 from ...model.errors import BadInput
 from ...model.files.reading import read_text, shown
+from ...model.files.validation import LARGEST
 from .repeat import Repeat
-
-_UNITS = ("deg", "mm")
 
 
 def read_table(path: Path) -> Iterator[Repeat]:
@@ -25,6 +24,8 @@ def read_table(path: Path) -> Iterator[Repeat]:
         rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(row)]
     except csv.Error as error:
         raise BadInput(f"the file is not valid CSV: {error}", file=path, line=reader.line_num) from None
+    if not rows:
+        raise BadInput("the table has no rows", file=path)
     line, head = rows[0]
     offsets = [_column(name, path, line) for name in head[1:]]
     names = tuple(name for name, _ in offsets)
@@ -49,7 +50,9 @@ def read_table(path: Path) -> Iterator[Repeat]:
                 line=line,
             )
         seen.add(row[0])
-        value = np.array([_number(cell, path, line) for cell in row[1:]])
+        units = [unit for _, unit in offsets]
+        cells = zip(row[1:], units, strict=True)
+        value = np.array([_number(cell, LARGEST[unit], path, line) for cell, unit in cells])
         yield Repeat(
             name=row[0],
             sha256=sha256,
@@ -57,7 +60,7 @@ def read_table(path: Path) -> Iterator[Repeat]:
             shots=None,
             when=None,
             names=names,
-            units=tuple(unit for _, unit in offsets),
+            units=tuple(units),
             held=(),
             status=tuple("not stated" if math.isnan(own) else "stated" for own in value),
             value=value,
@@ -75,29 +78,29 @@ def read_table(path: Path) -> Iterator[Repeat]:
 def _column(stated: str, path: Path, line: int) -> tuple[str, str]:
     """delta2_deg: name and unit."""
     name, _, unit = stated.rpartition("_")
-    if not name or unit not in _UNITS:
+    if not name or unit not in LARGEST:
         raise BadInput(
             "a column of a table of offsets has no unit in its name",
             found=shown(stated),
-            allowed=f"a name and one of {', '.join('_' + unit for unit in _UNITS)}, such as delta2_deg",
+            allowed=f"a name and one of {', '.join('_' + unit for unit in LARGEST)}, such as delta2_deg",
             file=path,
             line=line,
         )
     return name, unit
 
 
-def _number(cell: str, path: Path, line: int) -> float:
+def _number(cell: str, most: float, path: Path, line: int) -> float:
     if not cell:
         return math.nan
     try:
         value = float(cell) if "_" not in cell else math.nan
     except ValueError:
         value = math.nan
-    if not math.isfinite(value):
+    if not -most <= value <= most:
         raise BadInput(
             "this is not an offset",
             found=shown(cell),
-            allowed="a finite number with a decimal point; an empty cell where none is given",
+            allowed=f"a number up to {most:g} with a decimal point; an empty cell where none is given",
             file=path,
             line=line,
         )

@@ -10,6 +10,7 @@ import numpy as np
 
 from ...model.errors import BadInput
 from ...model.files.reading import LARGEST_RECORDING, parse_json, read_text, shown
+from ...model.files.validation import LARGEST, SMALLEST
 from ..misfit import LACK_OF_FIT, LackOfFit
 from ..result import RESULT_SCHEMA as SCHEMA
 from ..status import known
@@ -41,20 +42,24 @@ def _of_result(answer: dict[str, Any], name: str) -> Repeat:
     free = [row for row in rows if not row["held"]]
     fit, inputs = answer["fits"]["likelihood"], answer["inputs"]
     noise = inputs["header"].get("noise", {}).get("scale", "known")
-    scale = float(fit["noise_scale"] or 1.0)
+    scale = _within(fit["noise_scale"] or 1.0)
+    if not scale >= SMALLEST:
+        raise ValueError(f"the noise scale is {scale:g}")
     status: list[RepeatStatus] = []
     findings: list[RunFinding] = []
     value, variance, by_geometry = [], [], []
     for row in free:
-        if known(row["status"]) and not row["std"] > 0:
+        if known(row["status"]) and not row["std"] >= SMALLEST:
             raise ValueError(f"the std of {row['name']} is not above 0")
         clean = known(row["status"]) and row["std"] >= _WITHOUT_PRIOR * row["data_std"]
         if known(row["status"]) and not clean:
             findings.append(PriorInEstimate(str(row["name"])))
         status.append(row["status"] if clean or not known(row["status"]) else "prior")
-        value.append(float(row["estimate"]) if clean else math.nan)
-        share = row.get("tolerance_share") or 0.0
-        variance.append((1 - share) * (float(row["std"]) / scale) ** 2 if clean else math.nan)
+        share = float(row.get("tolerance_share") or 0.0)
+        if not 0 <= share < 1:
+            raise ValueError(f"the tolerance_share of {row['name']} is {share:g}")
+        value.append(_within(row["estimate"]) if clean else math.nan)
+        variance.append((1 - share) * (_within(row["std"]) / scale) ** 2 if clean else math.nan)
         by_geometry.append(math.sqrt(share) * float(row["std"]) if clean else math.nan)
     when = inputs["header"].get("provenance", {}).get(WHEN)
     p_value = fit["p_value"]
@@ -86,3 +91,9 @@ def _of_result(answer: dict[str, Any], name: str) -> Repeat:
         findings=tuple(findings),
         failure=None if fit["converged"] else str(fit["reason"]),
     )
+
+
+def _within(number: float) -> float:
+    if not -LARGEST["mm"] <= float(number) <= LARGEST["mm"]:
+        raise ValueError(f"the number {float(number):g} is out of range")
+    return float(number)

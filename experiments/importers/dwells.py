@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,8 @@ from ...model.robot import Matrix, Robot
 from .imported import Found
 
 _ROUNDING = 1e-9  # of times: a window of 0.5 s holds 126 readings at 250 Hz, however they are rounded
+_BOUNDS = {"--still-deg": (1e-9, 360.0), "--still-s": (1e-3, 1e6), "--still-mm": (1e-9, 1e6)}
+_MOST_ROWS = 10**7
 
 
 @dataclass(frozen=True)
@@ -36,11 +37,12 @@ class Stillness:
                 remedy="state it in mm (--still-mm)",
             )
         for value, name in ((self.deg, "--still-deg"), (self.seconds, "--still-s"), (self.mm, "--still-mm")):
-            if value is not None and not (value > 0 and math.isfinite(value)):
+            least, most = _BOUNDS[name]
+            if value is not None and not least <= value <= most:
                 raise BadInput(
                     f"the value of {name} is out of range",
                     found=f"{value:g}",
-                    allowed="a finite number above 0",
+                    allowed=f"a number above 0, from {least:g} to {most:g}",
                 )
         return np.array([self.deg if joint.kind == "revolute" else self.mm for joint in robot.joints])
 
@@ -136,7 +138,15 @@ def held(times: Matrix, joints: Matrix, seconds: float) -> tuple[Matrix, Matrix]
     A row is valid until the next one: it is repeated so that rows are at most a quarter of `seconds` apart.
     How long the last one was valid is unknown.
     """
-    counts = np.append(np.maximum(np.ceil(np.diff(times) / (seconds / 4)).astype(int), 1), 1)
+    needed = np.maximum(np.ceil(np.diff(times) / (seconds / 4)), 1)
+    if needed.sum() > _MOST_ROWS:
+        raise BadInput(
+            "the times of the log are too far apart for dwells so short",
+            found=f"{times[-1] - times[0]:.6g} s, and --still-s {seconds:g}",
+            allowed=f"at most {_MOST_ROWS / 4:g} times --still-s",
+            remedy="correct the times or --still-s, or divide the log",
+        )
+    counts = np.append(needed.astype(int), 1)
     row = np.repeat(np.arange(len(times)), counts)
     place = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
     step = np.append(np.diff(times), 0.0) / counts

@@ -36,7 +36,7 @@ Schema = Literal[
 
 # Magnitudes of numbers (docs/files.md): by the unit that ends a key, and without one. Beyond them sums of
 # squares overflow, or no digit of a millimetre is left.
-LARGEST = {"mm": 1e6, "deg": 1e5}
+LARGEST = {"deg": 1e5, "mm": 1e6}
 LARGEST_OTHER = 1e12
 SMALLEST = 1e-12  # of what must be above 0, and of the length of a direction
 MOST = 10**9  # of what is counted

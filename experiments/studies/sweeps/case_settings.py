@@ -20,7 +20,6 @@ from ....model.files.header import (
 )
 from ....model.files.reading import shown
 from ....model.files.validation import (
-    Count,
     FileModel,
     Name,
     NotNegative,
@@ -73,12 +72,14 @@ class PlanMaking(FileModel):
     kind: Literal["x", "y", "optimal"] = Field(
         default="optimal", description="the paper's X- or Y-Pattern, or the best of many candidates"
     )
-    shots: Count = Field(default=7, description="number of measurements")
+    shots: Annotated[int, Field(ge=1, le=10_000)] = Field(default=7, description="number of measurements")
     span: Positive | None = Field(
         default=None,
         description="length of a pattern's line as a share of the arm's reach; default: the pattern's own",
     )
-    candidates: Count = Field(default=1000, description="postures that an optimal plan is chosen from")
+    candidates: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
+        default=1000, description="postures that an optimal plan is chosen from"
+    )
     criterion: Criterion = Field(default="A", description="what an optimal plan minimises")
     facing: Point | None = Field(
         default=(0.0, 0.0, 1.0),

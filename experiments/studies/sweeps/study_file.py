@@ -232,7 +232,8 @@ def read_study(path: Path | str, runs: int | None = None) -> StatedStudy:
                 file=document.file,
                 line=document.line(("axes",)),
             )
-        base = Settings.model_validate({**_stated(content.base), "runs": runs})
+        stated = {**_stated(content.base), "runs": runs}
+        base = validate(Settings, stated, file=None, line=lambda _: None)
         content = content.model_copy(update={"base": base})
     robots: dict[str, Robot] = {}
     grid = product(*(range(len(axis.values)) for axis in content.axes))
