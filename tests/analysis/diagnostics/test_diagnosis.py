@@ -79,7 +79,8 @@ def test_the_exchange_is_said_with_what_it_leaves(tmp_path) -> None:
     assert found.freed == 0
     before = f"{found.before:,.0f}"
     assert found.before > 1000
-    assert explanation_sentence(found) == f"with J4 and J6 exchanged: 0.6 times the noise instead of {before}"
+    left = f"0.61 times the noise instead of {before}"
+    assert explanation_sentence(found) == f"with J4 and J6 exchanged: {left}"
 
 
 def test_a_zero_that_an_offset_takes_up_is_named_by_its_prior(tmp_path) -> None:

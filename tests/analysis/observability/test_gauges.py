@@ -28,6 +28,8 @@ from zerobeam.model.files.header import Header
 from zerobeam.model.problem import Problem
 from zerobeam.model.robot import DHRow, Joint, Matrix, Robot, dh_chain
 
+pytestmark = pytest.mark.usefixtures("interpreted")
+
 Exact = NDArray[np.object_]  # of numbers in fifty digits
 
 mpmath.mp.dps = 50
