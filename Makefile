@@ -1,6 +1,7 @@
 # make demo        the main job on built-in runs, and where its report is
 # make test        format, lint, types and all tests but the long ones
-# make test-long   the long tests
+# make test-long   the long tests, on all cores; SHARD=1/4: the first of four parts
+# make test-lowest make test with the lowest versions that pyproject.toml allows
 # make docs        the site of the documentation, and where it is
 # Everything is installed into .venv, again only when pyproject.toml changed.
 # Another interpreter: make PYTHON=python3.12 demo
@@ -13,7 +14,7 @@ TYPES := $(BIN)/mypy --no-error-summary -p zerobeam
 # The tests start the program many times over: compiled once, by whoever comes first.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-long docs lint style format clean
+.PHONY: demo test test-long test-lowest docs lint style format clean
 .DELETE_ON_ERROR:
 
 demo: .venv/installed
@@ -26,7 +27,10 @@ test: style
 	wait $$types || { cat build/types.txt; exit 1; }; exit $$tests
 
 test-long: .venv/installed-test
-	@$(BIN)/pytest -m long
+	@$(BIN)/pytest -n auto --dist worksteal -m long $(if $(SHARD),--shard $(SHARD))
+
+test-lowest: .venv-lowest/installed-test
+	@.venv-lowest/bin/pytest -n auto --dist worksteal -m "not long"
 
 docs: .venv/installed-docs
 	@$(BIN)/python docs/build.py
@@ -49,7 +53,7 @@ format: .venv/installed-test
 	@$(BIN)/ruff format --quiet .
 
 clean:
-	rm -rf .venv build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-lowest build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
 
 .venv/bin/python:
 	@command -v "$(PYTHON)" >/dev/null || { \
@@ -69,6 +73,15 @@ clean:
 	@echo "Installing zerobeam and its test tools into .venv (once)…"
 	@$(PIP) --editable '.[test]'
 	@touch .venv/installed $@
+
+# The tools of the tests are not held: it is what users install that has to work at its lowest.
+.venv-lowest/installed-test: pyproject.toml .ci/lowest.py | .venv/bin/python
+	@echo "Installing the lowest versions into .venv-lowest (once)…"
+	@"$(PYTHON)" -m venv .venv-lowest
+	@$(BIN)/python .ci/lowest.py >.venv-lowest/lowest.txt
+	@.venv-lowest/bin/python -m pip install --quiet --disable-pip-version-check \
+		--constraint .venv-lowest/lowest.txt --editable '.[test]'
+	@touch $@
 
 .venv/installed-docs: pyproject.toml | .venv/bin/python
 	@echo "Installing zerobeam and the site's generator into .venv (once)…"

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import argparse
 import gc
 import os
 import re
+import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -38,13 +40,27 @@ def pytest_collection_finish() -> None:
     gc.freeze()
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--shard", type=_shard, metavar="K/N", help="the tests of the K-th of N parts alone")
+
+
+def _shard(stated: str) -> tuple[int, int]:
+    found = re.fullmatch(r"([1-9]\d*)/([1-9]\d*)", stated)
+    if not found or int(found[1]) > int(found[2]):
+        raise argparse.ArgumentTypeError(f"{stated!r} is no part, such as 1/4")
+    return int(found[1]), int(found[2])
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     for item in items:
         name, _, parameters = item.name.partition("[")
         if name in AT_LENGTH and re.search(AT_LENGTH[name], parameters.removesuffix("]")):
             item.add_marker(pytest.mark.long)
         if item.get_closest_marker("long"):
             item.add_marker(pytest.mark.timeout(3600))
+    if shard := config.getoption("--shard"):
+        items[:] = [item for item in items if zlib.crc32(item.nodeid.encode()) % shard[1] == shard[0] - 1]
 
 
 @pytest.fixture(scope="session")
