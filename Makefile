@@ -79,8 +79,8 @@ clean:
 	@echo "Installing the lowest versions into .venv-lowest (once)…"
 	@"$(PYTHON)" -m venv .venv-lowest
 	@$(BIN)/python .ci/lowest.py >.venv-lowest/lowest.txt
-	@.venv-lowest/bin/python -m pip install --quiet --disable-pip-version-check \
-		--constraint .venv-lowest/lowest.txt --editable '.[test]'
+	@.venv-lowest/bin/python -m pip install --quiet --disable-pip-version-check --requirement .venv-lowest/lowest.txt
+	@.venv-lowest/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --editable .
 	@touch $@
 
 .venv/installed-docs: pyproject.toml | .venv/bin/python
