@@ -27,7 +27,7 @@ def read_result(path: Path, name: str) -> Repeat:
         if answer["schema"] != SCHEMA:
             raise ValueError(f"schema {shown(answer['schema'])}")
         return _of_result(answer, name)
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise BadInput(
             "this is not a whole result of zerobeam",
             found=f"{type(error).__name__}: {error}",

@@ -41,6 +41,8 @@ def test_a_table_of_offsets(tmp_path: Path, rows: str | None, told: str) -> None
         ({"estimate": -1e9}, {}, "out of range"),
         ({"std": 1e-200, "data_std": 1e-200}, {}, "not above 0"),
         ({"tolerance_share": 1.0}, {}, "tolerance_share"),
+        ({}, {"header": "text"}, "AttributeError"),
+        ({"estimate": 10**400}, {}, "not a whole result"),
     ],
 )
 def test_a_result(tmp_path: Path, row: dict[str, Any], fit: dict[str, Any], told: str) -> None:
@@ -50,7 +52,7 @@ def test_a_result(tmp_path: Path, row: dict[str, Any], fit: dict[str, Any], told
         "schema": "zerobeam/result/1",
         "parameters": [own],
         "fits": {"likelihood": {"noise_scale": 1.0, "p_value": 0.5, "dof": 3, "converged": True, **fit}},
-        "inputs": {"header": {}, "sha256": "0", "robot": "arm", "shots": 3},
+        "inputs": {"header": fit.get("header", {}), "sha256": "0", "robot": "arm", "shots": 3},
     }
     path = tmp_path / "result.json"
     path.write_text(json.dumps(answer))
