@@ -102,9 +102,12 @@ def _analyse(
             solution, seed=seed, ess=ess, progress=lambda share: tell("posterior", share)
         )
         tell("posterior", 1.0)
+    tell("diagnostics", 0.0)
     shots = shot_results(solution.fit)
     robust = robust_result(solution, loss) if loss is not None and solution.converged else None
+    tell("diagnostics", 0.3)
     placed = placement_result(solution, solution.link_columns)
+    tell("diagnostics", 0.6)
     result = Result(
         verdict=solution.verdict,
         parameters=_with_midpoint(solution, midpoint),
@@ -136,6 +139,7 @@ def _analyse(
         inputs=_inputs(run, problem, seed),
         diagnosis=diagnose(solution),
     )
+    tell("diagnostics", 1.0)
     return Analysis(fit=solution.fit, identified=solution.identified, run=run, result=result, draws=draws)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import Any, TextIO, cast
 
@@ -111,16 +111,36 @@ def plain(message: object) -> str:
 
 
 @contextmanager
-def progress(title: str) -> Iterator[Callable[[str, float], None]]:
-    """A bar on standard error with the stage under way; silent when that is no terminal."""
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+def progress(title: str, stages: Mapping[str, float] | None = None) -> Iterator[Callable[[str, float], None]]:
+    """A bar on standard error: the stage under way, the share of the whole, the time left; silent when that
+    is no terminal.
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    The share that is told is that of the whole, or with `stages` (their parts of the time, in order) that of
+    the stage. The bar never goes back.
+    """
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import TimeRemainingColumn as Left
+
+    parts = stages or {}
+    total = sum(parts.values())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        Left(),
+    )
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
-        task = bar.add_task(title, total=1.0)
+        task, far = bar.add_task(title, total=1.0), 0.0
 
         def tell(stage: str, share: float) -> None:
+            nonlocal far
             obey()
-            bar.update(task, description=f"{title}: {stage}", completed=share)
+            if stage in parts:
+                before = list(parts)[: list(parts).index(stage)]
+                share = (sum(parts[name] for name in before) + parts[stage] * share) / total
+            far = max(far, share)
+            bar.update(task, description=f"{title}: {stage}", completed=far)
 
         yield tell

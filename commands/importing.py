@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from ..model.errors import BadInput
-from .console import out
+from .console import out, progress
 from .options import HeaderFile, NewRunFile
 
 if TYPE_CHECKING:
@@ -127,7 +128,10 @@ def import_csv(
         marker_column,
         j3,
     )
-    _write_imported(importers.import_csv(files, target or [], layout, header, file, still=still), file)
+    with progress("import") as tell:
+        imported = importers.import_csv(files, target or [], layout, header, file, still=still, progress=tell)
+        _write(imported, file, tell)
+    _tell(imported, file)
 
 
 @imports.command("ros")
@@ -200,17 +204,20 @@ def import_log(
     """Logs over time of a known layout: a measurement is where the arm dwells. Other logs: import csv."""
     from ..experiments import importers
 
-    imported = importers.import_log(
-        kind,
-        files,
-        target,
-        header,
-        file,
-        still=importers.Stillness(still_deg, still_s, still_mm),
-        delimiter=delimiter,
-        marker_column=marker_column,
-    )
-    _write_imported(imported, file)
+    with progress("import") as tell:
+        imported = importers.import_log(
+            kind,
+            files,
+            target,
+            header,
+            file,
+            still=importers.Stillness(still_deg, still_s, still_mm),
+            delimiter=delimiter,
+            marker_column=marker_column,
+            progress=tell,
+        )
+        _write(imported, file, tell)
+    _tell(imported, file)
 
 
 @imports.command("fanuc")
@@ -250,9 +257,19 @@ def _named(text: str | None) -> list[str] | None:
 
 
 def _write_imported(imported: Imported, file: Path) -> None:
+    _write(imported, file, lambda stage, share: None)
+    _tell(imported, file)
+
+
+def _write(imported: Imported, file: Path, tell: Callable[[str, float], None]) -> None:
     from ..model.files.run import write_run
 
+    tell("writing", 0.7)
     write_run(file, imported.header, imported.shots)
+    tell("writing", 1.0)
+
+
+def _tell(imported: Imported, file: Path) -> None:
     for line in imported.understood:
         out.print(line, markup=False)
     out.print(f"{len(imported.shots)} measurements written to {file}", soft_wrap=True, markup=False)

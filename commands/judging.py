@@ -42,6 +42,11 @@ class LossName(StrEnum):
 
 
 _FARTHEST = 1e6  # mm, as in files
+# Stages with their parts of the time, for the bar.
+_ANALYSE = {"fit": 0.25, "identifiability": 0.01, "posterior": 0.6, "diagnostics": 0.14}
+_REPORT = {**_ANALYSE, "writing": 0.5}
+_PLAN = {"candidates": 0.6, "choice": 0.3, "check": 0.1}
+
 _OPTIONS = {"facing": "--facing", "acceptance_deg": "--acceptance", "beam_mm": "--beam"}
 
 Picture = Annotated[
@@ -85,7 +90,7 @@ def demo(
         check_target(folder / case.name)
     answers = []
     for case in cases:
-        with progress(case.title) as tell:
+        with progress(case.title, _ANALYSE) as tell:
             found = _analysed(read_run(case.path), 0, 1000.0, tell)
         write_report(folder / case.name, found.result, found.draws)
         answers.append(found.result)
@@ -132,7 +137,7 @@ def analyse(
     from ..reports.words.result_json import to_json
 
     recorded = read_run(run)
-    with progress("analyse") as tell:
+    with progress("analyse", _ANALYSE) as tell:
         found = _analysed(recorded, seed, ess, tell, robust, hold_out)
     if as_json:
         print_json(to_json(found.result))
@@ -158,7 +163,7 @@ def report(
 
     recorded = read_run(run)
     check_target(folder)
-    with progress("report") as tell:
+    with progress("report", _REPORT) as tell:
         found = _analysed(recorded, seed, ess, tell, robust, hold_out)
         tell("writing", 0.0)
         paths = write_report(folder, found.result, found.draws)
@@ -236,7 +241,7 @@ def plan(
         obstacles=Obstacles() if obstacles is None else read_obstacles(obstacles),
         seed=seed,
     )
-    with progress("plan") as tell:
+    with progress("plan", _PLAN) as tell:
         try:
             made = make_plan(request, file, tell)
         except BadInput as error:

@@ -69,7 +69,7 @@ def read_repeats(given: Sequence[Path | Run], seed: int, progress: Progress) -> 
         _require_comparable(one_repeat, other_repeat)
     with threadpool_limits(limits=1, user_api="blas"):
         for k, (problem, header) in problems.items():
-            progress("fit", k / len(given))
+            progress(f"fit, run {k + 1}/{len(given)}", k / len(given))
             found[k] = fitted(found[k], problem, header, seed)
     return "runs" if len(problems) == len(given) else "results", found
 

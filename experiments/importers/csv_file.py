@@ -101,12 +101,14 @@ def import_csv(
     out: Path | str,
     *,
     still: Stillness | None = None,
+    progress: Callable[[str, float], None] = lambda stage, share: None,
 ) -> Imported:
     """Measurements from CSV files of one layout: one a row, or with `still` one for each dwell of the arm.
 
     All measurements of a file are at the target stated for it, or at that in `target_column`. `header_path`
     is a header YAML file; `out` is the run file that will be written, so that the robot's path in the header
-    can be made relative to it. Nothing is written. BadInput, with file and line, for what does not fit.
+    can be made relative to it. Nothing is written. `progress` gets the stage and the share of the whole.
+    BadInput, with file and line, for what does not fit.
     """
     job = Job.begin(files, header_path)
     layout.check(job.robot)
@@ -118,10 +120,11 @@ def import_csv(
     else:
         targets = [None] * len(job.paths)
     _check_shots(layout, still)
-    found = [
-        _found(path, target, job.robot, layout, still)
-        for path, target in zip(job.paths, targets, strict=True)
-    ]
+    found = []
+    for k, (path, target) in enumerate(zip(job.paths, targets, strict=True)):
+        progress(f"file {k + 1}/{len(job.paths)}", k / len(job.paths) / 2)
+        found.append(_found(path, target, job.robot, layout, still))
+    progress(f"{sum(len(part.joints) for part in found)} measurements", 0.5)
     return job.finish(found, out, [*_units_used(layout, job.robot), *_columns_used(layout)])
 
 
@@ -299,10 +302,11 @@ def import_log(
     still: Stillness,
     delimiter: str | None = None,
     marker_column: str | None = None,
+    progress: Callable[[str, float], None] = lambda stage, share: None,
 ) -> Imported:
     """Measurements from logs of a known kind: at each dwell, or at those that `marker_column` marks."""
     if kind not in _LAYOUTS:
         raise BadInput("unknown kind of log", found=kind, allowed=", ".join(_LAYOUTS))
     layout = _LAYOUTS[kind](Job.begin(files, header_path).robot.n)
     layout = replace(layout, marker_column=marker_column, delimiter=delimiter or layout.delimiter)
-    return import_csv(files, target_names, layout, header_path, out, still=still)
+    return import_csv(files, target_names, layout, header_path, out, still=still, progress=progress)

@@ -164,7 +164,9 @@ def cell_study(
         (own,) = campaign(
             [plan.repeated],
             seeds(seed, runs),
-            lambda share: progress(plan.name, (k + 0.95 * share) / len(plans)),
+            lambda share: progress(
+                f"plan {k + 1}/{len(plans)}, {plan.name}", (k + 0.95 * share) / len(plans)
+            ),
             processes,
         )
         answer = judged(plan, own, [run.state for run in own])

@@ -189,7 +189,7 @@ def coverage_study(
 
         def studied(k: int) -> CoveragePlan:
             def tell(share: float) -> None:
-                progress(plans[k].name, (k + share) / len(plans))
+                progress(f"plan {k + 1}/{len(plans)}, {plans[k].name}", (k + share) / len(plans))
 
             return _studied(plans[k], data_sets, seed, tell)
 

@@ -119,8 +119,9 @@ def test_progress_is_told_in_order(good):
     _, _, run, *_ = good
     told = []
     analyse(run, ess=400, progress=lambda stage, share: told.append((stage, share)))
-    assert list(dict.fromkeys(stage for stage, _ in told)) == ["fit", "identifiability", "posterior"]
-    for stage in ("fit", "identifiability", "posterior"):
+    stages = ["fit", "identifiability", "posterior", "diagnostics"]
+    assert list(dict.fromkeys(stage for stage, _ in told)) == stages
+    for stage in stages:
         shares = [share for own, share in told if own == stage]
         assert shares == sorted(shares)
         assert (shares[0], shares[-1]) == (0.0, 1.0)

@@ -74,7 +74,7 @@ def geometry_study(
             plan = makers[k]()
 
             def tell(share: float) -> None:
-                progress(plan.name, (k + share) / len(makers))
+                progress(f"plan {k + 1}/{len(makers)}, {plan.name}", (k + share) / len(makers))
 
             return answer_of(plan, count, seed, tell)
 

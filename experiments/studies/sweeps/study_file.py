@@ -173,7 +173,15 @@ class Case:
     @property
     def fingerprint(self) -> str:
         """SHA-256 of all that the case's answer depends on, besides seed and versions."""
-        stated = json.dumps(self.settings.model_dump(mode="json", by_alias=True, exclude={"robot"}))
+        return self._digest(self.settings.model_dump(mode="json", by_alias=True, exclude={"robot"}))
+
+    @property
+    def pattern_print(self) -> str:
+        """SHA-256 of all that the postures of a pattern depend on."""
+        return self._digest(self.settings.model_dump(mode="json", include={"tool", "target", "plan"}))
+
+    def _digest(self, settings: dict[str, Any]) -> str:
+        stated = json.dumps(settings)
         parts = [self.robot.name, stated]
         for joint in self.robot.joints:
             values = [*joint.fixed.ravel(), *joint.axis, joint.lower, joint.upper]

@@ -121,14 +121,14 @@ def _answered(
     total = len(study.cases)
     found = {} if kept is None else kept.done
     left = [number for number in range(total) if number not in found]
-    progress("cases", len(found) / total)
+    progress(f"case {len(found)}/{total}", len(found) / total)
     jobs = [(study.cases[number], seed) for number in left]
     with closing(side_by_side(_case_of, jobs, processes)) as answers:
         for job, answer in answers:
             found[left[job]] = answer
             if kept is not None:
                 kept.add(left[job], answer)
-            progress("cases", len(found) / total)
+            progress(f"case {len(found)}/{total}", len(found) / total)
     return [found[number] for number in range(total)]
 
 
@@ -197,9 +197,28 @@ def _planned(case: Case, seed: int) -> Problem:
         planner = Planner(header, robot, target, found, name=TARGET)
         postures = planner.optimal(made.shots, made.criterion, seed=seed).postures
     else:
-        postures = pattern(header, robot, target, made.kind, made.shots, name=TARGET, span=made.span)
+        postures = _patterned(case)
     problem = Problem.build(header, robot, postures, [TARGET] * len(postures))
     return aim(problem, problem.nominal(), servo_joints(problem)).problem
+
+
+_patterns: dict[str, Matrix] = {}  # of this process, by what they depend on
+_MOST_PATTERNS = 1000
+
+
+def _patterned(case: Case) -> Matrix:
+    """The postures of the case's pattern, searched once for all cases that differ in noise alone, say."""
+    key, made = case.pattern_print, case.settings.plan
+    if key not in _patterns:
+        if made.kind == "optimal":
+            raise ValueError("an optimal plan is no pattern")
+        if len(_patterns) >= _MOST_PATTERNS:
+            _patterns.clear()
+        target = np.array(case.settings.target.xyz_mm)
+        _patterns[key] = pattern(
+            case.header, case.robot, target, made.kind, made.shots, name=TARGET, span=made.span
+        )
+    return _patterns[key]
 
 
 def _reason(error: BadInput) -> str:

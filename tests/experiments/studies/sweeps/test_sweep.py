@@ -230,6 +230,30 @@ def test_a_case_is_the_same_in_whatever_study_it_stands(tmp_path: Path, answer: 
     assert stored_case(studied_case(stated(tmp_path, text).cases[1], 4))["parameters"] != other["parameters"]
 
 
+def test_a_pattern_is_searched_once_for_all_cases_that_have_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two levels of noise, two patterns: two searches. Another target is another pattern."""
+    searched, real = [], module.pattern
+
+    def counted(*given: Any, **named: Any) -> Any:
+        searched.append(given[3])
+        return real(*given, **named)
+
+    monkeypatch.setattr(module, "pattern", counted)
+    monkeypatch.setattr(module, "_patterns", {})
+    cases = [case for case in stated(tmp_path, STUDY).cases if case.settings.plan.kind != "optimal"]
+    for case in cases:
+        postures = module._patterned(case)
+        plan, target = case.settings.plan, np.array(case.settings.target.xyz_mm)
+        own = real(case.header, case.robot, target, plan.kind, plan.shots, span=plan.span)
+        np.testing.assert_array_equal(postures, own)
+    assert len(cases) > len(searched) == len({case.settings.plan.kind for case in cases})
+    place = cases[0].settings.target.model_copy(update={"xyz_mm": (880.0, 50.0, 0.0)})
+    moved = replace(cases[0], settings=cases[0].settings.model_copy(update={"target": place}))
+    assert not np.array_equal(module._patterned(moved), module._patterned(cases[0]))
+
+
 def test_a_stopped_study_is_gone_on_with_to_the_same_answer(
     tmp_path: Path, study: StatedStudy, answer: Json, monkeypatch: pytest.MonkeyPatch
 ) -> None:
