@@ -151,9 +151,9 @@ def drawn(rows: Sequence[Spent]) -> str:
         figure = new_figure(2.6)
         left, middle, right = figure.subplots(1, 3)
         for axes, what, of, words in (
-            (left, "report", lambda own: own.clock, "report, s"),
+            (left, "report", lambda own: own.cores, "report, core seconds"),
             (middle, "report", lambda own: own.memory, "memory, MB"),
-            (right, "analyse", lambda own: own.clock, "analyse, s"),
+            (right, "analyse", lambda own: own.cores, "analyse, core seconds"),
         ):
             own = [row for row in rows if row.what == what]
             axes.plot(
@@ -168,14 +168,12 @@ def drawn(rows: Sequence[Spent]) -> str:
             axes.set_xlabel("joints" if what == "analyse" else "measurements")
             if what == "report":
                 axes.set_xscale("log")
-            if axes is left:
-                axes.set_yscale("log")
-            else:
-                axes.set_ylim(bottom=0)
+                axes.set_xticks([10, 100, 1000, 10_000], ["10", "100", "1000", "10000"], fontsize=7.5)
+                axes.set_xticks([], minor=True)
         first = [row for row in rows if row.what == "analyse, first"]
         right.plot(
             [row.size for row in first],
-            [row.clock for row in first],
+            [row.cores for row in first],
             "o--",
             color=light("weak"),
             markersize=4,
@@ -183,6 +181,8 @@ def drawn(rows: Sequence[Spent]) -> str:
             markerfacecolor="none",
             label="first time",
         )
+        for axes in (left, middle, right):
+            axes.set_ylim(bottom=0)
         if first:
             right.legend(loc="upper left", fontsize=8.5)
         return to_svg(figure, "growth")
