@@ -29,6 +29,12 @@ AT_LENGTH = {
     "test_the_sandwich_is_the_scatter_of_many_runs": r"^(open laser|two targets)",
     "test_too_few_shots_claim_nothing": r"^2",
     "test_a_robust_fit_is_there_on_request_and_names_the_shot_that_is_off": r"^student",
+    "test_no_output_of_a_run_claims_what_its_shots_cannot_tell": r"^(dinova_1|three shots)",
+    "test_the_unit_of_length_does_not_matter": r"^0\.001",
+    "test_the_jacobian_against_complex_steps_of_the_plain_model": r"-(modified|scara|bent)$",
+    "test_the_placements_of_every_arm_disagree": r"separate$",
+    "test_arms_with_a_prismatic_joint": r"^(bent|scara)",
+    "test_no_offset_of_one_joint_is_told_as_known": r"^(prismatic laser|revolute laser-free)",
 }
 
 # As the command line does (`cli.main`): by default the collector takes a good part of the time.

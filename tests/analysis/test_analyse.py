@@ -229,6 +229,7 @@ def test_too_few_shots_claim_nothing(shots, monkeypatch):
     assert "too few measurements" in headline(result)
 
 
+@pytest.mark.long
 def test_real_recordings_claim_nothing_of_what_they_cannot_tell(shared_data, tmp_path):
     """Two places of panda_1: the ball sits on the last joint's axis, and where it sits is open."""
     told, path = imported(shared_data, tmp_path, PANDA_1, places(shared_data, PANDA_1)[:2])

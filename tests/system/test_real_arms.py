@@ -91,7 +91,7 @@ def compared(solution: Solution, count: int) -> list[HalfAgainstHalf]:
     return found
 
 
-# --- in short, for kuka_14 and panda_1 --------------------------------------------------------------
+# --- kuka_14 and panda_1 --------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -99,16 +99,19 @@ def kuka(run: Runs) -> Solution:
     return answer(run["kuka_14"], whole())
 
 
+@pytest.mark.long
 def test_kuka_14_predicts_placements_that_it_has_not_seen(kuka: Solution, run: Runs) -> None:
     assert (held_out(kuka).rms_mm or np.inf) <= 0.21
     # Negative control: nominal geometry.
     assert (held_out(answer(run["kuka_14"], None)).rms_mm or 0.0) > 0.5
 
 
+@pytest.mark.long
 def test_a_split_of_kuka_14_agrees(kuka: Solution) -> None:
     assert rms(compared(kuka, 1)) <= 1.2
 
 
+@pytest.mark.long
 def test_a_profile_counts_measurements_by_their_effective_number(kuka: Solution) -> None:
     """The root of the drop at its ends is Student's quantile, but for what the fit takes up."""
     assert kuka.problem.weights.max() < 0.7
@@ -128,6 +131,7 @@ def test_nominal_geometry_is_a_misfit_of_kuka_14_and_left_as_it_is(run: Runs) ->
     assert nominal.verdict == "misfit"
 
 
+@pytest.mark.long
 def test_a_slipped_recording_does_not_speak_for_all(kuka: Solution) -> None:
     found = effective(kuka, kuka.link_columns)
     rho = {row.target: row.rho for row in found.recordings}
@@ -139,6 +143,7 @@ def test_a_slipped_recording_does_not_speak_for_all(kuka: Solution) -> None:
     assert ("raised_left_1", 165) in named
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("chosen", [[], ["nowhere"], ["front", "left_back", "raised_left"]])
 def test_halves_that_are_none_are_refused(kuka: Solution, chosen: list[str]) -> None:
     with pytest.raises(BadInput, match="no part of the run"):
