@@ -16,7 +16,7 @@ import pytest
 import zerobeam
 
 ROOT = Path(__file__).resolve().parents[2]
-NOT_ROOMS = {"tests", "docs", "benchmarks", "build", "dist"}
+NOT_ROOMS = {".ci", "tests", "docs", "benchmarks", "build", "dist"}
 
 
 def rooms(tree: Path) -> list[Path]:

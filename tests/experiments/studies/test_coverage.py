@@ -124,7 +124,7 @@ def test_the_structure(two):
         assert row["chi2"] == pytest.approx(chi2)
         assert row["p_value"] == pytest.approx(stats.chi2.sf(chi2, BINS - 1))
     names = [name for name, _ in told]
-    assert list(dict.fromkeys(names)) == ["good", "degenerate"]
+    assert list(dict.fromkeys(names)) == ["plan 1/2, good", "plan 2/2, degenerate"]
     shares = [share for _, share in told]
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
