@@ -96,7 +96,7 @@ def silent(event: Event) -> None:
 
 
 @posix
-@pytest.mark.parametrize("kills", [12, pytest.param(50, marks=pytest.mark.long)])
+@pytest.mark.parametrize("kills", [6, pytest.param(50, marks=pytest.mark.long)])
 def test_killed_at_any_instant_no_shot_is_lost_and_the_run_ends_the_same(
     tmp_path: Path, short_plan: Plan, kills: int
 ) -> None:

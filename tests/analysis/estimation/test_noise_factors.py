@@ -59,6 +59,7 @@ def told(fits):
     return np.array([fit.x[-2:] for fit in fits]), np.array([fit.std[-2:] for fit in fits])
 
 
+@pytest.mark.long
 def test_the_factors_are_right_on_average(runs):
     """Against those of highest posterior where all else is known: the mode of few numbers' noise lies lower
     than the truth, and the prior pulls, by as much in both. The unknowns cost degrees of freedom: a log std

@@ -145,6 +145,7 @@ def test_the_same_seed_gives_the_same_study(plans):
     assert first["plans"] != other["plans"]
 
 
+@pytest.mark.long
 def test_a_study_that_was_stopped_goes_on_with_the_next_plan(plans, tmp_path, monkeypatch):
     whole, _ = study_of(plans, ["good", "weak"], 10)
     store, worked = tmp_path / "own.cases.jsonl", []

@@ -108,6 +108,7 @@ def test_the_structure(twelve: GeometryStudy) -> None:
             assert row["z_low"] < row["z"] < row["z_high"]
 
 
+@pytest.mark.long
 def test_a_study_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     store = tmp_path / "cases.jsonl"
     made: list[str] = []
