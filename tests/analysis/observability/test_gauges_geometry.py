@@ -22,6 +22,7 @@ from hypothesis import Phase, assume, example, given, settings
 from mpmath import mpf
 
 from zerobeam.analysis.observability.aim import aim
+from zerobeam.analysis.observability.gauges import information_root
 from zerobeam.analysis.observability.identifiability import identify
 from zerobeam.model import problem as problem_module
 from zerobeam.model.geometry import NOMINAL
@@ -267,7 +268,10 @@ def compare(kind: Any) -> bool:
     nominal = truth(cell, problem, None)
     assert nominal is not None
     may_be = np.any([own for answers in (*found, nominal) for _, own in answers.values()], axis=0)
-    assert not (unbounded & ~may_be).any(), (kind, names[unbounded & ~may_be])
+    # What the data add to a tolerance may be too faint to be stated: less than 1e-8 of its own information.
+    _, root, _ = information_root(problem, problem.nominal(), 1.0)
+    faint = geometry & (1 / np.maximum(np.diag(np.linalg.pinv(root.T @ root)), 1e-300) - 1 < 1e-8)
+    assert not (unbounded & ~may_be & ~faint).any(), (kind, names[unbounded & ~may_be & ~faint])
     assert sum(direction.kind == "exact" for direction in told.facts.null_space) >= dimension
     assert geometry.any()
     return True
@@ -298,6 +302,7 @@ def test_no_gauge_is_called_known_with_geometry(kind: Any) -> None:
 @pytest.mark.long
 @settings(max_examples=200, **SETTINGS)
 @given(kind=judge.KINDS)
+@example(kind=Kind(372271, 7, False, False, False, True, 0, 5, False))  # 3e-9 of a tolerance's information
 def test_no_gauge_is_called_known_with_geometry_at_length(kind: Any) -> None:
     assume(compare(kind))
 
