@@ -5,7 +5,7 @@ likelihood; what its scatter is follows from the joints' noise by the sandwich. 
 gap between two skew beams, and two beams always cost zero. For a probe each shot gives one point, and the
 points of a target are compared with their mean.
 
-N beams have N (N - 1) / 2 pairs, and a middle is no sum of something of either beam: the sum over all pairs
+N beams have N (N - 1) / 2 pairs, and a midpoint does not separate into a part of each: the sum over all pairs
 has no closed form of sums over shots. Above 50,000 pairs a random sample of 20,000 takes their place.
 """
 

@@ -14,7 +14,7 @@ from ...analysis.covariance import Covariance
 from ...analysis.findings import moved_target
 from ...analysis.solution import ParameterResult, ParameterTable, Solution, require_noise_data
 from ...analysis.solved import solved
-from ...analysis.status import Status, known, versions
+from ...analysis.status import Status, versions
 from ...model.errors import BadInput, FitFailed
 from ...model.files.reading import did_you_mean
 from ...model.files.run import Run
@@ -24,7 +24,15 @@ from ...reports.words.causes import reason
 from ...reports.words.findings import displacement_sentence
 from ...reports.words.misfit import criterion_sentence, misfit_headline
 from ...reports.words.wording import listed
-from .corrected import STATUS_WORDS, GeometryValue, Holds, corrected_robot, left_out_of, rms_without
+from .corrected import (
+    STATUS_WORDS,
+    Correction,
+    GeometryValue,
+    Holds,
+    corrected_robot,
+    left_out_of,
+    rms_without,
+)
 
 SEED = 0  # of the fit's starts, as of `analyse` unless asked for otherwise
 MEANING = "true position = recorded position + offset"
@@ -36,32 +44,16 @@ class NotValidated(BadInput):
     exit_status = 1
 
 
-@dataclass(frozen=True)
-class Offset:
-    """One joint's offset: its `row` of the answer, in which there is no number where nothing is known.
+@dataclass(frozen=True, kw_only=True)
+class Offset(Correction):
+    """One joint's offset. `joint` is the joint's name in its robot file, which may hold any character."""
 
-    `applied` is what an exported file adds to the recorded position: the estimate, or 0 where the offset is
-    held, `left_out`, or unvalidated and not `wanted` all the same. `joint` is the joint's name in its robot
-    file, which may hold any character.
-    """
-
-    row: ParameterResult
     joint: str
     kind: JointKind
-    left_out: bool
-    wanted: bool = False
-
-    @property
-    def name(self) -> str:
-        return self.row.name
 
     @property
     def unit(self) -> str:
         return self.row.unit
-
-    @property
-    def status(self) -> Status:
-        return self.row.status
 
     @property
     def estimate(self) -> float | None:
@@ -78,15 +70,6 @@ class Offset:
     @property
     def reason(self) -> str | None:
         return None if self.row.cause is None else reason(self.row.cause)
-
-    @property
-    def exported(self) -> bool:
-        validated = self.status != "unvalidated" or self.wanted
-        return known(self.status) and validated and not self.left_out
-
-    @property
-    def applied(self) -> float:
-        return (self.estimate or 0.0) if self.exported else 0.0
 
     @property
     def internal(self) -> float:
@@ -222,12 +205,14 @@ def _calibration(
     rows = [row for row in solution.parameters if row.group in ("offset", "geometry")]
     _check_without(without, rows)
     offsets = [
-        Offset(row, joint.name, joint.kind, row.name in without, unvalidated)
+        Offset(row=row, left_out=row.name in without, wanted=unvalidated, joint=joint.name, kind=joint.kind)
         for row, joint in zip(solution.offsets, run.robot.joints, strict=True)
     ]
     _require_known(offsets, allow_weak, nothing_applied=as_data and solution.misfit is not None)
     geometry = tuple(
-        GeometryValue(row, row.name in without, unvalidated) for row in rows if row.group == "geometry"
+        GeometryValue(row=row, left_out=row.name in without, wanted=unvalidated)
+        for row in rows
+        if row.group == "geometry"
     )
     left_out = left_out_of(geometry, holds)
     gone = {value.name for value in left_out} | {own.name for own in offsets if own.left_out}

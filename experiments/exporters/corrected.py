@@ -31,17 +31,18 @@ STATUS_WORDS: dict[Status, str] = {
 }
 
 
-@dataclass(frozen=True)
-class GeometryValue:
-    """One geometry parameter: its `row` of the answer.
+@dataclass(frozen=True, kw_only=True)
+class Correction:
+    """One parameter of an export: its `row` of the answer, without a number where nothing is known.
 
-    `applied` is what an exported robot adds to its nominal value: the estimate, or 0 where the data do not
-    determine it, it is `left_out`, or unvalidated and not `wanted` all the same.
+    `applied` is what the exported file adds to the recorded position or to the nominal value: the estimate,
+    or 0 where it is held, not determined by the data, `left_out`, or unvalidated and not `wanted` all the
+    same.
     """
 
     row: ParameterResult
     left_out: bool
-    wanted: bool = False
+    wanted: bool
 
     @property
     def name(self) -> str:
@@ -52,11 +53,6 @@ class GeometryValue:
         return self.row.status
 
     @property
-    def of_link(self) -> bool:
-        """Whether it is a link's, which a robot can hold."""
-        return self.name.startswith("link")
-
-    @property
     def exported(self) -> bool:
         validated = self.status != "unvalidated" or self.wanted
         return known(self.status) and validated and not self.left_out
@@ -64,6 +60,15 @@ class GeometryValue:
     @property
     def applied(self) -> float:
         return (self.row.estimate or 0.0) if self.exported else 0.0
+
+
+class GeometryValue(Correction):
+    """One geometry parameter."""
+
+    @property
+    def of_link(self) -> bool:
+        """Whether it is a link's, which a robot can hold."""
+        return self.name.startswith("link")
 
     @property
     def internal(self) -> float:

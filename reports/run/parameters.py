@@ -28,7 +28,14 @@ from ..style.blocks import (
 )
 from ..words import numbers
 from ..words.causes import reason
-from ..words.geometry import IF_IT_DEVIATES, SET_BY_TOLERANCES, by_tolerances, percent, worth_sentence
+from ..words.geometry import (
+    IF_IT_DEVIATES,
+    SET_BY_TOLERANCES,
+    Offset,
+    by_tolerances,
+    percent,
+    worth_sentence,
+)
 from ..words.wording import NOT_DETERMINED, label, listed, person, sentence
 
 OFFSETS = "Joint offsets, to be added to the recorded joint positions"
@@ -53,19 +60,6 @@ class Judged(Protocol):
     def held(self) -> bool: ...
     @property
     def cause(self) -> Cause | None: ...
-    @property
-    def tolerance_share(self) -> float | None: ...
-
-
-class Offset(Protocol):
-    """An offset of a result, of a check, of a run that has ended."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def unit(self) -> str: ...
-    @property
-    def std(self) -> float | None: ...
     @property
     def tolerance_share(self) -> float | None: ...
 

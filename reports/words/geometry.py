@@ -21,7 +21,7 @@ RUNGS: dict[RungName, str] = {
 _MOSTLY = 0.5  # a share of the variance, or a correlation, from which it is worth a sentence
 
 
-class _Row(Protocol):
+class Offset(Protocol):
     """An offset of a result, of a check, of a run that has ended."""
 
     @property
@@ -30,6 +30,8 @@ class _Row(Protocol):
     def unit(self) -> str: ...
     @property
     def std(self) -> float | None: ...
+    @property
+    def tolerance_share(self) -> float | None: ...
 
 
 def tolerances_words(own: GeometryResult) -> str:
@@ -46,7 +48,7 @@ def _tolerance(stated: Tolerance, unit: str) -> str:
     return f"{numbers.exact(low, unit)} to {numbers.exact(high, unit)}"
 
 
-def worth_sentence(own: GeometryResult, offsets: Sequence[_Row]) -> str | None:
+def worth_sentence(own: GeometryResult, offsets: Sequence[Offset]) -> str | None:
     """What u is, and what it would be with the geometry taken otherwise; None where no offset has a u."""
     stated = {row.name: row.std for row in offsets if row.std is not None}
     units = {row.name: row.unit for row in offsets}
