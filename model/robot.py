@@ -61,6 +61,8 @@ class Robot:
         The n joints, joint 1 first.
     flange
         (4, 4) from the last joint's frame, after its motion, to the flange, mm.
+    vendor
+        Who makes it, as in robot files ("abb", "kuka", "universal-robots"); None where not stated.
 
     Examples
     --------
@@ -75,6 +77,7 @@ class Robot:
     name: str
     joints: tuple[Joint, ...]
     flange: Matrix
+    vendor: str | None = None
 
     def __repr__(self) -> str:
         return f"<Robot {self.name}: {self.n} joint{'' if self.n == 1 else 's'}>"

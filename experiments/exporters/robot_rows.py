@@ -37,6 +37,7 @@ def robot_text(run: Run, calibration: Calibration) -> str:
             *(f"# {line}" for line in lines),
             "schema: zerobeam/robot/1",
             f"name: {_quoted(stated.name)}",
+            *([f"vendor: {stated.vendor}"] if stated.vendor else []),
             f"convention: {stated.convention}",
             "joints:",
             *(f"  - {_joint(own, row)}" for own, row in zip(stated.joints, table.rows, strict=True)),

@@ -21,6 +21,27 @@ MOST_JOINTS = 100  # more are a mistake, and would be computed for hours
 
 BUILT_IN = Path(__file__).parents[1] / "robots"
 
+Vendor = Literal[
+    "abb",
+    "comau",
+    "denso",
+    "doosan",
+    "epson",
+    "fanuc",
+    "franka",
+    "kawasaki",
+    "kinova",
+    "kuka",
+    "mitsubishi",
+    "nachi",
+    "staubli",
+    "techman",
+    "ufactory",
+    "universal-robots",
+    "yaskawa",
+    "other",
+]
+
 
 class StatedTransform(FileModel):
     """A fixed transform: a shift, then turns about the fixed axes x, y, z (roll, pitch, yaw)."""
@@ -118,6 +139,9 @@ class RobotFile(FileModel):
 
     schema_: Literal["zerobeam/robot/1"] = Field(alias="schema", description="kind and version of the file")
     name: Name = Field(description="what reports call the robot")
+    vendor: Vendor | None = Field(
+        default=None, description="who makes it: files for controllers of another vendor are refused"
+    )
     convention: Literal["standard", "modified"] = Field(
         description="standard: Rz(theta) Tz(d) Tx(a) Rx(alpha) Ry(beta); "
         "modified (Craig): Rx(alpha) Tx(a) Ry(beta) Rz(theta) Tz(d)"
@@ -147,7 +171,7 @@ class RobotFile(FileModel):
             stated.joint(number, transform)
             for number, (stated, transform) in enumerate(zip(self.joints, fixed, strict=True), start=1)
         )
-        return Robot(self.name, joints, last @ self.flange.matrix())
+        return Robot(self.name, joints, last @ self.flange.matrix(), self.vendor)
 
 
 def built_in_robots() -> tuple[str, ...]:

@@ -64,6 +64,7 @@ def test_a_robot_file_has_the_kinematics_of_the_calibrated_model(
     assert [(j.name, j.kind, j.lower, j.upper, j.speed) for j in robot.joints] == [
         (j.name, j.kind, j.lower, j.upper, j.speed) for j in run.robot.joints
     ]
+    assert robot.vendor == run.robot.vendor is not None
     nominal = run.robot.fk(postures(robot), "rad")
     assert abs(nominal - wanted(run, answer)).max() > 1.0
     assert "J2" in path.read_text(encoding="utf-8").split("schema:")[0]  # its beta is said

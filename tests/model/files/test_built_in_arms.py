@@ -8,7 +8,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from zerobeam.model.files.robot_file import built_in_robots, load_robot
+from zerobeam.model.errors import BadInput
+from zerobeam.model.files.robot_file import BUILT_IN, built_in_robots, load_robot
 from zerobeam.model.files.urdf import read_urdf
 from zerobeam.model.robot import Matrix, Robot
 
@@ -54,3 +55,21 @@ def test_the_reach_of_the_stretched_arms_is_as_published() -> None:
     panda = load_robot("panda", Path())
     # The elbow's offsets of 82.5 mm cancel; the hand looks down from 88 mm before the wrist.
     assert pose(panda, np.zeros(7))[1] == pytest.approx([88, 0, 333 + 316 + 384 - 107])
+
+
+def test_every_built_in_arm_states_its_vendor_and_offsets_keep_it() -> None:
+    vendors = {name: load_robot(name).vendor for name in built_in_robots()}
+    assert None not in vendors.values()
+    assert {"irb1600": "abb", "iiwa14": "kuka", "panda": "franka"}.items() <= vendors.items()
+    robot = load_robot("irb1600")
+    assert robot.with_offsets(np.zeros(6)).vendor == "abb"
+
+
+def test_a_vendor_is_optional_and_one_of_a_list(tmp_path: Path) -> None:
+    text = (BUILT_IN / "irb1600.yaml").read_text(encoding="utf-8")
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(text.replace("vendor: abb\n", ""), encoding="utf-8")
+    assert load_robot(mine).vendor is None
+    mine.write_text(text.replace("vendor: abb", "vendor: Abb"), encoding="utf-8")
+    with pytest.raises(BadInput, match="vendor"):
+        load_robot(mine)
