@@ -72,7 +72,7 @@ class ShotFunctions:
     log_det: Literal["none", "relative", "whole"] = "none"
     geometry: Geometry = NOMINAL
     _functions: dict[str, ca.Function] = field(default_factory=dict, repr=False)
-    _kernels: dict[tuple[str, bool], Kernel] = field(default_factory=dict, repr=False)
+    _kernels: dict[tuple[str, bool | None], Kernel] = field(default_factory=dict, repr=False)
 
     def __reduce__(self) -> tuple[object, ...]:
         # In another process they are made anew, or those that are there are taken.
@@ -84,21 +84,14 @@ class ShotFunctions:
             self._functions[name] = _BUILT_BY[name](self)
         return self._functions[name]
 
-    def kernel(self, name: str, *, compile: bool = False) -> Kernel:
-        """The same as a fast callable, made once."""
+    def kernel(self, name: str, *, compile: bool | None = None) -> Kernel:
+        """The same as a fast callable, made once; `compile` as for a `Kernel`."""
         if (name, compile) not in self._kernels:
             hoisted = _HOISTED if name in ("terms", "slopes") else ()
             self._kernels[name, compile] = Kernel(
                 self.function(name), compile=compile, hoisted=hoisted, gram=name == "slopes"
             )
         return self._kernels[name, compile]
-
-
-class InterpretedFunctions(ShotFunctions):
-    """The same by CasADi's virtual machine alone: for a few fits, which take less than compiling."""
-
-    def kernel(self, name: str, *, compile: bool = False) -> Kernel:
-        return super().kernel(name, compile=False)
 
 
 _made: dict[bytes, ShotFunctions] = {}

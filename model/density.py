@@ -205,7 +205,7 @@ class Density:
         return np.asarray((residual**2).sum(axis=1))
 
     def _kernel(self, name: str) -> Kernel:
-        return self.problem.functions.kernel(name, compile=True)
+        return self.problem.functions.kernel(name)
 
     def _grid(
         self,

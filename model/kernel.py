@@ -1,8 +1,9 @@
 """A CasADi function made fast: evaluated for many rows, or summed over shots for many walkers.
 
-Where a C compiler is at hand, the function's C code is compiled once and cached under the hash
-of its source, the flags and the compiler; elsewhere CasADi's virtual machine evaluates it. The
-numbers are the same, the virtual machine is about ten times slower.
+CasADi's virtual machine evaluates it at first. Once that has taken as long as compiling, the function's
+C code is compiled where a C compiler is at hand, and cached under the hash of its source, the flags and
+the compiler; what is cached serves at once. The numbers are the same, the virtual machine is about ten
+times slower.
 """
 
 from __future__ import annotations
@@ -30,6 +31,9 @@ from .robot import Matrix
 # No contraction to fused multiply-adds: both paths must give the same numbers. More than -O1 takes half as
 # long again to compile, and its code is no faster.
 _FLAGS = ("-O1", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno", "-Wno-psabi")
+# The virtual machine takes about 15 ns for an instruction of a row, compiling some 0.8 ms for an instruction.
+# To find what is cached its source is made anew.
+_LOOK_AFTER, _COMPILE_AFTER = 1_000, 50_000  # rows
 _DIGEST = 32  # bytes of the sha256 that ends each cached library
 
 Index = NDArray[np.int64]
@@ -107,9 +111,11 @@ def _every(size: int, inner: int) -> Offsets:
 class Kernel:
     """Fast evaluation of a CasADi function whose inputs are vectors and whose outputs are dense.
 
-    `compiled` says which path serves; `compile` True asks for C and falls back, with one
-    KernelWarning, where no compiler is found or it fails. `hoisted` names inputs that do not change
-    over the inner index of `sums`: what depends on them alone is then computed once for each outer one.
+    `compiled` says which path serves. `compile` True asks for C at once, False for the virtual machine
+    alone; without it C serves where it is cached, and is made when the work pays for it. Where no compiler
+    is found or it fails, one KernelWarning says so, and the virtual machine goes on. `hoisted` names inputs
+    that do not change over the inner index of `sums`: what depends on them alone is then computed once for
+    each outer one.
     With `gram` the last two outputs, a number w and a matrix R, give one in their place: the lower triangle
     of w R'R, row by row. Its many products are then a loop, and not as many lines to compile.
     """
@@ -118,7 +124,7 @@ class Kernel:
         self,
         function: ca.Function,
         *,
-        compile: bool = False,
+        compile: bool | None = None,
         hoisted: Collection[str] = (),
         gram: bool = False,
     ) -> None:
@@ -135,7 +141,10 @@ class Kernel:
             self._out_shapes = [*self._out_shapes[:-2], (size * (size + 1) // 2, 1)]
         self._out = [rows * columns for rows, columns in self._out_shapes]
         self._maps: dict[int, ca.Function] = {}
-        self._library = _load(function, hoisted, gram) if compile else None
+        self._load = partial(_load, function, hoisted, gram)
+        self._library = self._load(make=True) if compile else None
+        self._rows = 0
+        self._ahead = [_LOOK_AFTER, _COMPILE_AFTER] if compile is None else []
 
     @property
     def compiled(self) -> bool:
@@ -203,11 +212,14 @@ class Kernel:
     def _sum(self, inputs: Sequence[GridInput], outer: int, inner: int) -> Matrix:
         if outer * inner == 0:
             return np.zeros((outer, sum(self._out)))  # compiled code would hoist what is not there
+        count = outer * inner
+        self._rows += count
+        while self._ahead and self._rows > self._ahead[0] and self._library is None:
+            self._library = self._load(make=self._ahead.pop(0) == _COMPILE_AFTER)
         if self._library is not None:
             call, result = self.ready(inputs, outer, inner)
             call()
             return result
-        count = outer * inner
         if count not in self._maps:
             self._maps[count] = self.function.map(count)
         mapped = self._maps[count]
@@ -290,35 +302,37 @@ def _lower_gram(weight: Matrix, root: Matrix) -> Matrix:
     return np.asarray(weight * total)
 
 
-def _load(function: ca.Function, hoisted: Collection[str], gram: bool) -> ctypes.CDLL | None:
-    """The compiled function from the cache, compiling it where it is missing or damaged."""
+def _load(function: ca.Function, hoisted: Collection[str], gram: bool, make: bool) -> ctypes.CDLL | None:
+    """The compiled function from the cache; with `make` it is compiled where it is missing or damaged."""
     compiler = _compiler()
     if compiler is None:
-        warnings.warn(
-            "no C compiler found that works: CasADi's virtual machine serves, slower",
-            KernelWarning,
-            stacklevel=3,
-        )
+        if make:
+            _warn("no C compiler found that works")
         return None
     path, flags, macros = compiler
     try:
         source = grid_source(function, hoisted, gram=gram)
         key = hashlib.sha256("\0".join([source, *flags, macros]).encode()).hexdigest()
-        library = private_folder(cache_folder()) / f"{function.name()}-{key[:32]}.so"
-        if not _whole(library):
+        name = f"{function.name()}-{key[:32]}.so"
+        folder = private_folder(cache_folder()) if make else cache_folder()
+        library = folder / name
+        if not (private(folder) and _whole(library)):
+            if not make:
+                return None
             _compile([path, *flags], source, library)
         loaded = ctypes.CDLL(str(library))
     except (OSError, NoSource, subprocess.SubprocessError) as error:
-        warnings.warn(
-            f"the kernel could not be compiled ({error}): CasADi's virtual machine serves, slower",
-            KernelWarning,
-            stacklevel=3,
-        )
+        if make:
+            _warn(f"the kernel could not be compiled ({error})")
         return None
     pointer, whole = ctypes.c_void_p, ctypes.c_longlong
     loaded.zb_sum.restype = None
     loaded.zb_sum.argtypes = [pointer, pointer, pointer, pointer, whole, whole, pointer]
     return loaded
+
+
+def _warn(why: str) -> None:
+    warnings.warn(f"{why}: CasADi's virtual machine serves, slower", KernelWarning, stacklevel=4)
 
 
 def _whole(library: Path) -> bool:

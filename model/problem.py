@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from .files.header import Header
     from .files.plan import Plan
 
-_COMPILE_FROM = 50  # shots: for fewer, compiling takes longer than it saves in a fit
-
 
 @dataclass(frozen=True)
 class Parts:
@@ -287,7 +285,7 @@ class Problem:
             own_target = parts.targets[self.target_index[rows]]
         else:
             own_target = parts.targets[np.arange(len(parts.targets)), self.target_index[rows]]
-        residual, jacobian = self.functions.kernel("linear", compile=self.shots > _COMPILE_FROM)(
+        residual, jacobian = self.functions.kernel("linear")(
             joints, self.spots[rows], parts.arm, own_target, parts.tool
         )
         return residual, jacobian
@@ -374,14 +372,14 @@ class Problem:
     def beams(self, x: Matrix) -> tuple[Matrix, Matrix]:
         """Origins (N, 3) mm and unit directions (N, 3) of the beams in the base frame (eq. 7); `x` as for
         `linearise`."""
-        parts, compile = self.split(x), self.shots > _COMPILE_FROM
-        origin, direction = self.functions.kernel("beam", compile=compile)(self.joints, parts.arm, parts.tool)
+        parts = self.split(x)
+        origin, direction = self.functions.kernel("beam")(self.joints, parts.arm, parts.tool)
         return origin, direction
 
     def _beams(self, arm: Matrix, tool: Matrix, joints: Matrix) -> tuple[Matrix, Matrix]:
         """(W, N, 3) each, of arms (W, a), tools (W, k) and recorded joints (W or 1, N, n)."""
         rows, shots = len(arm), self.shots
-        origin, direction = self.functions.kernel("beam", compile=rows * shots > _COMPILE_FROM**2)(
+        origin, direction = self.functions.kernel("beam")(
             np.broadcast_to(joints, (rows, shots, self.robot.n)).reshape(rows * shots, -1),
             np.repeat(arm, shots, axis=0),
             np.repeat(tool, shots, axis=0),

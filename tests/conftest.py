@@ -13,7 +13,6 @@ from pathlib import Path
 import pytest
 from threadpoolctl import threadpool_limits
 
-from zerobeam.model.constraint import ShotFunctions
 from zerobeam.model.errors import BadInput
 
 # Combinations that `make test` leaves to `make test-long`: by test, those whose parameters match.
@@ -96,13 +95,6 @@ def kernel_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
             path.mkdir(mode=0o700, exist_ok=True)
             patch.setenv(name, str(path))
         yield folder
-
-
-@pytest.fixture
-def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
-    """For robots of a few fits each: CasADi's virtual machine takes less than compiling their kernels."""
-    kernel = ShotFunctions.kernel
-    monkeypatch.setattr(ShotFunctions, "kernel", lambda self, name, *, compile=False: kernel(self, name))
 
 
 @pytest.fixture

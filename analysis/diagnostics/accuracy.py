@@ -44,7 +44,6 @@ _CELLS = 20  # along the longer side of a map, at most
 _NO_EFFECT = 1e-3  # mm: an offset that moves the TCP by less in one prior std does not enter
 _ON_AXIS = 1e-6  # mm
 _NODES = 12  # of each ratio of stds
-_COMPILE_FROM = 1000  # postures
 
 
 @dataclass(frozen=True)
@@ -175,9 +174,7 @@ def tool_point(problem: Problem, x: Matrix, point: Matrix, joints: Matrix) -> tu
     arm = problem.parameters.arm
     x = x.copy()
     x[arm.start] = 0.0
-    # The fit has this one compiled already.
-    placed = problem.functions.kernel("placed", compile=len(joints) > _COMPILE_FROM)
-    position, jacobian = placed(joints, x[arm], point)
+    position, jacobian = problem.functions.kernel("placed")(joints, x[arm], point)
     jacobian = jacobian[:, :, arm].copy()
     jacobian[:, :, 0] = 0.0
     return position, jacobian

@@ -15,7 +15,7 @@ from typing import Literal
 
 import numpy as np
 
-from ...model.constraint import InterpretedFunctions
+from ...model.constraint import ShotFunctions
 from ...model.geometry import NOMINAL
 from ...model.kernel import Index
 from ...model.parameters import Parameter, Parameters
@@ -179,7 +179,7 @@ def widened(problem: Problem) -> Widened | None:
             robot=wide,
             noise=replace(problem.noise, joint=noise),
             parameters=_with_held(problem.parameters, [place for _, place, _ in twists]),
-            functions=InterpretedFunctions(wide, problem.tool),
+            functions=ShotFunctions(wide, problem.tool),
             joints=every,
         ),
         np.array(own),

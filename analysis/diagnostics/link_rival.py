@@ -11,14 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...model.constraint import InterpretedFunctions
 from ...model.density import Density
 from ...model.problem import Problem
 from ...model.robot import Matrix
 from ..observability.consider import with_links
 from .trials import Left, lefts
 
-_COMPILE_FROM = 200  # measurements; one fit of fewer is done before its functions are compiled
 _FEW_STEPS = 60
 
 
@@ -32,9 +30,6 @@ def with_links_freed(problem: Problem, x: Matrix) -> Left | None:
     if len(problem.tolerated):
         return None
     whole, start = with_links(problem, x)
-    if problem.shots < _COMPILE_FROM:
-        own = whole.functions
-        whole = replace(whole, functions=InterpretedFunctions(own.robot, own.tool, own.log_det, own.geometry))
     density = Density(whole)
     ended, (left,) = lefts(density, start[None], most_steps=_FEW_STEPS)
     links = whole.parameters.among_free[whole.tolerated]

@@ -133,7 +133,7 @@ class SeenCoordinates:
     def _each(self, name: str, of: Index | None, arm: Matrix, points: Matrix) -> tuple[Matrix, ...]:
         """A function of joints, arm and a point, for every row and moved target."""
         rows, count = len(arm), len(self._targets)
-        kernel = self._problem.functions.kernel(name, compile=True)
+        kernel = self._problem.functions.kernel(name)
         if count == 1 and len(self._joints) == 1:
             return kernel(self._joints[0, 0], arm, points[:, 0])
         joints = self._joints if of is None or len(self._joints) == 1 else self._joints[of]

@@ -22,7 +22,6 @@ from ...model.problem import Problem
 from ...model.robot import Matrix
 from .levenberg_marquardt import least_squares, levenberg_marquardt, solve_rows
 
-_COMPILE_FROM = 50  # data sets
 _PAIRS = 50_000  # of beams: all of them up to here, of more
 _SAMPLE = 20_000  # at random
 _SEED = 0
@@ -194,8 +193,7 @@ class _Middles:
         arm, tool = (np.repeat(part, m, axis=0) for part in (parts.arm, parts.tool))
         turned = [joints[:, shots].reshape(count * m, n) for shots in self.shots]
         if len(turned) == 2:
-            compile = count > _COMPILE_FROM or m > _COMPILE_FROM**2
-            middle = problem.functions.kernel("midpoint", compile=compile)
+            middle = problem.functions.kernel("midpoint")
             points, own, *by_shots = middle(*turned, arm, tool)
         else:
             tip = tool if tool.shape[1] else np.tile(problem.tool.point, (count * m, 1))

@@ -193,7 +193,9 @@ def _near_special(
     problem: Problem, x: Matrix, hit: NDArray[np.bool_], target_mm: float, points: int
 ) -> list[_NearBy]:
     """At most `points` points beside x, with the target about `target_mm` off, at which all shots of `hit`
-    (N,) can hit: they need not be the same."""
+    (N,) can hit: they need not be the same. Joints fewer than a miss has coordinates reach no other point."""
+    if np.count_nonzero(moving_joints(problem.joints)) < problem.tool.miss_size:
+        return []
     # Other directions at every distance.
     rng, found = np.random.default_rng([2014, int(10 * target_mm)]), []
     for _ in range(points):

@@ -31,8 +31,6 @@ from zerobeam.model.problem import Problem
 from zerobeam.model.robot import Matrix, Robot
 from zerobeam.reports.words.misfit import criterion_sentence
 
-pytestmark = pytest.mark.usefixtures("interpreted")
-
 PLACES = {
     "left_a": (700.0, 250.0, 450.0),
     "left_b": (700.0, 300.0, 450.0),

@@ -551,11 +551,14 @@ def test_without_a_compiler_the_numbers_are_the_same(arms, name, scale, monkeypa
             found += [density.log_posterior(walkers, of), *density.slopes(walkers, of)]
         return found, density._kernel("slopes").compiled
 
-    compiled, by_c = results(Density(made.problem, *data))
+    monkeypatch.setattr(kernel, "_COMPILE_AFTER", 1)
+    monkeypatch.setattr(kernel, "_LOOK_AFTER", 1)
+    monkeypatch.setattr(constraint, "_made", {})  # not those that are there already
+    compiled, by_c = results(Density(Made(arms[name], stated).problem, *data))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", kernel.KernelWarning)
         monkeypatch.setattr(kernel, "_compiler", lambda: None)
-        monkeypatch.setattr(constraint, "_made", {})  # not those that are compiled already
+        monkeypatch.setattr(constraint, "_made", {})
         plain, not_by_c = results(Density(Made(arms[name], stated).problem, *data))
     assert (by_c, not_by_c) == (True, False)
     for one, two in zip(compiled, plain, strict=True):

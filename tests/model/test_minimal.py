@@ -9,8 +9,6 @@ from zerobeam.model.geometry import Geometry
 from zerobeam.model.problem import Problem
 from zerobeam.model.robot import DHRow, Joint, Robot, dh_chain
 
-pytestmark = pytest.mark.usefixtures("interpreted")
-
 TARGETS, SHOTS = 3, 30  # of each target
 LASER = {"kind": "laser", "calibrated": False, "point_mm": [5, -3, 65], "direction": [1, 0.2, 0.1]}
 PROBE = {"kind": "probe", "calibrated": False, "point_mm": [15, -10, 120]}

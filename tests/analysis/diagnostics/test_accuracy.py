@@ -21,7 +21,6 @@ from made_problem import many_runs
 from plain_model import arm, by_complex_step
 from scipy import stats
 
-from zerobeam.analysis.diagnostics import accuracy as module
 from zerobeam.analysis.diagnostics.accuracy import (
     accuracy,
     arm_covariance,
@@ -36,12 +35,6 @@ from zerobeam.model.robot import DHRow, Joint, Robot, dh_chain
 from zerobeam.reports.words.findings import accuracy_reason, place
 
 CHANCE = 1e-3  # of a test that is right to fail: two sides together
-
-
-@pytest.fixture
-def not_compiled(monkeypatch):
-    """For arms made up for one test: to compile them takes longer than it saves."""
-    monkeypatch.setattr(module, "_COMPILE_FROM", 10**9)
 
 
 def judged(problem, **changes):
@@ -154,7 +147,6 @@ def planar(prismatic=False):
 AT_FLANGE = {**PROBE, "point_mm": [0, 0, 0]}
 
 
-@pytest.mark.usefixtures("not_compiled")
 def test_one_uncertain_elbow_moves_the_hand_along_a_line():
     """T is off by 300 mm times the error of the elbow: along a line, in every posture the same."""
     std, elbow = np.radians(0.05), np.radians(1.0)
@@ -169,7 +161,6 @@ def test_one_uncertain_elbow_moves_the_hand_along_a_line():
         )
 
 
-@pytest.mark.usefixtures("not_compiled")
 def test_shoulder_and_elbow_add_up_by_their_levers():
     """Both errors lie in the upright plane: rms^2 = (r s2)^2 + (300 s3)^2 + 2 cov (dot product of the
     levers), with r the distance from the shoulder."""
@@ -188,7 +179,6 @@ def test_shoulder_and_elbow_add_up_by_their_levers():
     assert found.median == pytest.approx(np.sort(rms)[2047])
 
 
-@pytest.mark.usefixtures("not_compiled")
 def test_a_slide_is_off_by_its_own_error_in_millimetres():
     solution = by_hand(planar(True), AT_FLANGE, [0.3, 2.0, 0.0], np.diag([0, 0.05**2, 0]))
     answer = accuracy(solution)
@@ -197,7 +187,6 @@ def test_a_slide_is_off_by_its_own_error_in_millimetres():
     )
 
 
-@pytest.mark.usefixtures("not_compiled")
 @pytest.mark.parametrize("kinds", ["pprr", "rpp"])
 def test_arms_with_slides(kinds):
     """Numbers for any arm; the first joint's offset has no part in them, a slide's neither."""
@@ -282,7 +271,6 @@ ASIDE = [60.0, 20.0, 150.0]
 
 @pytest.mark.parametrize("tool", [{**OPEN_LASER, "point_mm": ASIDE}, OPEN_PROBE], ids=["laser", "probe"])
 @pytest.mark.parametrize("last", ["held", "unidentifiable"])
-@pytest.mark.usefixtures("not_compiled")
 def test_with_a_lost_last_offset_the_place_is_on_the_last_axis(tool, last):
     """Where joint 6 really stands nobody knows: a point aside of its axis would be anywhere on a circle."""
     delta, covariance = np.radians([0, -1.2, -0.7, 0.1, 0, 0]), np.eye(6) * 1e-7
@@ -344,7 +332,6 @@ def test_cells_hold_the_postures_that_are_there():
         np.testing.assert_array_equal(counts.T, found.postures)
 
 
-@pytest.mark.usefixtures("not_compiled")
 def test_the_vertical_map_is_about_the_axis_of_joint_1(tmp_path):
     """An arm whose first axis leans and stands aside: turning joint 1 keeps the tool point in its cell."""
     own = arm("bent", tmp_path)

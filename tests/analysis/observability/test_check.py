@@ -15,8 +15,6 @@ from zerobeam.reports.words.causes import reason
 from zerobeam.reports.words.findings import check_notes, headline
 from zerobeam.reports.words.result_json import check_json
 
-pytestmark = pytest.mark.usefixtures("interpreted")
-
 
 def rows(answer):
     return {row.name: row for row in answer.parameters}

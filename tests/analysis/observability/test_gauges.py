@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,12 +22,9 @@ from numpy.typing import NDArray
 
 from zerobeam.analysis.observability.aim import aim
 from zerobeam.analysis.observability.identifiability import identify
-from zerobeam.model import problem as problem_module
 from zerobeam.model.files.header import Header
 from zerobeam.model.problem import Problem
 from zerobeam.model.robot import DHRow, Joint, Matrix, Robot, dh_chain
-
-pytestmark = pytest.mark.usefixtures("interpreted")
 
 Exact = NDArray[np.object_]  # of numbers in fifty digits
 
@@ -40,14 +36,6 @@ _POINTS = 100  # near a special shot: one in twenty that tells as little as the 
 _EYE = np.array([[mpf(int(i == j)) for j in range(3)] for i in range(3)])
 _SPOT_MM = 0.05  # of a miss: the joints' noise comes on top
 _STEP = 0.2  # mm, and hundredths of a degree: so small that shots stay those they are, if they can
-
-
-@pytest.fixture(scope="module", autouse=True)
-def not_compiled() -> Iterator[None]:
-    """Every arm is asked a few times only: to compile its functions takes ten times as long."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(problem_module, "_COMPILE_FROM", 10**9)
-        yield
 
 
 @dataclass(frozen=True)

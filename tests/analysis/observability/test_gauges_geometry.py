@@ -9,7 +9,6 @@ from __future__ import annotations
 import dataclasses
 import importlib.util
 import sys
-from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -24,7 +23,6 @@ from mpmath import mpf
 from zerobeam.analysis.observability.aim import aim
 from zerobeam.analysis.observability.gauges import information_root
 from zerobeam.analysis.observability.identifiability import identify
-from zerobeam.model import problem as problem_module
 from zerobeam.model.geometry import NOMINAL
 from zerobeam.model.problem import Problem
 from zerobeam.model.robot import Matrix
@@ -40,14 +38,6 @@ Kind, Cell, Exact = judge.Kind, judge.Cell, judge.Exact
 cross, unit = judge.cross, judge.unit
 _RESOLVED = mpf(10) ** -8  # of a pivot: what breaks a gauge by less, double precision need not tell from none
 _STEP = 0.2  # mm, and hundredths of a degree, as in test_gauges.py
-
-
-@pytest.fixture(scope="module", autouse=True)
-def not_compiled() -> Iterator[None]:
-    """Every arm is asked a few times only: to compile its functions takes ten times as long."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(problem_module, "_COMPILE_FROM", 10**9)
-        yield
 
 
 def freed(kind: Any) -> tuple[Any, Problem] | None:

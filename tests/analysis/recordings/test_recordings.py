@@ -26,8 +26,6 @@ from zerobeam.model.constraint import shot_functions
 from zerobeam.model.geometry import Geometry
 from zerobeam.model.robot import Matrix
 
-pytestmark = pytest.mark.usefixtures("interpreted")
-
 PLACES = {"left": (800.0, 300.0, 100.0), "right": (850.0, -350.0, 200.0), "psd": (900.0, 0.0, 0.0)}
 EACH = 20
 LEVEL = 1e-3

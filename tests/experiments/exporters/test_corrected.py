@@ -26,8 +26,6 @@ from zerobeam.model.files.urdf import read_urdf
 from zerobeam.model.problem import Problem
 from zerobeam.model.robot import Matrix, Robot
 
-pytestmark = pytest.mark.usefixtures("interpreted")
-
 
 def told(run: Run, holds: Holds = "links", **how: bool) -> Calibration:
     return calibration(run, allow_weak=True, holds=holds, **how)

@@ -20,8 +20,6 @@ from zerobeam.experiments.plans.optimal import Planner, Proposal
 from zerobeam.model.files.header import Header
 from zerobeam.reports.terminal.answers import print_proposal
 
-pytestmark = pytest.mark.usefixtures("interpreted")
-
 TARGET = (950.0, 150.0, 100.0)
 GEOMETRY = {"tolerance": {"length_mm": 0.3, "angle_deg": 0.1}, "gravity": False, "harmonics": False}
 
