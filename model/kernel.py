@@ -16,6 +16,7 @@ import subprocess
 import tempfile
 import warnings
 from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
 from functools import cache, lru_cache, partial
 from pathlib import Path
 from typing import NamedTuple
@@ -34,6 +35,7 @@ _FLAGS = ("-O1", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno", "-W
 # The virtual machine takes about 15 ns for an instruction of a row, compiling some 0.8 ms for an instruction.
 # To find what is cached its source is made anew.
 _LOOK_AFTER, _COMPILE_AFTER = 1_000, 50_000  # rows
+_MOST_PLACES = 8  # numbers of rows for which the virtual machine's inputs and outputs are kept
 _DIGEST = 32  # bytes of the sha256 that ends each cached library
 
 Index = NDArray[np.int64]
@@ -108,6 +110,28 @@ def _every(size: int, inner: int) -> Offsets:
     return Offsets.of(np.arange(inner, dtype=np.int64) * size)
 
 
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """Where the virtual machine finds the inputs (rows, size) of a function and leaves its outputs."""
+
+    inputs: list[Matrix]
+    outputs: list[Matrix]
+    buffer: ca.FunctionBuffer
+    evaluate: Callable[[], None]
+
+    @classmethod
+    def of(cls, function: ca.Function, rows: int) -> _Place:
+        buffer, evaluate = function.map(rows).buffer()
+        inputs = [np.zeros((rows, function.numel_in(k))) for k in range(function.n_in())]
+        outputs = [np.zeros((rows, function.numel_out(k))) for k in range(function.n_out())]
+        for k, array in enumerate(inputs):
+            if array.size:
+                buffer.set_arg(k, memoryview(array.reshape(-1)))  # type: ignore[call-arg, arg-type]
+        for k, array in enumerate(outputs):
+            buffer.set_res(k, memoryview(array.reshape(-1)))  # type: ignore[call-arg, arg-type]
+        return cls(inputs, outputs, buffer, evaluate)
+
+
 class Kernel:
     """Fast evaluation of a CasADi function whose inputs are vectors and whose outputs are dense.
 
@@ -134,13 +158,12 @@ class Kernel:
         self._hoisted = [k for k in range(function.n_in()) if function.name_in(k) in hoisted]
         self._in = [function.numel_in(k) for k in range(function.n_in())]
         self._out_shapes = [function.size_out(k) for k in range(function.n_out())]
-        self._own_out = [rows * columns for rows, columns in self._out_shapes]
         self._gram = self._out_shapes[-1] if gram else None
         if self._gram is not None:
             size = self._gram[1]
             self._out_shapes = [*self._out_shapes[:-2], (size * (size + 1) // 2, 1)]
         self._out = [rows * columns for rows, columns in self._out_shapes]
-        self._maps: dict[int, ca.Function] = {}
+        self._places: dict[int, _Place] = {}
         self._load = partial(_load, function, hoisted, gram)
         self._library = self._load(make=True) if compile else None
         self._rows = 0
@@ -171,8 +194,11 @@ class Kernel:
                     else (f"has {array.shape[-1]} values, takes {size}")
                 )
                 raise ValueError(f"{self.function.name()}: {self.function.name_in(k)} {found}")
+        rows = counts.pop() if counts else 1
+        if self._library_for(rows) is None:
+            return self._shape(self._interpreted(arrays, rows))
         grid = [per_outer(array, 1) if array.ndim == 2 else constant(array, 1) for array in arrays]
-        return self._shape(self._sum(grid, counts.pop() if counts else 1, 1))
+        return self._shape(self._compiled(grid, rows, 1))
 
     def sums(self, inputs: Sequence[GridInput], outer: int, inner: int) -> tuple[Matrix, ...]:
         """Sum over the inner index (shots) for each outer one (walkers): outputs (outer, *shape).
@@ -195,7 +221,15 @@ class Kernel:
                 raise ValueError(
                     f"{self.function.name()}: {self.function.name_in(k)} must not change over measurements"
                 )
-        return self._shape(self._sum(inputs, outer, inner))
+        if self._library_for(outer * inner) is not None:
+            return self._shape(self._compiled(inputs, outer, inner))
+        gathered = []
+        for given, size in zip(inputs, self._in, strict=True):
+            rows = np.arange(outer) if given.rows is None else given.rows
+            start = (rows[:, None] * given.step + given.offsets.numbers).reshape(-1, 1)
+            gathered.append(given.values.reshape(-1)[start + np.arange(size)])
+        each = self._interpreted(gathered, outer * inner)
+        return self._shape(each.reshape(outer, inner, each.shape[1]).sum(axis=1))
 
     def _shape(self, flat: Matrix) -> tuple[Matrix, ...]:
         """Split (rows, all outputs) into outputs; CasADi stores matrices column by column."""
@@ -209,40 +243,39 @@ class Kernel:
                 result.append(block.reshape(-1, columns, rows).transpose(0, 2, 1))
         return tuple(result)
 
-    def _sum(self, inputs: Sequence[GridInput], outer: int, inner: int) -> Matrix:
-        if outer * inner == 0:
-            return np.zeros((outer, sum(self._out)))  # compiled code would hoist what is not there
-        count = outer * inner
-        self._rows += count
+    def _library_for(self, rows: int) -> ctypes.CDLL | None:
+        """The compiled function, if it is to serve these rows; found or made when the work pays for it."""
+        self._rows += rows
         while self._ahead and self._rows > self._ahead[0] and self._library is None:
             self._library = self._load(make=self._ahead.pop(0) == _COMPILE_AFTER)
-        if self._library is not None:
-            call, result = self.ready(inputs, outer, inner)
-            call()
-            return result
-        if count not in self._maps:
-            self._maps[count] = self.function.map(count)
-        mapped = self._maps[count]
-        buffer, evaluate = mapped.buffer()
-        keep = []
-        for k, given in enumerate(inputs):
-            if self._in[k] == 0:
-                continue
-            row = np.arange(outer) if given.rows is None else given.rows
-            start = (row[:, None] * given.step + given.offsets.numbers).reshape(-1, 1)
-            keep.append(given.values.reshape(-1)[start + np.arange(self._in[k])])
-            buffer.set_arg(k, memoryview(keep[-1].reshape(-1)))  # type: ignore[call-arg]
-        outputs = [np.empty((count, size)) for size in self._own_out]
-        for k, output in enumerate(outputs):
-            buffer.set_res(k, memoryview(output.reshape(-1)))  # type: ignore[call-arg, arg-type]
-        evaluate()
-        if buffer.ret():
+        return self._library
+
+    def _compiled(self, inputs: Sequence[GridInput], outer: int, inner: int) -> Matrix:
+        if outer * inner == 0:
+            return np.zeros((outer, sum(self._out)))  # the code would hoist what is not there
+        call, result = self.ready(inputs, outer, inner)
+        call()
+        return result
+
+    def _interpreted(self, inputs: Sequence[Matrix], rows: int) -> Matrix:
+        """(rows, all outputs) by the virtual machine of inputs (rows, size) or (size,)."""
+        if rows == 0:
+            return np.zeros((0, sum(self._out)))
+        if rows not in self._places:
+            if len(self._places) == _MOST_PLACES:
+                self._places.pop(next(iter(self._places)))
+            self._places[rows] = _Place.of(self.function, rows)
+        place = self._places[rows]
+        for own, given in zip(place.inputs, inputs, strict=True):
+            own[...] = given
+        place.evaluate()
+        if place.buffer.ret():
             raise ArithmeticError(f"CasADi could not evaluate {self.function.name()}")
+        outputs = list(place.outputs)
         if self._gram is not None:
             *outputs, weight, root = outputs
-            outputs.append(_lower_gram(weight, root.reshape(count, *self._gram[::-1])))
-        flat = np.concatenate(outputs, axis=1)
-        return flat if inner == 1 else flat.reshape(outer, inner, -1).sum(axis=1)
+            outputs.append(_lower_gram(weight, root.reshape(rows, *self._gram[::-1])))
+        return np.concatenate(outputs, axis=1)
 
     def ready(self, inputs: Sequence[GridInput], outer: int, inner: int) -> tuple[Callable[[], None], Matrix]:
         """The bare call of the C function, and where it leaves all outputs (outer, …), side by side.

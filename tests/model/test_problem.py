@@ -200,6 +200,7 @@ def test_a_noise_that_leaves_a_direction_free_is_refused(arms, refused):
 def test_many_shots_are_compiled_and_the_numbers_stay(made, monkeypatch):
     functions = ShotFunctions(made.problem.robot, made.problem.tool)
     problem = replace(made.problem, functions=functions)
+    monkeypatch.setattr(kernel, "_LOOK_AFTER", 50)
     monkeypatch.setattr(kernel, "_COMPILE_AFTER", 100)  # of 8 shots, and 24 beams
     parts = problem.split(made.walkers(3))
     delta, tool = parts.arm, parts.tool
