@@ -34,7 +34,7 @@ DIRECTION = {
     "panda": (0.0, -1.0, 0.0),
 }
 TOOLS = ("laser", "laser, uncalibrated", "probe", "probe, uncalibrated")
-POINTS = 3  # random points for each arm and tool
+POINTS = 2  # random points for each arm and tool
 
 # Central differences of fourth order, steps 1e-3 rad and 1 mm. By a revolute joint the miss is a sine, so its
 # fifth derivative is its first (below 5000 mm): error 1e-12 / 30 * 5000 = 2e-10 mm/rad. By a tilt of up to

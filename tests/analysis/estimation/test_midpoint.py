@@ -244,7 +244,7 @@ def test_without_noise_both_find_the_truth():
 
 # --- many fits, and their scatter -------------------------------------------------------------------
 
-RUNS = 300
+RUNS = 200
 PROBED = {"delta3": 0.7, "delta4": -0.5, "delta5": 0.3}
 
 
@@ -261,9 +261,9 @@ def naive(problem, fits):
 
 @pytest.mark.parametrize("case", ["laser", "two targets", "open laser", "probe", "probe of a rough seat"])
 def test_the_sandwich_is_the_scatter_of_many_runs(case):
-    """300 simulated runs: the Mahalanobis distances of the fits from the truth by the stated covariance, g
-    parameters each, are chi-squared with 300 g degrees of freedom; so are the squares over the variances of
-    each parameter, with 300. The bounds are the quantiles 1e-5 and 1 - 1e-5. Controls: variances half as
+    """200 simulated runs: the Mahalanobis distances of the fits from the truth by the stated covariance, g
+    parameters each, are chi-squared with 200 g degrees of freedom; so are the squares over the variances of
+    each parameter, with 200. The bounds are the quantiles 1e-5 and 1 - 1e-5. Controls: variances half as
     large again; for a laser the naive covariance, for a probe that of the joints' noise alone.
     """
     tool = OPEN_LASER if case == "open laser" else PROBE if "probe" in case else LASER

@@ -440,7 +440,7 @@ SETTINGS["phases"] = [Phase.explicit, Phase.generate]  # the numbers come from t
 QUICK = KINDS.filter(lambda kind: kind.shots < 10)
 
 
-@settings(max_examples=8, **SETTINGS)
+@settings(max_examples=5, **SETTINGS)
 @given(kind=QUICK)
 @example(  # some shots cannot hit where a gauge is confirmed
     kind=Kind(632934, 5, True, True, False, True, 0, 8, False)

@@ -277,7 +277,7 @@ SETTINGS["phases"] = [Phase.explicit, Phase.generate]
 QUICK = judge.KINDS.filter(lambda kind: kind.shots < 10 and kind.joints < 6)
 
 
-@settings(max_examples=5, **SETTINGS)
+@settings(max_examples=3, **SETTINGS)
 @given(kind=QUICK)
 @example(kind=Kind(4, 6, False, True, True, False, 1, 8, False))  # the X-Pattern: theta1 constant
 @example(kind=Kind(5, 4, False, False, False, False, 0, 8, True))
