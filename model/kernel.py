@@ -32,9 +32,9 @@ from .robot import Matrix
 # No contraction to fused multiply-adds: both paths must give the same numbers. More than -O1 takes half as
 # long again to compile, and its code is no faster.
 _FLAGS = ("-O1", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno", "-Wno-psabi")
-# The virtual machine takes about 15 ns for an instruction of a row, compiling some 0.8 ms for an instruction.
-# To find what is cached its source is made anew.
-_LOOK_AFTER, _COMPILE_AFTER = 1_000, 50_000  # rows
+# The virtual machine takes about 15 ns for an instruction of a row, compiling some 0.8 ms for an instruction:
+# that pays after 50,000 rows, or after fewer, since the next process finds it there. To look takes a while.
+_LOOK_AFTER, _COMPILE_AFTER = 1_000, 20_000  # rows
 _MOST_PLACES = 8  # numbers of rows for which the virtual machine's inputs and outputs are kept
 _DIGEST = 32  # bytes of the sha256 that ends each cached library
 
