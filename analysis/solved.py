@@ -12,9 +12,10 @@ import numpy as np
 
 from ..model.files.header import Header
 from ..model.problem import Problem
-from .estimation.fit import fit_from
+from .estimation.fit import LikelihoodFit, fit_from
 from .estimation.tolerance_factors import Factors, with_open_factors
 from .ladder import climb_ladder
+from .observability.consider import link_columns
 from .observability.geometry import Rung
 from .recordings.effective import effective
 from .solution import Solution, judge
@@ -35,23 +36,24 @@ def solved(
 ) -> Solved:
     """Fit and judge; `progress` gets the share that is done."""
     climbed = climb_ladder(problem, header, seed, progress or (lambda share: None))
-    return Solved(independent(judge(climbed.fit), climbed.factors), climbed.ladder, climbed.factors)
+    return Solved(independent(climbed.fit, climbed.factors), climbed.ladder, climbed.factors)
 
 
-def independent(solution: Solution, factors: Factors | None = None) -> Solution:
-    """The same with its measurements at their effective number, where neighbouring ones are correlated; the
-    uncertainty of estimated `factors` of the tolerances stays in.
+def independent(fit: LikelihoodFit, factors: Factors | None = None) -> Solution:
+    """The fit judged with its measurements at their effective number, where neighbouring ones are correlated;
+    the uncertainty of estimated `factors` of the tolerances stays in.
 
     Not where nominal geometry does not describe the measurements, or nothing would be left to judge a misfit
     by: the errors of the model are then what is correlated, and no number is validated.
     """
-    divisor = effective(solution, solution.link_columns).divisor if solution.converged else 1.0
+    problem = fit.problem
+    divisor = effective(fit, link_columns(problem, fit.x)).divisor
     if divisor == 1:
-        return solution
-    problem = solution.problem
+        return judge(fit)
     weighted = problem.weighted(np.full(problem.shots, 1 / divisor))
-    of_model = len(problem.tolerated) == 0 or weighted.data_size <= int(problem.parameters.free.sum())
-    if solution.misfit is not None and of_model:
-        return solution
-    fit = replace(fit_from(weighted, solution.fit.x), others=solution.fit.others)
-    return judge(fit if factors is None else with_open_factors(fit, factors))
+    if len(problem.tolerated) == 0 or weighted.data_size <= int(problem.parameters.free.sum()):
+        as_it_is = judge(fit)
+        if as_it_is.misfit is not None:
+            return as_it_is
+    again = replace(fit_from(weighted, fit.x), others=fit.others)
+    return judge(again if factors is None else with_open_factors(again, factors))

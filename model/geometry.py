@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, Literal
 
 import casadi as ca
@@ -220,7 +220,7 @@ class Geometry:
         if self.gravity is None:
             return turns
         rows = joints.reshape(-1, robot.n)
-        torque = _torques(robot, self.gravity.masses, self.gravity.up)(rows) / self._largest
+        torque = _torques(robot, self.gravity.masses, self.gravity.up, rows) / self._largest
         return np.concatenate([turns, torque.reshape(joints.shape)], axis=-1)
 
     def recorded_size(self, robot: Robot) -> int:
@@ -266,11 +266,18 @@ def torques(robot: Robot, q: ca.SX, masses: Matrix, up: Matrix) -> ca.SX:
     return ca.vertcat(*result)
 
 
-def _torques(robot: Robot, masses: Matrix, up: Matrix):  # type: ignore[no-untyped-def]
-    """The same as a function of rows (W, n) to (W, n)."""
+def _torques(robot: Robot, masses: Matrix, up: Matrix, rows: Matrix) -> Matrix:
+    """(W, n) the same in numbers, of rows (W, n)."""
+    if not len(rows):
+        return rows
+    function = _torque_function(robot, tuple(masses.tolist()), tuple(up.tolist()))
+    return np.asarray(function.map(len(rows))(rows.T).full().T)
+
+
+@lru_cache(maxsize=8)  # every density of a run asks for it
+def _torque_function(robot: Robot, masses: tuple[float, ...], up: tuple[float, ...]) -> ca.Function:
     q = ca.SX.sym("q", robot.n)
-    function = ca.Function("torques", [q], [ca.densify(torques(robot, q, masses, up))])
-    return lambda rows: function.map(len(rows))(rows.T).full().T if len(rows) else rows
+    return ca.Function("torques", [q], [ca.densify(torques(robot, q, np.array(masses), np.array(up)))])
 
 
 def _gravity(robot: Robot, stated: StatedGeometry) -> Gravity | None:
@@ -279,7 +286,7 @@ def _gravity(robot: Robot, stated: StatedGeometry) -> Gravity | None:
     up /= np.abs(up).max()  # first, that nothing underflows
     up /= np.linalg.norm(up)
     rows = np.random.default_rng(0).uniform(robot.lower, robot.upper, (_POSTURES, robot.n))
-    largest = np.abs(_torques(robot, masses, up)(rows)).max(axis=0)
+    largest = np.abs(_torques(robot, masses, up, rows)).max(axis=0)
     largest[largest <= _NO_TORQUE * max(float(largest.max(initial=0.0)), 1e-300)] = 0.0  # rounding
     bending = np.flatnonzero(largest)
     return Gravity(tuple(int(i) for i in bending), masses, up, largest) if len(bending) else None

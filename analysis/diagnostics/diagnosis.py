@@ -66,7 +66,11 @@ def diagnose(solution: Solution, *, rivals: Sequence[Rival] = (with_links_freed,
     """
     problem, x = _at_stated_noise(solution)
     slack = 1.0 if solution.problem.noise.known else _SLACK
-    ended, (base,) = lefts(Density(problem), x[None])
+    density = Density(problem)
+    _, (answer,) = lefts(density, x[None], most_steps=0)
+    if answer.agrees(slack):  # and so does the best fit at the stated noise
+        return ()
+    ended, (base,) = lefts(density, x[None])
     if base.agrees(slack):
         return ()
     found = [

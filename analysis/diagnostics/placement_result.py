@@ -31,6 +31,6 @@ def placement_result(solution: Solution, rival: Matrix | None = None) -> Placeme
         tuple(placement.name for placement in placements(solution.problem)),
         leave_one_out(solution, fits),
         jackknife(solution, fits),
-        effective(solution, rival),
+        effective(solution.fit, rival),
         steps(solution, rival),
     )

@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 from scipy.special import ndtr
 
 from ...model.robot import Matrix
-from ..solution import Solution
+from ..estimation.fit import LikelihoodFit
 from .recordings import Recorded, covariance, recording_rows, recordings, traces
 
 CHANCE = 0.01  # p-value below which a correlation is used
@@ -67,14 +67,14 @@ class Effective:
         return self.shots / self.divisor
 
 
-def effective(solution: Solution, rival: Matrix | None = None) -> Effective:
-    """The lag-1 correlations of the residuals at the mode, per recording and of all; `rival` as of
+def effective(fit: LikelihoodFit, rival: Matrix | None = None) -> Effective:
+    """The lag-1 correlations of the residuals at a mode, per recording and of all; `rival` as of
     `recordings`."""
-    problem, numbers = solution.problem, solution.problem.shot_numbers
+    problem, numbers = fit.problem, fit.problem.shot_numbers
     every = recording_rows(problem)
     found: dict[int, RecordingLag] = {}
-    if solution.converged and any(len(own) >= _FEWEST for own in every):
-        found = lags(recordings(solution.fit, rival))
+    if fit.converged and any(len(own) >= _FEWEST for own in every):
+        found = lags(recordings(fit, rival))
     rows = []
     for i, own in enumerate(every):
         rho = p_value = None

@@ -133,7 +133,7 @@ def test_nominal_geometry_is_a_misfit_of_kuka_14_and_left_as_it_is(run: Runs) ->
 
 @pytest.mark.long
 def test_a_slipped_recording_does_not_speak_for_all(kuka: Solution) -> None:
-    found = effective(kuka, kuka.link_columns)
+    found = effective(kuka.fit, kuka.link_columns)
     rho = {row.target: row.rho for row in found.recordings}
     assert min(rho["raised_left_0"] or 0, rho["raised_left_1"] or 0) > 0.5
     assert found.rho is not None

@@ -111,9 +111,9 @@ def test_the_false_alarm_rate_is_as_stated(solution: Solution) -> None:
 
 
 def test_the_number_is_smaller_only_where_there_is_a_correlation(solution: Solution) -> None:
-    none = effective(of_errors(solution, errors(np.random.default_rng(1), 0.0)))
+    none = effective(of_errors(solution, errors(np.random.default_rng(1), 0.0)).fit)
     assert (none.divisor, none.number) == (1.0, 60.0)
-    there = effective(of_errors(solution, errors(np.random.default_rng(1), 0.5)))
+    there = effective(of_errors(solution, errors(np.random.default_rng(1), 0.5)).fit)
     assert there.kappa is not None
     assert there.divisor == there.kappa > 1.5
     assert there.number == pytest.approx(60 / there.kappa)
@@ -127,7 +127,7 @@ def test_the_number_is_smaller_only_where_there_is_a_correlation(solution: Solut
 
 def test_the_size_of_the_noise_does_not_matter(solution: Solution) -> None:
     e = errors(np.random.default_rng(3), 0.3)
-    one, ten = (effective(of_errors(solution, times * e)) for times in (1.0, 10.0))
+    one, ten = (effective(of_errors(solution, times * e).fit) for times in (1.0, 10.0))
     assert one.p_value == pytest.approx(ten.p_value, rel=1e-6)
     assert one.rho == pytest.approx(ten.rho, rel=1e-6)
 
@@ -175,11 +175,11 @@ def test_a_long_recording_says_the_same(solution: Solution, monkeypatch: pytest.
     e = errors(np.random.default_rng(6), 0.3)
     e[26:33] -= recordings(solution.fit).every[1].by_target[6:13] @ np.array([0.7, -0.6, 0.4])
     own = of_errors(solution, e)
-    plain, (step,) = effective(own), steps(own).rows
+    plain, (step,) = effective(own.fit), steps(own).rows
     monkeypatch.setattr("zerobeam.analysis.recordings.effective.LARGE", 10)
     monkeypatch.setattr("zerobeam.analysis.recordings.steps.LARGE", 10)
     monkeypatch.setattr("zerobeam.analysis.recordings.steps._NUMBERS", 60 * 70)
-    long, (again,) = effective(own), steps(own).rows
+    long, (again,) = effective(own.fit), steps(own).rows
     assert long.rho == pytest.approx(plain.rho, abs=1e-9)
     assert long.p_value == pytest.approx(plain.p_value, rel=1.0)
     assert (again.first_shot, again.last_shot) == (step.first_shot, step.last_shot) == (26, 32)
