@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cache
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -19,6 +19,7 @@ from ....model.files.header import (
     StatedTool,
 )
 from ....model.files.reading import shown
+from ....model.files.stated_geometry import StatedGeometry
 from ....model.files.validation import (
     FileModel,
     Name,
@@ -131,6 +132,11 @@ class Settings(FileModel):
         default=StatedTolerance(),
         description="largest standard uncertainty that counts as identified, as in a header",
     )
+    geometry: StatedGeometry | None = Field(
+        default=None,
+        description="how far arms deviate from nominal geometry, as in a header; true links are random draws"
+        " from it. Absent: the arm has its nominal geometry",
+    )
     target: PlacedTarget = Field(description="position of the target")
     plan: PlanMaking = Field(default=PlanMaking(), description="how the plan is made")
     runs: Annotated[int, Field(ge=0, le=_MOST_RUNS)] = Field(
@@ -149,7 +155,19 @@ class Settings(FileModel):
                 found=f"scale: {self.noise.scale}",
                 remedy="remove scale",
             )
+        if self.geometry is not None and self.geometry.scale != "known":
+            raise refusal(
+                "the tolerances of a study are known: its arms are random draws from them",
+                key=("geometry", "scale"),
+                found=f"scale: {self.geometry.scale}",
+                remedy="remove scale",
+            )
         return self
+
+    def stated(self, **which: Any) -> dict[str, Any]:
+        """The settings as in a file, without a geometry that is not stated; `which` as of `model_dump`."""
+        values = self.model_dump(mode="json", by_alias=True, **which)
+        return {key: value for key, value in values.items() if key != "geometry" or value is not None}
 
     def header(self) -> Header:
         """The header that a plan of these settings would have."""
@@ -161,6 +179,7 @@ class Settings(FileModel):
             prior=self.prior,
             held=self.held,
             tolerance=self.tolerance,
+            geometry=self.geometry,
             targets={TARGET: target},
         )
 
@@ -174,9 +193,9 @@ def setting_names() -> tuple[str, ...]:
 def _names(model: type[FileModel], prefix: str) -> Iterator[str]:
     for name, field in model.model_fields.items():
         yield f"{prefix}{name}"
-        inner = field.annotation
-        if isinstance(inner, type) and issubclass(inner, FileModel):
-            yield from _names(inner, f"{prefix}{name}.")
+        for inner in (field.annotation, *get_args(field.annotation)):  # what may be left out as well
+            if isinstance(inner, type) and issubclass(inner, FileModel):
+                yield from _names(inner, f"{prefix}{name}.")
 
 
 def overlap(one: str, other: str) -> bool:

@@ -51,6 +51,7 @@ def notes(settings: GridSettings, cases: Sequence[GridCase]) -> list[str]:
             f" standard deviation of {exact(settings.prior.offset_deg, 'deg')}, the target with"
             f" {exact(settings.target.sigma_mm, 'mm')} in each direction about its nominal position, unless"
             " an axis changes them. The random numbers of a case follow from its settings and the seed",
+            *_on_geometry(settings),
             f"A case agrees if the share of {settings.level:.0%} intervals that hold the truth and the"
             f" scatter are consistent with the prediction, at a false-alarm probability of"
             f" {settings.chance:.0%} over the whole study (exact binomial test, chi-squared test,"
@@ -69,6 +70,16 @@ def notes(settings: GridSettings, cases: Sequence[GridCase]) -> list[str]:
             " runs"
         )
     return said
+
+
+def _on_geometry(settings: GridSettings) -> list[str]:
+    if settings.geometry is None:
+        return []
+    return [
+        "The links of every simulated arm deviate from nominal geometry by random draws from the tolerances,"
+        " and so do gravity and harmonics unless they are false; the likelihood estimates them. The midpoint"
+        " fit takes the geometry as nominal"
+    ]
 
 
 def _range(cases: Sequence[GridCase]) -> str:

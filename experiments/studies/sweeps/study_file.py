@@ -173,7 +173,7 @@ class Case:
     @property
     def fingerprint(self) -> str:
         """SHA-256 of all that the case's answer depends on, besides seed and versions."""
-        return self._digest(self.settings.model_dump(mode="json", by_alias=True, exclude={"robot"}))
+        return self._digest(self.settings.stated(exclude={"robot"}))
 
     @property
     def pattern_print(self) -> str:

@@ -62,7 +62,7 @@ _MOST_REASONS, _MOST_NAMED = 8, 4
 def sweep_page(study: GridStudy) -> Page:
     """The display strings of a study over settings."""
     over = listed([clipped(axis.label) for axis in study.axes])
-    settings = study.settings.model_dump(mode="json", by_alias=True)
+    settings = study.settings.stated()
     facts = [(clipped(name, LONGEST_NAME), text) for name, text in _settings(study, settings)]
     sections = [
         section_of(

@@ -97,6 +97,18 @@ def test_coordinates_points_words_and_several_settings_at_once(tmp_path: Path) -
     assert one.header.targets["psd"].sigma_mm == 30
 
 
+def test_tolerances_of_the_geometry_may_be_stated_and_varied(tmp_path: Path) -> None:
+    axis = "  - {key: geometry.tolerance.length_mm, unit: mm, values: [0.1, 0.3]}\n"
+    base = BASE.replace("  runs: 0\n", "  runs: 0\n  geometry: {gravity: false, harmonics: false}\n")
+    found = [case.header.geometry for case in read(tmp_path, axis, base).cases]
+    assert [own.tolerance.length_mm for own in found if own is not None] == [0.1, 0.3]
+    assert [own.gravity for own in found if own is not None] == [False, False]
+    plain = read(tmp_path, SHOTS).cases[0]
+    assert plain.header.geometry is None
+    # A case without it is what it was before there was such a key, and has the same random numbers.
+    assert "geometry" not in plain.settings.stated()
+
+
 def test_runs_asked_for_take_the_place_of_the_files(tmp_path: Path) -> None:
     assert {case.settings.runs for case in read(tmp_path, SHOTS, runs=3).cases} == {3}
     error = refused(tmp_path, "  - {key: runs, values: [2, 3]}\n", runs=3)
@@ -140,6 +152,8 @@ def test_the_fingerprint_is_of_every_setting(tmp_path: Path) -> None:
         ("  - {key: plan.shots, values: []}\n", "axes[1].values is empty", 12),
         ("  - {key: plan.shots, values: [[1, 2]]}\n", "cannot be a value", 12),
         ("  - {key: noise.scale, values: [estimated]}\n", "the noise of a study is known", 12),
+        ("  - {key: geometry.scale, values: [estimated]}\n", "the tolerances of a study are known", 12),
+        ("  - {key: geometry.tolerance.length_mm, values: [0]}\n", "a tolerance of the geometry cannot be used", 12),
         ("  - {key: robot, values: [irb1601]}\n", "no robot of this name", 12),
         ("  - {key: held, values: [x]}\n", "held", 12),
         (SHOTS + "  - {key: plan.shots, values: [9]}\n", "two axes have the same key", 13),

@@ -170,6 +170,27 @@ def test_an_open_tool_is_told_but_is_no_offset(tmp_path: Path) -> None:
     assert case["worst_std"] < max(std for std in stds.values() if std is not None)
 
 
+@pytest.mark.usefixtures("interpreted")
+def test_arms_may_deviate_from_nominal_geometry(tmp_path: Path) -> None:
+    text = STUDY.replace("{shots: 5}", "{kind: y, shots: 12}")
+    text = text.replace("  plan:", "  geometry: {gravity: false, harmonics: false}\n  plan:", 1)
+    axis = "key: geometry.tolerance.length_mm, unit: mm, values: [0.1, 0.3]"
+    study = stated(tmp_path, one_case(text, axis), 4)
+    told = swept(study)
+    assert all(row["likelihood"]["runs"] == 4 for case in told["cases"] for row in case["parameters"])
+    assert any("links of every simulated arm" in note for note in told["notes"])
+    for case, own in zip(told["cases"], study.cases, strict=True):
+        postures = pattern(own.header, own.robot, np.array([900.0, 0.0, 0.0]), "y", 12)
+        rows = {row.name: row for row in check(plan_of(own.header, postures)).parameters}
+        names = [row["name"] for row in case["parameters"]]
+        assert names == [name for name, row in rows.items() if row.group == "offset" and not row.held]
+        for row in case["parameters"]:
+            std = rows[row["name"]].std
+            assert row["std"] == (None if std is None else pytest.approx(std, rel=1e-9))
+    close, wide = (case["parameters"] for case in told["cases"])
+    assert all(w["std"] > c["std"] for c, w in zip(close, wide, strict=True) if c["std"] and w["std"])
+
+
 def test_the_cost_of_the_paper_stands_beside_the_likelihood(tmp_path: Path) -> None:
     fits = "key: fit, values: [{name: both, set: {costs: [likelihood, midpoint]}}]"
     told = swept(stated(tmp_path, one_case(STUDY.replace("shots: 5", "kind: y"), fits), 12))
