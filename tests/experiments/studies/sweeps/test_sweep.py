@@ -170,7 +170,6 @@ def test_an_open_tool_is_told_but_is_no_offset(tmp_path: Path) -> None:
     assert case["worst_std"] < max(std for std in stds.values() if std is not None)
 
 
-@pytest.mark.usefixtures("interpreted")
 def test_arms_may_deviate_from_nominal_geometry(tmp_path: Path) -> None:
     text = STUDY.replace("{shots: 5}", "{kind: y, shots: 12}")
     text = text.replace("  plan:", "  geometry: {gravity: false, harmonics: false}\n  plan:", 1)
