@@ -273,3 +273,35 @@ def _tell(imported: Imported, file: Path) -> None:
     for line in imported.understood:
         out.print(line, markup=False)
     out.print(f"{len(imported.shots)} measurements written to {file}", soft_wrap=True, markup=False)
+
+
+@imports.command("ur-calibration")
+def import_ur_calibration(
+    calibration: Annotated[
+        Path,
+        typer.Argument(
+            help="calibration.conf of the controller, or the YAML of ROS's ur_calibration.",
+            show_default=False,
+        ),
+    ],
+    robot: Annotated[
+        str, typer.Option(help="The nominal arm: ur3e, ur5e, ur10e, ur16e, ur20.", show_default=False)
+    ],
+    file: Annotated[
+        Path, typer.Option("-o", "--out", help="Robot file to write (.yaml).", show_default=False)
+    ],
+) -> None:
+    """A robot file of one very UR arm: nominal rows and its factory calibration."""
+    from ..experiments.exporters.calibrated_ur import calibrated_text
+    from ..experiments.importers.ur_calibration import read_ur_calibration
+    from ..model.files.whole_file import refuse_existing, write_whole
+
+    refuse_existing(file)
+    arm = read_ur_calibration(calibration, robot)
+    write_whole(file, calibrated_text(arm, calibration))
+    rms, most = arm.apart_mm
+    out.print(
+        f"The flange is {rms:.2f} mm (rms, up to {most:.2f} mm) from that of the nominal {robot}.",
+        soft_wrap=True,
+    )
+    out.print(f"Robot file: {file}", soft_wrap=True, markup=False)

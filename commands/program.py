@@ -14,7 +14,7 @@ from typer.core import TyperGroup
 
 from ..interruption import answered, requested
 from ..model.errors import RigFault, ZerobeamError
-from . import carrying_out, exporting, importing, judging, studying
+from . import carrying_out, exporting, importing, judging, robots, studying
 from .console import FAULT, UNREAD, OutputLost, err, guarded_streams, out, plain
 
 
@@ -51,6 +51,7 @@ for command in (
     judging.report,
     judging.compare,
     judging.plan,
+    robots.robot,
     carrying_out.run,
     carrying_out.controller,
     judging.schema,

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 
 import numpy as np
 
+from ...model.arms.orientation import angles_of
 from ...model.errors import BadInput
 from ...model.files.header import UrdfRef
 from ...model.files.reading import shown
-from ...model.files.robot_file import StatedJoint, StatedTransform, stated_rows
+from ...model.files.robot_file import RobotFile, StatedJoint, StatedTransform, stated_rows
 from ...model.files.run import Run
-from ...model.files.urdf import angles_of
 from ...model.robot import DHRow, Matrix
 from .calibration import Calibration, one_line
-from .dh_rows import beyond_rows, corrected_table
+from .dh_rows import Table, beyond_rows, corrected_table
 
 
 def robot_text(run: Run, calibration: Calibration) -> str:
@@ -31,13 +32,18 @@ def robot_text(run: Run, calibration: Calibration) -> str:
         )
     stated = stated_rows(ref, run.path.parent)
     table = corrected_table(stated, calibration.corrected)
-    lines = [*calibration.head, *_on_rows(table.rows)]
+    return rows_text([*calibration.head, *_on_rows(table.rows)], stated, table)
+
+
+def rows_text(head: Sequence[str], stated: RobotFile, table: Table) -> str:
+    """A robot file with the rows of `table`, all else as `stated`; `head` are the lines of comment above."""
     return "\n".join(
         [
-            *(f"# {line}" for line in lines),
+            *(f"# {line}" for line in head),
             "schema: zerobeam/robot/1",
             f"name: {_quoted(stated.name)}",
             *([f"vendor: {stated.vendor}"] if stated.vendor else []),
+            *([f"model: {_quoted(stated.model)}"] if stated.model else []),
             f"convention: {stated.convention}",
             "joints:",
             *(f"  - {_joint(own, row)}" for own, row in zip(stated.joints, table.rows, strict=True)),

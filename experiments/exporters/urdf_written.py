@@ -9,7 +9,8 @@ import re
 from collections.abc import Sequence
 from xml.sax.saxutils import quoteattr
 
-from ...model.files.urdf import MILLIMETRES, angles_of
+from ...model.arms.orientation import angles_of
+from ...model.files.urdf import MILLIMETRES
 from ...model.robot import Joint, Matrix, Robot
 
 BASE, FLANGE = "base", "flange"

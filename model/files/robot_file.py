@@ -10,11 +10,13 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
+from ..arms.orientation import roll_pitch_yaw
+from ..arms.plausible import doubtful_rows, too_long, warn_of
 from ..errors import BadInput
 from ..robot import DHRow, Joint, Matrix, Robot, dh_chain, shift
 from .header import UrdfRef
 from .reading import did_you_mean, read_yaml, shown
-from .urdf import read_urdf, roll_pitch_yaw
+from .urdf import read_urdf
 from .validation import FileModel, Name, Point, Positive, refusal, require_schema, validate
 
 MOST_JOINTS = 100  # more are a mistake, and would be computed for hours
@@ -259,8 +261,30 @@ def _no_file(path: Path, file: Path | None, line: int | None) -> BadInput:
 
 
 def read_robot(path: Path) -> Robot:
-    """Robot of a robot file (`zerobeam/robot/1`)."""
-    return read_rows(path).robot()
+    """Robot of a robot file (`zerobeam/robot/1`); a DoubtfulRobot warning of each number that looks wrong."""
+    stated = read_rows(path)
+    warn_of(stated.name, doubts(stated))
+    return stated.robot()
+
+
+def doubts(stated: RobotFile) -> tuple[str, ...]:
+    """What looks wrong in a robot file, in sentences: metres, radians, twists, reach."""
+    joints = stated.joints
+    turning = [joint for joint in joints if joint.kind == "revolute"]
+
+    def called(key: str) -> dict[str, float]:
+        return {f"{key} of joint {i}": getattr(joint, key) for i, joint in enumerate(joints, start=1)}
+
+    return (
+        *doubtful_rows(
+            called("a_mm") | called("d_mm"),
+            called("alpha_deg"),
+            called("theta_deg") | called("beta_deg"),
+            [value for joint in turning for value in (joint.lower_deg, joint.upper_deg) if value is not None],
+            [joint.speed_deg_s for joint in turning if joint.speed_deg_s is not None],
+        ),
+        *too_long([float(np.hypot(joint.a_mm, joint.d_mm)) for joint in joints], "millimetres"),
+    )
 
 
 def read_rows(path: Path) -> RobotFile:

@@ -15,33 +15,15 @@ from xml.parsers import expat
 
 import numpy as np
 
+from ..arms.orientation import roll_pitch_yaw
+from ..arms.plausible import too_long, warn_of
 from ..errors import BadInput
-from ..robot import Joint, JointKind, Matrix, Robot, rotation_about, shift
+from ..robot import Joint, JointKind, Matrix, Robot, shift
 from .reading import did_you_mean, read_text
 from .validation import LARGEST_OTHER
 
 MILLIMETRES = 1000.0  # in a metre
 LARGEST = 1000.0  # m or rad: what other files may hold in mm and degrees, in round figures
-
-
-def roll_pitch_yaw(roll: float, pitch: float, yaw: float) -> Matrix:
-    """Homogeneous rotation (4, 4) by roll, pitch, yaw (rad) about the fixed axes x, y, z, in this order."""
-    return rotation_about("z", yaw) @ rotation_about("y", pitch) @ rotation_about("x", roll)
-
-
-def angles_of(rotation: Matrix) -> tuple[float, float, float]:
-    """Roll, pitch and yaw, rad, of R = Rz(yaw) Ry(pitch) Rx(roll), (3, 3).
-
-    Pitch and roll are taken from Rz(-yaw) R, so that they suit whatever yaw came out where the pitch is near
-    90 degrees and roll and yaw turn about one axis.
-    """
-    yaw = math.atan2(rotation[1, 0], rotation[0, 0])
-    cosine, sine = math.cos(yaw), math.sin(yaw)
-    pitch = math.atan2(-rotation[2, 0], cosine * rotation[0, 0] + sine * rotation[1, 0])
-    roll = math.atan2(
-        sine * rotation[0, 2] - cosine * rotation[1, 2], cosine * rotation[1, 1] - sine * rotation[0, 1]
-    )
-    return roll, pitch, yaw
 
 
 def last_joint(path: Path, base: str, tip: str) -> tuple[str, str]:
@@ -228,6 +210,8 @@ class _Reader:
                 f"no joint moves between {base!r} and {tip!r}",
                 remedy="name the links at the two ends of the arm",
             )
+        origins = [float(np.linalg.norm(each[:3, 3])) for each in (*(j.fixed for j in joints), pending)]
+        warn_of(self.name, too_long(origins, "metres in a URDF"))
         return Robot(self.name, tuple(joints), pending)
 
     def _joint(self, edge: _Edge, fixed: Matrix) -> Joint:

@@ -45,7 +45,7 @@ def turnable(scene: Scene3D, words: SceneWords) -> Turnable:
         laser=words.laser,
         count=len(scene.postures),
         misses=words.laser and not all(posed.reaches for posed in scene.postures),
-        placed=states != {"undetermined"},
+        placed=bool(states - {"undetermined"}),
         undetermined="undetermined" in states,
         factor=scene.factor,
         drawing=still(scene, words.alt),

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ....analysis.observability.aim import aim, servo_joints
+from ....model.arms.orientation import roll_pitch_yaw
 from ....model.constraint import ShotFunctions, shot_functions
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ....model.files.reading import Place, did_you_mean
-from ....model.files.urdf import roll_pitch_yaw
 from ....model.noise import NoiseModel
 from ....model.problem import Problem
 from ....model.robot import Matrix, Robot, same_arm, shift

@@ -25,9 +25,10 @@ from export_runs import (
 
 from zerobeam.experiments.exporters.calibration import Calibration, Offset, calibration
 from zerobeam.experiments.exporters.urdf_origins import urdf_text
+from zerobeam.model.arms.orientation import angles_of, roll_pitch_yaw
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.run import Run
-from zerobeam.model.files.urdf import angles_of, read_urdf, roll_pitch_yaw
+from zerobeam.model.files.urdf import read_urdf
 from zerobeam.model.robot import Robot
 
 KINDS = {"turning": TURNING, "sliding": SLIDING}

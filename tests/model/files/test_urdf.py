@@ -4,7 +4,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from zerobeam.model.files.urdf import read_urdf, roll_pitch_yaw
+from zerobeam.model.arms.orientation import roll_pitch_yaw
+from zerobeam.model.files.urdf import read_urdf
 from zerobeam.model.robot import Robot
 
 ARM = """<?xml version="1.0"?>

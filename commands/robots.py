@@ -1,0 +1,74 @@
+"""The command that shows a robot as it is understood."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from ..model.errors import BadInput
+from .console import out, print_json
+from .options import Json
+
+
+def robot(
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="ROBOT",
+            help="A built-in name, a robot file (.yaml), or a URDF (.urdf).",
+            show_default=False,
+        ),
+    ] = None,
+    names: Annotated[bool, typer.Option("--list", help="Print the built-in robots.")] = False,
+    joints: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Joint values, degrees (mm), in any common form; repeatable. Default: all zero.",
+            show_default=False,
+        ),
+    ] = None,
+    units: Annotated[Literal["deg", "rad"], typer.Option(help="Unit of --joints.")] = "deg",
+    j3: Annotated[
+        Literal["ground", "link"], typer.Option(help="Joint 3 is counted from; FANUC's pendant: ground.")
+    ] = "link",
+    base: Annotated[
+        str | None, typer.Option(help="First link of a URDF's chain.", show_default=False)
+    ] = None,
+    tip: Annotated[str | None, typer.Option(help="Its last link.", show_default=False)] = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="Write a page with the arm in 3D (.html).", show_default=False)
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Show a robot: joints, reach, and the flange's pose as pendants show it, to hold against the pendant."""
+    from ..experiments.arm_shown import arm_json, shown_arm
+    from ..model.files.header import UrdfRef
+    from ..model.files.robot_file import built_in_robots
+    from ..reports.terminal.arm import print_arm, print_robots
+
+    if names:
+        if as_json:
+            print_json({"robots": list(built_in_robots())})
+        else:
+            print_robots(out)
+        return
+    if name is None:
+        raise BadInput(
+            "which robot?", allowed="a built-in name (--list), a robot file (.yaml), or a URDF (.urdf)"
+        )
+    if (base is None) != (tip is None):
+        raise BadInput("a URDF's chain has two ends", remedy="state both --base and --tip")
+    ref = name if base is None or tip is None else UrdfRef(urdf=name, base=base, tip=tip)
+    arm = shown_arm(ref, joints or [], units=units, j3=j3)
+    if picture is not None:
+        from ..reports.scenes.arm_scene import write_arm_page
+
+        write_arm_page(picture, arm.robot, [pose.joints for pose in arm.poses])
+    if as_json:
+        print_json(arm_json(arm))
+        return
+    print_arm(out, arm)
+    if picture is not None:
+        out.print(f"Picture: {picture}", soft_wrap=True, markup=False)

@@ -1,0 +1,115 @@
+"""A robot as it is understood: what `zerobeam robot` shows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from ..model.arms.orientation import Orientation, orientation
+from ..model.arms.reach import reach
+from ..model.errors import BadInput
+from ..model.files.header import UrdfRef
+from ..model.files.robot_file import built_in_robots, load_robot, stated_rows
+from ..model.robot import Matrix, Robot
+from .importers.typed import typed_joints
+
+# Data sheets and pendants of these count joint 3 from the ground.
+COUNTED_FROM_GROUND = ("fanuc",)
+
+
+@dataclass(frozen=True, eq=False)
+class ShownPose:
+    """The flange at `joints` (n,) rad or mm: `place_mm` (3,) and the orientation in the base frame.
+
+    `outside` are the joints (from 1) beyond their limits.
+    """
+
+    joints: Matrix
+    place_mm: tuple[float, float, float]
+    orientation: Orientation
+    outside: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ShownArm:
+    """A robot, what its maker calls it (None: not stated), its reach in mm, and the flange in postures."""
+
+    robot: Robot
+    model: str | None
+    reach_mm: float
+    poses: tuple[ShownPose, ...]
+
+
+def shown_arm(
+    ref: str | UrdfRef, joints: Sequence[str], *, units: Literal["deg", "rad"], j3: Literal["ground", "link"]
+) -> ShownArm:
+    """The robot of a name or file; `joints` are texts of joint values (none: the zero posture)."""
+    robot = load_robot(ref)
+    rows = isinstance(ref, str) and (ref in built_in_robots() or ref.lower().endswith((".yaml", ".yml")))
+    model = stated_rows(ref, Path()).model if rows and isinstance(ref, str) else None
+    postures = [_joints(robot, text, units, j3) for text in joints] or [np.zeros(robot.n)]
+    return ShownArm(robot, model, reach(robot), tuple(_pose(robot, posture) for posture in postures))
+
+
+def arm_json(arm: ShownArm) -> dict[str, Any]:
+    """`zerobeam/arm/1` (docs/files.md)."""
+    robot = arm.robot
+    return {
+        "schema": "zerobeam/arm/1",
+        "name": robot.name,
+        "vendor": robot.vendor,
+        "model": arm.model,
+        "reach_mm": round(arm.reach_mm, 1),
+        "joints": [
+            {
+                "name": joint.name,
+                "kind": joint.kind,
+                "unit": joint.unit,
+                "lower": joint.lower * joint.display,
+                "upper": joint.upper * joint.display,
+                "speed": None if joint.speed is None else joint.speed * joint.display,
+            }
+            for joint in robot.joints
+        ],
+        "poses": [
+            {
+                "joints_deg": (pose.joints * robot.display).tolist(),
+                "outside": list(pose.outside),
+                "xyz_mm": list(pose.place_mm),
+                "quaternion_wxyz": list(pose.orientation.quaternion),
+                "rpy_deg": list(pose.orientation.roll_pitch_yaw),
+                "abc_deg": list(pose.orientation.abc),
+                "rotation_vector_rad": list(pose.orientation.rotation_vector),
+                "rx_ry_rz_deg": list(pose.orientation.xyz),
+            }
+            for pose in arm.poses
+        ],
+    }
+
+
+def _joints(robot: Robot, text: str, units: Literal["deg", "rad"], j3: Literal["ground", "link"]) -> Matrix:
+    typed = typed_joints(text, robot.n)
+    if typed.unit is not None and typed.unit != units:
+        raise BadInput(
+            f"the joint values are in {typed.unit} and --units says {units}",
+            found=text.strip(),
+            remedy=f"state --units {typed.unit}",
+        )
+    values = np.array(typed.values)
+    joints = values / robot.display if units == "deg" else values
+    if j3 == "ground":
+        if robot.n < 3:
+            raise BadInput("--j3 ground is for arms with a joint 3", found=f"{robot.n} joints")
+        joints[2] += joints[1]
+    return joints
+
+
+def _pose(robot: Robot, joints: Matrix) -> ShownPose:
+    pose = robot.fk(joints, "rad")
+    x, y, z = (float(value) for value in pose[:3, 3])
+    outside = np.flatnonzero((joints < robot.lower - 1e-6) | (joints > robot.upper + 1e-6)) + 1
+    return ShownPose(joints, (x, y, z), orientation(pose[:3, :3]), tuple(int(i) for i in outside))

@@ -1,0 +1,115 @@
+"""Joint values as people type them, or paste them from a pendant, a program or a spreadsheet."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from ...model.errors import BadInput
+from ...model.files.reading import shown
+
+_NUMBER = r"[-+]?(?:\d+(?:[.,]\d+)?|[.,]\d+)(?:[eE][-+]?\d+)?"
+_LABELLED = re.compile(
+    rf"(?<![A-Za-z0-9])(?:joint|axis|achse|rax|actual_q|j|a|q)[ _]?(\d{{1,2}})(?:\s*[:=]\s*|\s+)({_NUMBER})",
+    re.IGNORECASE,
+)
+_YASKAWA = re.compile(rf"(?<![A-Za-z0-9])([SLURBT])\s*[:=]?\s*({_NUMBER})")
+_CARTESIAN = re.compile(rf"(?<![A-Za-z0-9])[XYZ]\s*[:=]?\s*{_NUMBER}", re.IGNORECASE)
+_INNERMOST = re.compile(r"[\[{(]([^\[\](){}]*)[\])}]")
+_DECIMAL_COMMA = re.compile(r"[-+]?\d+(,\d+)?")
+_MINUS = str.maketrans({"−": "-", "–": "-", "\u00a0": " ", "\u202f": " ", "°": " deg "})
+
+Unit = Literal["deg", "rad"]
+
+
+@dataclass(frozen=True)
+class Typed:
+    """Joint values as they stand in a text, and the unit if the text states it."""
+
+    values: tuple[float, ...]
+    unit: Unit | None
+
+
+def labelled(text: str) -> dict[int, float]:
+    """Values with a joint's name before them, by its number from 1: `J1= 10 deg`, `A1 10`, `S: 10`."""
+    text = text.translate(_MINUS)
+    found = {int(match[1]): _value(match[2]) for match in _LABELLED.finditer(text)}
+    if 0 in found:  # q0 to q5
+        found = {number + 1: value for number, value in found.items()}
+    if not found:
+        letters = {match[1]: _value(match[2]) for match in _YASKAWA.finditer(text)}
+        if {"S", "L", "U"} <= letters.keys():
+            found = {"SLURBT".index(letter) + 1: value for letter, value in letters.items()}
+    return found
+
+
+def typed_joints(text: str, n: int) -> Typed:
+    """The `n` joint values of a text, in the order of the joints.
+
+    Read are numbers with blanks, tabs, commas or semicolons between them, lists in brackets (`[…]`, RAPID's
+    `[[…], […]]`, KRL's `{A1 …, A2 …}`), values with the joints' names (`J1= 10.5 deg`), decimal commas where
+    nothing else can be meant. BadInput for anything else, a Cartesian position included.
+    """
+    plain = text.translate(_MINUS)
+    unit = _unit(plain)
+    by_name = labelled(text)
+    if by_name:
+        missing = [number for number in range(1, n + 1) if number not in by_name]
+        if missing:
+            raise BadInput(
+                "some joints have no value",
+                found=f"{shown(text.strip())}: none for joint {', '.join(map(str, missing))}",
+                allowed=f"values of joints 1 to {n}",
+            )
+        return Typed(_in_order(by_name, n), unit)
+    if _CARTESIAN.search(plain):
+        raise BadInput(
+            "this is a Cartesian position, and the configuration of the arm would be a guess",
+            found=shown(text.strip()),
+            allowed=f"{n} joint values",
+            remedy="switch the pendant to joint values",
+        )
+    plain = re.sub(r"\b(?:deg|degrees|rad|radians|mm)\b", " ", plain)
+    for inner in [match[1] for match in _INNERMOST.finditer(plain)]:
+        values = _numbers(inner, n)
+        if values is not None and len(values) == n:
+            return Typed(values, unit)
+    values = _numbers(re.sub(r"[\[\](){}]", " ", plain), n)
+    if values is None or len(values) != n:
+        count = "no numbers" if not values else f"{len(values)} numbers"
+        raise BadInput(
+            "these are not the joint values",
+            found=f"{shown(text.strip()) or 'nothing'} ({count})",
+            allowed=f"{n} numbers, joint 1 first",
+        )
+    return Typed(values, unit)
+
+
+def _unit(text: str) -> Unit | None:
+    if re.search(r"\b(?:deg|degrees)\b", text):
+        return "deg"
+    return "rad" if re.search(r"\b(?:rad|radians)\b", text) else None
+
+
+def _in_order(by_name: Mapping[int, float], n: int) -> tuple[float, ...]:
+    return tuple(by_name[number] for number in range(1, n + 1))
+
+
+def _numbers(text: str, n: int) -> tuple[float, ...] | None:
+    """All numbers of a text of numbers and delimiters; None where anything else is in it."""
+    parts = [part for part in re.split(r"[;\s|]+", text.strip()) if part]
+    if len(parts) == n and any("," in part for part in parts) and all(map(_DECIMAL_COMMA.fullmatch, parts)):
+        return _floats([part.replace(",", ".") for part in parts])
+    return _floats([part for part in re.split(r"[;,\s|]+", text.strip()) if part])
+
+
+def _floats(parts: Sequence[str]) -> tuple[float, ...] | None:
+    if not all(re.fullmatch(_NUMBER, part) for part in parts):
+        return None
+    return tuple(_value(part) for part in parts)
+
+
+def _value(text: str) -> float:
+    return float(text.replace(",", "."))

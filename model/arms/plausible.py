@@ -1,0 +1,109 @@
+"""Numbers of a robot file that are probably in another unit, or mistyped: said as warnings, never changed."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping, Sequence
+
+LONGEST = 10_000.0  # mm: all links of an arm together; the largest arms have some 6 m
+_SHORTEST = 50.0  # mm: all links together
+_ONE_TURN = 6.3  # rad
+_SLOWEST = 20.0  # deg/s: some joint of any arm is faster
+_NEAR_DEG = 10.0
+_METRES = (0.05, 3.0)  # a link's length, if it was written in metres
+_DIGITS = range(2, 9)  # that people write of pi
+
+
+class DoubtfulRobot(UserWarning):
+    """A robot whose numbers are probably in another unit, or mistyped."""
+
+
+def warn_of(name: str, doubts: Sequence[str]) -> None:
+    """One warning for each doubt about the robot `name`."""
+    for doubt in doubts:
+        warnings.warn(f"robot {name}: {doubt}", DoubtfulRobot, stacklevel=2)
+
+
+def doubtful_rows(
+    lengths: Mapping[str, float],
+    twists: Mapping[str, float],
+    angles: Mapping[str, float],
+    limits: Sequence[float],
+    speeds: Sequence[float],
+) -> tuple[str, ...]:
+    """Sentences about Denavit-Hartenberg rows, as the file has them: mm and degrees.
+
+    `lengths` (a, d), `twists` (alpha) and `angles` (theta, beta) by what a person calls them (`a_mm of joint
+    2`); `limits` and `speeds` of the revolute joints alone.
+    """
+    said = [
+        *_lengths(lengths),
+        *(
+            f"{called}: {value:.10g} looks like radians: {math.degrees(value):.6g} degrees?"
+            for called, value in {**twists, **angles}.items()
+            if _fraction_of_pi(value)
+        ),
+    ]
+    if limits and any(limits) and max(map(abs, limits)) <= _ONE_TURN:
+        said.append(f"all limits are within ±{_ONE_TURN} degrees, as limits in radians would be")
+    if speeds and max(speeds) <= _SLOWEST:
+        said.append(
+            f"the fastest joint makes {max(speeds):.6g} degrees a second: are the speeds in radians a second?"
+        )
+    said += [
+        f"{called}: {value:.10g} is near {_quarter(value):g} and is not: correct, or mistyped?"
+        for called, value in twists.items()
+        if _nearly_quarter(value) and not _fraction_of_pi(value)
+    ]
+    return tuple(said)
+
+
+def too_long(lengths: Sequence[float], unit: str) -> tuple[str, ...]:
+    """A sentence where the links together are longer than any arm; `unit` is that of the file."""
+    whole = sum(map(abs, lengths))
+    if whole <= LONGEST:
+        return ()
+    return (f"its links together are {whole / 1000:.3g} m long, beyond any real arm: lengths are in {unit}",)
+
+
+def _lengths(lengths: Mapping[str, float]) -> list[str]:
+    longest = max(lengths, key=lambda called: abs(lengths[called]), default=None)
+    if longest is None or not lengths[longest]:
+        return []
+    if sum(map(abs, lengths.values())) < _SHORTEST and abs(lengths[longest]) < _METRES[1] * 2:
+        return [
+            f"its lengths look like metres: the largest is {longest}: {lengths[longest]:.10g};"
+            f" in millimetres {1000 * lengths[longest]:.10g}?"
+        ]
+    return [
+        f"{called}: {value:.10g} looks like metres: {1000 * value:.10g} mm?"
+        for called, value in lengths.items()
+        if _METRES[0] <= abs(value) < _METRES[1] and _round(value, 5) and not _round(value, 1)
+    ]
+
+
+def _round(value: float, decimals: int) -> bool:
+    """Whether a person wrote it with so few decimals. Estimated lengths have many."""
+    return value == round(value, decimals)
+
+
+def _fraction_of_pi(value: float) -> bool:
+    quarters = round(abs(value) / (math.pi / 4))
+    if not 1 <= quarters <= 8:
+        return False
+    exact = quarters * math.pi / 4
+    digits = _DIGITS if quarters % 2 == 0 else _DIGITS[1:]
+    return any(abs(abs(value) - round(exact, d)) < 1e-10 for d in digits) or abs(abs(value) - exact) < 1e-8
+
+
+def _quarter(value: float) -> float:
+    """The nearest odd multiple of 90 degrees."""
+    return 180.0 * math.floor(value / 180.0) + 90.0
+
+
+def _nearly_quarter(value: float) -> bool:
+    """A twist off a right angle by some degrees, or by little and with few decimals: calibrated arms have
+    twists of many decimals within half a degree of it."""
+    off = abs(value - _quarter(value))
+    return 1e-3 < off < _NEAR_DEG and (off > 0.5 or _round(value, 2))

@@ -1,0 +1,90 @@
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import zerobeam
+
+from zerobeam.model.files.robot_file import built_in_robots, load_robot
+
+
+def test_the_built_in_robots_are_listed() -> None:
+    lines = zerobeam("robot", "--list").out.splitlines()
+    assert [line.split()[0] for line in lines[1:]] == list(built_in_robots())
+    assert zerobeam("robot", "--list", "--json").json == {"robots": list(built_in_robots())}
+
+
+def test_forward_kinematics_to_hold_against_the_pendant() -> None:
+    answer = zerobeam("robot", "kr6_r900", "--joints", "{A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}")
+    assert answer.status == 0
+    assert answer.err == ""
+    words = " ".join(answer.out.split())
+    assert "525.00\u00a0mm, 0.00\u00a0mm, 890.00\u00a0mm" in answer.out
+    assert "A, B, C 0.000°, 90.000°, 0.000° KUKA" in words
+    assert "981 mm from the axis of joint 1" in words
+    assert "J6 joint6 revolute −350° 350° 615°/s" in words
+
+
+def test_json_is_what_the_robot_computes() -> None:
+    joints = [10.0, -20.0, 30.0, 40.0, -50.0, 60.0]
+    told = zerobeam("robot", "ur5e", "--joints", str(joints), "--json").json
+    pose = load_robot("ur5e").fk(joints)
+    np.testing.assert_allclose(told["poses"][0]["xyz_mm"], pose[:3, 3])
+    assert told["vendor"] == "universal-robots"
+    assert len(told["joints"]) == 6
+    radians = zerobeam(
+        "robot", "ur5e", "--units", "rad", "--joints", str(np.radians(joints).tolist()), "--json"
+    ).json
+    np.testing.assert_allclose(radians["poses"][0]["xyz_mm"], pose[:3, 3])
+
+
+def test_joint_3_from_the_ground() -> None:
+    ground = zerobeam("robot", "lrmate_200id", "--joints", "0 20 10 0 0 0", "--j3", "ground", "--json").json
+    link = zerobeam("robot", "lrmate_200id", "--joints", "0 20 30 0 0 0", "--json").json
+    assert ground["poses"] == link["poses"]
+    assert "--j3 ground" in " ".join(zerobeam("robot", "lrmate_200id").out.split())
+
+
+def test_postures_beyond_the_limits_are_shown_and_said() -> None:
+    assert "beyond the limits: J2" in zerobeam("robot", "kr6_r900", "--joints", "0 90 0 0 0 0").out
+
+
+def test_a_robot_file_in_metres_is_shown_with_a_note(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(
+        "schema: zerobeam/robot/1\nname: mine\nconvention: standard\njoints:\n"
+        "  - {a_mm: 0, alpha_deg: 1.5708, d_mm: 0.1625, theta_deg: 0, lower_deg: -180, upper_deg: 180}\n"
+        "  - {a_mm: -0.425, alpha_deg: 0, d_mm: 0, theta_deg: 0, lower_deg: -180, upper_deg: 180}\n",
+        encoding="utf-8",
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("default")
+        answer = zerobeam("robot", path)
+    assert answer.status == 0
+    assert "look like metres" in answer.err
+    assert "looks like radians" in answer.err
+
+
+def test_the_picture_is_a_page_and_overwrites_nothing(tmp_path: Path) -> None:
+    page = tmp_path / "arm.html"
+    assert zerobeam("robot", "tx2_60", "--picture", page).status == 0
+    text = page.read_text(encoding="utf-8")
+    assert text.startswith("<!doctype html>")
+    assert "target" not in text.split("<script")[0].split("</style>")[1].lower().replace("target=", "")
+    assert "exists already" in zerobeam("robot", "tx2_60", "--picture", page).err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ((), "which robot?"),
+        (("ur5",), "did you mean 'ur5e'?"),
+        (("ur5e", "--joints", "1 2 3"), "3 numbers"),
+        (("ur5e", "--joints", "[0, 0, 0, 0, 0, 0] rad"), "state --units rad"),
+        (("arm.urdf", "--base", "a"), "both --base and --tip"),
+    ],
+)
+def test_bad_input_is_one_message(arguments: tuple[str, ...], said: str) -> None:
+    assert said in zerobeam("robot", *arguments).refused()
