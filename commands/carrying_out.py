@@ -84,6 +84,14 @@ def run(
         bool,
         typer.Option("--closing", help="Measure the first posture again at the end: has the PSD moved?"),
     ] = False,
+    force: Annotated[
+        bool,
+        typer.Option(
+            "--force",
+            "--overwrite",
+            help="Replace a simulated run of that name by this one; measurements are never replaced.",
+        ),
+    ] = False,
     seed: Seed = 0,
     as_json: Json = False,
     json_lines: Annotated[
@@ -101,6 +109,8 @@ def run(
         raise BadInput("--tolerance is for an adaptive run", remedy="add --adaptive, or leave it out")
     if sensors is not None and rig is not RigName.ABB:
         raise BadInput("--sensors is for the ABB rig", remedy="add --rig abb, or leave it out")
+    if force and resume:
+        raise BadInput("--force and --resume contradict each other", remedy="state one of the two")
     planned = read_plan(plan)
     enough = tolerance if tolerance is not None else planned.header.tolerance.offset_deg
     with ExitStack() as opened:
@@ -118,6 +128,7 @@ def run(
             resume=resume,
             tolerance=enough if adaptive else None,
             closing=closing,
+            force=force,
             controller=reached,
         )
         seen = opened.enter_context(live_view(err))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from .console import EXIT_STATUS, out, print_json
-from .options import Json, RunFile
+from .options import Force, Json, RunFile
 
 if TYPE_CHECKING:
     from ..experiments.exporters.calibration import Calibration
@@ -73,10 +73,11 @@ def _format(name: str, *, as_data: bool = False, holds: Holds = "offsets") -> Ca
             allow_displaced: AllowDisplaced = False,
             unvalidated: Unvalidated = False,
             without: Without = None,
+            force: Force = False,
             as_json: Json = False,
         ) -> None:
             allowed = Allowed(allow_weak, allow_displaced, unvalidated, as_data, holds)
-            _export(run, file, allowed, without, as_json, text)
+            _export(run, file, allowed, without, force, as_json, text)
 
         exports.command(name, help=text.__doc__)(export)
         return text
@@ -128,6 +129,7 @@ def export_moc(
     allow_displaced: AllowDisplaced = False,
     unvalidated: Unvalidated = False,
     without: Without = None,
+    force: Force = False,
     as_json: Json = False,
 ) -> None:
     """ABB: changes of the motors' calibration offsets, as a diff to look at. Nothing is applied."""
@@ -138,7 +140,7 @@ def export_moc(
         return moc_text(calibration, gears, against, unit)
 
     allowed = Allowed(allow_weak, allow_displaced, unvalidated)
-    _export(run, file, allowed, without, as_json, text)
+    _export(run, file, allowed, without, force, as_json, text)
 
 
 @_format("rapid")
@@ -170,17 +172,20 @@ def _export(
     file: Path,
     allowed: Allowed,
     without: list[str] | None,
+    force: bool,
     as_json: bool,
     text: Text,
 ) -> None:
     """Judge a run, write what may be applied, say what was written."""
     from ..experiments.exporters.calibration import calibration
     from ..experiments.exporters.offsets_data import document
+    from ..model.files.robot_file import robot_path
     from ..model.files.run import read_run
     from ..model.files.whole_file import refuse_existing, write_whole
 
-    refuse_existing(file)
+    refuse_existing(file, force=force, keep=[run])
     recorded = read_run(run)
+    refuse_existing(file, force=force, keep=[robot_path(recorded.header.robot, run.parent)])
     judged = calibration(
         recorded,
         allow_weak=allowed.weak,
@@ -190,7 +195,7 @@ def _export(
         without=without or (),
         holds=allowed.holds,
     )
-    write_whole(file, text(recorded, judged))
+    write_whole(file, text(recorded, judged), force=force)
     if as_json:
         print_json(document(judged))
     else:

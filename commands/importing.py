@@ -10,7 +10,7 @@ import typer
 
 from ..model.errors import BadInput
 from .console import out, progress
-from .options import HeaderFile, NewRunFile
+from .options import Force, HeaderFile, NewRunFile
 
 if TYPE_CHECKING:
     from ..experiments.importers import Imported
@@ -102,6 +102,14 @@ def import_csv(
     ] = None,
     still_mm: _StillMm = None,
     marker_column: _MarkerColumn = None,
+    small_angles: Annotated[
+        bool,
+        typer.Option(
+            "--small-angles",
+            help="The angles are degrees indeed, although all are as small as radians would be.",
+        ),
+    ] = False,
+    force: Force = False,
 ) -> None:
     """Recorded joint positions in CSV files. Units and target names are stated, never guessed."""
     from ..experiments import importers
@@ -127,10 +135,11 @@ def import_csv(
         time_units,
         marker_column,
         j3,
+        small_angles=small_angles,
     )
     with progress("import") as tell:
         imported = importers.import_csv(files, target or [], layout, header, file, still=still, progress=tell)
-        _write(imported, file, tell)
+        _write(imported, file, force, [header, *files], tell)
     _tell(imported, file)
 
 
@@ -162,6 +171,7 @@ def import_ros(
             show_default=False,
         ),
     ] = None,
+    force: Force = False,
 ) -> None:
     """Joint states in ROS bags: a measurement is where the arm dwells (at a marker, if stated)."""
     from ..experiments import importers
@@ -176,7 +186,7 @@ def import_ros(
         topic=topic,
         marker_topic=marker_topic,
     )
-    _write_imported(imported, file)
+    _write_imported(imported, file, force, [header, *files])
 
 
 @imports.command("log")
@@ -200,6 +210,7 @@ def import_log(
         typer.Option(help="Delimiter between two values, if not the usual one.", show_default=False),
     ] = None,
     marker_column: _MarkerColumn = None,
+    force: Force = False,
 ) -> None:
     """Logs over time of a known layout: a measurement is where the arm dwells. Other logs: import csv."""
     from ..experiments import importers
@@ -216,7 +227,7 @@ def import_log(
             marker_column=marker_column,
             progress=tell,
         )
-        _write(imported, file, tell)
+        _write(imported, file, force, [header, *files], tell)
     _tell(imported, file)
 
 
@@ -231,11 +242,13 @@ def import_fanuc(
         typer.Option(help="What joint 3 is counted from; on the pendant: ground.", show_default=False),
     ],
     points: _PointNames = None,
+    force: Force = False,
 ) -> None:
     """Positions of TP programs that were taught with the beam on the target, in joint representation."""
     from ..experiments import importers
 
-    _write_imported(importers.import_fanuc(files, target, header, file, j3=j3, points=_named(points)), file)
+    imported = importers.import_fanuc(files, target, header, file, j3=j3, points=_named(points))
+    _write_imported(imported, file, force, [header, *files])
 
 
 @imports.command("kuka")
@@ -245,27 +258,36 @@ def import_kuka(
     target: _TargetEach,
     file: NewRunFile,
     points: _PointNames = None,
+    force: Force = False,
 ) -> None:
     """Axis positions (AXIS, E6AXIS) that were taught with the beam on the target."""
     from ..experiments import importers
 
-    _write_imported(importers.import_kuka(files, target, header, file, points=_named(points)), file)
+    imported = importers.import_kuka(files, target, header, file, points=_named(points))
+    _write_imported(imported, file, force, [header, *files])
 
 
 def _named(text: str | None) -> list[str] | None:
     return None if text is None else [name.strip() for name in text.split(",")]
 
 
-def _write_imported(imported: Imported, file: Path) -> None:
-    _write(imported, file, lambda stage, share: None)
+def _write_imported(imported: Imported, file: Path, force: bool, read: list[Path]) -> None:
+    _write(imported, file, force, read, lambda stage, share: None)
     _tell(imported, file)
 
 
-def _write(imported: Imported, file: Path, tell: Callable[[str, float], None]) -> None:
+def _write(
+    imported: Imported, file: Path, force: bool, read: list[Path], tell: Callable[[str, float], None]
+) -> None:
+    """Write the run; with `force` over another file, but none of those that were `read`."""
+    from ..model.files.robot_file import robot_path
     from ..model.files.run import write_run
+    from ..model.files.whole_file import refuse_existing
+
+    refuse_existing(file, force=force, keep=[*read, robot_path(imported.header.robot, file.parent)])
 
     tell("writing", 0.7)
-    write_run(file, imported.header, imported.shots)
+    write_run(file, imported.header, imported.shots, force=force)
     tell("writing", 1.0)
 
 

@@ -11,7 +11,7 @@ import typer
 
 from ..model.errors import BadInput
 from .console import EXIT_STATUS, FAULT, out, print_json, progress
-from .options import HeaderFile, Json, PlanFile, RunFile, Seed
+from .options import Force, HeaderFile, Json, PlanFile, RunFile, Seed
 
 if TYPE_CHECKING:
     from ..analysis.analyse import Analysis
@@ -120,6 +120,7 @@ def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> Non
         print_json(check_json(found))
     else:
         print_check(out, found)
+        _print_picture(picture)
     raise typer.Exit(EXIT_STATUS[found.verdict])
 
 
@@ -214,6 +215,7 @@ def plan(
         Path | None, typer.Option(help="Obstacles file (.yaml): floor, boxes.", show_default=False)
     ] = None,
     seed: Seed = 0,
+    force: Force = False,
     as_json: Json = False,
     picture: Picture = None,
 ) -> None:
@@ -222,11 +224,15 @@ def plan(
     from ..experiments.plans.obstacles import Obstacles, read_obstacles
     from ..model.files.header import read_header
     from ..model.files.plan import read_plan
+    from ..model.files.robot_file import robot_path
+    from ..model.files.whole_file import refuse_existing
     from ..reports.terminal.answers import print_proposal
 
+    stated = read_header(header)
+    refuse_existing(file, force=force, keep=[header, obstacles, robot_path(stated.robot, header.parent)])
     request = PlanRequest(
         kind=kind.value,
-        header=read_header(header),
+        header=stated,
         header_folder=header.parent,
         target=_numbers(target, 3, "--target"),
         shots=shots,
@@ -243,7 +249,7 @@ def plan(
     )
     with progress("plan", _PLAN) as tell:
         try:
-            made = make_plan(request, file, tell)
+            made = make_plan(request, file, tell, force=force)
         except BadInput as error:
             raise error.renamed(_OPTIONS) from error
     if picture is not None and made.file is not None:
@@ -259,6 +265,7 @@ def plan(
         print_proposal(out, made)
         if made.file is not None:
             out.print(f"Plan: {made.file}", soft_wrap=True, markup=False)
+            _print_picture(picture)
     # No plan within the tolerance is an answer, as a weak verdict is.
     raise typer.Exit(1 if made.checked is None else EXIT_STATUS[made.checked.verdict])
 
@@ -321,6 +328,11 @@ def schema(
     if name not in SCHEMA_NAMES:
         raise BadInput("there is no schema of that name", found=name, allowed=", ".join(SCHEMA_NAMES))
     print_json(json_schema(name))
+
+
+def _print_picture(picture: Path | None) -> None:
+    if picture is not None:
+        out.print(f"Picture: {picture}", soft_wrap=True, markup=False)
 
 
 def _numbers(text: str, count: int, option: str) -> tuple[float, ...]:

@@ -17,6 +17,9 @@ HeaderFile = Annotated[
 NewRunFile = Annotated[
     Path, typer.Option("-o", "--out", help="Run file to write (.jsonl).", show_default=False)
 ]
+Force = Annotated[
+    bool, typer.Option("--force", "--overwrite", help="Replace the file if there is one of that name.")
+]
 Camera = Annotated[
     bool, typer.Option("--camera/--no-camera", help="Find the PSD in pictures, or by the beam alone.")
 ]

@@ -40,7 +40,6 @@ app = typer.Typer(
     cls=_Commands,
     help="Joint offsets of an industrial robot from laser measurements of one point, with their uncertainty.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
 )

@@ -17,6 +17,7 @@ from ..model.files.robot_file import rebased
 from ..model.files.run import read_run
 from ..model.files.shot import Shot
 from ..reports.words.findings import finding_sentence, headline
+from ..reports.words.rehearsal import SIMULATED, true_values
 from ..reports.words.wording import person
 from .procedure.events import Begun, Ended, KnownOffset, Told
 from .procedure.order import Adaptive, Closing, InTurn, Order
@@ -47,7 +48,7 @@ class Controller:
 class RunRequest:
     """How a plan is to be carried out. `tolerance` (deg; mm) asks for an adaptive run, `closing` for closing
     measurements; `cell` and `camera` are of the simulated rig, `recording` of the replay, `controller` of
-    ABB's."""
+    ABB's. `force` lets a simulated run take the place of another simulated one."""
 
     rig: RigName
     seed: int = 0
@@ -57,6 +58,7 @@ class RunRequest:
     resume: bool = False
     tolerance: float | None = None
     closing: bool = False
+    force: bool = False
     controller: Controller | None = None
 
 
@@ -79,7 +81,7 @@ def record(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
         carried = Procedure(plan, rig, journal, order, told).carry_out()
         torn = journal.torn
     why = None if adaptive is None else adaptive.reason
-    answer = _answer(plan, file, carried, torn, why)
+    answer = _answer(plan, file, header, carried, torn, why)
     told(answer)
     return answer
 
@@ -97,13 +99,14 @@ def _by_hand(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
     rng = np.random.default_rng(request.seed)
     truth = Truth.drawn(plan, rng)
     about: dict[str, str | int | float] = {
-        "origin": "simulated",
+        "origin": SIMULATED,
         "seed": request.seed,
         **truth.provenance(),
         "plan sha256": plan.sha256,
     }
     shots: tuple[Shot, ...] = ()
-    with _journal(plan, file, _header(plan, file, about), request) as journal:
+    header = _header(plan, file, about)
+    with _journal(plan, file, header, request) as journal:
         told(_begin(plan, journal, request))
         done = {shot.shot for shot in journal.shots}
         for shot in simulated_shots(truth, rng):
@@ -114,7 +117,7 @@ def _by_hand(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
                 told(recorded_event(shot, len(journal.shots), state))
         shots, torn = journal.shots, journal.torn
     carried = Carried(shots, (), told_by(truth.problem, shots), {})
-    answer = _answer(plan, file, carried, torn, None)
+    answer = _answer(plan, file, header, carried, torn, None)
     told(answer)
     return answer
 
@@ -166,10 +169,28 @@ def _header(plan: Plan, file: Path, about: dict[str, str | int | float]) -> Head
 
 def _journal(plan: Plan, file: Path, header: Header, request: RunRequest) -> RunJournal:
     if not request.resume:
+        if request.force and file.exists():
+            _require_rehearsal(file, request)
+            file.unlink()
         return RunJournal(file, header)
     said = "the recording has a measurement that is not of this plan"
     remedy = "remove its line, or start without --resume under another name"
     return RunJournal.resumed(file, header, lambda run: require_planned(plan, run, said, remedy))
+
+
+def _require_rehearsal(file: Path, request: RunRequest) -> None:
+    """BadInput unless the file is a simulated run, to be replaced by another one: measurements never are."""
+    try:
+        origin = read_run(file).header.provenance.get("origin")
+    except BadInput:
+        origin = None
+    if origin != SIMULATED or request.rig != "simulated":
+        raise BadInput(
+            "the file exists already, and measurements are never overwritten",
+            allowed="with --force: a simulated run in the place of another simulated run",
+            remedy="choose another name, or move it away first",
+            file=file,
+        )
 
 
 def _begin(plan: Plan, journal: RunJournal, request: RunRequest) -> Begun:
@@ -182,7 +203,9 @@ def _begin(plan: Plan, journal: RunJournal, request: RunRequest) -> Begun:
     )
 
 
-def _answer(plan: Plan, file: Path, carried: Carried, torn: str | None, why: str | None) -> Ended:
+def _answer(
+    plan: Plan, file: Path, header: Header, carried: Carried, torn: str | None, why: str | None
+) -> Ended:
     state = carried.state
     if state is None:
         why_not = dict.fromkeys(f"{refused.reason}: {refused.found}" for refused in carried.refused)
@@ -207,4 +230,5 @@ def _answer(plan: Plan, file: Path, carried: Carried, torn: str | None, why: str
         seconds={name: round(value, 3) for name, value in carried.seconds.items()},
         notes=(*notes, *(finding_sentence(finding) for finding in state.findings)),
         geometry=state.geometry(plan.header),
+        true=true_values(header.provenance),
     )

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from ...model.errors import BadInput
+from ...model.files.limits import like_radians
 from ...model.files.reading import shown
 from ...model.robot import Matrix, Robot
 from .dwells import Log, Mark, Stillness, held
@@ -29,6 +30,7 @@ class CsvLayout:
     joints, joint 1 first. `lengths` is the unit of prismatic joints, required if there are any.
     `spot_columns` are dx and dy in mm, as `spot_mm` of a run. `marker_column` is neither empty nor 0 where a
     measurement begins. `changes_only`: rows only where the joints changed, each valid until the next.
+    `small_angles`: degrees that are all as small as radians are degrees all the same.
     """
 
     units: Literal["deg", "rad"]
@@ -45,6 +47,7 @@ class CsvLayout:
     marker_column: str | None = None
     j3: J3 = "link"
     changes_only: bool = False
+    small_angles: bool = False
 
     def check(self, robot: Robot) -> None:
         """BadInput for a layout that no file can have."""
@@ -124,8 +127,23 @@ def import_csv(
     for k, (path, target) in enumerate(zip(job.paths, targets, strict=True)):
         progress(f"file {k + 1}/{len(job.paths)}", k / len(job.paths) / 2)
         found.append(_found(path, target, job.robot, layout, still))
+    if layout.units == "deg" and not layout.small_angles:
+        _require_degrees(found, job.robot)
     progress(f"{sum(len(part.joints) for part in found)} measurements", 0.5)
     return job.finish(found, out, [*_units_used(layout, job.robot), *_columns_used(layout)])
+
+
+def _require_degrees(found: Sequence[Found], robot: Robot) -> None:
+    """BadInput where all angles are as small as radians would be, which are 57 times larger."""
+    joints = np.concatenate([part.joints for part in found])
+    if like_radians(robot, joints):
+        raise BadInput(
+            "the angles look like radians, but degrees are stated",
+            found=f"no joint beyond {np.abs(joints).max():.4g}, in {len(joints)} postures",
+            allowed="angles in the stated unit",
+            remedy="state --units rad; or --small-angles, if they are degrees indeed",
+            file=found[0].path,
+        )
 
 
 def _check_shots(layout: CsvLayout, still: Stillness | None) -> None:

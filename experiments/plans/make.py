@@ -13,7 +13,7 @@ import numpy as np
 from ...analysis.design.exact_design import Criterion
 from ...analysis.observability.check import Check, check
 from ...model.errors import BadInput
-from ...model.files.header import Header, StatedTarget
+from ...model.files.header import DEFAULT_TARGETS, Header, StatedTarget
 from ...model.files.plan import Plan, read_plan, write_plan
 from ...model.files.robot_file import load_robot, rebased
 from ...model.files.whole_file import refuse_existing
@@ -25,7 +25,6 @@ from .patterns import pattern
 
 Progress = Callable[[str, float], None]
 
-TARGET = "psd"
 _DECIMALS = 6  # of degrees and millimetres in the file: finer than any controller moves
 
 
@@ -89,13 +88,15 @@ class MadePlan:
         }
 
 
-def make_plan(request: PlanRequest, file: Path | None, tell: Progress) -> MadePlan:
-    """Make the plan, write it to a new `file` (if one is asked for) and check it.
+def make_plan(request: PlanRequest, file: Path | None, tell: Progress, *, force: bool = False) -> MadePlan:
+    """Make the plan, write it to a new `file` (if one is asked for; with `force` over one that is there) and
+    check it.
 
     BadInput names the constraint that prevents it.
     """
     if file is not None:
-        refuse_existing(file)
+        refuse_existing(file, force=force)
+    name = _target_name(request.header)
     robot = load_robot(request.header.robot, request.header_folder)
     header = _with_target(request, Path(".") if file is None else file.parent)
     target = np.array(request.target)
@@ -109,7 +110,7 @@ def make_plan(request: PlanRequest, file: Path | None, tell: Progress) -> MadePl
             view=_view(request),
             obstacles=request.obstacles,
             seed=request.seed,
-            name=TARGET,
+            name=name,
             progress=lambda share: tell("candidates", share),
         )
         removed = found.in_words()
@@ -121,7 +122,7 @@ def make_plan(request: PlanRequest, file: Path | None, tell: Progress) -> MadePl
                 remedy="loosen what removes most of them, or put the target elsewhere",
             )
         tell("choice", 0.0)
-        planner = Planner(header, robot, target, found, name=TARGET)
+        planner = Planner(header, robot, target, found, name=name)
         if request.tolerance is None:
             proposal = planner.optimal(request.shots, request.criterion, seed=request.seed)
         else:
@@ -132,29 +133,34 @@ def make_plan(request: PlanRequest, file: Path | None, tell: Progress) -> MadePl
             return MadePlan(request.kind, None, None, None, None, fewest, removed)
         postures = proposal.postures
     else:
-        postures = pattern(header, robot, target, request.kind, request.shots, name=TARGET)
-    rows, targets = np.round(postures * robot.display, _DECIMALS), [TARGET] * len(postures)
+        postures = pattern(header, robot, target, request.kind, request.shots, name=name)
+    rows, targets = np.round(postures * robot.display, _DECIMALS), [name] * len(postures)
     if file is None:
         plan = Plan.of_postures(header, robot, rows, targets, request.kind)
     else:
-        write_plan(file, header, rows, targets)
+        write_plan(file, header, rows, targets, force=force)
         plan = read_plan(file)
     tell("check", 0.0)
     return MadePlan(request.kind, plan, file, check(plan), proposal, fewest, removed)
 
 
+def _target_name(header: Header) -> str:
+    """Of a probe `socket`, or `psd` where its header says so."""
+    return "psd" if "psd" in header.targets else DEFAULT_TARGETS[header.tool.kind]
+
+
 def _with_target(request: PlanRequest, folder: Path) -> Header:
     """The header with the target's guess, its robot named as seen from the plan's folder."""
-    stated = dict(request.header.targets)
-    if stated and set(stated) != {TARGET}:
+    stated, name = dict(request.header.targets), _target_name(request.header)
+    if stated and set(stated) != {name}:
         raise BadInput(
             "the header states other targets than the plan is made for",
             found=", ".join(stated),
-            allowed=f"none, or {TARGET}",
+            allowed=f"none, or {name}",
             remedy="remove `targets` from the header: the target's position is stated separately",
         )
     guess = {"guess_mm": tuple(request.target)}
-    stated[TARGET] = stated[TARGET].model_copy(update=guess) if stated else StatedTarget(**guess)  # type: ignore[arg-type]
+    stated[name] = stated[name].model_copy(update=guess) if stated else StatedTarget(**guess)  # type: ignore[arg-type]
     robot_ref = rebased(request.header.robot, request.header_folder, folder)
     return request.header.model_copy(update={"targets": stated, "robot": robot_ref})
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any, ClassVar
 
 from ...analysis.observability.geometry import GeometryResult
@@ -135,7 +135,8 @@ class Ended(Event):
 
     `headline` calls offsets as files do, `said` is the same for people and is not printed as JSON. `saved`
     postures were not needed, and `why` an adaptive run ended; None in any other. `seconds` by phase.
-    `geometry` says what the offsets are worth if the arm deviates from what was taken.
+    `geometry` says what the offsets are worth if the arm deviates from what was taken. `true` has the true
+    offsets (deg; mm) of a simulated run by name, else nothing.
     """
 
     event: ClassVar[str] = "end"
@@ -153,6 +154,7 @@ class Ended(Event):
     seconds: Mapping[str, float]
     notes: tuple[str, ...]
     geometry: GeometryResult | None = None
+    true: Mapping[str, float] = field(default_factory=dict)
 
 
 Told = Callable[[Event], None]

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import BadInput
 from ..robot import Matrix, Robot
-from .header import DEFAULT_TARGET, Header, StatedNoise, StatedTool, check_header
+from .header import Header, StatedNoise, StatedTool, check_header
 from .reading import Place
 from .robot_file import load_robot
 from .validation import Model, validate
@@ -247,7 +247,7 @@ def target_of_each(targets: str | Sequence[str] | None, header: Header, count: i
                 allowed="the name of its target for each measurement",
                 argument="targets",
             )
-        targets = next(iter(header.targets), DEFAULT_TARGET)
+        targets = header.only_target
     if isinstance(targets, str):
         return [targets] * count
     try:

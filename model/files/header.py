@@ -35,7 +35,7 @@ from .validation import (
 
 RUN_SCHEMA: Literal["zerobeam/run/1"] = "zerobeam/run/1"
 PLAN_SCHEMA: Literal["zerobeam/plan/1"] = "zerobeam/plan/1"
-DEFAULT_TARGET = "psd"  # where no target is named anywhere
+DEFAULT_TARGETS = {"laser": "psd", "probe": "socket"}  # by the tool, where no target is named anywhere
 
 
 def _free_text(value: object) -> object:
@@ -304,6 +304,12 @@ class Header(FileModel):
     provenance: Annotated[dict[Name, str | bool | int | float], BeforeValidator(_free_text)] = Field(
         default={}, description="free text by key: serial number, controller software, who, when"
     )
+
+    @property
+    def only_target(self) -> str:
+        """The name of a run's target where none is stated for a measurement: the header's first, or the
+        default of the tool."""
+        return next(iter(self.targets), DEFAULT_TARGETS[self.tool.kind])
 
 
 def read_header(path: Path | str) -> Header:

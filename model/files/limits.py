@@ -106,10 +106,15 @@ def _unit_hint(robot: Robot, joints: Matrix) -> str | None:
     return None
 
 
-def _perhaps_radians(robot: Robot, joints: Matrix) -> tuple[str, ...]:
+def like_radians(robot: Robot, joints: Matrix) -> bool:
+    """Whether joint values (N, n), degrees or mm, are all so small that they may be radians."""
     chosen = [i for i in _revolute(robot) if np.degrees(robot.upper[i] - robot.lower[i]) > WIDE]
     values = joints[:, chosen]
-    if not chosen or not np.any(values) or np.abs(values).max() > ONE_TURN:
+    return bool(chosen and np.any(values) and np.abs(values).max() <= ONE_TURN)
+
+
+def _perhaps_radians(robot: Robot, joints: Matrix) -> tuple[str, ...]:
+    if not like_radians(robot, joints):
         return ()
     return (
         f"radians? all joint angles are within ±{ONE_TURN} degrees, as angles in radians would be; "

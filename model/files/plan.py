@@ -19,7 +19,7 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ..errors import BadInput
 from ..robot import Matrix, Robot
 from .arrays import Laser, Noise, Probe, RobotArgument, joint_positions, stated_header, target_of_each
-from .header import DEFAULT_TARGET, PLAN_SCHEMA, Header, check_header, header_content
+from .header import PLAN_SCHEMA, Header, check_header, header_content
 from .limits import check_limits, require_joint_count
 from .reading import read_yaml
 from .robot_file import load_robot
@@ -132,7 +132,7 @@ class Plan:
             Of the revolute joints in `postures`: "deg" or "rad".
         targets
             N names, the target of each posture, or one name for all. By default all are of one target: the
-            only one in `target_priors`, or "psd".
+            only one in `target_priors`, or "psd" (of a probe "socket").
         target_priors
             What is known of targets beforehand, {name: {"guess_mm": [x, y, z], "sigma_mm": std}}: the key
             `targets` of a file.
@@ -248,7 +248,7 @@ def read_plan(path: Path | str) -> Plan:
 
 
 def _only_target(header: Header, posture: int, file: Path | None, line: int | None) -> str:
-    """The target of a row that names none: the header's only one, or 'psd'."""
+    """The target of a row that names none: the header's only one, or that of its tool."""
     stated = tuple(header.targets)
     if len(stated) > 1:
         raise BadInput(
@@ -259,7 +259,7 @@ def _only_target(header: Header, posture: int, file: Path | None, line: int | No
             file=file,
             line=line,
         )
-    return stated[0] if stated else DEFAULT_TARGET
+    return header.only_target
 
 
 def _check_postures(
@@ -283,14 +283,16 @@ def write_plan(
     header: Header,
     postures_deg: Sequence[Sequence[float]] | Matrix,
     targets: Sequence[str],
+    *,
+    force: bool = False,
 ) -> None:
     """Write a plan: `postures_deg` (N, n) degrees or mm, `targets` the target of each.
 
-    Written to another name, then renamed; BadInput if the path exists or if the plan could not be read again.
-    Paths in the header are taken relative to `path`.
+    Written to another name, then renamed; BadInput if the path exists (unless `force`) or if the plan could
+    not be read again. Paths in the header are taken relative to `path`.
     """
     path = Path(path)
-    refuse_existing(path)
+    refuse_existing(path, force=force)
     rows = [[float(value) for value in row] for row in postures_deg]
     if not rows:
         raise BadInput("the plan has no postures", file=path)
@@ -300,13 +302,13 @@ def write_plan(
     check_header(header, robot, file=None, line=lambda _: None)
     _check_postures(header, robot, rows, targets, [0] * len(rows), None)
     check_distances(header, tuple(dict.fromkeys(targets)), file=None, line=None)
-    write_whole(path, _plan_text(header, rows, targets))
+    write_whole(path, _plan_text(header, rows, targets), force=force)
 
 
 def _plan_text(header: Header, rows: Sequence[Sequence[float]], targets: Sequence[str]) -> str:
     """The text of a plan file: `rows` (N, n) degrees or mm."""
     content = CommentedMap(_short_in_one_line(header_content(header, PLAN_SCHEMA)))
-    plain = len(header.targets) < 2 and set(targets) == {next(iter(header.targets), DEFAULT_TARGET)}
+    plain = len(header.targets) < 2 and set(targets) == {header.only_target}
     content["postures_deg"] = CommentedSeq(
         _flow(row) if plain else _flow({"joints_deg": _flow(row), "target": target})
         for row, target in zip(rows, targets, strict=True)

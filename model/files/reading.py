@@ -122,9 +122,29 @@ def _near_file(path: Path) -> str | None:
     return did_you_mean(path.name, names)
 
 
+# What people call a thing, and the word for it here, where that is among those allowed.
+_MEANT = {
+    **dict.fromkeys(("ball", "sphere", "tip", "touch", "pin", "stylus", "tcp", "contact"), "probe"),
+    **dict.fromkeys(("beam", "pointer", "psd", "light"), "laser"),
+    **dict.fromkeys(("point", "position", "offset", "origin", "tip_mm", "tcp_mm", "ball_mm"), "point_mm"),
+    **dict.fromkeys(("min", "lower_limit", "min_deg"), "lower_deg"),
+    **dict.fromkeys(("max", "upper_limit", "max_deg"), "upper_deg"),
+    **dict.fromkeys(("dh", "mdh", "craig"), "modified"),
+    **dict.fromkeys(("classic", "distal"), "standard"),
+    **dict.fromkeys(("postures", "poses", "joints"), "postures_deg"),
+}
+
+
 def did_you_mean(word: str, known: Iterable[str]) -> str | None:
-    """'did you mean …?' where one of the known words is near, else None."""
-    near = difflib.get_close_matches(word, list(known), n=1, cutoff=0.6)
+    """'did you mean …?' where one of the known words is near, else None.
+
+    Near is also the word without its unit (`a` for `a_mm`), and what people call the same thing (`ball`).
+    """
+    known, low = list(known), word.lower()
+    same = [name for name in known if name.lower() == low or name.rpartition("_")[0] == low]
+    if meant := _MEANT.get(low):
+        same += [name for name in known if name == meant]
+    near = same or difflib.get_close_matches(word, known, n=1, cutoff=0.6)
     return f"did you mean {near[0]!r}?" if near else None
 
 

@@ -299,6 +299,13 @@ def stated_rows(ref: str, folder: Path) -> RobotFile:
     return read_rows(BUILT_IN / f"{ref}.yaml" if ref in built_in_robots() else folder / ref)
 
 
+def robot_path(ref: str | UrdfRef, folder: Path) -> Path | None:
+    """The file of a robot that is named from `folder`; None for a built-in one."""
+    if isinstance(ref, UrdfRef):
+        return folder / ref.urdf
+    return None if ref in built_in_robots() else folder / ref
+
+
 def rebased(ref: str | UrdfRef, old: Path, new: Path) -> str | UrdfRef:
     """The same robot as named from another folder: relative paths follow, built-in names stay."""
     if isinstance(ref, UrdfRef):

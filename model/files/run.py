@@ -104,7 +104,7 @@ class Run:
             Of the revolute joints in `joints`: "deg" or "rad".
         targets
             N names, the target of each measurement, or one name for all. By default all are of one target:
-            the only one in `target_priors`, or "psd".
+            the only one in `target_priors`, or "psd" (of a probe "socket").
         spots_mm
             (N, 2) where the target's centre is as seen from the beam, along b1 and b2, mm. By default each
             beam is on the centre.
@@ -328,15 +328,16 @@ def shot_text(shot: Shot) -> str:
     return json_line({key: value for key, value in shot if value is not None})
 
 
-def write_run(path: Path | str, header: Header, shots: Iterable[Shot]) -> None:
-    """A whole run at once: written to another name, then renamed; BadInput if the path exists or the run is
-    unsound.
+def write_run(path: Path | str, header: Header, shots: Iterable[Shot], *, force: bool = False) -> None:
+    """A whole run at once: written to another name, then renamed; BadInput if the path exists (unless
+    `force`) or the run is unsound.
 
     What could not be read again is not written. Paths in the header are taken relative to `path`.
     """
     path, shots = Path(path), list(shots)
-    refuse_existing(path)
+    refuse_existing(path, force=force)
     robot = load_robot(header.robot, path.parent)
     check_header(header, robot, file=None, line=_always(None))
     check_shots(header, robot, shots, [i + 2 for i in range(len(shots))], file=path)
-    write_whole(path, header_text(header) + "".join(shot_text(shot) for shot in shots))
+    text = header_text(header) + "".join(shot_text(shot) for shot in shots)
+    write_whole(path, text, force=force)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import types
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -288,9 +289,15 @@ def _bad_input(
         f"{called(place)} {what}",
         found=shown(value),
         allowed=allowed_text,
+        remedy=_nearest(value, str(facts["expected"])) if kind == "literal_error" else None,
         file=file,
         line=line(place),
     )
+
+
+def _nearest(value: object, expected: str) -> str | None:
+    """Which of the allowed words, in quotes in pydantic's list, was meant."""
+    return did_you_mean(value, re.findall(r"'([^']*)'", expected)) if isinstance(value, str) else None
 
 
 KINDS = {

@@ -6,6 +6,7 @@ import contextlib
 import os
 import sys
 import tempfile
+from collections.abc import Iterable
 from io import FileIO
 from pathlib import Path
 
@@ -20,12 +21,26 @@ else:
 _BEHIND_THE_END = 2**31 - 2  # the last byte that Windows' C library can lock, and no file of ours is as long
 
 
-def refuse_existing(path: Path, *, or_else: str = "move it away first") -> None:
+def refuse_existing(
+    path: Path,
+    *,
+    or_else: str = "move it away first",
+    force: bool = False,
+    keep: Iterable[Path | None] = (),
+) -> None:
     """BadInput if something of this name is there, or if there is no folder to put it in.
 
-    `or_else` is what may be done with a file that is there, besides choosing another name.
+    `or_else` is what may be done with a file that is there, besides choosing another name. With `force` a
+    regular file may be there, unless it is one of those to `keep`.
     """
-    if path.exists() or path.is_symlink():
+    if force and path.is_file():
+        if any(own is not None and own.exists() and path.samefile(own) for own in keep):
+            raise BadInput(
+                "the file is one of those that are read: it would be lost",
+                file=path,
+                remedy="choose another name; --force replaces other files only",
+            )
+    elif path.exists() or path.is_symlink():
         folder = path.is_dir()
         remedy = "move it away first" if folder else or_else
         raise BadInput(
@@ -40,9 +55,12 @@ def refuse_existing(path: Path, *, or_else: str = "move it away first") -> None:
 
 
 @uninterrupted()
-def write_whole(path: Path, text: str) -> None:
-    """Write text as UTF-8 next to `path`, bring it to the disk, then give it its name."""
-    refuse_existing(path)
+def write_whole(path: Path, text: str, *, force: bool = False) -> None:
+    """Write text as UTF-8 next to `path`, bring it to the disk, then give it its name.
+
+    With `force` it takes the place of a file that is there.
+    """
+    refuse_existing(path, force=force)
     try:
         handle, aside = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
         try:
@@ -51,7 +69,7 @@ def write_whole(path: Path, text: str) -> None:
                 file.flush()
                 os.fsync(file.fileno())
             os.chmod(aside, 0o666 & ~_umask())
-            _name(Path(aside), path)
+            _name(Path(aside), path, force)
         finally:
             with contextlib.suppress(FileNotFoundError):
                 os.unlink(aside)
@@ -63,7 +81,10 @@ def write_whole(path: Path, text: str) -> None:
         raise BadInput(f"the file cannot be written: {error.strerror}", file=path) from None
 
 
-def _name(aside: Path, path: Path) -> None:
+def _name(aside: Path, path: Path, force: bool) -> None:
+    if force:
+        os.replace(aside, path)
+        return
     if os.name == "nt":
         os.rename(aside, path)  # refuses a name that is taken
         return

@@ -19,6 +19,7 @@ from .ladder_figure import ladder_picture
 from .offsets_figure import offsets_picture
 from .parameters import offsets_section
 from .posterior_summary import posterior_picture, posterior_section
+from .rehearsal import rehearsal_section
 from .run_scene import scene_section
 from .uncertainty_budget import budget_section
 from .unobservable import unobservable_section
@@ -32,6 +33,7 @@ def report_page(result: Result) -> Page:
     sections = [
         diagnosis_section(result),
         offsets_section(result),
+        rehearsal_section(result),
         unobservable_section(result.parameters, result.identifiability),
         scene_section(result),
         workspace_section(result),

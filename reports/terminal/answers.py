@@ -30,6 +30,7 @@ from ..run.parameters import (
     worth_column,
 )
 from ..run.posterior_summary import posterior_sentence
+from ..run.rehearsal import rehearsal_section, truth_table
 from ..run.report_page import report_notes
 from ..run.unobservable import beside_tolerances, direction_words
 from ..style import blocks
@@ -38,6 +39,7 @@ from ..words import numbers
 from ..words.findings import VERDICT_WORDS, check_notes, headline
 from ..words.geometry import worth_sentence
 from ..words.observability import advice_sentence, over_target_sentence
+from ..words.rehearsal import true_values
 from ..words.wording import counted, ended, label, listed, person, sentence, shown
 
 _MOST_ROWS = 40
@@ -58,6 +60,8 @@ def print_result(console: Console, result: Result) -> None:
         console.print(Text(line))
     for table in other_tables(result.parameters):
         _print_table(console, table)
+    if (rehearsal := rehearsal_section(result)) is not None:
+        _print_section(console, rehearsal)
     _print_directions(console, result.identifiability.null_space, result.parameters)
     console.print(Text(_fit_line(result.likelihood)))
     for line in placements_lines(result):
@@ -183,6 +187,8 @@ def print_carried(console: Console, answer: Ended) -> None:
         console.print(table)
         if said is not None:
             console.print(Text(said))
+        if (table_of_truth := truth_table(answer.true, answer.parameters)) is not None:
+            _print_table(console, table_of_truth)
     if answer.consistent and answer.p_value is not None:
         chance = numbers.p_value(answer.p_value)
         console.print(Text(f"p-value of the residuals under the stated noise: {chance}."))
@@ -245,9 +251,9 @@ def print_side_by_side(console: Console, titles: Sequence[str], results: Sequenc
 def _compared(row: ParameterResult | None, result: Result) -> Text:
     if row is None:
         return Text("")
-    true = result.inputs.provenance.get(f"true {row.name} ({row.unit})")
-    known = isinstance(true, int | float)
-    truth = Text(f"\ntrue {numbers.exact(float(str(true)), row.unit)}" if known else "", style="dim")
+    true = true_values(result.inputs.provenance)
+    known = row.name in true
+    truth = Text(f"\ntrue {numbers.exact(true[row.name], row.unit)}" if known else "", style="dim")
     style = STYLE[row.status]
     if row.estimate is None:
         return Text(f"{MARK[row.status]} not determined", style=style) + truth
