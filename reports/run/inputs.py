@@ -12,6 +12,13 @@ from ..style.blocks import Facts, Paragraph, Section, row_of, section_of, table_
 from ..words.wording import clipped, listed, shown
 
 
+def head_facts(result: Result) -> list[tuple[str, str]]:
+    """When, which machine and by whom, as the provenance says; for the head of a report."""
+    provenance = {_plain(key): value for key, value in result.inputs.provenance.items()}
+    stated = ((name, _stated(provenance, _KEYS[name])) for name in _HEAD)
+    return [(name, clipped(text, 40) or "not stated") for name, text in stated]
+
+
 def inputs_sections(inputs: Inputs) -> list[Section]:
     """Inputs, provenance where there is one, and the settings of the run."""
     header = dict(inputs.header)
@@ -51,6 +58,8 @@ _MEASURED = (
     ("Ambient temperature", ("temperature", "ambient temperature")),
     ("Robot, serial number", ("serial", "serial number", "robot serial", "robot serial number")),
 )
+_KEYS = dict(_MEASURED)
+_HEAD = ("Date of the measurements", "Robot, serial number", "Calibrated by")
 _INSTRUMENTS = {
     "laser": (
         ("PSD, maker and serial number", ("psd", "psd serial", "psd serial number")),

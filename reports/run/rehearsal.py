@@ -10,7 +10,7 @@ from ..style.blocks import Paragraph, Row, Section, Table, row_of, section_of, t
 from ..words import numbers
 from ..words.rehearsal import true_values
 from ..words.wording import label
-from .parameters import NO_NUMBER, unit_of
+from .parameters import unit_of
 
 
 class Estimated(Protocol):
@@ -39,27 +39,24 @@ def rehearsal_section(result: Result) -> Section | None:
 
 
 def truth_table(true: Mapping[str, float], rows: Iterable[Estimated]) -> Table | None:
-    """The parameters with a true value beside their estimates; None where there is none."""
-    known = [row for row in rows if row.name in true]
+    """The estimates beside their true values; None where there is none. What has no estimate has no row."""
+    known = [
+        _row(row.name, row.unit, true[row.name], row.estimate, row.std)
+        for row in rows
+        if row.name in true and row.estimate is not None and row.std is not None
+    ]
     if not known:
         return None
     columns = [(head, "right") for head in ("true value", "estimate", "error", "error in u")]
-    return table_of(
-        "True values of the simulated arm", [("name", "left"), *columns], [_row(own, true) for own in known]
-    )
+    return table_of("True values of the simulated arm", [("name", "left"), *columns], known)
 
 
-def _row(row: Estimated, true: Mapping[str, float]) -> Row:
-    unit, value = unit_of(row.unit), true[row.name]
-    if row.estimate is None or row.std is None:
-        written = numbers.with_unit(numbers.fixed(value, 4), unit)
-        return row_of(label(row.name), written, NO_NUMBER, NO_NUMBER, NO_NUMBER)
-    digits = numbers.decimals(row.std)
-    error = row.estimate - value
+def _row(name: str, unit: str, true: float, estimate: float, std: float) -> Row:
+    shown, digits = unit_of(unit), numbers.decimals(std)
     return row_of(
-        label(row.name),
-        numbers.with_unit(numbers.fixed(value, digits), unit),
-        numbers.estimate(row.estimate, row.std, unit),
-        numbers.with_unit(numbers.fixed(error, digits), unit),
-        numbers.fixed(error / row.std, 1),
+        label(name),
+        numbers.with_unit(numbers.fixed(true, digits), shown),
+        numbers.estimate(estimate, std, shown),
+        numbers.with_unit(numbers.fixed(estimate - true, digits), shown),
+        numbers.fixed((estimate - true) / std, 1),
     )

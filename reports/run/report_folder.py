@@ -87,17 +87,15 @@ def _write_files(folder: Path, result: Result, draws: Draws | None) -> list[str]
 
     from ..output.page_files import write_page
     from ..output.posterior_file import write_posterior
+    from ..scenes.turnable import STILL, still_picture
     from .report_page import pictures, report_page
     from .run_scene import run_turnable
 
     if draws is not None:
         write_posterior(folder / "posterior.nc", result, draws)
+    turnable, drawn = run_turnable(result), pictures(result, draws)
+    if turnable is not None:
+        drawn[STILL] = still_picture(turnable)
     return write_page(
-        folder,
-        "report",
-        report_page(result),
-        pictures(result, draws),
-        "report",
-        answer=(RESULT, text),
-        turnable=run_turnable(result),
+        folder, "report", report_page(result), drawn, "report", answer=(RESULT, text), turnable=turnable
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from ...analysis.posterior.posterior import Draws
 from ...analysis.result import Result
 from ..style.blocks import Page, Verdict
@@ -14,7 +16,7 @@ from .diagnostics.placements import placements_picture, placements_section
 from .diagnostics.residuals import residuals_picture, residuals_section
 from .diagnostics.second_opinions import hold_out_section, intervals_section, robust_section
 from .geometry import geometry_section
-from .inputs import inputs_sections, traceability_section
+from .inputs import head_facts, inputs_sections, traceability_section
 from .ladder_figure import ladder_picture
 from .offsets_figure import offsets_picture
 from .parameters import offsets_section
@@ -35,11 +37,13 @@ def report_page(result: Result) -> Page:
         offsets_section(result),
         rehearsal_section(result),
         unobservable_section(result.parameters, result.identifiability),
-        scene_section(result),
         workspace_section(result),
-        geometry_section(result),
-        budget_section(result),
+        scene_section(result),
+    ]
+    details = [
         fit_section(result),
+        budget_section(result),
+        geometry_section(result),
         robust_section(result),
         hold_out_section(result),
         placements_section(result),
@@ -49,12 +53,14 @@ def report_page(result: Result) -> Page:
         *inputs_sections(inputs),
         traceability_section(result),
     ]
+    sections += [None if section is None else replace(section, folded=True) for section in details]
     return Page(
         f"Joint offsets of {clipped(inputs.robot)}",
         f"from {counted(inputs.shots, 'measurement')} in {clipped(inputs.run, 60)}",
         Verdict(result.verdict, VERDICT_WORDS[result.verdict], sentence(headline(result, person))),
         report_notes(result),
         [section for section in sections if section is not None],
+        head_facts(result),
     )
 
 

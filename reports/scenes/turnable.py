@@ -10,14 +10,19 @@ import base64
 import functools
 import hashlib
 import json
+import re
 from dataclasses import dataclass
 
 from markupsafe import Markup
 
 from ..output.html import Turnable
 from ..output.template import TEMPLATES
+from ..style.canvas import Picture
+from ..style.palette import light
 from .drawing import still
 from .scene import Scene3D, scene_json
+
+STILL = "postures"  # name of the still drawing among the figures
 
 
 @dataclass(frozen=True)
@@ -54,6 +59,16 @@ def turnable(scene: Scene3D, words: SceneWords) -> Turnable:
         script=Markup(script),
         script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
     )
+
+
+def still_picture(shown: Turnable) -> Picture:
+    """The still drawing as a figure of its own, for a PDF: its style within it, in the light palette."""
+    rules = re.findall(r"^[^{}@\n]*\.still[^{}\n]*\{[^}]*\}", _file("scene.css"), flags=re.MULTILINE)
+    css = re.sub(r"var\(--(\w+)\)", lambda found: light(found.group(1)), "\n".join(rules))
+    _, _, width, height = re.findall(r'viewBox="(\S+) (\S+) (\S+) (\S+)"', shown.drawing)[0]
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
+    svg = str(shown.drawing).replace("<svg ", head, 1).replace(">", f"><style>{css}</style>", 1)
+    return Picture(STILL, f"{shown.caption} {shown.paper}", shown.alt, svg)
 
 
 @functools.cache

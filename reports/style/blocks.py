@@ -133,7 +133,8 @@ Block = Table | Paragraph | Facts | Legend | FigureBlock | SceneBlock | Directio
 class Section:
     """A section of level 1, or of level 2 below one of level 1.
 
-    `lead` stays on one page with the heading, `blocks` follow it.
+    `lead` stays on one page with the heading, `blocks` follow it. A section of level 1 that is `folded` shows
+    its heading alone on a screen, until it is opened; on paper it is whole.
     """
 
     title: str
@@ -141,6 +142,7 @@ class Section:
     blocks: Sequence[Block]
     level: int = 1
     new_page: bool = False
+    folded: bool = False
 
     @property
     def all(self) -> tuple[Block, ...]:
@@ -159,13 +161,24 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Page:
-    """A whole report or study."""
+    """A whole report or study. `facts` stand in its head: when, which machine, by whom."""
 
     title: str
     subtitle: str
     verdict: Verdict
     notes: Sequence[str]
     sections: Sequence[Section]
+    facts: Sequence[tuple[str, str]] = ()
+
+    @property
+    def chapters(self) -> list[list[Section]]:
+        """The sections of level 1, each with those of level 2 below it."""
+        found: list[list[Section]] = []
+        for section in self.sections:
+            if section.level == 1 or not found:
+                found.append([])
+            found[-1].append(section)
+        return found
 
 
 def table_of(caption: str, columns: Sequence[tuple[str, str]], rows: Sequence[Row]) -> Table:

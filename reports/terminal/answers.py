@@ -39,7 +39,6 @@ from ..words import numbers
 from ..words.findings import VERDICT_WORDS, check_notes, headline
 from ..words.geometry import worth_sentence
 from ..words.observability import advice_sentence, over_target_sentence
-from ..words.rehearsal import true_values
 from ..words.wording import counted, ended, label, listed, person, sentence, shown
 
 _MOST_ROWS = 40
@@ -251,9 +250,9 @@ def print_side_by_side(console: Console, titles: Sequence[str], results: Sequenc
 def _compared(row: ParameterResult | None, result: Result) -> Text:
     if row is None:
         return Text("")
-    true = true_values(result.inputs.provenance)
-    known = row.name in true
-    truth = Text(f"\ntrue {numbers.exact(true[row.name], row.unit)}" if known else "", style="dim")
+    true = result.inputs.provenance.get(f"true {row.name} ({row.unit})")
+    known = isinstance(true, int | float)
+    truth = Text(f"\ntrue {numbers.exact(float(str(true)), row.unit)}" if known else "", style="dim")
     style = STYLE[row.status]
     if row.estimate is None:
         return Text(f"{MARK[row.status]} not determined", style=style) + truth

@@ -18,6 +18,7 @@ from ...analysis.repeatability.repeat import (
 )
 from .findings import displacement_sentence
 from .misfit import criterion_sentence
+from .numbers import p_words
 from .wording import listed
 
 
@@ -45,7 +46,7 @@ def _headline(found: Comparison) -> str:
     if whole is not None:
         said.append(
             f"the {found.used} runs scatter {whole.ratio:.2g} times as much as predicted"
-            f" (p = {whole.p_value:.1g})"
+            f" ({p_words(whole.p_value)})"
         )
     elif found.verdict in ("agrees", "misfit"):
         said.append(f"each offset of the {found.used} runs scatters as predicted")
@@ -155,7 +156,8 @@ def _hint_of_a_drift(found: Comparison) -> Iterator[str]:
         _, name, unit, drift = min(drifts, key=lambda drift: drift[0])
         yield (
             f"A hint of a drift, no more: {name} changes by {drift.slope:.2g} {unit} a"
-            f" {'hour' if found.by_time else 'run'}, nearly in a line (p = {drift.p_holm:.2g}, Holm-adjusted)"
+            f" {'hour' if found.by_time else 'run'}, nearly in a line ({p_words(drift.p_holm, 2)},"
+            " Holm-adjusted)"
         )
 
 

@@ -149,10 +149,6 @@ def _measurements(numbers: Sequence[int]) -> str:
     return f"measurement{'' if len(numbers) == 1 else 's'} {listed([str(n) for n in numbers], MOST_NAMED)}"
 
 
-def _p(p_value: float) -> str:
-    return "p < 1e-6" if p_value < 1e-6 else f"p = {p_value:.1g}"
-
-
 def check_notes(check: Check) -> tuple[str, ...]:
     """The findings of a plan and the warnings of its file, as sentences without a full stop."""
     return (*(_plan_sentence(finding) for finding in check.findings), *check.warnings)

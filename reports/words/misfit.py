@@ -13,7 +13,7 @@ from ...analysis.misfit import (
     PlacementsDisagree,
 )
 from . import numbers
-from .numbers import times
+from .numbers import p_words, times
 from .wording import Namer, listed
 
 UNVALIDATED = "no estimate or uncertainty of this run is validated"
@@ -27,7 +27,7 @@ def criterion_sentence(criterion: Criterion, name: Namer = str) -> str:
         case LackOfFit(with_priors=True):
             return (
                 f"Residuals and priors together are larger than noise and priors allow (χ²"
-                f" {criterion.chi2:.0f}, {criterion.dof} dof, {_p(criterion.p_value)}): noise, priors or"
+                f" {criterion.chi2:.0f}, {criterion.dof} dof, {p_words(criterion.p_value)}): noise, priors or"
                 " geometry are not as stated, or the best fit was not found. Add measurements, so that it"
                 " can be checked"
             )
@@ -35,7 +35,7 @@ def criterion_sentence(criterion: Criterion, name: Namer = str) -> str:
             rms = "" if criterion.rms_mm is None else f"; {criterion.rms_mm:.2f} mm rms"
             return (
                 f"Lack of fit: residuals are {times(criterion.factor)} times the stated noise"
-                f" (χ² {criterion.chi2:.0f}, {criterion.dof} dof, {_p(criterion.p_value)}{rms}): the"
+                f" (χ² {criterion.chi2:.0f}, {criterion.dof} dof, {p_words(criterion.p_value)}{rms}): the"
                 f" {criterion.geometry} geometry does not describe this arm, a column, sign, zero, unit,"
                 " target or measurement is not as stated, or the noise is understated"
             )
@@ -59,7 +59,7 @@ def criterion_sentence(criterion: Criterion, name: Namer = str) -> str:
             return (
                 f"The placements disagree: the offsets that each of the {count} would have alone differ by"
                 f" {times(criterion.factor)} times what the scatter within them explains (F({criterion.rank},"
-                f" {criterion.dof}), {_p(criterion.p_value)}), most of all at {criterion.most}: the"
+                f" {criterion.dof}), {p_words(criterion.p_value)}), most of all at {criterion.most}: the"
                 f" {criterion.geometry} geometry does not describe this arm, or a placement is wrong"
             )
 
@@ -82,7 +82,3 @@ def _off(own: OffPrior, name: Namer) -> str:
 
 def _level() -> str:
     return f"{1 - 2 * LACK_OF_FIT:.1%}".replace("%", " %")
-
-
-def _p(p_value: float) -> str:
-    return "p < 1e-6" if p_value < 1e-6 else f"p = {p_value:.1g}"

@@ -82,6 +82,11 @@ def p_value(p: float) -> str:
     return f"{p:.3f}" if p < 0.1 or p > 0.9 else f"{p:.2f}"
 
 
+def p_words(p: float, digits: int = 1) -> str:
+    """A p-value with its sign, for a sentence; it is never called 0."""
+    return "p < 1e-6" if p < 1e-6 else f"p = {p:.{digits}g}"
+
+
 def times(factor: float) -> str:
     """A factor as people read it: 0.12, 1.5, 1,333."""
     if factor >= 100:

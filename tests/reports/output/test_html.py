@@ -141,3 +141,31 @@ def test_hostile_names_are_shown_as_they_are_and_do_nothing() -> None:
     assert "{{ 7*7 }}" in text
     assert "\x00" not in text
     assert "\u202e" not in text
+
+
+def test_the_head_has_date_and_serial_number() -> None:
+    inputs = good().inputs
+    stated = {"When": "2026-05-01", "robot_serial": "1600-42", "origin": "simulated"}
+    header = {**inputs.header, "provenance": stated}
+    result = dataclasses.replace(good(), inputs=dataclasses.replace(inputs, header=header))
+    text = " ".join(Page(made(result)).words.split())
+    said = "Date of the measurements 2026-05-01 Robot, serial number 1600-42 Calibrated by not stated"
+    assert said in text
+    assert text.index(said) < text.index("Pass.")
+
+
+def test_details_are_folded_below_what_matters() -> None:
+    text = made(good())
+    first = text.index('<details class="fold">')
+    assert text.index("<h2><bdi>Offsets</bdi></h2>") < text.index("Accuracy of the TCP</bdi></h2>") < first
+    assert first < text.index("Fit quality</bdi></h2>") < text.index("Uncertainty budget</bdi></h2>")
+    parts = re.findall(r'href="#(part-\d+)"', text)
+    assert parts == [f"part-{i + 1}" for i in range(len(parts))]
+    assert len(parts) == text.count("<h2>")
+    assert all(text.count(f'id="{part}"') == 1 for part in parts)
+
+
+def test_a_key_is_set_as_code_and_shows_no_backticks() -> None:
+    text = made(good())
+    assert "State <code>geometry</code> to estimate it." in text
+    assert "`" not in Page(text).words

@@ -95,3 +95,9 @@ def test_rounding_never_moves_an_estimate_by_more_than_a_twentieth_of_its_std(
 ) -> None:
     written = float(numbers.estimate(value, std).replace("\u2212", "-"))
     assert abs(written - value) <= 0.0501 * std + 1e-9 * abs(value)
+
+
+def test_no_p_value_is_called_zero() -> None:
+    assert numbers.p_words(0.0) == "p < 1e-6"
+    assert numbers.p_words(0.0123) == "p = 0.01"
+    assert numbers.p_words(0.0123, 2) == "p = 0.012"
