@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtrc
+import scipy
 
 from .diagnostics.displacement import Displacement, displacement
 from .diagnostics.hold_out import HoldOut
@@ -154,7 +154,7 @@ def _on_shots(solution: Solution, shots: Sequence[ShotResult]) -> Iterator[Findi
     if solution.against_noise.p_value is None:
         return
     whitened = np.array([shot.whitened for shot in shots])
-    chance = chdtrc(len(shots[0].miss_mm), whitened**2) * len(shots)
+    chance = scipy.special.chdtrc(len(shots[0].miss_mm), whitened**2) * len(shots)
     outlying = [int(i) for i in np.argsort(-whitened) if chance[i] < OUTLYING]
     if 0 < len(outlying) <= max(3, len(shots) // 10):
         yield Outlying(tuple(shots[i].shot for i in outlying), robust=False)

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 import numpy as np
-from scipy.special import chdtri, fdtrc
+import scipy
 
 from ..model.problem import Problem, rms_length
 from ..model.robot import Matrix
@@ -171,8 +171,8 @@ def _implausible_noise(fit: LikelihoodFit, identified: Identified) -> Iterator[I
 def _beyond(
     of: Literal["all", "joint", "spot"], factor: float, dof: float, plausible: float
 ) -> Iterator[ImplausibleNoise]:
-    low = factor * float(np.sqrt(dof / chdtri(dof, LACK_OF_FIT)))
-    high = factor * float(np.sqrt(dof / max(chdtri(dof, 1 - LACK_OF_FIT), 1e-300)))
+    low = factor * float(np.sqrt(dof / scipy.special.chdtri(dof, LACK_OF_FIT)))
+    high = factor * float(np.sqrt(dof / max(scipy.special.chdtri(dof, 1 - LACK_OF_FIT), 1e-300)))
     if low > plausible or high < 1 / plausible:
         yield ImplausibleNoise(of, factor, (low, high), plausible)
 
@@ -225,7 +225,7 @@ def _disagreement(fit: LikelihoodFit) -> Iterator[PlacementsDisagree]:
     drop = float(((explains.T @ rest) ** 2).sum())
     within = max(float(rest @ rest) - drop, 1e-300) / dof
     ratio = drop / rank / within
-    p_value = float(fdtrc(rank, dof, ratio))
+    p_value = float(scipy.special.fdtrc(rank, dof, ratio))
     if p_value < LACK_OF_FIT and ratio > DISAGREES**2:
         by_one = [float(((_range_of(columns).T @ rest) ** 2).sum()) for columns in own]
         most = places[int(np.argmax(by_one))].name

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import ndtr
 
 from .estimation.fit import LikelihoodFit, Optimum
 from .observability.causes import AtOptima, LocalOptima, NullDirection
@@ -58,8 +58,10 @@ def _leaves_out(fit: LikelihoodFit, other: Optimum, quantile: float) -> NDArray[
     """(f,) whether the best optimum's interval holds too little of the other's normal: less than if both had
     the same std and were one std apart."""
     half = quantile * fit.std
-    within = ndtr((fit.z + half - other.z) / other.std) - ndtr((fit.z - half - other.z) / other.std)
-    return np.asarray(within < ndtr(quantile - 1.0) - ndtr(-quantile - 1.0))
+    within = scipy.special.ndtr((fit.z + half - other.z) / other.std) - scipy.special.ndtr(
+        (fit.z - half - other.z) / other.std
+    )
+    return np.asarray(within < scipy.special.ndtr(quantile - 1.0) - scipy.special.ndtr(-quantile - 1.0))
 
 
 def _direction(fit: LikelihoodFit, other: Optimum, elsewhere: NDArray[np.bool_], count: int) -> NullDirection:

@@ -11,8 +11,6 @@ from dataclasses import dataclass
 from os.path import commonprefix
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from ..model.kernel import Index
 from ..model.problem import Problem
@@ -33,11 +31,9 @@ def placements(problem: Problem) -> tuple[Placement, ...]:
     A placement of several targets is called by what their names begin with alike (`front` of `front_0` and
     `front_1`), by all of their names where that is nothing or names two.
     """
-    count = len(problem.targets)
-    first = [distance.first for distance in problem.distances]
-    second = [distance.second for distance in problem.distances]
-    ties = coo_array((np.ones(len(first)), (first, second)), shape=(count, count))
-    label = connected_components(ties, directed=False)[1]
+    label = np.arange(len(problem.targets))
+    for distance in problem.distances:
+        label[label == label[distance.second]] = label[distance.first]
     groups = [np.flatnonzero(label == k) for k in dict.fromkeys(label.tolist())]
     members = [tuple(problem.targets[i] for i in group) for group in groups]
     # names, not paths

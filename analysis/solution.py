@@ -15,7 +15,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.special import ndtri, stdtrit
+import scipy
 
 from ..model.errors import BadInput
 from ..model.parameters import Group, Parameter
@@ -43,7 +43,7 @@ from .status import (
 if TYPE_CHECKING:
     import pandas as pd
 
-NORMAL_95 = float(ndtri(0.975))  # half width of the central 95 % of a unit normal
+NORMAL_95 = 1.959963984540054  # half width of the central 95 % of a unit normal
 
 
 @dataclass(frozen=True)
@@ -216,7 +216,7 @@ class Solution:
     def quantile(self) -> float:
         """Half width of a 95 % interval in stds: Student's t where the noise scale is estimated."""
         if self.problem.noise.estimated and self.dof:
-            return float(stdtrit(self.dof, 0.975))
+            return float(scipy.special.stdtrit(self.dof, 0.975))
         return NORMAL_95
 
     @cached_property

@@ -75,5 +75,5 @@ def require_no_more_than(what: str, status: Status, **claims: object) -> None:
 
 def versions() -> dict[str, str]:
     """Versions of what an answer was computed with, by the library's name."""
-    names = ("zerobeam", "numpy", "scipy", "casadi", "emcee", "arviz-stats")
+    names = ("zerobeam", "numpy", "scipy", "casadi", "emcee")
     return {"python": platform.python_version(), **{name: version(name) for name in names}}

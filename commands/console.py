@@ -118,6 +118,9 @@ def progress(title: str, stages: Mapping[str, float] | None = None) -> Iterator[
     The share that is told is that of the whole, or with `stages` (their parts of the time, in order) that of
     the stage. The bar never goes back.
     """
+    if not err.is_terminal:
+        yield lambda stage, share: obey()
+        return
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
     from rich.progress import TimeRemainingColumn as Left
 
@@ -131,7 +134,7 @@ def progress(title: str, stages: Mapping[str, float] | None = None) -> Iterator[
         TextColumn("left"),
         Left(),
     )
-    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
+    with Progress(*columns, console=err, transient=True) as bar:
         task, far = bar.add_task(title, total=1.0), 0.0
 
         def tell(stage: str, share: float) -> None:

@@ -81,7 +81,8 @@ def demo(
     from ..experiments.demos import demo_runs
     from ..model.files.run import read_run
     from ..reports.run.report_folder import check_target, write_report
-    from ..reports.terminal.answers import print_side_by_side, print_verdict
+    from ..reports.terminal.answers import print_side_by_side
+    from ..reports.terminal.check import print_verdict
     from ..reports.words.findings import headline
     from ..reports.words.wording import person
 
@@ -106,8 +107,7 @@ def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> Non
     from ..analysis.observability.aim import aim_plan
     from ..analysis.observability.check import check as judge
     from ..model.files.plan import read_plan
-    from ..reports.terminal.answers import print_check
-    from ..reports.words.result_json import check_json
+    from ..reports.terminal.check import print_check
 
     planned = read_plan(plan)
     turned = aim_plan(planned)
@@ -117,6 +117,8 @@ def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> Non
 
         write_plan_page(picture, turned, found)
     if as_json:
+        from ..reports.words.result_json import check_json
+
         print_json(check_json(found))
     else:
         print_check(out, found)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import gc
+import functools
 import sys
 import traceback
 import warnings
@@ -35,30 +35,22 @@ class _Commands(TyperGroup):
             raise _Stopped from None
 
 
-app = typer.Typer(
-    name="zerobeam",
-    cls=_Commands,
-    help="Joint offsets of an industrial robot from laser measurements of one point, with their uncertainty.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode="rich",
-)
-for command in (
-    judging.demo,
-    judging.check,
-    judging.analyse,
-    judging.report,
-    judging.compare,
-    judging.plan,
-    robots.robot,
-    carrying_out.run,
-    carrying_out.controller,
-    judging.schema,
-):
-    app.command()(command)
-app.add_typer(importing.imports, name="import")
-app.add_typer(studying.studies, name="study")
-app.add_typer(exporting.exports, name="export")
+_COMMANDS = {
+    command.__name__: command
+    for command in (
+        judging.demo,
+        judging.check,
+        judging.analyse,
+        judging.report,
+        judging.compare,
+        judging.plan,
+        robots.robot,
+        carrying_out.run,
+        carrying_out.controller,
+        judging.schema,
+    )
+}
+_GROUPS = {"import": importing.imports, "study": studying.studies, "export": exporting.exports}
 
 
 def _print_version(asked: bool) -> None:
@@ -67,13 +59,40 @@ def _print_version(asked: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def _zerobeam(
     version: Annotated[
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
     """Joint offsets of an industrial robot from laser measurements of one point, with their uncertainty."""
+
+
+@functools.cache
+def _program(asked: str | None = None) -> typer.Typer:
+    """The program; with no other command than the one `asked` for, if there is one of that name.
+
+    To make all of them ready takes Typer a tenth of a second.
+    """
+    app = typer.Typer(
+        name="zerobeam",
+        cls=_Commands,
+        help=_zerobeam.__doc__,
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        rich_markup_mode="rich",
+    )
+    app.callback()(_zerobeam)
+    one = asked in _COMMANDS or asked in _GROUPS
+    for name, command in _COMMANDS.items():
+        if name == asked or not one:
+            app.command()(command)
+    for name, group in _GROUPS.items():
+        if name == asked or not one:
+            app.add_typer(group, name=name)
+    return app
+
+
+app = _program()
 
 
 def _warn(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
@@ -89,8 +108,6 @@ def carried_out() -> int:
     Every error that is the user's is one message, no traceback.
     """
     warnings.showwarning = _warn
-    # Few cycles, many objects: at the usual thresholds collecting takes some 5 % of a report's time.
-    gc.set_threshold(50_000, 20, 20)
     with guarded_streams() as lost:
         status = _status()
         error = lost()
@@ -104,7 +121,7 @@ def carried_out() -> int:
 
 def _status() -> int:
     try:
-        app(standalone_mode=True)
+        _program(*sys.argv[1:2])(standalone_mode=True)
     except SystemExit as end:
         return int(end.code or 0)
     except OutputLost:

@@ -20,8 +20,9 @@ from ..reports.run.report_folder import ReportPaths, write_report
 from ..reports.run.report_page import report_notes
 from ..reports.style.blocks import Cell, Page, Row, Table, Verdict, row_of, table_of
 from ..reports.words import numbers
-from ..reports.words.findings import VERDICT_WORDS, headline
+from ..reports.words.findings import headline
 from ..reports.words.result_json import to_json
+from ..reports.words.verdict import VERDICT_WORDS
 from ..reports.words.wording import NOT_DETERMINED, clipped, counted, label, person, sentence
 from .arguments import require_choice, require_kind, require_number
 from .pictures import Figure, SceneView

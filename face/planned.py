@@ -23,8 +23,8 @@ from ..reports.run.geometry import check_lines
 from ..reports.run.parameters import unit_of, worth_column
 from ..reports.style.blocks import Cell, Page, Row, Table, Verdict, row_of, table_of
 from ..reports.words import numbers
-from ..reports.words.findings import VERDICT_WORDS, check_notes, headline
 from ..reports.words.result_json import check_json
+from ..reports.words.verdict import VERDICT_WORDS, check_headline, check_notes
 from ..reports.words.wording import clipped, counted, label, person, sentence
 from .arguments import require_choice, require_kind, require_number, vector
 from .pictures import SceneView
@@ -94,7 +94,7 @@ class CheckedPlan(Check):
         return Page(
             f"Check of {clipped(self.inputs.plan, 60)}",
             f"{counted(len(self.postures), 'posture')}, {clipped(self.inputs.robot)}",
-            Verdict(self.verdict, VERDICT_WORDS[self.verdict], sentence(headline(self, person))),
+            Verdict(self.verdict, VERDICT_WORDS[self.verdict], sentence(check_headline(self, person))),
             [*(sentence(note) for note in check_notes(self)), *check_lines(self)],
             [],
         )

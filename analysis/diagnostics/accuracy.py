@@ -23,9 +23,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.polynomial.chebyshev import chebpts1, chebval2d, chebvander
 from numpy.polynomial.legendre import leggauss
-from scipy.special import betaln, erf, fdtr
 
 from ...model.kernel import Index
 from ...model.problem import Problem
@@ -237,9 +237,9 @@ def _length_law(s: Matrix, dof: int | None) -> tuple[Matrix, Matrix]:
     """Of the length s, in stds, of an error in three dimensions: distribution function and density."""
     if dof is None:
         density = np.sqrt(2 / np.pi) * np.exp(-(s**2) / 2)
-        return erf(s / np.sqrt(2)) - s * density, s**2 * density
-    scale = 2 * np.exp(-betaln(1.5, dof / 2)) / dof**1.5
-    return fdtr(3, dof, s**2 / 3), scale * s**2 * (1 + s**2 / dof) ** (-(dof + 3) / 2)
+        return scipy.special.erf(s / np.sqrt(2)) - s * density, s**2 * density
+    scale = 2 * np.exp(-scipy.special.betaln(1.5, dof / 2)) / dof**1.5
+    return scipy.special.fdtr(3, dof, s**2 / 3), scale * s**2 * (1 + s**2 / dof) ** (-(dof + 3) / 2)
 
 
 def spread_postures(lower: Matrix, upper: Matrix, count: int) -> Matrix:

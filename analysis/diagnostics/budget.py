@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.special import ndtri, stdtrit
+import scipy
 
 from ...model.robot import Matrix
 from ..posterior.posterior import PosteriorParameter, PosteriorSummary
@@ -122,7 +122,11 @@ def budget(solution: Solution, posterior: PosteriorSummary) -> tuple[Budget, ...
     for j, i in enumerate(determined):
         item = parameters.items[i]
         std = float(np.sqrt(variances[j]) * scale[j])
-        factor = float(stdtrit(dof[j], _TWO_SIDED) if np.isfinite(dof[j]) else ndtri(_TWO_SIDED))
+        factor = float(
+            scipy.special.stdtrit(dof[j], _TWO_SIDED)
+            if np.isfinite(dof[j])
+            else scipy.special.ndtri(_TWO_SIDED)
+        )
         value = item.shown(float(fit.x[i]))
         rows = []
         for source, part in zip(sources, parts[:, j].tolist(), strict=True):
@@ -277,7 +281,7 @@ def check_linear(value: float, std: float, half: float, row: PosteriorParameter)
     d_low, d_high = abs(value - half - row.q2_5), abs(value + half - row.q97_5)
     # A quantile's standard error is that of its probability over the density there, taken for a normal's.
     probability = math.sqrt(_TWO_SIDED * (1 - _TWO_SIDED) / row.ess_tail)
-    density = math.exp(-(float(ndtri(_TWO_SIDED)) ** 2) / 2) / math.sqrt(2 * math.pi)
+    density = math.exp(-(float(scipy.special.ndtri(_TWO_SIDED)) ** 2) / 2) / math.sqrt(2 * math.pi)
     ends_std = probability / density * row.std
 
     def at(digits: int) -> LinearCheck:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import chdtrc, fdtrc
+import scipy
 
 from ...model.constraint import shot_functions
 from ...model.density import Density
@@ -173,9 +173,11 @@ def _chance(base: Left, left: Left, log_tried: float, free_scale: bool) -> float
         return 1.0
     elif free_scale:
         dof = max(left.dof, 1)
-        log_p = _log(float(fdtrc(left.freed, dof, drop / left.freed * dof / max(left.cost, 1.0))))
+        log_p = _log(
+            float(scipy.special.fdtrc(left.freed, dof, drop / left.freed * dof / max(left.cost, 1.0)))
+        )
     else:
-        log_p = _log(float(chdtrc(left.freed, drop)))
+        log_p = _log(float(scipy.special.chdtrc(left.freed, drop)))
     return float(np.exp(min(log_p + log_tried, 0.0)))
 
 

@@ -14,7 +14,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import chdtrc, fdtrc
+import scipy
 
 from ...model.kernel import Index
 from ...model.robot import Matrix
@@ -185,15 +185,19 @@ class _Left(NamedTuple):
     def agrees(self, found: _Explained, i: int) -> bool:
         """Whether what an explanation leaves of the residuals is no more than the noise (if it is known)."""
         dof = self.numbers - int(found.rank[i])
-        return not self.known or dof <= 0 or bool(chdtrc(dof, self.chi2 - found.drop[i]) >= _CHANCE)
+        return (
+            not self.known
+            or dof <= 0
+            or bool(scipy.special.chdtrc(dof, self.chi2 - found.drop[i]) >= _CHANCE)
+        )
 
     def chance(self, found: _Explained, i: int) -> float:
         """Of a drop as large by noise."""
         drop, rank = float(found.drop[i]), int(found.rank[i])
         if self.known:
-            return float(chdtrc(rank, drop))
+            return float(scipy.special.chdtrc(rank, drop))
         rest = self.numbers - rank
-        return float(fdtrc(rank, rest, drop / rank * rest / max(self.chi2 - drop, 1e-300)))
+        return float(scipy.special.fdtrc(rank, rest, drop / rank * rest / max(self.chi2 - drop, 1e-300)))
 
     def estimate(self, found: _Explained, i: int) -> tuple[Matrix, Matrix]:
         """(a,) the explanation's size and its covariance (a, a), which is huge where it is not determined."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
 import numpy as np
-from scipy.special import chdtrc, fdtrc
+import scipy
 
 from ...model.errors import BadInput
 from ...model.problem import Problem, rms_length
@@ -176,8 +176,8 @@ def _chance(seen: Problem, chi2: float, dof: int) -> float:
     """That chi-squared comes out as large: by F where the noise scale is estimated from the shots fitted."""
     free = seen.data_size - int(seen.parameters.free.sum())
     if not seen.noise.estimated or free <= 0:
-        return float(chdtrc(dof, chi2))
-    return float(fdtrc(dof, free, chi2 / dof))
+        return float(scipy.special.chdtrc(dof, chi2))
+    return float(scipy.special.fdtrc(dof, free, chi2 / dof))
 
 
 def _row_scale(problem: Problem, weight: float) -> Matrix:

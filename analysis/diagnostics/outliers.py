@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import stdtrit
+import scipy
 
 from ..estimation.robust import Loss, fit_robust, outlying
 from ..solution import ParameterResult, Solution
@@ -65,7 +65,7 @@ def robust_result(solution: Solution, loss: Loss) -> Robust:
     if found.covariance is not None:
         std = parameters.unscaled(np.sqrt(np.diag(found.covariance)))
     numbers = problem.data_size - int(parameters.free.sum())
-    quantile = float(stdtrit(max(numbers, 1), 0.975))
+    quantile = float(scipy.special.stdtrit(max(numbers, 1), 0.975))
 
     def row(own: ParameterResult, i: int) -> RobustParameter:
         item, value, spread = parameters.items[i], float(found.x[i]), float(std[i])

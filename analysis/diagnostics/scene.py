@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtri, fdtri
+import scipy
 
 from ...model.robot import Matrix
 from ..solution import Solution
@@ -121,8 +121,8 @@ def _radius2(solution: Solution) -> float:
     scale is estimated from the residuals (Anderson, Multivariate Statistical Analysis, 2003, section 5.2)."""
     dof = solution.dof
     if solution.problem.noise.estimated and dof:
-        return float(3 * fdtri(3, dof, 0.95))
-    return float(chdtri(3, 0.05))
+        return float(3 * scipy.special.fdtri(3, dof, 0.95))
+    return float(scipy.special.chdtri(3, 0.05))
 
 
 def _point(values: Matrix) -> Point:

@@ -11,7 +11,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import chdtrc, chdtri, gammaln
+import scipy
 
 from ...model.density import Density
 from ...model.kernel import Index
@@ -79,8 +79,8 @@ class Left:
         total = chi2 + self.cost - self.chi2
         return (
             self.farthest <= _FAR
-            and bool(chdtrc(self.numbers, total) >= CONTRADICTED)
-            and (self.dof <= 0 or bool(chdtrc(self.dof, chi2) >= CHANCE))
+            and bool(scipy.special.chdtrc(self.numbers, total) >= CONTRADICTED)
+            and (self.dof <= 0 or bool(scipy.special.chdtrc(self.dof, chi2) >= CHANCE))
         )
 
     def explains(self, base: Left, slack: float) -> bool:
@@ -251,8 +251,8 @@ def _without_outlying(problem: Problem, x: Matrix, base: Left) -> list[Left]:
     for _ in range(_ROUNDS):
         quads = density.quads(x)
         # One far off pulls all: what stands out is judged by the rest, as long as that is too large.
-        scale = max(1.0, float(np.median(quads[~gone]) / chdtri(d, 0.5)))
-        off = chdtrc(d, quads / scale) * problem.shots < CHANCE
+        scale = max(1.0, float(np.median(quads[~gone]) / scipy.special.chdtri(d, 0.5)))
+        off = scipy.special.chdtrc(d, quads / scale) * problem.shots < CHANCE
         if not (off & ~gone).any() or (off | gone).sum() > max(3, problem.shots // 10):
             break
         gone |= off
@@ -265,7 +265,9 @@ def _as_measurements(problem: Problem, left: Left, gone: list[int]) -> Left:
     numbers = tuple(sorted(problem.shot_numbers[i] for i in gone))
     names = tuple(dict.fromkeys(problem.targets[problem.target_index[i]] for i in sorted(gone)))
     n, m = problem.shots, len(gone)
-    ways = float(gammaln(n + 1) - gammaln(m + 1) - gammaln(n - m + 1))
+    ways = float(
+        scipy.special.gammaln(n + 1) - scipy.special.gammaln(m + 1) - scipy.special.gammaln(n - m + 1)
+    )
     return replace(left, cause="measurements", targets=names, measurements=numbers, log_choices=ways)
 
 

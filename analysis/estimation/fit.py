@@ -11,8 +11,8 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import chdtrc
 
 from ...model.density import Density
 from ...model.kernel import Index
@@ -121,12 +121,12 @@ class LikelihoodFit:
         chi2 = float(self.whitened.residual @ self.whitened.residual + tolerated @ tolerated)
         dof = max(self.problem.data_size - rank, 0)
         judged = dof > 0 and self.problem.noise.known
-        return AgainstNoise(chi2, dof, float(chdtrc(dof, chi2)) if judged else None)
+        return AgainstNoise(chi2, dof, float(scipy.special.chdtrc(dof, chi2)) if judged else None)
 
 
 def chance(problem: Problem, residual: Matrix, z: Matrix) -> float:
     """That whitened residuals (M,) and scaled parameters (f,) are as large at a mode, their noise known."""
-    return float(chdtrc(problem.measured_size, float(residual @ residual + z @ z)))
+    return float(scipy.special.chdtrc(problem.measured_size, float(residual @ residual + z @ z)))
 
 
 def fit_likelihood(

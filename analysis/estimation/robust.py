@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import chdtri, fdtri
 
 from ...model.density import Density
 from ...model.kernel import Index
@@ -56,7 +56,7 @@ def fit_robust(problem: Problem, fit: LikelihoodFit, loss: Loss) -> RobustFit:
     """
     d = problem.tool.miss_size
     known, x = problem.with_noise_of(fit.x)
-    tuning = float(np.sqrt(chdtri(d, 1 - _HUBER_SHARE))) if loss == "huber" else STUDENT_NU
+    tuning = float(np.sqrt(scipy.special.chdtri(d, 1 - _HUBER_SHARE))) if loss == "huber" else STUDENT_NU
     density, weights = Density(known), np.ones(problem.shots)
     first = fit_robust(problem, fit, "huber") if loss == "student" else None
     x = x if first is None else first.x
@@ -66,7 +66,11 @@ def fit_robust(problem: Problem, fit: LikelihoodFit, loss: Loss) -> RobustFit:
     def scale_of(quads: Matrix) -> float:
         if not problem.noise.estimated:
             return 1.0
-        return float(np.sqrt(np.median(quads) / chdtri(d, 0.5) / left)) if first is None else first.scale
+        return (
+            float(np.sqrt(np.median(quads) / scipy.special.chdtri(d, 0.5) / left))
+            if first is None
+            else first.scale
+        )
 
     converged, reason = False, f"the weights did not settle in {_ROUNDS} rounds"
     for _ in range(_ROUNDS):
@@ -145,7 +149,9 @@ def outlying(length: Matrix, d: int, chance: float, dof: int | None = None) -> I
     """Shots whose whitened residuals are longer than one of N normal residuals is with probability `chance`,
     the longest first. `dof` are those of an estimated noise scale: the squares are then F's."""
     share = chance / max(len(length), 1)
-    limit = np.sqrt(chdtri(d, share) if dof is None else d * fdtri(d, dof, 1 - share))
+    limit = np.sqrt(
+        scipy.special.chdtri(d, share) if dof is None else d * scipy.special.fdtri(d, dof, 1 - share)
+    )
     order = np.argsort(-length)
     return np.asarray(order[length[order] > limit])
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import minimize
+import scipy
 
 from ...model.geometry import ANGLES
 from ...model.problem import Problem
@@ -41,7 +41,7 @@ def with_factors(fit: LikelihoodFit) -> tuple[LikelihoodFit, Factors]:
     at = np.zeros(2)
     for _ in range(_ROUNDS):
         near = _Linear(fit, at)
-        found = minimize(
+        found = scipy.optimize.minimize(
             lambda own, near=near: -near.log_evidence(own), at, method="BFGS", options={"eps": 1e-4}
         ).x
         moved, at = float(np.abs(found - at).max()), found

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from ...model.files.header import Header
 from ...model.problem import Problem
 from ...model.robot import Matrix
-from ..estimation.tolerance_factors import Factors
 from ..status import Status, known
 from .consider import TYPICAL_DEG, TYPICAL_MM, considered, with_tolerances
+
+if TYPE_CHECKING:
+    from ..estimation.tolerance_factors import Factors
 
 Tolerance = float | tuple[float, ...]
 RungName = Literal["offsets", "geometry", "gravity", "harmonics"]

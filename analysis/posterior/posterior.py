@@ -22,6 +22,7 @@ from ..estimation.coordinates import SeenCoordinates
 from ..estimation.fit import LikelihoodFit
 from ..solution import Solution
 from ..status import Status, UnsoundResult, known, require_no_more_than
+from .convergence import error_of_mean, tail_effective
 from .moves import IndependenceProposal, degrees_of_freedom
 from .sampler import RHAT_GATE, Progress, Sampled, sample_density
 
@@ -243,10 +244,8 @@ def _prior_only(item: Parameter) -> PriorOnly:
 def _row(
     item: Parameter, unidentifiable: bool, draws: NDArray[np.float64], rhat: float, bulk: float
 ) -> PosteriorParameter:
-    from arviz_stats.base import array_stats
-
     chains = draws.reshape(-1, draws.shape[2])
-    tail = float(array_stats.ess(chains, method="tail", prob=(0.05, 0.95)))
+    tail = tail_effective(chains)
     if unidentifiable:
         # The draws may be narrow for all that: what the priors of other parameters make of this one. Only
         # its own prior is stated, and exactly, so that no spread can be taken for knowledge from the data.
@@ -257,7 +256,7 @@ def _row(
     else:
         mean, std = float(chains.mean()), float(chains.std(ddof=1))
         low, middle, high = (float(q) for q in np.quantile(chains, [0.025, 0.5, 0.975]))
-        mcse = float(array_stats.mcse(chains, method="mean"))
+        mcse = error_of_mean(chains)
     return PosteriorParameter(
         name=item.name,
         unit=item.unit,

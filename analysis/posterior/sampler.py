@@ -16,6 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ...model.robot import Matrix
+from .convergence import effective, nested_rhat, normal_scores
+from .ensemble import load_emcee
 from .moves import DifferentialMove, IndependenceMove, IndependenceProposal
 from .triangular_map import TriangularMap
 
@@ -94,8 +96,7 @@ class Moves:
 
     def walk(self, log_density: LogDensity, start: Matrix, steps: int, *, last: bool = False) -> Matrix:
         """(walkers, steps, f) from `start` (walkers, f); only the `last` step if asked for."""
-        import emcee
-
+        emcee = load_emcee()
         moves = [(self.independence, 1 - self._share), (self.differential, self._share)]
         sampler = emcee.EnsembleSampler(*start.shape, log_density, moves=moves, vectorize=True)
         self.independence.ahead = round((1 - self._share) * steps)
@@ -326,32 +327,22 @@ def diagnostics(values: Matrix) -> tuple[Matrix, Matrix]:
     ranks (Vehtari et al. 2021, eq. 14) are taken once for all of these. Walkers being alike, a part of them
     speaks for all where they are many.
     """
-    from arviz_stats.base import array_stats
-    from scipy.special import ndtri
-    from scipy.stats import rankdata
-
-    def normal_scores(x: Matrix) -> Matrix:
-        scores: Matrix = ndtri((rankdata(x).reshape(x.shape) - 0.375) / (x.size + 0.25))
-        return scores
-
     thin = -(-values.shape[1] // _LOOK_WALKERS)
     share = values.shape[1] / len(range(0, values.shape[1], thin))
     values = values[:, ::thin]
-    ensembles, walkers, steps, size = values.shape
+    ensembles, _, steps, size = values.shape
     rhat, bulk = np.full(size, np.inf), np.zeros(size)
     half = steps // 2
-    groups = (np.repeat(np.arange(ensembles), 2 * walkers), np.tile([0, 1], ensembles * walkers))
     for j in range(size if half >= 4 else 0):
-        chains = values[..., j].reshape(ensembles * walkers, steps)
+        chains = np.stack([values[:, :, :half, j], values[:, :, -half:, j]])
         if np.ptp(chains) == 0:
             continue
-        chains = np.stack([chains[:, :half], chains[:, -half:]], axis=1).reshape(-1, half)
         scores = normal_scores(chains)
         folded = normal_scores(np.abs(chains - np.median(chains)))
         rhat[j] = max(
-            float(array_stats.rhat_nested(z, superchain_ids=ids, method="identity"))
+            nested_rhat(grouped.reshape(groups, -1, half))
             for z in (scores, folded)
-            for ids in groups
+            for groups, grouped in ((ensembles, z.swapaxes(0, 1)), (2, z))
         )
-        bulk[j] = share * float(array_stats.ess(scores, method="identity"))
+        bulk[j] = share * effective(scores.reshape(-1, half))
     return rhat, bulk

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.special import ndtr
+import scipy
 
 from ...model.robot import Matrix
 from ..estimation.fit import LikelihoodFit
@@ -25,6 +24,7 @@ _FEWEST = 4  # measurements of a recording with a correlation of its own
 _GRID = np.array([-0.9, -0.6, -0.3, -0.1, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9])
 LARGE = 600  # residuals of a recording whose covariance is no longer written out
 _LEFT = 1e-3  # of the variance of an error: a recording with less left of all its errors is not tested
+_HALVINGS = 60  # of an interval, to the last digit
 
 
 @dataclass(frozen=True)
@@ -189,11 +189,12 @@ def _chance(weights: Matrix) -> float:
     if weights.min() > 0 or weights.max() < 0:
         return float(weights.min() > 0)
     low, high = 0.5 / weights.min(), 0.5 / weights.max()
-
-    def slope(t: float) -> float:
-        return float((weights / (1 - 2 * t * weights)).sum())
-
-    t = float(brentq(slope, low * (1 - 1e-9), high * (1 - 1e-9), xtol=1e-12))
+    for _ in range(_HALVINGS):  # to where the slope, which rises all the way, is 0
+        t = (low + high) / 2
+        if (weights / (1 - 2 * t * weights)).sum() < 0:
+            low = t
+        else:
+            high = t
     open_part = 1 - 2 * t * weights
     bend = float((2 * (weights / open_part) ** 2).sum())
     height = max(float(np.log(open_part).sum()), 0.0)
@@ -201,4 +202,4 @@ def _chance(weights: Matrix) -> float:
     if abs(w) < 1e-4:
         skew = float(8 * (weights**3).sum()) / float(2 * (weights**2).sum()) ** 1.5
         return float(0.5 - skew / (6 * np.sqrt(2 * np.pi)))
-    return float(ndtr(-(w + np.log(v / w) / w)))
+    return float(scipy.special.ndtr(-(w + np.log(v / w) / w)))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-from scipy.special import ndtri, stdtrit
+import scipy
 
 from ...analysis.design.exact_design import Candidates, design
 from ...analysis.observability.aim import aim, servo_joints
@@ -124,7 +124,7 @@ class Adaptive:
         assert state.worst is not None
         if self._problem.noise.known:
             return state.worst
-        return state.worst * float(stdtrit(state.dof, 0.975) / ndtri(0.975))
+        return state.worst * float(scipy.special.stdtrit(state.dof, 0.975) / scipy.special.ndtri(0.975))
 
     def _chosen_together(self, count: int) -> list[int]:
         roots = self._roots(self._problem.nominal())

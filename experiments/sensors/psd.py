@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import ellipk
 
 from ...model.files.reading import shown
 from ...model.files.validation import refusal, without_length
@@ -33,7 +33,7 @@ LIT = 0.02  # share of the laser's light from which on the PSD has the beam on i
 # for a step of 1 (the Fourier series of sn at its quarter period: DLMF 22.11.1, k' = k). Their sum is 1/2.
 GAIN: dict[PsdKind, float] = {
     "duo-lateral": 1.0,
-    "tetra-lateral": float(0.5 * np.pi / (np.sqrt(2) * ellipk(0.5))),
+    "tetra-lateral": float(0.5 * np.pi / (np.sqrt(2) * scipy.special.ellipk(0.5))),
 }
 
 # A beam this close to the base's x axis leaves too little of that axis across it.

@@ -47,7 +47,7 @@ class FileModel(BaseModel):
     """Base of what is read from files: no unknown keys, no conversion of types, no NaN or infinity, and no
     numbers that nothing physical has."""
 
-    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
     @model_validator(mode="after")
     def _within_bounds(self) -> Self:

@@ -33,8 +33,8 @@ from ..style.blocks import (
     table_of,
 )
 from ..words import numbers
-from ..words.findings import VERDICT_WORDS, check_notes, headline
 from ..words.observability import advice_sentence, over_target_sentence, rank_facts
+from ..words.verdict import VERDICT_WORDS, check_headline, check_notes
 from ..words.wording import clipped, counted, label, listed, person, sentence, shown
 from .plan_scene import Postures, plan_scene, postures_of
 
@@ -96,7 +96,7 @@ def _view(plan: Plan, check: Check, seen: Postures) -> PlanView:
         title=f"Plan {clipped(inputs.plan, 60)}",
         subtitle=f"{counted(len(plan.postures), 'posture')} of {clipped(inputs.robot)} at"
         f" {counted(len(targets), 'target')}: {listed(targets)}",
-        verdict=Verdict(check.verdict, VERDICT_WORDS[check.verdict], sentence(headline(check, person))),
+        verdict=Verdict(check.verdict, VERDICT_WORDS[check.verdict], sentence(check_headline(check, person))),
         notes=[*(sentence(note) for note in check_notes(check)), *_outlook(check)],
         predicted=_predicted(check),
         legend=Legend(legend(others, header), reasons(others)),

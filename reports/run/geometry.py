@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from ...analysis.observability.check import Check
-from ...analysis.result import Result
-from ...analysis.solution import ParameterResult
 from ..style.blocks import FigureBlock, Legend, Paragraph, Section, Table, row_of, section_of, table_of
 from ..words import numbers
 from ..words.geometry import (
@@ -21,6 +20,10 @@ from ..words.geometry import (
 )
 from ..words.wording import counted, label, listed, person
 from .parameters import NO_NUMBER, reasons, unit_of
+
+if TYPE_CHECKING:
+    from ...analysis.result import Result
+    from ...analysis.solution import ParameterResult
 
 LADDER = "ladder"
 _MOST_SAID = 2  # sentences on what an offset is confounded with; the table has all

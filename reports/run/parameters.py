@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from ...analysis.observability.causes import Cause
 from ...analysis.observability.geometry import GeometryResult
-from ...analysis.result import Result
-from ...analysis.solution import ParameterResult
 from ...analysis.status import Status
 from ...model.parameters import Group
 from ..style.blocks import (
@@ -37,6 +35,10 @@ from ..words.geometry import (
     worth_sentence,
 )
 from ..words.wording import NOT_DETERMINED, label, listed, person, sentence
+
+if TYPE_CHECKING:
+    from ...analysis.result import Result
+    from ...analysis.solution import ParameterResult
 
 OFFSETS = "Joint offsets, to be added to the recorded joint positions"
 NO_NUMBER = "—"

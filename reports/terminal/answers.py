@@ -2,44 +2,38 @@
 
 from __future__ import annotations
 
-import textwrap
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from ...analysis.observability.causes import NullDirection
-from ...analysis.observability.check import Check
 from ...analysis.result import LikelihoodSummary, Result
 from ...analysis.solution import ParameterResult
-from ...analysis.status import Verdict
 from ...experiments.plans.make import MadePlan
 from ...experiments.procedure.events import Ended, KnownOffset
 from ..run.diagnostics.diagnosis import diagnosis_section
 from ..run.diagnostics.placements import placements_lines
 from ..run.diagnostics.second_opinions import hold_out_section, intervals_section, robust_section
-from ..run.geometry import check_lines, geometry_lines
+from ..run.geometry import geometry_lines
 from ..run.parameters import (
-    Judged,
     offsets_caption,
     offsets_table,
     offsets_worth,
     other_tables,
-    unit_of,
     worth_column,
 )
 from ..run.posterior_summary import posterior_sentence
 from ..run.rehearsal import rehearsal_section, truth_table
 from ..run.report_page import report_notes
-from ..run.unobservable import beside_tolerances, direction_words
 from ..style import blocks
-from ..style.console import MARK, STYLE, VERDICT_STYLE, marked, note, rich_table
+from ..style.console import MARK, STYLE, VERDICT_STYLE, marked, rich_table
 from ..words import numbers
-from ..words.findings import VERDICT_WORDS, check_notes, headline
+from ..words.findings import headline
 from ..words.geometry import worth_sentence
-from ..words.observability import advice_sentence, over_target_sentence
+from ..words.verdict import check_headline
 from ..words.wording import counted, ended, label, listed, person, sentence, shown
+from .check import print_directions, print_notes, print_verdict
 
 _MOST_ROWS = 40
 _LOOSE = 0.8  # a certified efficiency below this needs a word
@@ -49,7 +43,7 @@ def print_result(console: Console, result: Result) -> None:
     """The answer of `analyse`: verdict, notes, parameters, what cannot be determined, fit, second
     opinions."""
     print_verdict(console, result.verdict, headline(result, person))
-    _print_notes(console, report_notes(result))
+    print_notes(console, report_notes(result))
     if (could_be := diagnosis_section(result)) is not None:
         _print_section(console, could_be)
     _print_table(console, offsets_table(result))
@@ -61,7 +55,7 @@ def print_result(console: Console, result: Result) -> None:
         _print_table(console, table)
     if (rehearsal := rehearsal_section(result)) is not None:
         _print_section(console, rehearsal)
-    _print_directions(console, result.identifiability.null_space, result.parameters)
+    print_directions(console, result.identifiability.null_space, result.parameters)
     console.print(Text(_fit_line(result.likelihood)))
     for line in placements_lines(result):
         console.print(Text(line))
@@ -70,53 +64,6 @@ def print_result(console: Console, result: Result) -> None:
             _print_section(console, section)
     said = ended(posterior_sentence(result))
     console.print(Text(f"Posterior: {said}" if result.posterior.converged else said))
-
-
-def print_check(console: Console, check: Check) -> None:
-    """The answer of `check`: verdict, predicted standard uncertainties, null-space directions, notes."""
-    print_verdict(console, check.verdict, headline(check, person))
-    _print_notes(console, [sentence(note) for note in check_notes(check)])
-    console.print(Text("What this plan will determine", style="italic"))
-    table = Table(box=None, pad_edge=False)
-    worth, of = worth_column(check.geometry)
-    worth = "\n".join(textwrap.wrap(worth, 10))
-    for name in ("name", "predicted u", worth, "without prior", "prior", "status"):
-        table.add_column(name, justify="left" if name in ("name", "status") else "right")
-    for row in check.parameters:
-        unit = unit_of(row.unit)
-        if row.group == "geometry":
-            continue
-        alone = "infinite" if row.data_std is None else numbers.spread(row.data_std, unit)
-        table.add_row(
-            label(row.name),
-            "—" if row.std is None else numbers.spread(row.std, unit),
-            of(row) if row.group == "offset" or check.geometry.stated else "",
-            "—" if row.held else alone,
-            numbers.spread(row.prior_std, unit),
-            marked(row.status, row.status),
-        )
-    console.print(table)
-    for line in check_lines(check):
-        console.print(Text(line))
-    _print_directions(console, check.identifiability.null_space, check.parameters)
-    if check.advice is not None:
-        console.print(Text(advice_sentence(check.advice)))
-    if check.over_target is not None:
-        console.print(
-            Text(
-                over_target_sentence(
-                    check.over_target, {row.name: unit_of(row.unit) for row in check.parameters}
-                )
-            )
-        )
-    off = max(posture.off_mm for posture in check.postures)
-    if off > 0.05:
-        console.print(
-            Text(
-                f"The postures point up to {numbers.significant(off, 2, 'mm')} away from the target;"
-                " the plan is judged with the wrist turned onto it."
-            )
-        )
 
 
 def print_proposal(console: Console, made: MadePlan) -> None:
@@ -133,7 +80,7 @@ def print_proposal(console: Console, made: MadePlan) -> None:
             )
         )
         return
-    print_verdict(console, check.verdict, headline(check, person))
+    print_verdict(console, check.verdict, check_headline(check, person))
     table = Table(box=None, pad_edge=False)
     table.add_column("name")
     table.add_column("predicted u", justify="right")
@@ -170,7 +117,7 @@ def print_carried(console: Console, answer: Ended) -> None:
     print_verdict(console, answer.verdict, answer.said)
     if not answer.consistent:
         console.print(contradicted(answer.p_value))
-    _print_notes(console, map(sentence, answer.notes))
+    print_notes(console, map(sentence, answer.notes))
     if answer.parameters:
         caption = offsets_caption(row.status for row in answer.parameters)
         console.print(Text(caption, style="italic"))
@@ -264,16 +211,6 @@ def _compared(row: ParameterResult | None, result: Result) -> Text:
     return Text(f"{MARK[row.status]} {text}", style=style) + truth
 
 
-def print_verdict(console: Console, verdict: Verdict, said: str) -> None:
-    """A verdict with its sentence."""
-    console.print(Text(f"{VERDICT_WORDS[verdict]}. ", style=VERDICT_STYLE[verdict]) + Text(sentence(said)))
-
-
-def _print_notes(console: Console, notes: Iterable[str]) -> None:
-    for text in notes:
-        console.print(note(ended(text)))
-
-
 def _print_section(console: Console, section: blocks.Section) -> None:
     """A section of the report in the terminal: its paragraphs after its title, then its table."""
     paragraphs = [block.text for block in section.all if isinstance(block, blocks.Paragraph)]
@@ -292,22 +229,6 @@ def _print_table(console: Console, table: blocks.Table) -> None:
         return
     console.print(Text(table.caption, style="italic"))
     console.print(rich_table(table))
-
-
-def _print_directions(
-    console: Console, directions: Sequence[NullDirection], parameters: Iterable[Judged]
-) -> None:
-    geometry = {row.name for row in parameters if row.group == "geometry"}
-    for direction in beside_tolerances(directions, geometry):
-        words = direction_words(direction)
-        console.print(
-            Text("✕ " if direction.kind == "exact" else "◆ ", style="bold")
-            + Text(f"{words.combination}: {words.kind}")
-        )
-        facts = Table.grid(padding=(0, 1))
-        facts.add_row("  why:", Text(words.reason))
-        facts.add_row("  to do:", Text(words.remedy))
-        console.print(facts)
 
 
 def _fit_line(fit: LikelihoodSummary) -> str:

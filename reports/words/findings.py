@@ -1,9 +1,8 @@
-"""Verdicts and findings in words: each sentence is made here, and nowhere read back."""
+"""The findings of a run in words: each sentence is made here, and nowhere read back."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
 
 from ...analysis.diagnostics.accuracy import Accuracy
 from ...analysis.diagnostics.displacement import ChangePoint, Displacement
@@ -20,40 +19,21 @@ from ...analysis.findings import (
     RobustNotConverged,
 )
 from ...analysis.misfit import BeyondPrior, ImplausibleNoise, LackOfFit, PlacementsDisagree
-from ...analysis.observability.causes import Cause, NullDirection
-from ...analysis.observability.check import Check, OutsideLimits, PlanFinding, TargetBehind, Unreachable
-from ...analysis.observability.verdict import worst_direction
+from ...analysis.observability.causes import Cause
 from ...analysis.posterior.posterior import PosteriorSummary
 from ...analysis.result import LikelihoodSummary, Result
 from ...analysis.so_far import SoFar
-from ...analysis.status import Status, Verdict
 from .causes import reason
 from .misfit import criterion_sentence, misfit_headline
+from .verdict import verdict_sentence
 from .wording import Namer, listed
 
-VERDICT_WORDS: dict[Verdict, str] = {
-    "pass": "Pass",
-    "weak": "Weak",
-    "degenerate": "Degenerate",
-    "misfit": "Misfit",
-}
 MOST_NAMED = 10
 _NEVER = 1e-12  # a p-value below this says nothing more: no noise is so normal
 _MOST_EXPLANATIONS = 3
 
 
-class _Row(Protocol):
-    """A parameter of a result, of a check, of a run that is not finished."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def group(self) -> str: ...
-    @property
-    def status(self) -> Status: ...
-
-
-def headline(answer: Result | Check | SoFar, name: Namer = str) -> str:
+def headline(answer: Result | SoFar, name: Namer = str) -> str:
     """The verdict in one or two sentences, with the reason where it is not a pass; `name` writes names."""
     if isinstance(answer, SoFar):
         if not answer.judged:
@@ -61,42 +41,11 @@ def headline(answer: Result | Check | SoFar, name: Namer = str) -> str:
         sentence = verdict_sentence(answer.offsets, answer.null_space, name)
     else:
         sentence = verdict_sentence(answer.parameters, answer.identifiability.null_space, name)
-    if isinstance(answer, Check):
-        return sentence
     if isinstance(answer, Result) and not answer.likelihood.converged:
         return f"The fit did not converge ({answer.likelihood.reason}): no offset is reported."
     if answer.misfit is not None:
         return f"{misfit_headline(answer.misfit, name)} {sentence}".rstrip()
     return sentence
-
-
-def verdict_sentence(
-    parameters: Sequence[_Row], null_space: Sequence[NullDirection], name: Namer = str
-) -> str:
-    """What can be said of the offsets, the gravest first."""
-
-    def offsets(status: Status) -> list[str]:
-        return [row.name for row in parameters if row.group == "offset" and row.status == status]
-
-    unknown, weak, identified = offsets("unidentifiable"), offsets("weak"), offsets("identified")
-    unvalidated = offsets("unvalidated")
-    sentences = []
-    if unknown:
-        reasons = dict.fromkeys(reason(worst_direction(null_space, own).cause, name) for own in unknown)
-        sentences.append(
-            f"{_are(unknown, name)} unidentifiable from these measurements: {'; '.join(reasons)}."
-        )
-    if weak:
-        sentences.append(f"{_are(weak, name)} only weakly observable in these measurements.")
-    if identified:
-        sentences.append(f"{_are(identified, name)} identified.")
-    if unvalidated:
-        sentences.append(f"{_are(unvalidated, name)} unvalidated.")
-    return " ".join(sentences) or "No offset is estimated: all are held."
-
-
-def _are(names: list[str], name: Namer) -> str:
-    return f"{listed([name(own) for own in names])} {'is' if len(names) == 1 else 'are'}"
 
 
 def notes(result: Result) -> tuple[str, ...]:
@@ -147,32 +96,6 @@ def finding_sentence(finding: Finding, name: Namer = str) -> str:
 
 def _measurements(numbers: Sequence[int]) -> str:
     return f"measurement{'' if len(numbers) == 1 else 's'} {listed([str(n) for n in numbers], MOST_NAMED)}"
-
-
-def check_notes(check: Check) -> tuple[str, ...]:
-    """The findings of a plan and the warnings of its file, as sentences without a full stop."""
-    return (*(_plan_sentence(finding) for finding in check.findings), *check.warnings)
-
-
-def _plan_sentence(finding: PlanFinding) -> str:
-    match finding:
-        case Unreachable(postures):
-            return (
-                f"From posture {listed([str(i) for i in postures], 99)} the target cannot be hit: no"
-                " measurement is counted there"
-            )
-        case TargetBehind(_, every=True):
-            return "Every target is behind the laser: is the sign of tool.direction right?"
-        case TargetBehind(postures, _):
-            return (
-                f"In posture {listed([str(i) for i in postures], 99)} the target is behind the laser: no"
-                " measurement is counted there"
-            )
-        case OutsideLimits(posture, joint, at, unit, (low, high)):
-            return (
-                f"Turned onto the target, joint {joint} of posture {posture} is at {at:.1f} {unit}, outside"
-                f" {low:.0f} to {high:.0f}"
-            )
 
 
 def displacement_sentence(found: Displacement) -> str:

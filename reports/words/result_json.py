@@ -30,7 +30,6 @@ from .causes import reason, remedy
 from .diagnosis import explanation_sentence
 from .findings import (
     accuracy_reason,
-    check_notes,
     headline,
     hold_out_message,
     likelihood_message,
@@ -40,6 +39,7 @@ from .findings import (
     robust_message,
 )
 from .misfit import criterion_sentence
+from .verdict import check_headline, check_notes
 
 CHECK_SCHEMA = "zerobeam/check/1"
 
@@ -79,7 +79,7 @@ def check_json(check: Check) -> dict[str, Any]:
     return {
         "schema": CHECK_SCHEMA,
         "verdict": check.verdict,
-        "headline": headline(check),
+        "headline": check_headline(check),
         "parameters": [
             {**_without(row, f"parameter {row.name!r}", "cause"), "reason": row.cause and reason(row.cause)}
             for row in check.parameters

@@ -8,7 +8,7 @@ from zerobeam.analysis.status import Status, Verdict, verdict_of
 from zerobeam.model.parameters import Parameter
 from zerobeam.model.problem import Problem
 from zerobeam.reports.words.causes import reason
-from zerobeam.reports.words.findings import verdict_sentence
+from zerobeam.reports.words.verdict import verdict_sentence
 
 
 def verdict(problem: Problem, identified: Identified) -> Verdict:

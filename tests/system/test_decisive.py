@@ -37,7 +37,8 @@ from zerobeam.reports.output.html import html
 from zerobeam.reports.output.pdf import pdf
 from zerobeam.reports.run import report_folder
 from zerobeam.reports.run.report_page import report_page
-from zerobeam.reports.terminal.answers import print_check, print_result, print_side_by_side
+from zerobeam.reports.terminal.answers import print_result, print_side_by_side
+from zerobeam.reports.terminal.check import print_check
 from zerobeam.reports.words.result_json import check_json, dumps, to_json
 
 GOOD, X_PATTERN, UNCALIBRATED = (case.path for case in demo_runs())

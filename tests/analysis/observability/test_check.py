@@ -12,8 +12,8 @@ from zerobeam.model import kernel
 from zerobeam.model.files.stated_geometry import StatedGeometry
 from zerobeam.model.problem import Problem
 from zerobeam.reports.words.causes import reason
-from zerobeam.reports.words.findings import check_notes, headline
 from zerobeam.reports.words.result_json import check_json
+from zerobeam.reports.words.verdict import check_headline, check_notes
 
 
 def rows(answer):
@@ -23,7 +23,7 @@ def rows(answer):
 def test_a_good_plan():
     answer = check(good_plan())
     assert answer.verdict == "pass"
-    assert headline(answer) == "delta2, delta3, delta4, delta5 and delta6 are identified."
+    assert check_headline(answer) == "delta2, delta3, delta4, delta5 and delta6 are identified."
     assert check_notes(answer) == ()
     first = rows(answer)["delta1"]
     assert (first.status, first.held, first.data_std, first.std) == ("held", True, None, None)
@@ -57,7 +57,7 @@ def test_what_was_promised_is_what_comes(case):
 def test_the_x_pattern():
     answer = check(pattern_plan("x"))
     assert answer.verdict == "degenerate"
-    assert headline(answer).startswith(
+    assert check_headline(answer).startswith(
         "delta2 is unidentifiable from these measurements: joint 1 does not change"
     )
     row = rows(answer)["delta2"]
@@ -189,4 +189,4 @@ def test_two_and_three_shots():
         answer = check(plan_of(plan.header, plan.postures[:shots]))
         assert answer.verdict == "degenerate"
         assert all(row.std is None for row in answer.parameters)
-        assert "too few measurements" in headline(answer)
+        assert "too few measurements" in check_headline(answer)

@@ -20,7 +20,8 @@ from zerobeam.analysis.observability.outlook import Advice, OverTarget
 from zerobeam.analysis.result import Result
 from zerobeam.analysis.status import UnsoundResult
 from zerobeam.experiments.procedure.events import Ended
-from zerobeam.reports.terminal.answers import print_carried, print_check, print_result, print_side_by_side
+from zerobeam.reports.terminal.answers import print_carried, print_result, print_side_by_side
+from zerobeam.reports.terminal.check import print_check
 
 SHOWN = [name for name in EXAMPLES if name != "hostile"]
 

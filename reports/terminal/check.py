@@ -1,0 +1,97 @@
+"""The answer of `check` in the terminal, and what it has in common with other answers."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable, Sequence
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from ...analysis.observability.causes import NullDirection
+from ...analysis.observability.check import Check
+from ...analysis.status import Verdict
+from ..run.geometry import check_lines
+from ..run.parameters import Judged, unit_of, worth_column
+from ..run.unobservable import beside_tolerances, direction_words
+from ..style.console import VERDICT_STYLE, marked, note
+from ..words import numbers
+from ..words.observability import advice_sentence, over_target_sentence
+from ..words.verdict import VERDICT_WORDS, check_headline, check_notes
+from ..words.wording import ended, label, person, sentence
+
+
+def print_check(console: Console, check: Check) -> None:
+    """The answer of `check`: verdict, predicted standard uncertainties, null-space directions, notes."""
+    print_verdict(console, check.verdict, check_headline(check, person))
+    print_notes(console, [sentence(note) for note in check_notes(check)])
+    console.print(Text("What this plan will determine", style="italic"))
+    table = Table(box=None, pad_edge=False)
+    worth, of = worth_column(check.geometry)
+    worth = "\n".join(textwrap.wrap(worth, 10))
+    for name in ("name", "predicted u", worth, "without prior", "prior", "status"):
+        table.add_column(name, justify="left" if name in ("name", "status") else "right")
+    for row in check.parameters:
+        unit = unit_of(row.unit)
+        if row.group == "geometry":
+            continue
+        alone = "infinite" if row.data_std is None else numbers.spread(row.data_std, unit)
+        table.add_row(
+            label(row.name),
+            "—" if row.std is None else numbers.spread(row.std, unit),
+            of(row) if row.group == "offset" or check.geometry.stated else "",
+            "—" if row.held else alone,
+            numbers.spread(row.prior_std, unit),
+            marked(row.status, row.status),
+        )
+    console.print(table)
+    for line in check_lines(check):
+        console.print(Text(line))
+    print_directions(console, check.identifiability.null_space, check.parameters)
+    if check.advice is not None:
+        console.print(Text(advice_sentence(check.advice)))
+    if check.over_target is not None:
+        console.print(
+            Text(
+                over_target_sentence(
+                    check.over_target, {row.name: unit_of(row.unit) for row in check.parameters}
+                )
+            )
+        )
+    off = max(posture.off_mm for posture in check.postures)
+    if off > 0.05:
+        console.print(
+            Text(
+                f"The postures point up to {numbers.significant(off, 2, 'mm')} away from the target;"
+                " the plan is judged with the wrist turned onto it."
+            )
+        )
+
+
+def print_verdict(console: Console, verdict: Verdict, said: str) -> None:
+    """A verdict with its sentence."""
+    console.print(Text(f"{VERDICT_WORDS[verdict]}. ", style=VERDICT_STYLE[verdict]) + Text(sentence(said)))
+
+
+def print_notes(console: Console, notes: Iterable[str]) -> None:
+    """What a reader must see."""
+    for text in notes:
+        console.print(note(ended(text)))
+
+
+def print_directions(
+    console: Console, directions: Sequence[NullDirection], parameters: Iterable[Judged]
+) -> None:
+    """What cannot be determined, why, and what to do."""
+    geometry = {row.name for row in parameters if row.group == "geometry"}
+    for direction in beside_tolerances(directions, geometry):
+        words = direction_words(direction)
+        console.print(
+            Text("✕ " if direction.kind == "exact" else "◆ ", style="bold")
+            + Text(f"{words.combination}: {words.kind}")
+        )
+        facts = Table.grid(padding=(0, 1))
+        facts.add_row("  why:", Text(words.reason))
+        facts.add_row("  to do:", Text(words.remedy))
+        console.print(facts)

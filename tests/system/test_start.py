@@ -1,0 +1,69 @@
+"""What a command loads: a library that is not used costs the time of one that is."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from cells import good_plan
+from command_line import plan_file
+
+from zerobeam.experiments.demos import demo_runs
+
+GOOD = next(run.path for run in demo_runs() if run.name == "good")
+LOADED = """
+import sys
+from zerobeam.cli import run
+sys.argv = ["zerobeam", *sys.argv[1:]]
+assert run() < 2
+print("loaded:", *sys.modules)
+"""
+
+
+def loaded(*arguments: object) -> set[str]:
+    """The modules that one command has loaded when it is done."""
+    command = [sys.executable, "-c", LOADED, *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return set(done.stdout.rpartition("loaded:")[2].split())
+
+
+def test_check_loads_no_statistics_no_sampler_and_no_figures(tmp_path: Path) -> None:
+    names = loaded("check", plan_file(tmp_path / "plan.yaml", good_plan(7)))
+    assert "numpy" in names
+    unused = {
+        "scipy.special",
+        "scipy.linalg",
+        "emcee",
+        "h5py",
+        "matplotlib",
+        "jinja2",
+        "typst",
+        "rich.progress",
+    }
+    assert names & {*unused, "zerobeam.analysis.result", "zerobeam.analysis.posterior.sampler"} == set()
+
+
+def test_analyse_loads_what_it_computes_with_and_no_figures() -> None:
+    names = loaded("analyse", GOOD)
+    assert {"emcee", "scipy.special"} <= names
+    unused = {
+        "scipy.stats",
+        "scipy.optimize",
+        "scipy.sparse",
+        "scipy.linalg",
+        "matplotlib",
+        "jinja2",
+        "typst",
+    }
+    assert names & {*unused, "rich.progress", "arviz_stats", "xarray", "pandas"} == set()
+
+
+@pytest.mark.parametrize("word", ["--help", "--version", "nothing"])
+def test_without_a_command_all_are_there(word: str) -> None:
+    command = [sys.executable, "-c", "from zerobeam.cli import main; main()", word]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    said = done.stdout + done.stderr
+    assert {"--help": "study", "--version": "zerobeam 0", "nothing": "No such command"}[word] in said
