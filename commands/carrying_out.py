@@ -6,7 +6,7 @@ import sys
 from contextlib import ExitStack
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -28,6 +28,7 @@ class RigName(StrEnum):
     SIMULATED = "simulated"
     REPLAY = "replay"
     ABB = "abb"
+    MANUAL = "manual"
 
 
 def run(
@@ -80,6 +81,17 @@ def run(
         str, typer.Option(help="ABB: digital output of the laser, NETWORK/UNIT/NAME.")
     ] = "Local/DRV_1/zb_laser",
     yes: Annotated[bool, typer.Option("--yes", help="ABB: move without asking first.")] = False,
+    watch: Annotated[
+        Path | None,
+        typer.Option(help="Manual: take the joint values from this file as it grows.", show_default=False),
+    ] = None,
+    units: Annotated[
+        Literal["deg", "rad"], typer.Option(help="Manual: unit of the joint values, if they state none.")
+    ] = "deg",
+    j3: Annotated[
+        Literal["ground", "link"] | None,
+        typer.Option(help="Manual: joint 3 is counted from; FANUC's pendant: ground.", show_default=False),
+    ] = None,
     closing: Annotated[
         bool,
         typer.Option("--closing", help="Measure the first posture again at the end: has the PSD moved?"),
@@ -100,15 +112,19 @@ def run(
 ) -> None:
     """Carry a plan out: bring the beam to the target from each posture, record, identify."""
     from ..experiments.procedure.events import Event, event_json
-    from ..experiments.recording import RunRequest, record
+    from ..experiments.recording import Answers, RunRequest, record
+    from ..experiments.rigs.manual.lines import TypedLines, WatchedLines
     from ..model.files.plan import read_plan
     from ..reports.terminal.answers import print_carried
+    from ..reports.terminal.led import led_view
     from ..reports.terminal.live import live_view
 
     if tolerance is not None and not adaptive:
         raise BadInput("--tolerance is for an adaptive run", remedy="add --adaptive, or leave it out")
     if sensors is not None and rig is not RigName.ABB:
         raise BadInput("--sensors is for the ABB rig", remedy="add --rig abb, or leave it out")
+    if watch is not None and rig is not RigName.MANUAL:
+        raise BadInput("--watch is for the manual rig", remedy="add --rig manual, or leave it out")
     if force and resume:
         raise BadInput("--force and --resume contradict each other", remedy="state one of the two")
     planned = read_plan(plan)
@@ -119,6 +135,10 @@ def run(
             # Access, then caution, then sensors: errors are reported before a port is opened.
             access, caution = _access(host, port, user, password), _caution(speed, egm_port, laser, yes)
             reached = _controller(opened, planned, access, sensors, sensor_port, caution)
+        answers: Answers | None = None
+        if rig is RigName.MANUAL:
+            lines = TypedLines(sys.stdin) if watch is None else WatchedLines(watch)
+            answers = Answers(lines, units, j3)
         request = RunRequest(
             rig=rig.value,
             seed=seed,
@@ -130,8 +150,9 @@ def run(
             closing=closing,
             force=force,
             controller=reached,
+            answers=answers,
         )
-        seen = opened.enter_context(live_view(err))
+        seen = led_view(err) if answers is not None else opened.enter_context(live_view(err))
 
         def told(event: Event) -> None:
             seen(event)

@@ -19,19 +19,22 @@ from ..model.files.shot import Shot
 from ..reports.words.findings import finding_sentence, headline
 from ..reports.words.rehearsal import SIMULATED, true_values
 from ..reports.words.wording import person
+from .arm_shown import COUNTED_FROM_GROUND
 from .procedure.events import Begun, Ended, KnownOffset, Told
 from .procedure.order import Adaptive, Closing, InTurn, Order
 from .procedure.session import Carried, Procedure, recorded_event, told_by
 from .rigs.abb.access import Access
 from .rigs.abb.caution import Caution
 from .rigs.abb.driver import AbbRig
+from .rigs.manual.lines import Lines
+from .rigs.manual.session import Manual
 from .rigs.replay import ReplayRig, require_planned
 from .rigs.simulated.cell_file import Cell, read_cell
 from .rigs.simulated.simulator import SimulatedRig
 from .sensors.interface import Sensors
 from .simulate import Truth, simulated_shots
 
-RigName = Literal["simulated", "replay", "abb"]
+RigName = Literal["simulated", "replay", "abb", "manual"]
 
 
 @dataclass(frozen=True)
@@ -45,10 +48,20 @@ class Controller:
 
 
 @dataclass(frozen=True)
+class Answers:
+    """Where the lines of a run by hand come from, the unit of their angles, what joint 3 is counted from."""
+
+    lines: Lines
+    units: Literal["deg", "rad"] = "deg"
+    j3: Literal["ground", "link"] | None = None
+
+
+@dataclass(frozen=True)
 class RunRequest:
     """How a plan is to be carried out. `tolerance` (deg; mm) asks for an adaptive run, `closing` for closing
     measurements; `cell` and `camera` are of the simulated rig, `recording` of the replay, `controller` of
-    ABB's. `force` lets a simulated run take the place of another simulated one."""
+    ABB's, `answers` of the rig that is a person. `force` lets a simulated run take the place of another
+    simulated one."""
 
     rig: RigName
     seed: int = 0
@@ -60,6 +73,7 @@ class RunRequest:
     closing: bool = False
     force: bool = False
     controller: Controller | None = None
+    answers: Answers | None = None
 
 
 def record(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
@@ -68,6 +82,8 @@ def record(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
     Raises BadInput before anything moves, RigFault where the rig stops: the measurements so far are in the
     file.
     """
+    if request.rig == "manual":
+        return _led(plan, file, request, told)
     if plan.header.tool.kind == "probe":
         return _by_hand(plan, file, request, told)
     rig, about = _rig(plan, request)
@@ -82,6 +98,34 @@ def record(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
         torn = journal.torn
     why = None if adaptive is None else adaptive.reason
     answer = _answer(plan, file, header, carried, torn, why)
+    told(answer)
+    return answer
+
+
+def _led(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
+    """A person, or a robot that goes its own way, says where the arm is."""
+    _refuse({"--cell": request.cell, "--recorded": request.recording}, "is not for a run by hand")
+    answers = request.answers
+    if answers is None:
+        raise BadInput("a run by hand needs somebody to answer", remedy="type the values, or state --watch")
+    if plan.header.tool.kind == "probe":
+        _refuse({"--adaptive": request.tolerance}, "is for a laser; the plan's tool is a probe")
+    if answers.j3 is None and plan.robot.vendor in COUNTED_FROM_GROUND:
+        raise BadInput(
+            f"what is joint 3 of {plan.robot.name} counted from?",
+            allowed="--j3 ground: as FANUC's pendants count it; --j3 link: from link 2",
+        )
+    adaptive = None if request.tolerance is None else Adaptive(plan, request.tolerance)
+    order: Order = adaptive or InTurn(len(plan.postures))
+    if request.closing:
+        order = Closing(order, len(plan.postures))
+    header = _header(plan, file, {"origin": "by hand", "plan sha256": plan.sha256})
+    with _journal(plan, file, header, request) as journal:
+        told(_begin(plan, journal, request))
+        led = Manual(plan, journal, order, told, answers.lines, answers.units, answers.j3 or "link")
+        carried = led.carry_out()
+        torn = journal.torn
+    answer = _answer(plan, file, header, carried, torn, None if adaptive is None else adaptive.reason)
     told(answer)
     return answer
 
@@ -175,7 +219,10 @@ def _journal(plan: Plan, file: Path, header: Header, request: RunRequest) -> Run
         return RunJournal(file, header)
     said = "the recording has a measurement that is not of this plan"
     remedy = "remove its line, or start without --resume under another name"
-    return RunJournal.resumed(file, header, lambda run: require_planned(plan, run, said, remedy))
+    by_hand = request.rig == "manual"  # a person may have said that another posture is meant
+    return RunJournal.resumed(
+        file, header, lambda run: require_planned(plan, run, said, remedy, anywhere=by_hand)
+    )
 
 
 def _require_rehearsal(file: Path, request: RunRequest) -> None:

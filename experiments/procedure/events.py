@@ -102,6 +102,49 @@ class Recorded(Event):
 
 
 @dataclass(frozen=True)
+class Asked(Event):
+    """A person is asked for measurement `shot`: `done` of `postures` are over; `joints_deg` as planned,
+    joint 3 as the pendant counts it."""
+
+    event: ClassVar[str] = "posture"
+    shot: int
+    target: str
+    done: int
+    postures: int
+    joints_deg: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Doubted(Event):
+    """What was typed is not recorded: `kind` is limit, radians, repeated, far, unreadable, refused or help;
+    `answers` are the words that record it all the same."""
+
+    event: ClassVar[str] = "doubt"
+    shot: int
+    kind: str
+    found: str
+    answers: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Withdrawn(Event):
+    """A measurement is taken out of the run file, to be repeated."""
+
+    event: ClassVar[str] = "withdrawn"
+    shot: int
+
+
+@dataclass(frozen=True)
+class Suspected(Event):
+    """A measurement contradicts the others: its residual at their fit, and the corrected p-value."""
+
+    event: ClassVar[str] = "suspect"
+    shot: int
+    p_value: float
+    residual_mm: float
+
+
+@dataclass(frozen=True)
 class Stopped(Event):
     """A fault of the rig, or an interruption, ended the run."""
 

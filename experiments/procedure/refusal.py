@@ -21,6 +21,7 @@ class Reason(StrEnum):
     NOT_CONVERGING = "not converging"
     UNSTEADY = "unsteady"
     READING = "joint reading"
+    SKIPPED = "skipped"
 
 
 class MeasurementRefused(Exception):

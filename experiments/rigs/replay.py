@@ -101,9 +101,9 @@ class ReplayRig:
         return np.asarray(np.linalg.solve(-axes.T, np.array(self._shot.spot_mm or (0.0, 0.0))))
 
 
-def require_planned(plan: Plan, run: Run, said: str, remedy: str) -> None:
+def require_planned(plan: Plan, run: Run, said: str, remedy: str, *, anywhere: bool = False) -> None:
     """BadInput for the first measurement that is not of the plan: by its number, its target, and with a laser
-    by the joints that no servo turns."""
+    by the joints that no servo turns, unless it may be `anywhere`."""
     kept = servo_joints(Problem.from_plan(plan)) == 0 if plan.header.tool.kind == "laser" else slice(0)
     planned_deg, count = plan.postures * plan.robot.display, len(plan.postures)
     for shot, line in zip(run.shots, run.lines, strict=True):
@@ -118,7 +118,7 @@ def require_planned(plan: Plan, run: Run, said: str, remedy: str) -> None:
             allowed = f"target {plan.targets[number]}, as the plan's posture {number}"
         else:
             off = np.abs(shot.joints_deg - planned_deg[number])[kept]
-            if off.max(initial=0.0) <= _SAME_POSTURE:
+            if anywhere or off.max(initial=0.0) <= _SAME_POSTURE:
                 continue
             found = (
                 f"measurement {shot.shot}, whose joint {np.argmax(off) + 1} is {off.max():.1f} deg (mm) off"

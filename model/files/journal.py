@@ -10,6 +10,8 @@ from io import FileIO
 from pathlib import Path
 from typing import Any, Self
 
+import numpy as np
+
 from ...interruption import uninterrupted
 from ..errors import BadInput, RigFault
 from .closing import Closing
@@ -70,8 +72,20 @@ class RunJournal(Closing):
                 allowed="each number once",
                 file=self.path,
             )
-        self._write(shot_text(shot))
+        began, text = self._end, shot_text(shot)
+        self._write(text)
         self._shots[shot.shot] = shot
+        self._places[shot.shot] = began, len(text.encode("utf-8")) - 1
+
+    def withdraw(self, number: int) -> None:
+        """Take a measurement out: its line becomes a blank one, at once, and all others stay as they are."""
+        start, length = self._places[number]
+        with uninterrupted(), self._closed_on_failure():
+            self._file.seek(start)
+            self._file.write(b" " * length)
+            os.fsync(self._file.fileno())
+            self._file.seek(self._end)
+        del self._shots[number], self._places[number]
 
     def _open(self, path: Path, header: Header, fits: Fits | None = None) -> None:
         if not path.is_file():
@@ -97,6 +111,12 @@ class RunJournal(Closing):
                 fits(run)
             self.header, self.robot = run.header, run.robot
             self._shots = {shot.shot: shot for shot in run.shots}
+            starts = np.cumsum([0, *(len(line) + 1 for line in content.split(b"\n"))])
+            self._places = {
+                shot.shot: (int(starts[line - 1]), int(starts[line] - starts[line - 1]) - 1)
+                for shot, line in zip(run.shots, run.lines, strict=True)
+                if line is not None
+            }
             self.torn: str | None = None
             if torn is not None:
                 self.torn = (

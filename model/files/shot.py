@@ -14,7 +14,7 @@ from ..robot import Robot
 from .header import Header
 from .limits import check_limits, require_joint_count
 from .reading import did_you_mean, shown
-from .validation import MOST, FileModel, TargetName, refusal
+from .validation import MOST, FileModel, Name, TargetName, refusal
 
 _NUMBERS = frozenset({float, int})
 
@@ -64,6 +64,7 @@ class Shot(FileModel):
         "without it: on the beam",
     )
     time_s: float | None = Field(default=None, description="when, seconds since the start of the run")
+    comment: Name | None = Field(default=None, description="what the operator noted; kept, not used")
 
 
 def check_distances(header: Header, targets: Sequence[str], *, file: Path | None, line: int | None) -> None:

@@ -461,3 +461,20 @@ def test_the_lock_goes_with_the_process_that_is_killed(path: Path, refused: Refu
             child.kill()
     with RunJournal.resumed(path, HEADER) as journal:
         assert [shot.shot for shot in journal.shots] == [0]
+
+
+def test_a_measurement_that_is_taken_out_leaves_all_others(path: Path) -> None:
+    """Also from a file that was resumed; its number may be recorded anew."""
+    with RunJournal(path, HEADER) as journal:
+        for number in range(4):
+            journal.append(made_shot(number))
+        journal.withdraw(1)
+        journal.append(made_shot(7))
+    assert [shot.shot for shot in read_run(path).shots] == [0, 2, 3, 7]
+    with RunJournal.resumed(path, HEADER) as journal:
+        journal.withdraw(2)
+        journal.append(made_shot(1))
+        journal.withdraw(1)
+        journal.append(made_shot(2))
+        assert [shot.shot for shot in journal.shots] == [0, 3, 7, 2]
+    assert list(read_run(path).shots) == [made_shot(number) for number in (0, 3, 7, 2)]

@@ -1,0 +1,103 @@
+"""What speaks against joint values that were typed: limits, the unit, an earlier measurement, the plan."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ....analysis.observability.aim import servo_joints
+from ....model.files.limits import ONE_TURN, ROUNDING
+from ....model.files.plan import Plan
+from ....model.files.shot import Shot
+from ....model.problem import Problem
+from ....model.robot import Matrix
+
+SAME_POSTURE = 5.0  # deg (mm): joints that are not turned onto the target are as planned
+_SAME = 1e-4  # deg (mm): an arm that has moved is not read the same in every joint
+
+Kind = Literal["limit", "radians", "repeated", "far"]
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """What speaks against a reading, and in a sentence. A `limit` cannot be overruled."""
+
+    kind: Kind
+    found: str
+
+
+class Judge:
+    """Judges readings against a plan."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan = plan
+        problem = Problem.from_plan(plan)
+        laser = plan.header.tool.kind == "laser"
+        self._kept = servo_joints(problem) == 0 if laser else np.ones(plan.robot.n, dtype=bool)
+        self._planned = plan.postures * plan.robot.display
+        self._turning = np.array([joint.kind == "revolute" for joint in plan.robot.joints])
+
+    def doubt(self, number: int, joints: Matrix, shots: Sequence[Shot]) -> Doubt | None:
+        """The first that speaks against `joints` (n,) deg or mm as measurement `number`, if anything does."""
+        return (
+            self._radians(joints)
+            or self._limit(joints)
+            or self._repeated(joints, shots)
+            or self._far(number, joints)
+        )
+
+    def near(self, joints: Matrix, left: Collection[int]) -> int | None:
+        """The posture of `left` whose joints these are, if they are one's alone."""
+        fitting = [number for number in left if self._off(number, joints).max(initial=0.0) <= SAME_POSTURE]
+        return fitting[0] if len(fitting) == 1 else None
+
+    def _off(self, number: int, joints: Matrix) -> Matrix:
+        """(n,) deg or mm that the joints differ from the posture; 0 for those that are turned."""
+        off = np.abs(joints - self._planned[number % len(self._planned)])
+        return np.where(self._kept, off, 0.0)
+
+    def _radians(self, joints: Matrix) -> Doubt | None:
+        turning = joints[self._turning]
+        if np.abs(turning).max(initial=0.0) > ONE_TURN or not turning.any():
+            return None
+        as_radians = np.where(self._turning, np.degrees(joints), joints)
+        here, there = (
+            min(self._off(each, values).max() for each in range(len(self._planned)))
+            for values in (joints, as_radians)
+        )
+        if here <= SAME_POSTURE or there >= here:
+            return None
+        return Doubt("radians", f"all angles are within ±{ONE_TURN}: these look like radians")
+
+    def _limit(self, joints: Matrix) -> Doubt | None:
+        robot = self._plan.robot
+        lower, upper = robot.lower * robot.display, robot.upper * robot.display
+        outside = np.flatnonzero((joints < lower - ROUNDING) | (joints > upper + ROUNDING))
+        if not outside.size:
+            return None
+        i = int(outside[0])
+        unit = robot.joints[i].unit
+        said = (
+            f"joint {i + 1} is at {joints[i]:.6g} {unit}, beyond its limits {lower[i]:.6g} to {upper[i]:.6g}"
+        )
+        return Doubt("limit", said)
+
+    def _repeated(self, joints: Matrix, shots: Sequence[Shot]) -> Doubt | None:
+        for shot in shots:
+            if np.abs(joints - shot.joints_deg).max() < _SAME:
+                return Doubt(
+                    "repeated", f"the joint values are those of measurement {shot.shot}: has the arm moved?"
+                )
+        return None
+
+    def _far(self, number: int, joints: Matrix) -> Doubt | None:
+        off = self._off(number, joints)
+        i = int(np.argmax(off))
+        if off[i] <= SAME_POSTURE:
+            return None
+        unit, planned = self._plan.robot.joints[i].unit, self._planned[number % len(self._planned)][i]
+        said = f"joint {i + 1} is at {joints[i]:.6g} {unit} and the plan has {planned:.6g}"
+        return Doubt("far", said)

@@ -1,0 +1,260 @@
+"""A run by hand: each posture is asked for, what is answered is judged, recorded, and its effect told.
+
+As with other rigs a run follows from the journal alone: a run that is resumed asks for what is not recorded.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from ....analysis.diagnostics.suspect import suspect
+from ....analysis.so_far import SoFar
+from ....interruption import obey
+from ....model.errors import BadInput
+from ....model.files.journal import RunJournal
+from ....model.files.plan import Plan
+from ....model.files.shot import Shot
+from ....model.problem import Problem
+from ....model.robot import Matrix
+from ...importers.typed import labelled, typed_joints
+from ...procedure.events import Asked, Doubted, GivenUp, Suspected, Told, Withdrawn
+from ...procedure.order import Order
+from ...procedure.refusal import Reason, RefusedPosture
+from ...procedure.session import Carried, recorded_event, told_by
+from .doubts import Doubt, Judge
+from .lines import Lines
+
+HELP = (
+    "joint values as the pendant shows them; or: skip [why], redo [measurement], comment TEXT, show, pause. "
+    "To a question: yes, rad (they are radians), as N (they are posture N)"
+)
+_MOST = 200  # characters of a comment
+_ANSWERS = ("yes", "rad", "as")
+_WORDS = ("skip", "redo", "comment", "show", "pause", "quit", "help", "?")
+
+
+@dataclass(frozen=True, eq=False)
+class _Held:
+    """Values (n,) deg or mm that wait for an answer to a doubt."""
+
+    joints: Matrix
+    doubt: Doubt
+
+
+class _Paused(Exception):
+    """No more lines come, or the person wants to go on later."""
+
+
+class _Decided(Exception):
+    """The posture under way is over without a measurement."""
+
+
+@dataclass(eq=False)
+class Manual:
+    """One session. `lines` says what the person or robot writes, `units` and `j3` what its numbers are."""
+
+    plan: Plan
+    journal: RunJournal
+    order: Order
+    told: Told
+    lines: Lines
+    units: Literal["deg", "rad"] = "deg"
+    j3: Literal["ground", "link"] = "link"
+    _refused: dict[int, RefusedPosture] = field(default_factory=dict, init=False)
+    _again: int | None = field(default=None, init=False)
+    _comment: str | None = field(default=None, init=False)
+
+    def __post_init__(self) -> None:
+        if self.j3 == "ground" and self.plan.robot.n < 3:
+            raise BadInput("--j3 ground is for arms with a joint 3", found=f"{self.plan.robot.n} joints")
+        self._problem = Problem.from_plan(self.plan)
+        self._judge = Judge(self.plan)
+        shots = self.journal.shots
+        self._since = time.monotonic() - (shots[-1].time_s or 0.0 if shots else 0.0)
+
+    def carry_out(self) -> Carried:
+        """Ask for postures until the order is through or no more lines come."""
+        state = told_by(self._problem, self.journal.shots)
+        while (number := self._following(state)) is not None:
+            try:
+                shot = self._measured(number)
+            except _Decided:
+                state = told_by(self._problem, self.journal.shots)
+                continue
+            except _Paused:
+                break
+            obey()
+            self.journal.append(shot)
+            self._again = None
+            state = told_by(self._problem, self.journal.shots)
+            assert state is not None
+            self.told(recorded_event(shot, len(self.journal.shots), state))
+            odd = suspect(state.solution.fit, state.dof) if state.judged else None
+            if odd is not None:
+                self.told(Suspected(odd.shot, odd.p_value, odd.residual_mm))
+        return Carried(self.journal.shots, tuple(self._refused.values()), state, {})
+
+    def _following(self, state: SoFar | None) -> int | None:
+        if self._again is not None:
+            return self._again
+        return self.order.following(self.journal.shots, self._refused, state)
+
+    def _measured(self, number: int) -> Shot:
+        """What is read as measurement `number`, or as another that is named."""
+        self._ask(number)
+        held: _Held | None = None
+        parts = ""
+        while True:
+            line = self.lines.following()
+            if line is None:
+                raise _Paused
+            text = line.strip()
+            word, _, rest = text.partition(" ")
+            word, rest = word.lower(), rest.strip()
+            joints: Matrix | None = None
+            if word in _ANSWERS and held is not None:
+                if word == "yes":
+                    if self._may_overrule(held.doubt):
+                        return self._shot(number, held.joints)
+                    self._say(number, "refused", held.doubt.found)
+                    continue
+                number = self._named(rest, number) if word == "as" else number
+                joints = self._degrees(held.joints) if word == "rad" else held.joints
+            elif word in (*_ANSWERS, *_WORDS):
+                parts = ""
+                self._command(word, rest, number)
+            elif text:
+                parts = f"{parts} {text}" if parts else text
+                if not self._unfinished(parts):
+                    joints, parts = self._read(number, parts), ""
+            if joints is None:
+                continue
+            number, doubt = self._judged(number, joints)
+            if doubt is None:
+                return self._shot(number, joints)
+            held = _Held(joints, doubt) if self.lines.confirms else None
+
+    def _unfinished(self, text: str) -> bool:
+        """Whether a person pasted the values of some joints by name, and the next line has others."""
+        named = labelled(text).keys()
+        return self.lines.confirms and 0 < len(named) < self.plan.robot.n
+
+    def _read(self, number: int, text: str) -> Matrix | None:
+        """(n,) the values of a text in degrees (mm), joint 3 from link 2; None where it cannot be read."""
+        try:
+            typed = typed_joints(text, self.plan.robot.n)
+        except BadInput as error:
+            self._say(number, "unreadable", f"{error.what}: {error.found}")
+            return None
+        joints = np.array(typed.values)
+        if (typed.unit or self.units) == "rad":
+            joints = joints * self.plan.robot.display
+        return self._from_link(joints)
+
+    def _judged(self, number: int, joints: Matrix) -> tuple[int, Doubt | None]:
+        """The measurement that these values are, and what speaks against them, which is said.
+
+        Who asks no questions, as a program does, is followed where it goes: to the posture that it is in.
+        """
+        doubt = self._judge.doubt(number, joints, self.journal.shots)
+        near = None if doubt is None else self._judge.near(joints, self._left())
+        if doubt is not None and doubt.kind == "far" and near is not None and not self.lines.confirms:
+            number, doubt = near, self._judge.doubt(near, joints, self.journal.shots)
+        if doubt is not None:
+            answers = ["yes"] if self._may_overrule(doubt) else []
+            answers += ["rad"] if doubt.kind == "radians" else []
+            answers += [f"as {near}"] if doubt.kind == "far" and near is not None else []
+            self._say(number, doubt.kind, doubt.found, answers if self.lines.confirms else ())
+        return number, doubt
+
+    def _say(self, number: int, kind: str, found: str, answers: Sequence[str] = ()) -> None:
+        self.told(Doubted(number, kind, found, tuple(answers)))
+
+    def _may_overrule(self, doubt: Doubt) -> bool:
+        """Values beyond a limit are recorded only where the header allows it."""
+        return doubt.kind != "limit" or self.plan.header.limits == "warn"
+
+    def _left(self) -> set[int]:
+        return set(range(len(self.plan.postures))) - {shot.shot for shot in self.journal.shots}
+
+    def _named(self, text: str, number: int) -> int:
+        left = self._left()
+        if text.isdecimal() and int(text) in left:
+            return int(text)
+        self._say(number, "unreadable", f"no posture {text or '(its number is missing)'} is left")
+        return number
+
+    def _command(self, word: str, rest: str, number: int) -> None:
+        if word in ("pause", "quit"):
+            raise _Paused
+        if word == "skip":
+            refused = RefusedPosture(number, Reason.SKIPPED, rest or "by the operator")
+            self._refused[number], self._again = refused, None
+            self.told(GivenUp(number, refused.reason, refused.found))
+            raise _Decided
+        if word == "redo":
+            self._redo(rest, number)
+        elif word == "comment":
+            self._comment = "".join(filter(str.isprintable, rest))[:_MOST].strip() or None
+        elif word == "show":
+            self._ask(number)
+        elif word in _ANSWERS:
+            self._say(number, "unreadable", f"there is no question that '{word}' answers")
+        else:
+            self._say(number, "help", HELP)
+
+    def _redo(self, text: str, number: int) -> None:
+        shots = {shot.shot for shot in self.journal.shots}
+        last = self.journal.shots[-1].shot if shots else None
+        wanted = int(text) if text.isdecimal() else last if not text else None
+        if wanted is None or wanted not in shots:
+            self._say(number, "unreadable", f"there is no measurement {f'{text} ' if text else ''}to repeat")
+            return
+        self.journal.withdraw(wanted)
+        self._again = wanted
+        self.told(Withdrawn(wanted))
+        raise _Decided
+
+    def _ask(self, number: int) -> None:
+        place = number % len(self.plan.postures)
+        joints = self.plan.postures[place] * self.plan.robot.display
+        if self.j3 == "ground":
+            joints = joints.copy()
+            joints[2] -= joints[1]
+        self.told(
+            Asked(
+                shot=number,
+                target=self.plan.targets[place],
+                done=len(self.journal.shots) + len(self._refused),
+                postures=len(self.plan.postures),
+                joints_deg=tuple(round(float(value), 6) for value in joints),
+            )
+        )
+
+    def _degrees(self, joints: Matrix) -> Matrix:
+        """Values that were taken for degrees and are radians."""
+        back = joints.copy()
+        if self.j3 == "ground":
+            back[2] -= back[1]
+        return self._from_link(back * self.plan.robot.display)
+
+    def _from_link(self, joints: Matrix) -> Matrix:
+        if self.j3 == "ground":
+            joints = joints.copy()
+            joints[2] += joints[1]
+        return joints
+
+    def _shot(self, number: int, joints: Matrix) -> Shot:
+        comment, self._comment = self._comment, None
+        return Shot(
+            shot=number,
+            target=self.plan.targets[number % len(self.plan.postures)],
+            joints_deg=tuple(round(float(value), 9) for value in joints),
+            time_s=round(time.monotonic() - self._since, 3),
+            comment=comment,
+        )

@@ -1,0 +1,212 @@
+"""`zerobeam run PLAN --rig manual`: a person is led, or a file is watched."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cells import good_plan
+from command_line import Answer, plan_file, zerobeam
+
+from zerobeam.experiments.recording import Answers, RunRequest, record
+from zerobeam.experiments.rigs.manual.lines import WatchedLines
+from zerobeam.experiments.simulate import Truth, simulated_shots
+from zerobeam.model.files.plan import read_plan
+from zerobeam.model.files.run import read_run
+
+POSTURES = [
+    [-69.348, -18.862, 49.270, 136.545, -39.529, -82.750],
+    [70.583, -18.738, 43.354, -137.022, -72.592, 75.127],
+    [48.951, 71.922, -72.708, 44.776, 95.417, -51.190],
+    [48.228, -33.230, 40.231, 47.941, -67.007, -65.266],
+    [-17.603, 77.423, -75.731, -39.334, 80.942, 49.244],
+]
+TYPED = [" ".join(map(str, posture)) for posture in POSTURES]
+IN_RADIANS = ", ".join(map(str, np.radians(POSTURES[1]).round(9)))
+
+
+@pytest.fixture
+def plan(tmp_path: Path) -> Path:
+    path = tmp_path / "plan.yaml"
+    path.write_text(
+        "schema: zerobeam/plan/1\nrobot: irb1600\n"
+        "tool: {kind: laser, point_mm: [0, 0, 65], direction: [1, 0, 0]}\n"
+        "noise: {joint_deg: 0.01, spot_mm: 0.05}\ntargets: {psd: {guess_mm: [900, 0, 0], sigma_mm: 200}}\n"
+        "postures_deg:\n" + "".join(f"  - {posture}\n" for posture in POSTURES),
+        encoding="utf-8",
+    )
+    return path
+
+
+def led(plan: Path, monkeypatch: pytest.MonkeyPatch, *lines: str, asked: tuple[str, ...] = ()) -> Answer:
+    monkeypatch.setattr("sys.stdin", io.StringIO("".join(f"{line}\n" for line in lines)))
+    return zerobeam("run", plan, "--rig", "manual", "-o", plan.parent / "run.jsonl", *asked)
+
+
+def joints_of(plan: Path) -> dict[int, list[float]]:
+    return {shot.shot: list(shot.joints_deg) for shot in read_run(plan.parent / "run.jsonl").shots}
+
+
+WHOLE = dict(enumerate(POSTURES))
+
+
+def test_a_person_is_led_through_the_plan(plan: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    answer = led(plan, monkeypatch, *TYPED)
+    assert answer.status == 0, answer.err
+    assert joints_of(plan) == WHOLE
+    assert "Posture 1 of 5 (measurement 0), target psd" in answer.err
+    assert "u, ° or mm: J2" in answer.err
+    assert "→" in answer.err
+    assert "Pass" in answer.out
+
+
+def test_a_run_that_is_paused_at_any_point_goes_on(plan: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert led(plan, monkeypatch, *TYPED[:2], "pause", *TYPED[2:]).status == 1  # too few to pass
+    assert list(joints_of(plan)) == [0, 1]
+    led(plan, monkeypatch, TYPED[2], asked=("--resume",))  # the input ends
+    answer = led(plan, monkeypatch, *TYPED[3:], asked=("--resume",))
+    assert answer.status == 0
+    assert "3 measurements recorded already" in answer.err
+    assert joints_of(plan) == WHOLE
+
+
+def test_any_common_form_over_several_lines_and_radians(plan: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pendant = [f"J{i}= {value} deg" for i, value in enumerate(POSTURES[0], start=1)]
+    lines = [
+        *pendant,
+        f"[{IN_RADIANS}] rad",
+        TYPED[2].replace(" ", "\t"),
+        f"[{TYPED[3].replace(' ', ', ')}]",
+        TYPED[4],
+    ]
+    assert led(plan, monkeypatch, *lines).status == 0
+    for number, joints in joints_of(plan).items():
+        np.testing.assert_allclose(joints, POSTURES[number], rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("lines", "said"),
+    [
+        ([IN_RADIANS, "rad"], "these look like radians"),
+        (["1 2 3", TYPED[1]], "(3 numbers)"),
+        (["1.2 70 degrees 0.5 rad 4 5 6 7", TYPED[1]], "these are not the joint values"),
+        (["X 100 Y 200 Z 300 A 0 B 90 C 0", TYPED[1]], "Cartesian"),
+        ([TYPED[0], TYPED[1]], "those of measurement 0: has the arm moved?"),
+        (["70 -18 43 -137 -72 4750", "yes", TYPED[1]], "joint 6 is at 4750 deg, beyond its limits"),
+        (
+            ["20 -18.738 43.354 -137.022 -72.592 75.127", TYPED[1]],
+            "joint 1 is at 20 deg and the plan has",
+        ),
+        (["yes", TYPED[1]], "no question"),
+        (["redo 7", TYPED[1]], "no measurement 7 to repeat"),
+        (["help", TYPED[1]], "redo [measurement]"),
+    ],
+)
+def test_what_is_doubtful_is_said_and_not_recorded(
+    lines: list[str], said: str, plan: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answer = led(plan, monkeypatch, TYPED[0], *lines, *TYPED[2:])
+    assert said in answer.err
+    assert answer.status == 0
+    for number, joints in joints_of(plan).items():
+        np.testing.assert_allclose(joints, POSTURES[number], rtol=0, atol=1e-6)
+    assert list(joints_of(plan)) == [0, 1, 2, 3, 4]
+
+
+def test_skip_redo_comment_and_another_posture(plan: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    other = "-69.4 -18.862 49.270 136.545 -39.529 -82.750"
+    lines = [other, TYPED[1], "redo 0", "comment beam flickers \x1b[31m", TYPED[0]]  # 0 once more
+    lines += [TYPED[3], "as 3", "skip the fence", TYPED[4]]  # posture 3 where 2 was asked, then 2 skipped
+    answer = led(plan, monkeypatch, *lines)
+    assert joints_of(plan) == {number: POSTURES[number] for number in (1, 0, 3, 4)}
+    shots = {shot.shot: shot for shot in read_run(plan.parent / "run.jsonl").shots}
+    assert shots[0].comment == "beam flickers [31m"
+    assert shots[1].comment is None
+    assert "Measurement 0 is taken out" in answer.err
+    assert "skipped" in answer.out
+    # A resumed run asks for what was skipped.
+    assert "Posture 5 of 5 (measurement 2)" in led(plan, monkeypatch, TYPED[2], asked=("--resume",)).err
+    assert set(joints_of(plan)) == {0, 1, 2, 3, 4}
+
+
+def test_the_measurement_that_contradicts_the_others_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = good_plan(7)
+    drawn = np.random.default_rng(3)
+    shots = list(simulated_shots(Truth.drawn(plan, drawn), drawn))
+    path = plan_file(tmp_path / "plan.yaml", plan)
+
+    def suspects(off_deg: float) -> set[int]:
+        lines = []
+        for shot in shots:
+            joints = np.array(shot.joints_deg)
+            joints[4] += off_deg if shot.shot == 3 else 0.0
+            lines.append(" ".join(map(str, joints)))
+        (tmp_path / "run.jsonl").unlink(missing_ok=True)
+        events = led(path, monkeypatch, *lines, asked=("--json-lines",)).out.splitlines()
+        return {each["shot"] for each in map(json.loads, events) if each["event"] == "suspect"}
+
+    assert suspects(0.0) == set()
+    assert suspects(1.0) == {3}
+
+
+def test_a_fanuc_is_asked_what_joint_3_is_counted_from(plan: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan.write_text(
+        plan.read_text(encoding="utf-8")
+        .replace("irb1600", "m10ia")
+        .replace("targets", "limits: warn\ntargets"),
+        encoding="utf-8",
+    )
+    assert "counted from" in led(plan, monkeypatch, TYPED[0]).refused()
+    ground = np.array(POSTURES[0]) - [0, 0, POSTURES[0][1], 0, 0, 0]
+    led(plan, monkeypatch, " ".join(map(str, ground)), "pause", asked=("--j3", "ground"))
+    np.testing.assert_allclose(joints_of(plan)[0], POSTURES[0], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("option", [("--watch", "x"), ("--cell", "x")])
+def test_options_of_other_rigs(option: tuple[str, str], plan: Path) -> None:
+    rig = "simulated" if option[0] == "--watch" else "manual"
+    answer = zerobeam("run", plan, "--rig", rig, "-o", plan.parent / "run.jsonl", *option)
+    assert option[0] in answer.refused()
+
+
+def test_a_watched_file_truncated_and_half_written(plan: Path) -> None:
+    """A robot writes 2 before 1, repeats itself, breaks off in a line, and the file is emptied between."""
+    log, file = plan.parent / "log.txt", plan.parent / "run.jsonl"
+    half, rest = TYPED[3][:13], TYPED[3][13:]
+    contents = [
+        "header line\n" + TYPED[0] + "\n",
+        "header line\n" + TYPED[0] + "\n" + TYPED[2] + "\n" + TYPED[2] + "\n" + half,
+        "header line\n" + TYPED[0] + "\n" + TYPED[2] + "\n" + TYPED[2] + "\n" + half + rest + "\n",
+        "",
+        "1 2\n" + TYPED[1] + "\n" + IN_RADIANS + "\n",
+        "1 2\n" + TYPED[1] + "\n" + IN_RADIANS + "\n" + TYPED[4] + "\n",
+    ]
+
+    def wait(seconds: float) -> bool:
+        if not contents:
+            return False
+        log.write_text(contents.pop(0), encoding="utf-8")
+        return True
+
+    events = []
+    request = RunRequest("manual", answers=Answers(WatchedLines(log, wait)))
+    record(read_plan(plan), file, request, events.append)
+    assert {shot.shot: list(shot.joints_deg) for shot in read_run(file).shots} == WHOLE
+    kinds = [event.kind for event in events if event.event == "doubt"]
+    assert set(kinds) == {"unreadable", "repeated", "radians"}
+
+
+def test_a_resumed_watch_takes_nothing_twice(plan: Path) -> None:
+    log, file = plan.parent / "log.txt", plan.parent / "run.jsonl"
+    log.write_text("\n".join(TYPED[:3]) + "\n", encoding="utf-8")
+    request = RunRequest("manual", answers=Answers(WatchedLines(log, lambda seconds: False)))
+    record(read_plan(plan), file, request, lambda event: None)
+    log.write_text("\n".join(TYPED) + "\n", encoding="utf-8")
+    again = RunRequest("manual", resume=True, answers=Answers(WatchedLines(log, lambda seconds: False)))
+    record(read_plan(plan), file, again, lambda event: None)
+    assert {shot.shot: list(shot.joints_deg) for shot in read_run(file).shots} == WHOLE
