@@ -27,7 +27,7 @@ from .findings import findings
 from .observability.geometry import geometry_result
 from .optima import undecided_names
 from .posterior.intervals import intervals
-from .posterior.posterior import UNSAMPLED, Draws, sample_posterior
+from .posterior.posterior import NOTHING_KNOWN, UNSAMPLED, Draws, sample_posterior
 from .result import DistanceResult, Inputs, LikelihoodSummary, MidpointSummary, Result
 from .solution import ParameterTable, Solution, require_noise_data
 from .solved import solved
@@ -96,7 +96,10 @@ def _analyse(
     problem = solution.problem
     tell("identifiability", 1.0)
     posterior, draws = UNSAMPLED, None
-    if solution.converged:
+    if solution.converged and not solution.known:
+        # All of the posterior that may be shown are the priors, and few numbers for many unknowns mix worst.
+        posterior = NOTHING_KNOWN
+    elif solution.converged:
         tell("posterior", 0.0)
         posterior, draws = sample_posterior(
             solution, seed=seed, ess=ess, progress=lambda share: tell("posterior", share)

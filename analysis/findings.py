@@ -124,7 +124,7 @@ def findings(
         moved = None
     return (
         *on_the_model(solution),
-        *((NoPosterior(posterior),) if solution.converged and not posterior.converged else ()),
+        *((NoPosterior(posterior),) if posterior.draws and not posterior.converged else ()),
         *(() if moved is None else (moved,)),
         *on_held_out(held_out),
         *(_on_shots(solution, shots) if robust is None else _on_robust(robust)),

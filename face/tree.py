@@ -35,7 +35,7 @@ def posterior_tree(result: Result, draws: Draws | None) -> xr.DataTree:
         raise BadInput(
             "there are no draws of the posterior",
             found=likelihood_message(result.likelihood) or posterior_message(result.posterior),
-            allowed="a fit that converged",
+            allowed="a fit that converged, with a parameter that is identifiable",
         )
     if not draws.converged:
         warnings.warn(posterior_message(result.posterior), UnconvergedPosterior, stacklevel=3)

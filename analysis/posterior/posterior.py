@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import NormalDist
 from typing import Literal
 
@@ -53,8 +53,8 @@ class PosteriorParameter:
 class PosteriorSummary:
     """Diagnostics of the sampling; `parameters` is None unless it converged.
 
-    `drifts`: the ensembles agree, but their draws still drift. Without any draws it was not sampled, since
-    the fit did not converge.
+    `drifts`: the ensembles agree, but their draws still drift. Without any draws it was not sampled: no
+    parameter is identifiable (`nothing_known`), or the fit did not converge.
     """
 
     converged: bool
@@ -67,6 +67,7 @@ class PosteriorSummary:
     acceptance: float | None
     seconds: float
     parameters: tuple[PosteriorParameter, ...] | None
+    nothing_known: bool = False
 
     def __post_init__(self) -> None:
         if self.parameters is not None and not self.converged:
@@ -74,6 +75,7 @@ class PosteriorSummary:
 
 
 UNSAMPLED = PosteriorSummary(False, False, 0, 0, 0, None, None, None, 0.0, None)
+NOTHING_KNOWN = replace(UNSAMPLED, nothing_known=True)
 
 
 @dataclass(frozen=True)

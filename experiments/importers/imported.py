@@ -13,7 +13,7 @@ import numpy as np
 from ...model.errors import BadInput
 from ...model.files.header import Header, check_header, read_header
 from ...model.files.limits import check_limits
-from ...model.files.reading import read_yaml
+from ...model.files.reading import Place, read_yaml
 from ...model.files.robot_file import load_robot, rebased
 from ...model.files.shot import Shot, check_distances, check_shot, unknown_targets
 from ...model.files.validation import validate
@@ -106,19 +106,20 @@ class Job:
     def _shots(self, part: Found, first: int) -> list[Shot]:
         """Times of several files have no common start: only those of a single file are kept."""
         times = part.times if len(self.paths) == 1 else None
+        columns = {
+            "shot": range(first, first + len(part.joints)) if part.numbers is None else part.numbers,
+            "target": part.targets,
+            "joints_deg": part.joints.tolist(),
+        }
+        if part.spots is not None:
+            columns["spot_mm"] = part.spots.tolist()
+        if times is not None:
+            columns["time_s"] = times.tolist()
         shots = []
-        for i, (row, target) in enumerate(zip(part.joints.tolist(), part.targets, strict=True)):
-            content = {
-                "shot": first + i if part.numbers is None else part.numbers[i],
-                "target": target,
-                "joints_deg": row,
-                "spot_mm": None if part.spots is None else part.spots[i].tolist(),
-                "time_s": None if times is None else float(times[i]),
-            }
-            stated = {key: value for key, value in content.items() if value is not None}
+        for i, row in enumerate(zip(*columns.values(), strict=True)):
             line = None if part.lines is None else part.lines[i]
             try:
-                shot = validate(Shot, stated, file=None, line=lambda _: None)
+                shot = validate(Shot, dict(zip(columns, row, strict=True)), file=None, line=_nowhere)
                 check_shot(self.header, self.robot, shot, file=None, line=None)
             except BadInput as error:
                 raise error.at(part.path, line) from None
@@ -133,6 +134,10 @@ class Job:
             check_limits(self.robot, part.joints, part.noun, numbers, lines, limits="error", file=None)
         except BadInput as error:
             raise error.at(part.path, error.line or None) from None
+
+
+def _nowhere(_: Place) -> None:
+    """The line of a value: `_shots` knows that of the whole row."""
 
 
 def one_target_each(paths: Sequence[Path], targets: Sequence[str]) -> None:

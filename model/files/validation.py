@@ -6,6 +6,7 @@ import math
 import re
 import types
 from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar, Union, get_args, get_origin
 
@@ -52,8 +53,13 @@ class FileModel(BaseModel):
     @model_validator(mode="after")
     def _within_bounds(self) -> Self:
         for name, value in self.__dict__.items():
-            unit = name.rpartition("_")[2]
-            most, of = (LARGEST[unit], f" {unit}") if unit in LARGEST else (LARGEST_OTHER, "")
+            if value is None or type(value) is str:
+                continue
+            most, of = _largest(name)
+            if type(value) is tuple and _FLOAT.issuperset(map(type, value)):
+                # At once where there are millions: joints of a measurement.
+                if -most <= min(value, default=0.0) and max(value, default=0.0) <= most:
+                    continue
             inner = value.items() if type(value) is dict and of else ()
             parts = enumerate(value) if type(value) is tuple else inner or ((None, value),)
             for part, number in parts:
@@ -67,6 +73,16 @@ class FileModel(BaseModel):
                         remedy="correct the number, or its unit",
                     )
         return self
+
+
+_FLOAT = frozenset({float})
+
+
+@cache
+def _largest(name: str) -> tuple[float, str]:
+    """The largest magnitude of a key's numbers, and the unit that ends the key."""
+    unit = name.rpartition("_")[2]
+    return (LARGEST[unit], f" {unit}") if unit in LARGEST else (LARGEST_OTHER, "")
 
 
 def refusal(

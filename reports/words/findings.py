@@ -140,6 +140,8 @@ def likelihood_message(fit: LikelihoodSummary) -> str | None:
 
 def posterior_message(posterior: PosteriorSummary) -> str:
     """How the sampling went."""
+    if posterior.nothing_known:
+        return "not sampled: no parameter is identifiable"
     if posterior.draws == 0:
         return "not sampled: the fit did not converge"
     rhat = "not finite" if posterior.rhat_max is None else f"{posterior.rhat_max:.3f}"

@@ -154,7 +154,7 @@ def _midpoint(fit: MidpointSummary) -> dict[str, Any]:
 
 
 def _posterior(result: Result) -> dict[str, Any]:
-    own = _without(result.posterior, "posterior", "drifts")
+    own = _without(result.posterior, "posterior", "drifts", "nothing_known")
     return {"converged": own.pop("converged"), "message": posterior_message(result.posterior), **own}
 
 

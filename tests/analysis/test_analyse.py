@@ -196,6 +196,26 @@ def test_the_x_pattern_claims_nothing_of_delta2(noise):
     assert 5.0 * math.sqrt(inverse[0, 0]) < 0.1
 
 
+def test_nothing_is_sampled_where_no_parameter_is_identifiable(monkeypatch):
+    """Two measurements of the 7, 4 numbers for 8 unknowns: they spent the sampler's whole budget."""
+    own = good_plan()
+    _, run = simulated(own, TABLE_2)
+
+    def sampled(*_, **__):
+        raise AssertionError
+
+    monkeypatch.setattr("zerobeam.analysis.analyse.sample_posterior", sampled)
+    found = analyse(run_of(own.header, run.shots[:2], own.robot))
+    assert {row.status for row in found.result.parameters} == {"held", "unidentifiable"}
+    assert found.draws is None
+    answer = to_json(found.result)
+    assert answer["posterior"]["message"] == "not sampled: no parameter is identifiable"
+    assert answer["posterior"]["parameters"] is None
+    assert not any("posterior" in note for note in answer["notes"])
+    with pytest.raises(AssertionError):
+        analyse(run)
+
+
 FREED = {
     "delta1": ({}, ["delta1"], "base frame"),
     "delta6": ({"tool": OPEN_LASER}, ["delta6"], "section 3.1"),

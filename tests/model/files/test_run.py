@@ -8,7 +8,7 @@ import pytest
 
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.header import Header
-from zerobeam.model.files.run import read_run, write_run
+from zerobeam.model.files.run import read_run, shot_text, write_run
 from zerobeam.model.files.shot import Shot
 
 HEADER = {
@@ -306,6 +306,21 @@ def test_what_was_written_is_read_again_to_the_last_digit(tmp_path):
     assert run.header.schema_ == "zerobeam/run/1"
     assert run.header.noise == model().noise
     assert [entry.name for entry in tmp_path.iterdir()] == ["r.jsonl"]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"target": 'a "ß", b', "joints_deg": [0.1, -0.0, 1e-7, 1e5, 1 / 3, 5]},
+        {"spot_mm": [1e-12, 2], "time_s": 0.0},
+        {"time_s": 1e12},
+    ],
+)
+def test_the_line_of_a_shot_is_json_without_blanks(changes):
+    own = Shot.model_validate(shot(7, **changes))
+    stated = {key: value for key, value in own if value is not None}
+    assert shot_text(own) == json.dumps(stated, ensure_ascii=False, separators=(",", ":")) + "\n"
 
 
 def test_nothing_is_overwritten_and_nothing_unsound_is_written(tmp_path, refused):
