@@ -56,10 +56,10 @@ class FileModel(BaseModel):
             if value is None or type(value) is str:
                 continue
             most, of = _largest(name)
-            if type(value) is tuple and _FLOAT.issuperset(map(type, value)):
-                # At once where there are millions: joints of a measurement.
-                if -most <= min(value, default=0.0) and max(value, default=0.0) <= most:
-                    continue
+            # All parts at once where there may be millions: the joints of a measurement.
+            floats = type(value) is tuple and _FLOAT.issuperset(map(type, value))
+            if floats and -most <= min(value, default=0.0) and max(value, default=0.0) <= most:
+                continue
             inner = value.items() if type(value) is dict and of else ()
             parts = enumerate(value) if type(value) is tuple else inner or ((None, value),)
             for part, number in parts:
