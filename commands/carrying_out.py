@@ -238,13 +238,14 @@ def controller(
                     packet_faults=faults,
                 )
             )
+            devices = {}
+            if amplifier is not None:
+                devices = stand_ins(opened, CellSensors(simulated.irc5), amplifier)
             out.print(f"Robot Web Services: {simulated.url}", soft_wrap=True, markup=False)
             out.print(f"EGM: to {client}, port {simulated.egm_port}", soft_wrap=True, markup=False)
             out.print(f"PSD and camera: {bind}, port {simulated.sensor_port}", soft_wrap=True, markup=False)
-            if amplifier is not None:
-                beside = CellSensors(simulated.irc5)
-                for target, device in stand_ins(opened, beside, amplifier).items():
-                    out.print(f"PSD amplifier of {target}: {device}", soft_wrap=True, markup=False)
+            for target, device in devices.items():
+                out.print(f"PSD amplifier of {target}: {device}", soft_wrap=True, markup=False)
             out.print("Ctrl-C ends it.")
             threading.Event().wait()
         except KeyboardInterrupt:

@@ -412,7 +412,7 @@ def faults(answer: Answer, before: Files, after: Files, seconds: float, kilobyte
     found = [word for word in _NOT_FOR_PEOPLE if word in answer.err]
     if answer.status not in (0, 1, 2, 3) and answer.err != "stopped\n":
         found.append(f"status {answer.status}")
-    if answer.status in (2, 3):
+    if answer.status == 2 or (answer.status == 3 and not answer.out):  # else the answer says what failed
         if answer.err.count("error: ") != 1 and "Usage: " not in answer.err:
             found.append("not one message")
         if answer.status == 2 and answer.out:

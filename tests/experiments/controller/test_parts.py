@@ -5,12 +5,14 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from cells import header, plan_of, random_robot, varied_postures
 from child import DEAF, ZEROBEAM, child
+from command_line import zerobeam
 from controllers import FAST, Client, controller, plan
 
 from zerobeam.experiments.controller.cell_behind import CellBehind
@@ -212,3 +214,12 @@ def test_the_command_serves_until_it_is_ended(how: signal.Signals) -> None:
     assert lines[0].startswith("Robot Web Services: http://127.0.0.1:")
     assert "robotics" not in "".join(lines) + rest
     assert rest == ""
+
+
+def test_nothing_is_printed_before_the_amplifier_is_known(tmp_path: Path) -> None:
+    """Found by damaged files: the addresses of a controller that did not stand."""
+    file = tmp_path / "psd.yaml"
+    file.write_text("schema: zerobeam/psd-calibration/1\n")
+    ports = ["--port", "0", "--egm-port", "0", "--sensor-port", "0"]
+    answer = zerobeam("controller", *ports, "--amplifier", file)
+    assert "psd.yaml, line 1" in answer.refused()
