@@ -7,6 +7,7 @@ part of the information, so that few shots are no singular case.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from ...model.errors import FitFailed
 from ...model.robot import Matrix
+from .pair_exchange import exchange_pairs
 
 Criterion = Literal["A", "D", "E"]
 Index = NDArray[np.int64]
@@ -31,10 +33,13 @@ _ROUNDS = 60
 _INNER = 200
 _ADDED = 20
 _CUTS = 60
-_CUTS_AT_ONCE = 3
+_CUTS_AT_ONCE = 5
 _CUTS_KEPT = 18  # whether or not they have a price
-_COLUMNS = 30
-_GAP_E = 5e-3
+_COLUMNS = 12
+_GAP_E = 2e-3
+_GAP_START = 1e-3  # of the A-optimum that E begins with
+_PAIRED = 300  # candidates of which E exchanges two at once
+_PAIRED_STARTS = 4  # different ones that are begun from
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,25 +92,29 @@ def design(
 ) -> Design:
     """Choose `shots` different candidates by exchanges from several starts, with a bound on the best.
 
-    The starts are rounded from the continuous optimum and drawn at random (fixed by `seed`).
+    The starts are rounded from the continuous optimum and drawn at random (fixed by `seed`). For E the
+    best of them go on to exchanges of two shots at once.
     """
-    ideal = continuous(candidates, shots, criterion)
+    ideal = continuous(candidates, shots, criterion, most=1 / shots)
     _, numbers, unknowns = candidates.roots.shape
     most = _NEAR if shots * numbers >= unknowns else _NEAR_FEW
     near = np.union1d(np.argsort(-ideal.gain)[: max(most, shots)], np.flatnonzero(ideal.weights > 0))
     few = Candidates(candidates.roots[near], candidates.offsets)
     rng = np.random.default_rng(seed)
-    best: tuple[float, Index] | None = None
+    found: dict[tuple[int, ...], float] = {}
     for start in range(starts):
         rows = _start(ideal.weights[near], shots, rng, rounded=start % 4 != 3)
         if criterion == "E":
             # The largest eigenvalue has kinks in which exchanges get stuck: a smooth mean comes first.
             _, rows = _exchange(few, rows, "soft")
         value, rows = _exchange(few, rows, criterion)
-        if best is None or value < best[0]:
-            best = value, rows
-    assert best is not None
-    value, rows = _exchange(candidates, near[best[1]], criterion)
+        found[tuple(np.sort(rows).tolist())] = value
+    best = sorted(found, key=found.__getitem__)
+    rows = np.array(best[0])
+    if criterion == "E":
+        promising = np.argsort(-ideal.gain[near], kind="stable")[:_PAIRED]
+        rows = _exchange_two(few, best[:_PAIRED_STARTS], promising, rng)
+    value, rows = _exchange(candidates, near[rows], criterion)
     support = int((ideal.weights > 1e-4).sum())
     return Design(criterion, np.sort(rows), value, min(ideal.bound, value), support)
 
@@ -126,8 +135,11 @@ def offset_covariance(candidates: Candidates, information: Matrix) -> Matrix:
     return np.asarray(np.linalg.inv(information)[np.ix_(candidates.offsets, candidates.offsets)])
 
 
-def continuous(candidates: Candidates, shots: int, criterion: Criterion) -> Continuous:
-    """The best continuous design of `shots` shots, with a lower bound for every design.
+def continuous(
+    candidates: Candidates, shots: int, criterion: Criterion, *, most: float = 1.0, gap: float = _GAP
+) -> Continuous:
+    """The best continuous design of `shots` shots, with a lower bound for every design that gives no
+    candidate a share above `most` (1 / `shots` where all are different), to within a `gap` of it.
 
     Multiplicative updates on an active set, to which the candidates that violate the equivalence theorem
     (Kiefer & Wolfowitz 1960; Pukelsheim 1993, chapter 7) most are added until the bound is tight. The
@@ -135,7 +147,7 @@ def continuous(candidates: Candidates, shots: int, criterion: Criterion) -> Cont
     wherever the updates stop.
     """
     if criterion == "E":
-        return _continuous_e(candidates, shots)
+        return _continuous_e(candidates, shots, most)
     active = _spread(candidates, 4 * candidates.roots.shape[2])
     weights = np.full(len(active), 1 / len(active))
     best_bound = 0.0
@@ -145,18 +157,18 @@ def continuous(candidates: Candidates, shots: int, criterion: Criterion) -> Cont
             at = _Slope(candidates, own, weights, shots, criterion)
             gain = at.gain(own)
             total = float(weights @ gain)
-            if gain.max() - total <= _GAP / 4 * at.scale:
+            if gain.max() - total <= gap / 4 * at.scale:
                 break
             weights = weights * np.sqrt(gain / total)
             weights /= weights.sum()
         everywhere = at.gain(candidates.roots)
-        bound = at.bound(float(everywhere.max()) - total)
+        bound = at.bound(_most_of(everywhere, most) - total)
         best_bound = max(best_bound, bound)
-        if bound >= at.value * (1 - _GAP):
+        if bound >= at.value * (1 - gap):
             break
         kept = weights > 1e-6
         promising = np.argsort(-everywhere)[:_ADDED]
-        promising = promising[everywhere[promising] > total + _GAP / 4 * at.scale]
+        promising = promising[everywhere[promising] > total + gap / 4 * at.scale]
         fresh = np.setdiff1d(promising, active[kept])
         active = np.concatenate([active[kept], fresh])
         # Without fresh ones the updates were not done yet: they go on.
@@ -208,20 +220,38 @@ class _Slope:
         return self.value - excess
 
 
-def _continuous_e(candidates: Candidates, shots: int) -> Continuous:
+def _most_of(worth: Matrix, most: float) -> float:
+    """The largest sum of shares times `worth` (C,), shares of sum 1 and none above `most`."""
+    whole = min(int(1 / most + 1e-9), len(worth))
+    best = -np.sort(-worth)[: whole + 1]
+    rest = (1 - whole * most) * best[-1] if len(best) > whole else 0.0
+    return float(most * best[:whole].sum() + rest)
+
+
+def _capped(weights: Matrix, most: float) -> Matrix:
+    """Shares of sum 1, none above `most`: what is above is given to the others evenly."""
+    while (weights > most * (1 + 1e-9)).any():
+        weights = np.minimum(weights, most)
+        free = weights < most
+        weights = weights + free * (1 - weights.sum()) / free.sum()
+    return weights
+
+
+def _continuous_e(candidates: Candidates, shots: int, most: float) -> Continuous:
     """The same for the E-criterion, whose largest eigenvalue has no gradient at the optimum: cutting planes.
 
     With G = M^-1 K S, S = (K' M^-1 K)^-1 the information on the offsets at any design, S(w) <= G' M(w) G
     for every w (Pukelsheim 1993, section 3.14): each eigenvector v bounds the smallest eigenvalue of S(w)
     by a linear function of w. A linear program finds the best w under all bounds so far.
     """
-    start = continuous(candidates, shots, "A")
-    weights, gain = start.weights, start.gain
+    start = continuous(candidates, shots, "A", gap=_GAP_START)
+    weights, gain = _capped(start.weights, most), start.gain
     size, offsets = candidates.roots.shape[2], candidates.offsets
     rows: list[Matrix] = []
     heights: list[float] = []
     best, best_value = weights, np.inf
     bound = 0.0
+    columns = np.flatnonzero(weights)
     for _ in range(_CUTS):
         used = weights > 0
         stacked = candidates.roots[used] * np.sqrt(shots * weights[used])[:, None, None]
@@ -235,9 +265,10 @@ def _continuous_e(candidates: Candidates, shots: int) -> Continuous:
             pull = inverse[:, offsets] @ vector / value
             rows.append(shots * ((candidates.roots @ pull) ** 2).sum(axis=1))
             heights.append(float(pull @ pull))
-        ahead, ceiling, price = _highest_under(np.array(rows), np.array(heights))
+        ahead, ceiling, price = _highest_under(np.array(rows), np.array(heights), most, columns)
         if 1 / ceiling > bound:
             bound, gain = 1 / ceiling, price @ np.array(rows)
+        columns = np.flatnonzero(ahead)
         # Cuts without a price do not hold the program back: without them it stays small.
         kept = np.flatnonzero((price > 0) | (np.arange(len(rows)) >= len(rows) - _CUTS_KEPT))
         rows, heights = [rows[i] for i in kept], [heights[i] for i in kept]
@@ -246,17 +277,21 @@ def _continuous_e(candidates: Candidates, shots: int) -> Continuous:
     return Continuous(best, bound, gain)
 
 
-def _highest_under(rows: Matrix, heights: Matrix) -> tuple[Matrix, float, Matrix]:
-    """Weights w (C,) of sum 1 that raise min(heights + rows w), a ceiling of it for every w, and the
-    price of each row.
+def _highest_under(
+    rows: Matrix, heights: Matrix, most: float, columns: Index
+) -> tuple[Matrix, float, Matrix]:
+    """Weights w (C,) of sum 1, none above `most`, that raise min(heights + rows w), a ceiling of it for
+    every such w, and the price of each row.
 
-    The program has the most promising candidates as columns; its dual prices all others, so that the
-    ceiling holds for them too, and those that are priced too low join.
+    The program has candidates as columns, at first `columns` and the most promising; its dual prices all
+    others, so that the ceiling holds for them too, and those that are priced too low join.
     """
     from scipy.optimize import linprog  # for this criterion alone, and slow to come
 
     count = rows.shape[1]
-    columns = np.unique(np.argsort(-rows, axis=1)[:, :_COLUMNS])
+    promising = np.argsort(-rows.sum(axis=0))[: int(1 / most) + 1]  # so many that there is an answer at all
+    leading = np.argpartition(-rows, min(_COLUMNS, count - 1), axis=1)[:, :_COLUMNS]
+    columns = np.unique(np.concatenate([columns, promising, leading.ravel()]))
     ceiling = np.inf
     while True:
         scale = float(rows[:, columns].max())
@@ -266,14 +301,14 @@ def _highest_under(rows: Matrix, heights: Matrix) -> tuple[Matrix, float, Matrix
             b_ub=heights / scale,
             A_eq=np.append(np.ones(len(columns)), 0.0)[None],
             b_eq=[1.0],
-            bounds=[(0, None)] * len(columns) + [(None, None)],
+            bounds=[(0, most)] * len(columns) + [(None, None)],
         )
         if solved.status != 0:
             raise FitFailed(f"the bound on the best plan could not be found: {solved.message}")
         price = np.maximum(-solved.ineqlin.marginals, 0.0)
         price /= price.sum()
         worth = price @ rows
-        ceiling = min(ceiling, float(price @ heights + worth.max()))
+        ceiling = min(ceiling, float(price @ heights) + _most_of(worth, most))
         if ceiling <= float(solved.x[-1]) * scale * (1 + _GAP):
             weights = np.zeros(count)
             weights[columns] = np.maximum(solved.x[:-1], 0.0)
@@ -318,6 +353,19 @@ def _exchange(candidates: Candidates, rows: Index, criterion: _Measure) -> tuple
         if value > before * (1 - 1e-9):
             break
     return value, rows
+
+
+def _exchange_two(
+    candidates: Candidates, starts: Sequence[Sequence[int]], promising: Index, rng: np.random.Generator
+) -> Index:
+    """The best for E of what exchanges of two shots at once, for the `promising` ones, make of `starts`."""
+    ends = []
+    for start in starts:
+        among = np.union1d(promising, start)
+        own = np.searchsorted(among, start)
+        value, rows = exchange_pairs(candidates.roots[among], candidates.offsets, own, rng)
+        ends.append((value, among[rows]))
+    return min(ends, key=lambda end: end[0])[1]
 
 
 def _values_with(candidates: Candidates, information: Matrix, criterion: _Measure) -> Matrix:

@@ -119,6 +119,34 @@ def test_no_weights_are_below_the_bound(criterion, seed):
 
 
 @pytest.mark.parametrize("criterion", CRITERIA)
+@pytest.mark.parametrize("seed", range(4))
+def test_a_bound_for_different_shots_is_closer_and_holds(criterion, seed):
+    """Of a candidate that is better than all others by far only one can be taken."""
+    candidates = random_candidates(seed)
+    candidates.roots[3] *= 10
+    best, _ = brute_force(candidates, 3, criterion)
+    free = continuous(candidates, 3, criterion)
+    capped = continuous(candidates, 3, criterion, most=1 / 3)
+    assert free.bound * (1 - module._GAP) <= capped.bound <= best
+    if criterion == "E":
+        assert capped.bound > 1.004 * free.bound  # twice the gap
+        assert capped.weights.max() <= 1 / 3 * (1 + 1e-6)
+        # Negative control: shares that three shots cannot have.
+        assert continuous(candidates, 3, criterion, most=1 / 12).bound > best
+
+
+@pytest.mark.parametrize("shots", [1, 5, 11, 12])
+def test_shares_are_capped(shots):
+    weights = np.random.default_rng(shots).dirichlet(np.full(12, 0.2))
+    capped = module._capped(weights, 1 / shots)
+    assert capped.sum() == pytest.approx(1)
+    assert capped.max() <= 1 / shots * (1 + 1e-8)
+    worth = np.random.default_rng(0).normal(size=12)
+    assert capped @ worth <= module._most_of(worth, 1 / shots) + 1e-12
+    assert module._most_of(worth, 1 / shots) == pytest.approx(np.sort(worth)[-shots:].mean())
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
 def test_the_bound_holds_for_whole_designs_of_many(criterion):
     candidates = random_candidates(3, count=300)
     bound = continuous(candidates, 6, criterion).bound
