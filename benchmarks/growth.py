@@ -1,12 +1,13 @@
-"""How time and memory grow: with the measurements of a run, with the joints of an arm.
+"""How time and memory grow: with the measurements of a run, the joints of an arm, the runs of a comparison.
 
     python benchmarks/growth.py                                  # all, a quarter of an hour
-    python benchmarks/growth.py --shots 7,200,2000 --joints ""   # some
+    python benchmarks/growth.py --shots 7,200,2000 --joints "" --runs ""   # some
     python benchmarks/growth.py --plot docs/pictures/growth.svg
 
-Each figure is one whole process of `zerobeam report` or `zerobeam analyse`, as a person starts it: seconds by
-the clock, seconds of all cores, and the peak of its memory. Runs are simulated with fixed seeds: one target,
-random postures, a calibrated laser on the built-in arm; for the joints a chain of random links with a probe.
+Each figure is one whole process of `zerobeam report`, `analyse` or `compare`, as a person starts it: seconds
+by the clock, seconds of all cores, and the peak of its memory. Runs are simulated with fixed seeds: one
+target, random postures, a calibrated laser on the built-in arm; for the joints a chain of random links with a
+probe; for the runs 7 measurements each, of the same postures with other noise.
 Kernels are compiled in a cache of their own: the first time that an arm is seen is a row of its own.
 """
 
@@ -35,7 +36,9 @@ from zerobeam.model.problem import Problem
 
 SHOTS = (7, 20, 60, 200, 600, 2000, 6000, 20_000)
 JOINTS = (6, 12, 18, 24, 30)
+RUNS = (2, 10, 100, 1000)
 SHOTS_OF_JOINTS = 60
+SHOTS_OF_RUNS = 7
 TABLE_2 = {"delta2": -1.2168, "delta3": -0.6931, "delta4": 0.1129, "delta5": 0.0053, "delta6": -0.0382}
 PLACE = (950.0, 150.0, 100.0)
 PROGRAM = "from zerobeam.cli import main; main()"
@@ -72,18 +75,25 @@ def header(robot: str, tool: dict[str, object], place: Sequence[float]) -> Heade
     )
 
 
-def write(path: Path, own: Header, place: Sequence[float], shots: int, truth: dict[str, float]) -> None:
-    """A run of so many measurements in random postures that reach the target."""
+def write(
+    path: Path, own: Header, place: Sequence[float], shots: int, truth: dict[str, float], runs: int = 1
+) -> list[Path]:
+    """A run of so many measurements in random postures that reach the target; or several of the same
+    postures, numbered."""
     robot = load_robot(own.robot, path.parent)
     found = candidates(own, robot, np.array(place), shots, seed=1)
     names, lines = ("psd",) * shots, tuple(range(shots))
     plan = Plan(own, robot, found.postures, names, lines, Path("plan.yaml"), "0" * 64, ())
-    write_run(path, own, simulated_shots(Truth.stated(plan, truth), np.random.default_rng(2)))
+    stated, rng = Truth.stated(plan, truth), np.random.default_rng(2)
+    files = [path] if runs == 1 else [path.with_stem(f"{path.stem}-{k}") for k in range(runs)]
+    for file in files:
+        write_run(file, own, simulated_shots(stated, rng))
+    return files
 
 
-def run_of_shots(path: Path, shots: int) -> None:
+def run_of_shots(path: Path, shots: int, runs: int = 1) -> list[Path]:
     tool: dict[str, object] = {"kind": "laser", "point_mm": [0, 0, 65], "direction": [1, 0, 0]}
-    write(path, header("irb1600", tool, PLACE), PLACE, shots, TABLE_2)
+    return write(path, header("irb1600", tool, PLACE), PLACE, shots, TABLE_2, runs)
 
 
 def run_of_joints(path: Path, joints: int) -> None:
@@ -117,7 +127,7 @@ def run_of_joints(path: Path, joints: int) -> None:
     write(path, header(file.name, tool, place), place, SHOTS_OF_JOINTS, truth)
 
 
-def measured(folder: Path, shots: Iterable[int], joints: Iterable[int]) -> list[Spent]:
+def measured(folder: Path, shots: Iterable[int], joints: Iterable[int], runs: Sequence[int]) -> list[Spent]:
     cache, rows = folder / "cache", []
     print(f"{'':44}  by the clock   all cores      memory", flush=True)
 
@@ -139,6 +149,9 @@ def measured(folder: Path, shots: Iterable[int], joints: Iterable[int]) -> list[
         for what in ("analyse, first", "analyse"):
             own = spent(what, size, cache, "analyse", path, "--json")
             told(own, f"analyse, {size} joints{what.removeprefix('analyse')}")
+    files = run_of_shots(folder / "runs.jsonl", SHOTS_OF_RUNS, max(runs)) if runs else []
+    for size in runs:
+        told(spent("compare", size, cache, "compare", *files[:size], "--json"), f"compare, {size} runs")
     return rows
 
 
@@ -199,9 +212,10 @@ def main() -> None:
     parser.add_argument("--shots", type=numbers, default=SHOTS, help="numbers of measurements, by commas")
     parser.add_argument("--joints", type=numbers, default=JOINTS, help="numbers of joints, by commas")
     parser.add_argument("--plot", type=Path, help="write the figure to this file (.svg)")
+    parser.add_argument("--runs", type=numbers, default=RUNS, help="numbers of runs to compare, by commas")
     asked = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        rows = measured(Path(folder), asked.shots, asked.joints)
+        rows = measured(Path(folder), asked.shots, asked.joints, asked.runs)
     if asked.plot is not None:
         asked.plot.write_text(drawn(rows), encoding="utf-8")
 
