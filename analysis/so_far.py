@@ -81,7 +81,7 @@ def so_far(problem: Problem) -> SoFar:
     if not problem.noise_estimable:
         # Nothing is known while the noise cannot be estimated; the stated one serves to aim the next posture.
         judged, _ = problem.with_noise_of(problem.nominal())
-    solution = judge(fit_likelihood(judged, starts=0), trusted=judged is problem)
+    solution = judge(fit_likelihood(judged), trusted=judged is problem)
     x = problem.parameters.with_values(problem.nominal(), judged.parameters, solution.fit.x)
     return SoFar(
         shots=problem.shots,

@@ -14,7 +14,14 @@ from ...model.files.validation import LARGEST, SMALLEST
 from ..misfit import LACK_OF_FIT, LackOfFit
 from ..result import RESULT_SCHEMA as SCHEMA
 from ..status import known
-from .repeat import PriorInEstimate, Repeat, RepeatStatus, RunFinding, StatedMisfit
+from .repeat import (
+    PriorInEstimate,
+    Repeat,
+    RepeatStatus,
+    RunFinding,
+    SharedTolerances,
+    StatedMisfit,
+)
 from .run_files import WHEN
 
 _WITHOUT_PRIOR = 0.98  # std over the one without priors: from here on they have no part in an estimate
@@ -61,6 +68,8 @@ def _of_result(answer: dict[str, Any], name: str) -> Repeat:
         value.append(_within(row["estimate"]) if clean else math.nan)
         variance.append((1 - share) * (_within(row["std"]) / scale) ** 2 if clean else math.nan)
         by_geometry.append(math.sqrt(share) * float(row["std"]) if clean else math.nan)
+    if any(np.asarray(by_geometry) > 0):
+        findings.append(SharedTolerances())
     when = inputs["header"].get("provenance", {}).get(WHEN)
     p_value = fit["p_value"]
     misfit = answer.get("misfit")

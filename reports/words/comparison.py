@@ -102,6 +102,13 @@ def notes(found: Comparison) -> Iterator[str]:
             "Result files hold no covariance between offsets: each offset is tested on its own, and the"
             " p-values are adjusted for their number (Holm). Run files are tested as a whole"
         )
+        if any(isinstance(own, SharedTolerances) for run in found.runs for own in run.findings):
+            yield (
+                "Of a run with `geometry` a result file has only the share of each variance that the tolerances"
+                " set: what the arm's deviations add to an offset is taken as the same in all results, as with"
+                " the same postures. With other postures offsets scatter more than predicted here, so that a"
+                " disagreement may be due to the geometry: compare the run files"
+            )
     if found.noise_estimated:
         yield (
             "The noise is estimated: one factor on the stated noise is taken for all runs together, and the"

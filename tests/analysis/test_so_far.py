@@ -14,6 +14,7 @@ from cells import (
     TABLE_2,
     good_plan,
     header,
+    irb1600,
     pattern_plan,
     plan_of,
     run_of,
@@ -22,8 +23,12 @@ from cells import (
 )
 
 from zerobeam.analysis.analyse import analyse
+from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.posterior.posterior import UNSAMPLED
 from zerobeam.analysis.so_far import SoFar, so_far
+from zerobeam.analysis.solution import judge
+from zerobeam.experiments.plans.patterns import pattern
+from zerobeam.model.files.header import StatedDistance, StatedTarget
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.problem import Problem
 
@@ -72,6 +77,25 @@ def test_as_the_result_of_the_whole_run(name: str, monkeypatch: pytest.MonkeyPat
     chance = result.likelihood.p_value
     assert told.p_value == (None if chance is None else pytest.approx(chance, rel=1e-4))
     assert told.displaced is None
+
+
+def test_what_another_optimum_disagrees_about_is_not_known() -> None:
+    """An X-Pattern of ten targets has two, 0.2 apart in log-posterior; a climb from zero sees one."""
+    own, names = header(target=(900.0, 0.0, 0.0)), [f"t{k // 2}" for k in range(20)]
+    postures = pattern(own, irb1600(), np.array([900.0, 0.0, 0.0]), "x", len(names))
+    postures[-1] = postures[-2]
+    shots = simulated(plan_of(own, postures), TABLE_2, 2)[1].shots
+    places = {"t9": StatedTarget(guess_mm=(900.0, 0.0, 0.0), sigma_mm=100.0)}
+    apart = StatedDistance(between=("t0", "t3"), mm=50.0, sigma_mm=0.1)
+    stated = own.model_copy(update={"targets": places, "distances": (apart,)})
+    named = [shot.model_copy(update={"target": name}) for shot, name in zip(shots, names, strict=True)]
+    problem = Problem.from_run(run_of(stated, named))
+    alone = judge(fit_likelihood(problem, starts=0))
+    assert (alone.fit.others, alone["delta5"].status) == ((), "weak")
+    told = so_far(problem)
+    assert [round(other.below, 1) for other in told.solution.fit.others] == [0.2]
+    assert statuses(told)["delta5"] == "unidentifiable"
+    assert told.std["delta5"] is None
 
 
 @pytest.mark.parametrize("name", PLANS)

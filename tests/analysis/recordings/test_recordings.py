@@ -10,6 +10,7 @@ from cells import TABLE_2, header, irb1600, plan_of, simulated_problem, varied_p
 from scipy import stats
 
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
+from zerobeam.analysis.misfit import LACK_OF_FIT
 from zerobeam.analysis.observability.consider import link_columns
 from zerobeam.analysis.recordings.effective import CHANCE, RecordingLag, _chance, correlation, effective, lags
 from zerobeam.analysis.recordings.recordings import (
@@ -130,6 +131,25 @@ def test_the_size_of_the_noise_does_not_matter(solution: Solution) -> None:
     one, ten = (effective(of_errors(solution, times * e).fit) for times in (1.0, 10.0))
     assert one.p_value == pytest.approx(ten.p_value, rel=1e-6)
     assert one.rho == pytest.approx(ten.rho, rel=1e-6)
+
+
+@pytest.mark.parametrize("rho", [0.3, 0.5])
+def test_chi_squared_at_the_effective_number_raises_no_false_alarm(solution: Solution, rho: float) -> None:
+    """N / kappa - rank degrees of freedom are too few where postures are random, but the sum of correlated
+    squares varies less than chi-squared does. The fit is the linearised one."""
+    kappa, runs = (1 + rho) / (1 - rho), 4000
+    columns = solution.fit.whitened.jacobian[:, solution.problem.parameters.free] / np.sqrt(kappa)
+    hat = columns @ np.linalg.inv(columns.T @ columns + np.eye(columns.shape[1])) @ columns.T
+    rng = np.random.default_rng(7)
+    e = np.array([errors(rng, rho).reshape(-1) for _ in range(runs)]) / np.sqrt(kappa)
+    squares = ((e - e @ hat) ** 2).sum(axis=1)
+    dof = len(columns) / kappa - solution.identified.facts.rank
+    assert dof < squares.mean() < 1.25 * dof
+    assert squares.var() < 1.5 * dof  # chi-squared: twice
+    alarms = int((stats.chi2.sf(squares, dof) < LACK_OF_FIT).sum())
+    assert stats.binomtest(alarms, runs, LACK_OF_FIT, alternative="greater").pvalue > LEVEL
+    # Control: errors of 1.5 times the stated size are seen.
+    assert (stats.chi2.sf(1.5**2 * squares, dof) < LACK_OF_FIT).mean() > 0.9
 
 
 @pytest.mark.parametrize("weights", [[1.0, 1.0, -1.0, -1.0], [3.0, 1.0, 0.5, -2.0, -0.1], [0.2] * 9 + [-3.0]])

@@ -459,6 +459,16 @@ def test_results_are_tested_offset_by_offset(tmp_path: Path) -> None:
     assert (odd["verdict"], odd["odd_run"]) == ("does not agree", "o1.json")
 
 
+def test_of_results_with_geometry_it_is_said_what_is_taken_as_shared(tmp_path: Path) -> None:
+    values = drawn(3, seed=9)
+    paths = [result_file(tmp_path, f"r{k}", value, tolerance_share=0.5) for k, value in enumerate(values)]
+    told = " ".join(compare(paths)["notes"])
+    assert "taken as the same in all results, as with the same postures" in told
+    assert "it frees the geometry" in told
+    nominal = [result_file(tmp_path, f"n{k}", value) for k, value in enumerate(values)]
+    assert "geometry:" not in " ".join(compare(nominal)["notes"])
+
+
 def test_of_a_result_only_what_owes_nothing_to_a_prior_is_compared(tmp_path: Path) -> None:
     values = drawn(3, seed=10)
     paths = [result_file(tmp_path, f"r{k}", value, data_std=0.07) for k, value in enumerate(values)]
