@@ -104,10 +104,10 @@ def notes(found: Comparison) -> Iterator[str]:
         )
         if any(isinstance(own, SharedTolerances) for run in found.runs for own in run.findings):
             yield (
-                "Of a run with `geometry` a result file has only the share of each variance that the tolerances"
-                " set: what the arm's deviations add to an offset is taken as the same in all results, as with"
-                " the same postures. With other postures offsets scatter more than predicted here, so that a"
-                " disagreement may be due to the geometry: compare the run files"
+                "Of a run with geometry: a result file has only the share of each variance that the"
+                " tolerances set. What the arm's deviations add to an offset is taken as the same in all"
+                " results, as with the same postures. With other postures offsets scatter more than predicted"
+                " here, so that a disagreement may be due to the geometry: compare the run files"
             )
     if found.noise_estimated:
         yield (
