@@ -401,13 +401,7 @@ def _models_in(annotation: Any) -> list[type[BaseModel]]:
     return []
 
 
-def require_schema(
-    data: object,
-    schema: Schema,
-    *,
-    file: Path,
-    line: int | None,
-) -> None:
+def require_schema(data: object, schema: Schema, *, file: Path, line: int | None) -> None:
     """Say which kind of file is wanted before its keys are judged one by one."""
     found = data.get("schema") if isinstance(data, dict) else None
     if found != schema:

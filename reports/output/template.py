@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import functools
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +12,6 @@ from ..style.typeface import FAMILY, Cut, font_file
 
 if TYPE_CHECKING:
     from jinja2 import Template
-    from markupsafe import Markup
 
 TEMPLATES = Path(__file__).parent / "templates"
 _WEIGHTS: dict[Cut, str] = {
@@ -35,15 +33,7 @@ def template(name: str) -> Template:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["code"] = _code
     return environment.get_template(name)
-
-
-def _code(text: str) -> Markup:
-    """A sentence of ours, escaped; a key in it that stands between backticks is set as code."""
-    from markupsafe import Markup, escape
-
-    return Markup(re.sub(r"`([^`\s]+)`", r"<code>\1</code>", str(escape(text))))
 
 
 @functools.cache

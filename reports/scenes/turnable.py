@@ -19,6 +19,7 @@ from ..output.html import Turnable
 from ..output.template import TEMPLATES
 from ..style.canvas import Picture
 from ..style.palette import light
+from ..style.typeface import in_font
 from .drawing import still
 from .scene import Scene3D, scene_json
 
@@ -67,7 +68,7 @@ def still_picture(shown: Turnable) -> Picture:
     css = re.sub(r"var\(--(\w+)\)", lambda found: light(found.group(1)), "\n".join(rules))
     _, _, width, height = re.findall(r'viewBox="(\S+) (\S+) (\S+) (\S+)"', shown.drawing)[0]
     head = f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
-    svg = str(shown.drawing).replace("<svg ", head, 1).replace(">", f"><style>{css}</style>", 1)
+    svg = in_font(str(shown.drawing)).replace("<svg ", head, 1).replace(">", f"><style>{css}</style>", 1)
     return Picture(STILL, f"{shown.caption} {shown.paper}", shown.alt, svg)
 
 

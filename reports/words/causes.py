@@ -96,7 +96,7 @@ def remedy(cause: Cause, name: Namer = str) -> str:
         case Held(by="base frame") | BaseFrame():
             return f"hold {name('delta1')} (the default): it is a choice of base frame and costs no accuracy"
         case Held(by="header"):
-            return "leave it out of `held` to estimate it"
+            return "leave it out of held to estimate it"
         case Held(by="first link"):
             return "nothing: it is a choice of base frame and costs no accuracy"
         case Held(by="free tool"):

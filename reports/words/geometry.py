@@ -59,7 +59,7 @@ def worth_sentence(own: GeometryResult, offsets: Sequence[Offset]) -> str | None
     if not own.stated:
         return (
             f"With nominal geometry u is {present}; if the arm deviates from it by {tolerances_words(own)},"
-            f" {considered}. State `geometry` to estimate it."
+            f" {considered}. State geometry in the header to estimate it."
         )
     half, twice = _range(own.at_half, units), _range(own.at_twice, units)
     factors = "" if own.factors is None else ", multiplied by the factors that the data give them"

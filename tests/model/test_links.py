@@ -82,7 +82,7 @@ def test_a_row_that_is_changed_is_the_parameter_of_its_link(tmp_path, convention
         row = link - 1 if convention == "standard" or axis == "d" else link
         if row == len(ROWS):
             continue  # behind the last modified row there is the flange
-        step = 7.0 if axis in ("a", "d") else 0.8
+        step = 7.0 if axis in ("a", "d") else 12.0
         other = robot_of(change(ROWS, row, column, step), convention, tmp_path)
         for q in postures(robot.n):
             found = flange(robot, geometry, {f"{of}.{axis}": step}, q)

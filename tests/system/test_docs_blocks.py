@@ -35,7 +35,8 @@ from zerobeam.model.files.run import read_run
 BY_OTHERS = (".csv", ".ls", ".dat", ".urdf", ".py")
 LANGUAGES = {"sh", "console", "bat", "python", "yaml", "json", "csv", "xml", "text", "text output"}
 # What a block of commands may begin with that is no zerobeam: installing, and what make knows.
-NOT_OURS = ("make", "python3 -m venv", ".venv/", ".venv\\", "py -3", "pip install")
+NOT_OURS = ("make", "python3 -m venv", "source .venv/", ".venv/", ".venv\\", "py -3", "pip install")
+NOT_OURS += ("zerobeam --install-completion",)
 SHORT = {
     ("analyse",): ("--ess", "100"),
     ("report",): ("--ess", "100"),

@@ -22,7 +22,7 @@ from pages import Page
 from zerobeam.experiments.demos import demo_runs
 
 # In the words themselves: years and clauses of the GUM, quantiles, draws that are advised, the scene's grid.
-OF_THE_WORDS = (2.5, 50.0, 95.0, 97.5, 100.0, 101.0, 2008.0, 20_000.0, 500.0)
+OF_THE_WORDS = (2.5, 19.0, 50.0, 95.0, 97.5, 100.0, 101.0, 2008.0, 20_000.0, 500.0)
 NUMBER = re.compile(r"(?<![\w.])[-\u2212]?\d+(?:\.\d+)?(?:e[-\u2212]?\d+)?(?!\w|\.\d)")
 
 
@@ -42,11 +42,14 @@ def of_the_result(value: Any) -> Iterator[float]:
 
 def worked_out(answer: Any) -> Iterator[float]:
     """The length of a miss, how far apart two costs are, shares in percent, small sources together, what the
-    draws cannot decide."""
+    draws cannot decide, errors of a rehearsal."""
     yield from (math.hypot(*shot["miss_mm"]) for shot in answer["shots"])
     for row in answer["parameters"]:
         if row["midpoint"] is not None and row["std"] is not None:
             yield (row["midpoint"] - row["estimate"]) / row["std"]
+        true = answer["inputs"]["header"].get("provenance", {}).get(f"true {row['name']} ({row['unit']})")
+        if true is not None and row["std"] is not None:
+            yield from (row["estimate"] - true, (row["estimate"] - true) / row["std"])
         if row.get("tolerance_share") is not None:
             yield 100 * row["tolerance_share"]
         if row["group"] == "geometry" and row["std"] is not None:

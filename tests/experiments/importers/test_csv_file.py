@@ -176,8 +176,7 @@ def test_what_must_be_stated(tmp_path, header, out, refused):
 
 def test_the_wrong_unit_is_asked_about(tmp_path, header, out, refused):
     small = csv(tmp_path, "a.csv", np.radians(ROWS))
-    found = import_csv([small], ["one"], CsvLayout("deg"), header, out)
-    assert found.understood[-1].startswith("note: radians?")
+    assert "--units rad" in refused(import_csv, [small], ["one"], CsvLayout("deg"), header, out).remedy
     large = csv(tmp_path, "b.csv", ROWS)
     assert "radians?" in refused(import_csv, [large], ["one"], CsvLayout("rad"), header, out).remedy
 
@@ -250,8 +249,8 @@ def test_the_recordings_of_panda_2(shared_data, tmp_path, out):
 def test_the_recordings_of_panda_taken_for_degrees(shared_data, tmp_path, out, refused):
     files, names, header = arm(shared_data, tmp_path, "panda_1", PANDA)
     error = refused(import_csv, files, names, CsvLayout("deg"), header, out)
-    assert "joint 4 is outside its limits" in error.what
-    assert "radians?" in error.remedy
+    assert "look like radians" in error.what
+    assert "--units rad" in error.remedy
 
 
 def test_the_arm_that_goes_beyond_its_limits(shared_data, tmp_path, out, refused):

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from zerobeam.model.arms.orientation import roll_pitch_yaw
+from zerobeam.model.arms.plausible import DoubtfulRobot
 from zerobeam.model.files.urdf import read_urdf
 from zerobeam.model.robot import Robot
 
@@ -80,7 +81,8 @@ def test_a_chain_by_hand(tmp_path):
 
 
 def test_fixed_joints_before_and_after_the_moving_ones_count(tmp_path):
-    from_world = read_urdf(urdf(tmp_path), "world", "hand")
+    with pytest.warns(DoubtfulRobot, match="beyond any real arm"):
+        from_world = read_urdf(urdf(tmp_path), "world", "hand")
     np.testing.assert_allclose(pose(from_world, [0, 0, 0])[:3, 3], [9000, 9100, 9400], atol=1e-9)
 
 

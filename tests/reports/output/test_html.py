@@ -165,7 +165,7 @@ def test_details_are_folded_below_what_matters() -> None:
     assert all(text.count(f'id="{part}"') == 1 for part in parts)
 
 
-def test_a_key_is_set_as_code_and_shows_no_backticks() -> None:
+def test_a_key_shows_no_backticks() -> None:
     text = made(good())
-    assert "State <code>geometry</code> to estimate it." in text
+    assert "State geometry in the header to estimate it." in text
     assert "`" not in Page(text).words

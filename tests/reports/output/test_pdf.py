@@ -43,18 +43,17 @@ def test_it_has_a_title_an_outline_page_numbers_tags_and_only_its_own_fonts() ->
     assert reader.metadata.title == "Joint offsets of irb1600"
     titles = [entry["/Title"] for entry in reader.outline if not isinstance(entry, list)]
     assert titles == [
-        *(
-            "Offsets",
-            "What cannot be determined",
-            "Positions of the targets",
-            "Accuracy of the TCP",
-            "Uncertainty budget",
-            "Fit quality",
-            "Placements and recordings",
-            "Posterior",
-            "Residuals",
-            "Inputs",
-        ),
+        "Offsets",
+        "Rehearsal: estimates and true values",
+        "What cannot be determined",
+        "Accuracy of the TCP",
+        "Positions of the targets",
+        "Fit quality",
+        "Uncertainty budget",
+        "Placements and recordings",
+        "Posterior",
+        "Residuals",
+        "Inputs",
         "Traceability",
     ]
     assert f"page 1 of {len(reader.pages)}" in text_of(reader)

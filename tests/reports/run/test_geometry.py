@@ -56,7 +56,7 @@ def test_beside_u_stands_what_it_is_if_the_arm_deviates() -> None:
     for row in texts_of(offsets_table(good()))[2:]:  # without the head and δ1
         u, considered = (float(text.rstrip("°")) for text in row[-2:])
         assert considered > u > 0
-    assert "State `geometry` to estimate it." in said(offsets_section(good()))
+    assert "State geometry in the header to estimate it." in said(offsets_section(good()))
 
 
 def test_an_unidentifiable_offset_has_no_worth_either() -> None:

@@ -56,6 +56,7 @@ WHOLE = {
     "figures/offsets.svg",
     "figures/posterior.svg",
     "figures/misses.svg",
+    "figures/postures.svg",
     "figures/tool_accuracy.svg",
 }
 

@@ -93,7 +93,7 @@ def told_shares(plan: Json) -> Iterator[tuple[str, list[Json] | None]]:
 def disagreements(page: str, answer: Json) -> list[str]:
     """Cells of the tables of coverage in a page that are not what the answer says, rounded."""
     tables = [
-        table for table in re.findall(r"<table>.*?</table>", page, re.S) if "with its 95 % bin" in table
+        table for table in re.findall(r"<table\b.*?</table>", page, re.S) if "with its 95 % bin" in table
     ]
     assert len(tables) == len(answer["plans"])
     found = []
@@ -130,7 +130,7 @@ def test_a_share_that_is_not_that_of_the_answer_is_caught() -> None:
 
 def test_bias_and_rmse_are_rounded_by_their_own_uncertainty() -> None:
     answer = agreeing()
-    tables = re.findall(r"<table>.*?</table>", page_of(answer), re.S)
+    tables = re.findall(r"<table\b.*?</table>", page_of(answer), re.S)
     rows = Page(next(table for table in tables if "Bias and root" in table)).rows
     for cells_of_row, row in zip(rows[2:7], answer["plans"][0]["estimators"][0]["parameters"], strict=True):
         bias, mcse, rmse, predicted = (number(cell) for cell in cells_of_row[1:])
@@ -208,7 +208,7 @@ def test_controls_stand_outside_in_the_figure_and_estimators_do_not() -> None:
 
 
 def test_each_estimator_says_in_words_whether_it_agrees() -> None:
-    overview = Page(re.findall(r"<table>.*?</table>", page_of(disagreeing()), re.S)[0]).rows[1:]
+    overview = Page(re.findall(r"<table\b.*?</table>", page_of(disagreeing()), re.S)[0]).rows[1:]
     told = [row[1] for row in overview if not row[0].startswith("Plan ")]
     control = "control: fails, as it must"
     fine = ["agrees", "agrees", "agrees", control, control]
@@ -228,7 +228,7 @@ def test_the_overview_names_the_parameter_that_is_farthest_off() -> None:
     answer = agreeing()
     entry = answer["plans"][0]["estimators"][0]["parameters"][3]["coverage"][1]
     entry |= {"share": 0.871, "held": 871}
-    rows = Page(re.findall(r"<table>.*?</table>", page_of(answer), re.S)[0]).rows
+    rows = Page(re.findall(r"<table\b.*?</table>", page_of(answer), re.S)[0]).rows
     assert rows[2][0] == "likelihood"
     assert rows[2][3] == "J5 (δ5): 87.1"
 
