@@ -15,7 +15,7 @@ from ...model.files.limits import like_radians
 from ...model.files.reading import shown
 from ...model.robot import Matrix, Robot
 from .dwells import Log, Mark, Stillness, held
-from .imported import J3, J3_NOTE, Found, Imported, Job, from_ground, one_target_each
+from .imported import J3, J3_NOTE, Found, Imported, Job, from_ground, one_target_each, uncollected
 from .table import Table, check_signs, read_table
 
 PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
@@ -124,13 +124,14 @@ def import_csv(
         targets = [None] * len(job.paths)
     _check_shots(layout, still)
     found = []
-    for k, (path, target) in enumerate(zip(job.paths, targets, strict=True)):
-        progress(f"file {k + 1}/{len(job.paths)}", k / len(job.paths) / 2)
-        found.append(_found(path, target, job.robot, layout, still))
-    if layout.units == "deg" and not layout.small_angles:
-        _require_degrees(found, job.robot)
-    progress(f"{sum(len(part.joints) for part in found)} measurements", 0.5)
-    return job.finish(found, out, [*_units_used(layout, job.robot), *_columns_used(layout)])
+    with uncollected():
+        for k, (path, target) in enumerate(zip(job.paths, targets, strict=True)):
+            progress(f"file {k + 1}/{len(job.paths)}", k / len(job.paths) / 2)
+            found.append(_found(path, target, job.robot, layout, still))
+        if layout.units == "deg" and not layout.small_angles:
+            _require_degrees(found, job.robot)
+        progress(f"{sum(len(part.joints) for part in found)} measurements", 0.5)
+        return job.finish(found, out, [*_units_used(layout, job.robot), *_columns_used(layout)])
 
 
 def _require_degrees(found: Sequence[Found], robot: Robot) -> None:

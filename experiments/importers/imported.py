@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -134,6 +136,19 @@ class Job:
             check_limits(self.robot, part.joints, part.noun, numbers, lines, limits="error", file=None)
         except BadInput as error:
             raise error.at(part.path, error.line or None) from None
+
+
+@contextmanager
+def uncollected() -> Iterator[None]:
+    """Without the collector of circles: among millions of rows there are none, and it would visit all of them
+    again and again."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
 
 
 def _nowhere(_: Place) -> None:

@@ -1,9 +1,12 @@
+import contextlib
+import gc
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from zerobeam.experiments.importers import CsvLayout, import_csv
+from zerobeam.experiments.importers.imported import uncollected
 from zerobeam.model.files.header import UrdfRef
 from zerobeam.model.files.run import read_run, write_run
 
@@ -45,6 +48,20 @@ def test_several_files_go_into_one_run_numbered_on(tmp_path, header, out):
     run.require_analysable()
     expected = np.radians(np.concatenate([ROWS, ROWS[:2], ROWS[1:]]))
     np.testing.assert_allclose(run.joints, expected, rtol=1e-15)
+
+
+def test_the_collector_of_circles_rests_within_an_import_alone():
+    for failing in (False, True):
+        with contextlib.suppress(ZeroDivisionError), uncollected():
+            assert not gc.isenabled()
+            if failing:
+                raise ZeroDivisionError
+        assert gc.isenabled()
+    gc.disable()
+    with uncollected():
+        pass
+    assert not gc.isenabled()
+    gc.enable()
 
 
 def test_radians_are_turned_into_degrees(tmp_path, header, out):
