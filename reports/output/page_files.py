@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from ..style.blocks import Page
@@ -30,8 +31,11 @@ def write_page(
     for file, rows in (tables or {}).items():
         (folder / file).write_text(csv_text(rows), encoding="utf-8")
     attached = text if kind == "report" else ""
-    (folder / f"{stem}.html").write_text(html(page, pictures, kind, attached, turnable), encoding="utf-8")
-    (folder / f"{stem}.pdf").write_bytes(pdf(page, pictures))
+    with ThreadPoolExecutor(1) as beside:  # typst leaves the interpreter to others
+        document = beside.submit(pdf, page, pictures)
+        text = html(page, pictures, kind, attached, turnable)
+        (folder / f"{stem}.html").write_text(text, encoding="utf-8")
+        (folder / f"{stem}.pdf").write_bytes(document.result())
     (folder / "figures").mkdir()
     for name, picture in pictures.items():
         (folder / "figures" / f"{name}.svg").write_text(picture.svg, encoding="utf-8")

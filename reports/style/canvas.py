@@ -131,6 +131,10 @@ def to_svg(figure: Figure, name: str) -> str:
 
     Text stays text, in the shipped typeface. The same figure gives the same bytes.
     """
+    if (layout := figure.get_layout_engine()) is not None:
+        # savefig would lay out, and draw, twice.
+        layout.execute(figure)
+        figure.set_layout_engine("none")
     written = io.BytesIO()
     figure.savefig(written, format="svg", metadata={"Date": None, "Creator": None})
     root = ElementTree.fromstring(written.getvalue())
