@@ -78,6 +78,42 @@ def urdf_arm(file: Path, base: str, tip: str) -> tuple[list[Array], Array]:
     return fixed, pending
 
 
+def link_frame(step: Array) -> tuple[Array, bool]:
+    """(4, 4) where a link's parameters act, between a joint and the next one at `step`: on the next axis
+    where it is nearest to this one, z along this one, x along the common normal; of nearly parallel axes at
+    the next joint. And whether they are parallel."""
+    place, along = step[:3, 3], step[:3, 2]
+    normal, foot = np.cross([0.0, 0.0, 1.0], along), place
+    parallel = np.linalg.norm(normal) < np.sin(np.radians(5))
+    if parallel:
+        normal = place * [1, 1, 0] if np.hypot(*place[:2]) > 1e-6 else step[:3, 0] * [1, 1, 0]
+    else:
+        foot = place - (place[:2] @ along[:2]) / (along[:2] @ along[:2]) * along
+    x = normal / np.linalg.norm(normal)
+    x = -x if x @ step[:3, 0] < -1e-9 else x
+    frame = np.eye(4)
+    frame[:3, 0], frame[:3, 1], frame[:3, 3] = x, np.cross([0.0, 0.0, 1.0], x), foot
+    return frame, bool(parallel)
+
+
+def moved_link(step: Array, values: jax.Array) -> jax.Array:
+    """`step` (4, 4) of a link whose a, alpha and d (beta of parallel axes) are off by `values` (3,)."""
+    frame, parallel = link_frame(step)
+    a, alpha, other = values
+    ca, sa, zero, one = jnp.cos(alpha), jnp.sin(alpha), 0.0 * a, 1.0 + 0.0 * a
+    bend = jnp.array(
+        [[one, zero, zero, a], [zero, ca, -sa, zero], [zero, sa, ca, zero], [zero, zero, zero, one]]
+    )
+    if parallel:
+        cb, sb = jnp.cos(other), jnp.sin(other)
+        bend = bend @ jnp.array(
+            [[cb, zero, sb, zero], [zero, one, zero, zero], [-sb, zero, cb, zero], [zero, zero, zero, one]]
+        )
+    else:
+        bend = bend.at[2, 3].add(other)
+    return frame @ bend @ (np.linalg.inv(frame) @ step)
+
+
 def log_density(model: dict[str, Array]) -> Density:
     """log posterior of z (f,), up to a constant."""
     file = str(model["urdf"])
@@ -85,10 +121,18 @@ def log_density(model: dict[str, Array]) -> Density:
     joints, spots, index, free = (model[k] for k in ("joints", "spots", "target_index", "free"))
     n, targets, variances = joints.shape[1], int(index.max()) + 1, model["variances"]
     first, second = model["pairs"].T
+    links = 3 * n if model["links"] else 0
+    arm = (fixed, last)
 
     def value(z: jax.Array) -> jax.Array:
         x = jnp.asarray(model["mean"]).at[free].add(z * model["std"][free])
-        places, tool = x[n : n + 3 * targets].reshape(-1, 3), x[n + 3 * targets :]
+        after = n + links
+        places, tool = x[after : after + 3 * targets].reshape(-1, 3), x[after + 3 * targets :]
+        fixed, last = arm
+        if links:
+            steps = zip([*fixed[1:], last], x[n:after].reshape(n, 3), strict=True)
+            *moved, last = (moved_link(step, own) for step, own in steps)
+            fixed = [fixed[0], *moved]
         rotation, origin = jnp.eye(3), jnp.zeros(3)
         angles, target, arms = joints + x[:n], places[index], []
         for k in range(n):

@@ -1,10 +1,11 @@
 """How many effective draws of the posterior a second: by zerobeam, emcee's stock move, and NumPyro's NUTS?
 
 For the built-in run of 7 shots (8 unknowns), the one with an uncalibrated tool (11 unknowns) and, if the
-recordings are there, panda_2 (559 postures): the smallest bulk ESS of all unknowns, a second and over two
-cores, by one function of arviz-stats for all. All start from the same Laplace fit and live in coordinates
-whitened by it; burn-in is counted for zerobeam alone, compiling for none. The peer's log-density, written
-again in JAX, is first shown to be ours up to a constant; means and variances are compared afterwards.
+recordings are there, panda_2 (559 postures), with nominal links and with uncertain ones: the smallest bulk
+ESS of all unknowns, a second and over two cores, by one function of arviz-stats for all. All start from the
+same Laplace fit and live in coordinates whitened by it; burn-in is counted for zerobeam alone, compiling for
+none. The peer's log-density, written again in JAX, is first shown to be ours up to a constant; means and
+variances are compared afterwards.
 
     python3 -m venv /tmp/nuts && /tmp/nuts/bin/pip install numpyro
     .venv/bin/python benchmarks/posterior_time.py --peers /tmp/nuts/bin/python
@@ -36,6 +37,7 @@ from zerobeam.analysis.posterior.sampler import sample_density
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.density import Density
 from zerobeam.model.files.run import read_run
+from zerobeam.model.geometry import Geometry
 from zerobeam.model.problem import Problem
 from zerobeam.model.robot import Matrix
 
@@ -43,6 +45,7 @@ SEED = 1
 CORES = 2
 THREADS = CORES  # of zerobeam's sampler
 SAME = 1e-8  # of the range of log-densities
+LINKS = (0.3, 0.1)  # tolerances, mm and degrees
 TURNOVER = 2  # effective draws of a chain, at least
 MANY = 50  # shots: from here a tenth of the effective draws will do
 ROWS = 1000  # of one vectorised call
@@ -52,9 +55,10 @@ PEERS_SIDE = Path(__file__).with_name("posterior_peer.py")
 class Case:
     """One run, fitted, with the coordinates in which it is sampled."""
 
-    def __init__(self, name: str, run: Path, urdf: str = "") -> None:
-        self.name, self.urdf = name, urdf
-        self.problem = Problem.from_run(read_run(run))
+    def __init__(self, name: str, run: Path, urdf: str = "", *, links: bool = False) -> None:
+        self.name, self.urdf, self.links = name + (", with links" if links else ""), urdf, links
+        problem = Problem.from_run(read_run(run))
+        self.problem = problem.with_geometry(Geometry.of_links(problem.robot, *LINKS)) if links else problem
         self.fit = fit_likelihood(self.problem, starts=0)
         self.density = Density(self.problem)
         self.size = self.density.size
@@ -143,6 +147,7 @@ def nuts(case: Case, python: Path, warmup: int, draws: int) -> Found | None:
     points = case.parameters(2 * np.random.default_rng(SEED).normal(size=(20, case.size)))
     model = {
         "urdf": np.array(case.urdf),
+        "links": np.array(case.links),
         "joints": problem.joints,
         "spots": problem.spots,
         "target_index": problem.target_index,
@@ -223,7 +228,8 @@ def measure(case: Case, python: Path | None, ess: float, seconds: float, draws: 
     if python is None:
         print("  NumPyro left out: name the python of its environment by --peers")
         return
-    peer = nuts(case, python, draws // 4, draws)
+    draws = draws if case.problem.shots < MANY else draws // 8
+    peer = nuts(case, python, draws // 4 if draws > 2000 else draws // 2, draws)
     if peer is None:
         return
     told("NumPyro NUTS", peer, rate)
@@ -253,9 +259,12 @@ def cases(folder: Path) -> Iterator[Case]:
     for run in demo_runs():
         if run.name != "x-pattern":  # there is nothing to sample but priors
             yield Case(run.title, run.path)
+        if run.name == "good":
+            yield Case(run.title, run.path, links=True)
     data = Path(os.environ.get("ZEROBEAM_SHARED_DATA", ROOT.parent / "shared" / "data")).resolve()
     if (data / "mukca" / "panda_2").is_dir():
-        yield Case("panda_2", panda_2(data, folder), str(data / "mukca/urdf/panda.urdf"))
+        for links in (False, True):
+            yield Case("panda_2", panda_2(data, folder), str(data / "mukca/urdf/panda.urdf"), links=links)
     else:
         print(f"panda_2 left out: there is no mukca/panda_2 in {data}")
 
@@ -268,10 +277,12 @@ def main() -> None:
     parser.add_argument("--ess", type=float, default=50_000.0, help="asked of zerobeam (default 50,000)")
     parser.add_argument("--seconds", type=float, default=10.0, help="for emcee's stock move (default 10)")
     parser.add_argument("--draws", type=int, default=4000, help="of each chain of NUTS (default 4000)")
+    parser.add_argument("--only", default="", help="cases whose name has this in it")
     asked = parser.parse_args()
     with threadpool_limits(limits=1, user_api="blas"), tempfile.TemporaryDirectory() as folder:
         for case in cases(Path(folder)):
-            measure(case, asked.peers, asked.ess, asked.seconds, asked.draws)
+            if asked.only in case.name:
+                measure(case, asked.peers, asked.ess, asked.seconds, asked.draws)
 
 
 if __name__ == "__main__":

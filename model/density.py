@@ -6,12 +6,13 @@ rows of a parameter array x (W, p) are computed side by side, and `of` (W,) name
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from .kernel import GridInput, Index, Kernel, constant, per_both, per_inner, per_outer, selected
+from .c_source import GridInput, Offsets, columns, constant, per_both, per_inner, per_outer
+from .kernel import Index, Kernel
 from .problem import Problem
 from .robot import Matrix
 
@@ -27,23 +28,18 @@ class Slopes(NamedTuple):
 
 
 class _Block(NamedTuple):
-    """Of one target: `free` (m,) the columns among the free parameters, `local` (m,) among those of a shot,
-    `lower` (r, r) where each pair of the first r is in the lower triangle of a residual's information, row by
-    row; the rest are noise factors, with `noise_lower` in the triangle of theirs."""
+    """Of one target: `free` (m,) the columns among the free parameters, `local` (m,) among those of a shot.
 
-    free: Index
-    local: Index
+    `pairs` and `lower`: where each pair of the r of the residual is among the f * f of an information, and in
+    the lower triangle of that of a shot, row by row; `noise_pairs` and `noise_lower` those of the noise
+    factors."""
+
+    free: slice | Index
+    local: slice | Index
+    pairs: slice | Index
     lower: Index
+    noise_pairs: slice | Index
     noise_lower: Index
-
-    @property
-    def of_residual(self) -> Index:
-        """(r,) columns among the free parameters."""
-        return self.free[: len(self.lower)]
-
-    @property
-    def of_noise(self) -> Index:
-        return self.free[len(self.lower) :]
 
 
 class Density:
@@ -64,6 +60,8 @@ class Density:
         self.spots = problem.spots[None] if spots is None else spots
         self.weights = problem.weights[None] if weights is None else weights
         self._kept: dict[int | None, list[GridInput]] = {}  # by target, where they are those of every row
+        self._stated: dict[int, GridInput] = {}  # by the number of shots
+        self._columns: dict[int | None, tuple[Offsets, Offsets, Offsets]] = {}  # by target
 
     @property
     def _single(self) -> bool:
@@ -105,8 +103,7 @@ class Density:
 
     def scaled(self, x: Matrix) -> Matrix:
         """z (W, f): the free parameters in prior stds from their prior means."""
-        free = self._free_slice
-        return np.asarray((x[:, free] - self.problem.parameters.prior_mean[free]) / self._scale)
+        return np.asarray((x[:, self._free_slice] - self._mean) / self._scale)
 
     def quads(self, x: Matrix) -> Matrix:
         """(N,) m' S^-1 m of every shot at one x (p,), unweighted; data set 0."""
@@ -144,18 +141,21 @@ class Density:
         problem, rows, size = self.problem, len(x), self.size
         quad, logdet = np.zeros(rows), np.zeros(rows)
         by_quad, gradient = np.zeros((rows, size)), np.zeros((rows, size))
-        information = np.zeros((rows if with_information else 0, size, size))
+        flat = np.zeros((rows if with_information else 0, size * size))
+        with_log_det = problem.functions.log_det != "none"
         for k, block in enumerate(self._blocks):
             shots = self._shots_of[k]
             own = self._kernel("slopes").sums(self._grid(x, of, None, shots, k), rows, len(shots))
             quad += own[0]
-            logdet += own[1]
             by_quad[:, block.free] += own[2][:, block.local]
-            gradient[:, block.free] += own[3][:, block.local]
+            if with_log_det:
+                logdet += own[1]
+                gradient[:, block.free] += own[3][:, block.local]
             if with_information:
-                residuals = (block.of_residual, own[5], block.lower)
-                for places, lower, pairs in (residuals, (block.of_noise, own[4], block.noise_lower)):
-                    information[:, places[:, None], places] += lower[:, pairs]
+                flat[:, block.pairs] += own[5].take(block.lower, axis=1)
+                if problem.noise.separate:
+                    flat[:, block.noise_pairs] += own[4].take(block.noise_lower, axis=1)
+        information = flat.reshape(len(flat), size, size)
         if problem.noise.estimated:
             weight = self.numbers(of) / quad
             by_quad *= weight[:, None]
@@ -170,7 +170,7 @@ class Density:
         z = self.scaled(x)
         value = self._value(quad, logdet, distance, of) - (z**2).sum(axis=1) / 2
         information *= self._scale_squared
-        information[:, np.arange(size), np.arange(size)] += 1.0
+        flat[:, :: size + 1] += 1.0
         value[~np.isfinite(value)] = -np.inf
         return Slopes(value, gradient * (-self._scale / 2) - z, information)
 
@@ -217,12 +217,8 @@ class Density:
     ) -> list[GridInput]:
         """The inputs of `terms` and `slopes` at x (W, p): all shots, or `shots` of one target."""
         problem = self.problem
-        parts = problem.split(x)
+        x = np.ascontiguousarray(x)
         count = problem.shots if shots is None else len(shots)
-        if target is None:
-            at_target = selected(parts.targets, problem.target_index)
-        else:
-            at_target = per_outer(parts.targets[:, target], count)
         if weights is None and target in self._kept and (of is None or self._single):
             recorded = self._kept[target]
         else:
@@ -231,18 +227,32 @@ class Density:
             recorded = [_over(values, of, shots) for values in over]
             if weights is None and (of is None or self._single):
                 self._kept[target] = recorded
-        return [
-            *recorded,
-            per_outer(parts.arm, count),
-            at_target,
-            per_outer(parts.tool, count),
-            self._variances(x, count),
-            constant(problem.noise.variances, count),
-        ]
+        return [*recorded, *columns(x, *self._places(target, count)), *self._variances(x, count)]
 
-    def _variances(self, x: Matrix, count: int) -> GridInput:
-        variances = self.problem.variances(x)
-        return constant(variances, count) if variances.ndim == 1 else per_outer(variances, count)
+    def inputs(self, x: Matrix, shots: Index, target: int) -> list[GridInput]:
+        """Those of `slopes` at x (W, p) for the shots of a target, row w being data set w."""
+        return self._grid(x, None, None, shots, target)
+
+    def _places(self, target: int | None, count: int) -> tuple[Offsets, Offsets, Offsets]:
+        """The columns of arm, target and tool in x, for `count` shots: all, or those of one target."""
+        if target not in self._columns:
+            parameters, problem = self.problem.parameters, self.problem
+            if target is None:
+                own = parameters.block("target").start + 3 * problem.target_index
+            else:
+                own = np.full(count, parameters.block("target", target).start)
+            arm, tool = (np.full(count, block.start) for block in (parameters.arm, parameters.block("tool")))
+            self._columns[target] = (Offsets.of(arm), Offsets.of(own), Offsets.of(tool))
+        return self._columns[target]
+
+    def _variances(self, x: Matrix, count: int) -> list[GridInput]:
+        """Those of x, and as stated."""
+        if count not in self._stated:
+            self._stated[count] = constant(self.problem.noise.variances, count)
+        stated = self._stated[count]
+        if not self.problem.noise.separate:
+            return [stated, stated]
+        return [per_outer(self.problem.variances(x), count), stated]
 
     @cached_property
     def _free(self) -> Index:
@@ -254,11 +264,14 @@ class Density:
         return self.problem.parameters.prior_std[self._free]
 
     @cached_property
+    def _mean(self) -> Matrix:
+        """(f,) prior means of the free parameters."""
+        return self.problem.parameters.prior_mean[self._free]
+
+    @cached_property
     def _free_slice(self) -> slice | Index:
         """The free columns, as a slice where they are contiguous: that spares a copy."""
-        free = self._free
-        together = len(free) > 0 and free[-1] - free[0] == len(free) - 1
-        return slice(int(free[0]), int(free[-1]) + 1) if together else free
+        return together(self._free)
 
     @cached_property
     def _turns(self) -> Matrix:
@@ -280,7 +293,13 @@ class Density:
             size = len(parameters.of_shot(k, noise=False))
             own, noise = local[local < size], local[local >= size] - size
             free = parameters.among_free[columns[local]]
-            blocks.append(_Block(free, local, _lower(own), _lower(noise)))
+            pairs, noise_pairs = (
+                together((part[:, None] * self.size + part).reshape(-1))
+                for part in (free[: len(own)], free[len(own) :])
+            )
+            blocks.append(
+                _Block(together(free), together(local), pairs, _lower(own), noise_pairs, _lower(noise))
+            )
         return blocks
 
     @cached_property
@@ -288,10 +307,16 @@ class Density:
         return np.outer(self._scale, self._scale)
 
 
+def together(places: Index) -> slice | Index:
+    """Places as a slice where they follow each other: that is faster."""
+    together = len(places) > 0 and bool((np.diff(places) == 1).all())
+    return slice(int(places[0]), int(places[-1]) + 1) if together else places
+
+
 def _lower(places: Index) -> Index:
-    """(m, m) where each pair of `places` (m,) is in a lower triangle, row by row."""
+    """(m * m,) where each pair of `places` (m,) is in a lower triangle, row by row."""
     rows, others = np.maximum.outer(places, places), np.minimum.outer(places, places)
-    return np.asarray(rows * (rows + 1) // 2 + others, dtype=np.int64)
+    return np.asarray(rows * (rows + 1) // 2 + others, dtype=np.int64).reshape(-1)
 
 
 def _over(values: Matrix, of: Index | None, shots: Index | None) -> GridInput:
@@ -300,3 +325,9 @@ def _over(values: Matrix, of: Index | None, shots: Index | None) -> GridInput:
     if len(values) == 1:
         return per_inner(values[0], values.shape[1])
     return per_both(values, of)
+
+
+@lru_cache(maxsize=8)
+def density_of(problem: Problem) -> Density:
+    """That of the problem's own measurements, made once."""
+    return Density(problem)

@@ -12,26 +12,35 @@ import ctypes
 import hashlib
 import os
 import shutil
+import struct
 import subprocess
 import tempfile
 import warnings
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache, partial
+from functools import cache, partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NoReturn
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from .c_source import NoSource, grid_source
+from .c_source import GridInput, NoSource, every, grid_source
 from .compiling import KernelWarning, private, private_folder, ran
 from .robot import Matrix
 
 # No contraction to fused multiply-adds: both paths must give the same numbers. More than -O1 takes half as
-# long again to compile, and its code is no faster.
-_FLAGS = ("-O1", "-shared", "-fPIC", "-ffp-contract=off", "-fno-math-errno", "-Wno-psabi")
+# long again to compile, and its code is no faster; loops over the lanes are to be vectors, though.
+_FLAGS = (
+    "-O1",
+    "-ftree-loop-vectorize",
+    "-shared",
+    "-fPIC",
+    "-ffp-contract=off",
+    "-fno-math-errno",
+    "-Wno-psabi",
+)
 # The virtual machine takes about 15 ns for an instruction of a row, compiling some 0.8 ms for an instruction:
 # that pays after 50,000 rows, or after fewer, since the next process finds it there. To look takes a while.
 _LOOK_AFTER, _COMPILE_AFTER = 1_000, 20_000  # rows
@@ -39,75 +48,6 @@ _MOST_PLACES = 8  # numbers of rows for which the virtual machine's inputs and o
 _DIGEST = 32  # bytes of the sha256 that ends each cached library
 
 Index = NDArray[np.int64]
-
-
-class Offsets(NamedTuple):
-    """Where element i of an input starts, in numbers; `address` is that of the array, `last` the largest."""
-
-    numbers: Index
-    address: int
-    last: int
-
-    @classmethod
-    def of(cls, numbers: Index) -> Offsets:
-        return cls(numbers, numbers.ctypes.data, int(numbers.max(initial=0)))
-
-
-class GridInput(NamedTuple):
-    """One input over an outer x inner grid: element (o, i) starts at `o * step + offsets[i]` of `values`,
-    or at `rows[o] * step + offsets[i]`.
-
-    `fixed` says that it does not change over the inner index: every offset is 0.
-    """
-
-    values: Matrix
-    step: int
-    offsets: Offsets
-    address: int
-    fixed: bool = False
-    rows: Index | None = None
-
-
-def _grid_input(values: Matrix, step: int, offsets: Offsets, fixed: bool = False) -> GridInput:
-    return GridInput(values, step, offsets, values.ctypes.data, fixed)
-
-
-def per_inner(values: Matrix, inner: int) -> GridInput:
-    """An input (inner, size) that changes from shot to shot."""
-    values = np.ascontiguousarray(values, dtype=float)
-    return _grid_input(values, 0, _every(values.size // max(inner, 1), inner))
-
-
-def per_outer(values: Matrix, inner: int) -> GridInput:
-    """An input (outer, size) that changes from walker to walker."""
-    values = np.ascontiguousarray(values, dtype=float)
-    return _grid_input(values, values.shape[1], _every(0, inner), fixed=True)
-
-
-def per_both(values: Matrix, rows: Index | None = None) -> GridInput:
-    """An input (outer, inner, size) that changes with both; or the element rows[o] of it for each o."""
-    values = np.ascontiguousarray(values, dtype=float)
-    _, inner, size = values.shape
-    rows = None if rows is None else np.ascontiguousarray(rows, dtype=np.int64)
-    return _grid_input(values, inner * size, _every(size, inner))._replace(rows=rows)
-
-
-def selected(values: Matrix, index: Index) -> GridInput:
-    """An input (outer, choices, size), of which shot i takes choice index[i]."""
-    values = np.ascontiguousarray(values, dtype=float)
-    _, choices, size = values.shape
-    return _grid_input(values, choices * size, Offsets.of(index.astype(np.int64) * size))
-
-
-def constant(values: Matrix, inner: int) -> GridInput:
-    """An input (size,) that never changes."""
-    values = np.ascontiguousarray(values, dtype=float)
-    return _grid_input(values, 0, _every(0, inner), fixed=True)
-
-
-@lru_cache(maxsize=256)
-def _every(size: int, inner: int) -> Offsets:
-    return Offsets.of(np.arange(inner, dtype=np.int64) * size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,8 +103,15 @@ class Kernel:
             size = self._gram[1]
             self._out_shapes = [*self._out_shapes[:-2], (size * (size + 1) // 2, 1)]
         self._out = [rows * columns for rows, columns in self._out_shapes]
+        self._packed = struct.Struct(f"{len(self._in)}q").pack
         self._places: dict[int, _Place] = {}
-        self._load = partial(_load, function, hoisted, gram)
+        packed, whole = ctypes.c_char_p, ctypes.c_longlong
+        self._load = partial(
+            compiled_library,
+            function.name(),
+            partial(grid_source, function, hoisted, gram=gram),
+            {"zb_sum": [*([packed] * 4), whole, whole, ctypes.c_void_p]},
+        )
         self._library = self._load(make=True) if compile else None
         self._rows = 0
         self._ahead = [_LOOK_AFTER, _COMPILE_AFTER] if compile is None else []
@@ -172,6 +119,18 @@ class Kernel:
     @property
     def compiled(self) -> bool:
         return self._library is not None
+
+    @property
+    def address(self) -> int:
+        """Where the C function is, for other C."""
+        if self._library is None:
+            raise ValueError(f"{self.function.name()} is not compiled")
+        return ctypes.cast(self._library.zb_sum, ctypes.c_void_p).value or 0
+
+    @property
+    def size_out(self) -> int:
+        """Numbers of all outputs together."""
+        return sum(self._out)
 
     def __call__(self, *inputs: Matrix) -> tuple[Matrix, ...]:
         """Evaluate rows: each input is (rows, size), or (size,) for all rows; outputs are (rows, *shape).
@@ -181,7 +140,20 @@ class Kernel:
         if len(inputs) != len(self._in):
             raise ValueError(f"{self.function.name()} takes {len(self._in)} inputs, got {len(inputs)}")
         arrays = [np.ascontiguousarray(value, dtype=float) for value in inputs]
-        counts = {a.shape[0] for a in arrays if a.ndim == 2}
+        counts = {len(array) for array in arrays if array.ndim == 2}
+        sizes = [array.shape[-1] if 0 < array.ndim < 3 else None for array in arrays]
+        if len(counts) > 1 or sizes != self._in:
+            self._refuse(arrays, counts)
+        rows = counts.pop() if counts else 1
+        if self._library_for(rows) is None:
+            return self._shape(self._interpreted(arrays, rows))
+        once = every(0, 1)
+        grid = [
+            GridInput(a, a.shape[1] if a.ndim == 2 else 0, once, a.ctypes.data, fixed=True) for a in arrays
+        ]
+        return self._shape(self._compiled(grid, rows, 1))
+
+    def _refuse(self, arrays: Sequence[Matrix], counts: set[int]) -> NoReturn:
         if len(counts) > 1:
             raise ValueError(
                 f"{self.function.name()}: inputs with different numbers of rows: {sorted(counts)}"
@@ -194,11 +166,7 @@ class Kernel:
                     else (f"has {array.shape[-1]} values, takes {size}")
                 )
                 raise ValueError(f"{self.function.name()}: {self.function.name_in(k)} {found}")
-        rows = counts.pop() if counts else 1
-        if self._library_for(rows) is None:
-            return self._shape(self._interpreted(arrays, rows))
-        grid = [per_outer(array, 1) if array.ndim == 2 else constant(array, 1) for array in arrays]
-        return self._shape(self._compiled(grid, rows, 1))
+        raise AssertionError("nothing to refuse")
 
     def sums(self, inputs: Sequence[GridInput], outer: int, inner: int) -> tuple[Matrix, ...]:
         """Sum over the inner index (shots) for each outer one (walkers): outputs (outer, *shape).
@@ -284,13 +252,11 @@ class Kernel:
         """
         if self._library is None:
             raise ValueError(f"{self.function.name()} is not compiled")
-        count = len(inputs)
-        values = (ctypes.c_void_p * count)(*(given.address for given in inputs))
-        steps = (ctypes.c_longlong * count)(*(given.step for given in inputs))
-        rows = (ctypes.c_void_p * count)(
-            *(None if given.rows is None else given.rows.ctypes.data for given in inputs)
-        )
-        offsets = (ctypes.c_void_p * count)(*(given.offsets.address for given in inputs))
+        # Bytes are packed in a fraction of the time that arrays of ctypes take.
+        values = self._packed(*[given.address for given in inputs])
+        steps = self._packed(*[given.step for given in inputs])
+        rows = self._packed(*[0 if given.rows is None else given.rows.ctypes.data for given in inputs])
+        offsets = self._packed(*[given.offsets.address for given in inputs])
         result = np.empty((outer, sum(self._out)))
         arguments = (values, steps, rows, offsets, outer, inner, result.ctypes.data)
         return partial(self._library.zb_sum, *arguments), result
@@ -335,8 +301,11 @@ def _lower_gram(weight: Matrix, root: Matrix) -> Matrix:
     return np.asarray(weight * total)
 
 
-def _load(function: ca.Function, hoisted: Collection[str], gram: bool, make: bool) -> ctypes.CDLL | None:
-    """The compiled function from the cache; with `make` it is compiled where it is missing or damaged."""
+def compiled_library(
+    name: str, source: Callable[[], str], functions: Mapping[str, Sequence[Any]], *, make: bool
+) -> ctypes.CDLL | None:
+    """The library of a C source from the cache; with `make` it is compiled where it is missing or damaged.
+    `functions` has the types of the arguments of each: they return nothing."""
     compiler = _compiler()
     if compiler is None:
         if make:
@@ -344,23 +313,22 @@ def _load(function: ca.Function, hoisted: Collection[str], gram: bool, make: boo
         return None
     path, flags, macros = compiler
     try:
-        source = grid_source(function, hoisted, gram=gram)
-        key = hashlib.sha256("\0".join([source, *flags, macros]).encode()).hexdigest()
-        name = f"{function.name()}-{key[:32]}.so"
+        text = source()
+        key = hashlib.sha256("\0".join([text, *flags, macros]).encode()).hexdigest()
         folder = private_folder(cache_folder()) if make else cache_folder()
-        library = folder / name
+        library = folder / f"{name}-{key[:32]}.so"
         if not (private(folder) and _whole(library)):
             if not make:
                 return None
-            _compile([path, *flags], source, library)
+            _compile([path, *flags], text, library)
         loaded = ctypes.CDLL(str(library))
     except (OSError, NoSource, subprocess.SubprocessError) as error:
         if make:
             _warn(f"the kernel could not be compiled ({error})")
         return None
-    pointer, whole = ctypes.c_void_p, ctypes.c_longlong
-    loaded.zb_sum.restype = None
-    loaded.zb_sum.argtypes = [pointer, pointer, pointer, pointer, whole, whole, pointer]
+    for function, arguments in functions.items():
+        getattr(loaded, function).restype = None
+        getattr(loaded, function).argtypes = arguments
     return loaded
 
 

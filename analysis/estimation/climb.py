@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from ...model.density import Density
 from ...model.kernel import Index
 from ...model.robot import Matrix
-from .coordinates import SeenCoordinates
+from .compiled_climb import compiled_climb
+from .coordinates import seen_coordinates
 from .levenberg_marquardt import Minima, Quadratic, levenberg_marquardt
 
 _CLIMBED = 1e-7  # log-posterior units: from here Newton's steps finish
@@ -49,9 +50,10 @@ class Climb:
         self, density: Density, of: Index | None, rows: int, held: NDArray[np.bool_] | None = None
     ) -> None:
         self._density = density
-        self.coordinates = SeenCoordinates(density)
+        self.coordinates = seen_coordinates(density)
         self.of = np.arange(rows) if of is None else of
         self._held = held
+        self._compiled = compiled_climb(density, self.coordinates) if held is None else None
         parameters = density.problem.parameters
         local = np.where(np.array([item.unit for item in parameters.items]) == "deg", _TURN, _SHIFT)
         local = np.where(parameters.group("offset"), local, np.inf)
@@ -64,6 +66,8 @@ class Climb:
         if self._noise.any() and self._held is None:
             # Far from the mode the residuals ask for any noise: first the rest, at the noise of the start.
             v = Climb(self._density, self.of, len(v), np.tile(self._noise, (len(v), 1))).up(v, most).x
+        if self._compiled is not None:
+            return self._compiled.up(v, self.of, most, _CLIMBED, self._longest)
         return levenberg_marquardt(
             self._model, v, max_iterations=most, absolute=_CLIMBED, longest=self._longest
         )
@@ -97,14 +101,14 @@ class Climb:
         curvature[active] = self._curvature(v[active], active, root[active])
         way = np.zeros(len(v))  # since the curvature was taken
         for _ in range(_POLISH):
-            active = active[np.linalg.norm(slope[active], axis=1) >= 1e-3 * _CONVERGED]
+            active = active[_length(slope[active]) >= 1e-3 * _CONVERGED]
             if len(active) == 0:
                 break
             step = _uphill(curvature[active], slope[active])
             taken, v[active], new_value, new_slope = self._search(v, value, slope, active, root, step)
-            slow = np.linalg.norm(new_slope, axis=1) > 0.1 * np.linalg.norm(slope[active], axis=1)
+            slow = _length(new_slope) > 0.1 * _length(slope[active])
             value[active], slope[active] = new_value, new_slope
-            way[active] += np.linalg.norm(step, axis=1)
+            way[active] += _length(step)
             iterations[active] += 1
             active = active[taken]
             again = active[slow[taken]]
@@ -114,7 +118,7 @@ class Climb:
         moved = np.flatnonzero(way > _STILL)
         if len(moved):
             curvature[moved] = self._curvature(v[moved], moved, root[moved])
-        size = np.linalg.norm(slope, axis=1)
+        size = _length(slope)
         for row in range(len(v)):
             if size[row] < _CONVERGED:
                 converged[row], reason[row] = (
@@ -125,7 +129,8 @@ class Climb:
                 converged[row] = False
                 reason[row] = f"the gradient stays at {size[row]:.1e} posterior standard deviations"
         # Where there is no maximum Fisher's information is used.
-        curvature[np.linalg.eigvalsh(curvature)[:, 0] <= _FLAT] = np.eye(v.shape[1])
+        if not _steep(curvature):
+            curvature[np.linalg.eigvalsh(curvature)[:, 0] <= _FLAT] = np.eye(v.shape[1])
         covariance = root @ np.linalg.inv(curvature) @ root.transpose(0, 2, 1)
         covariance[~sound] = np.nan
         return Optima(v, covariance, value, size, iterations, converged, tuple(reason))
@@ -144,7 +149,7 @@ class Climb:
             trial = v[rows] + length * _times(root[rows], step[left])
             trial_value, trial_slope = self._value_and_slope(trial, rows, root[rows])
             # Near the top the values differ by rounding only: there the slope decides.
-            size, before = np.linalg.norm(trial_slope, axis=1), np.linalg.norm(slope[rows], axis=1)
+            size, before = _length(trial_slope), _length(slope[rows])
             good = (trial_value > value[rows]) | ((size < 0.5 * before) & (before < 2e-3))
             at = left[good]
             taken[at] = True
@@ -154,29 +159,52 @@ class Climb:
 
     def _value_and_slope(self, v: Matrix, rows: Index, root: Matrix) -> tuple[Matrix, Matrix]:
         """(W,) log-posterior and (W, f) its gradient in the coordinates w of v = v0 + root w."""
+        value, slope = self._slope(v, rows)
+        return value, _times(root.transpose(0, 2, 1), slope)
+
+    def _slope(self, v: Matrix, rows: Index) -> tuple[Matrix, Matrix]:
+        """(W,) log-posterior and (W, f) its gradient in v."""
         of = self.of[rows]
+        if self._compiled is not None:
+            cost, slope, _ = self._compiled.slopes(v, of, with_information=False)
+            return -cost, -slope
         place = self.coordinates.at(v, of)
         value, gradient, _ = self._density.slopes(place.x, of, with_information=False)
-        return value, _times(root.transpose(0, 2, 1), place.gradient(gradient))
+        return value, place.gradient(gradient)
 
     def _curvature(self, v: Matrix, rows: Index, root: Matrix) -> Matrix:
         """(W, f, f) negative Hessian in the coordinates w, by central differences of the exact gradient."""
         count, size = v.shape
         steps = _DIFFERENCE * root.transpose(0, 2, 1)  # row j: the step along w_j
         points = np.concatenate([v[:, None] - steps, v[:, None] + steps], axis=1).reshape(-1, size)
-        each = np.repeat(rows, 2 * size)
-        _, slopes = self._value_and_slope(points, each, np.repeat(root, 2 * size, axis=0))
+        _, slopes = self._slope(points, np.repeat(rows, 2 * size))
         slopes = slopes.reshape(count, 2, size, size)
-        hessian = (slopes[:, 0] - slopes[:, 1]) / (2 * _DIFFERENCE)
+        hessian = (slopes[:, 0] - slopes[:, 1]) @ root / (2 * _DIFFERENCE)
         return np.asarray((hessian + hessian.transpose(0, 2, 1)) / 2)
 
 
 def _uphill(curvature: Matrix, slope: Matrix) -> Matrix:
     """Newton's steps (W, f), turned uphill along every direction whose curvature has the wrong sign."""
+    if _steep(curvature):
+        return np.asarray(np.linalg.solve(curvature, slope[:, :, None])[:, :, 0])
     values, vectors = np.linalg.eigh(curvature)
     along = (slope[:, None, :] @ vectors)[:, 0] / np.maximum(np.abs(values), _FLAT)
     step: Matrix = (vectors @ along[:, :, None])[:, :, 0]
     return step
+
+
+def _steep(curvature: Matrix) -> bool:
+    """Whether all eigenvalues of all (W, f, f) are above _FLAT: by Cholesky's factors, far sooner known than
+    the eigenvalues."""
+    try:
+        np.linalg.cholesky(curvature - _FLAT * np.eye(curvature.shape[1]))
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+def _length(vectors: Matrix) -> Matrix:
+    return np.asarray(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))
 
 
 def _times(matrices: Matrix, vectors: Matrix) -> Matrix:

@@ -8,45 +8,30 @@ rigid motion for given offsets: no volume factor enters.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from ...model.density import Density
+from ...model.c_source import GridInput, per_both, per_inner
+from ...model.density import Density, together
 from ...model.kernel import Index
 from ...model.robot import Matrix
 
 
 class Place(NamedTuple):
-    """Parameter vectors x (W, p) and, for each moved target, how its z moves with v: `by` (W, moved, 3, m) by
-    the m coordinates at `blocks` (moved, m) of v, the last three its own. Every other z is the v itself."""
+    """Parameter vectors x (W, p), and `jacobian` (W, f, f) of the scaled free parameters z by v."""
 
     x: Matrix
-    blocks: Index
-    by: Matrix
+    jacobian: Matrix
 
     def gradient(self, by_z: Matrix) -> Matrix:
         """(W, f) by v of what has the gradient (W, f) by z."""
-        result = by_z.copy()
-        for k, block in enumerate(self.blocks):
-            own = block[-3:]
-            pulled = (by_z[:, None, own] @ self.by[:, k])[:, 0]
-            result[:, block[:-3]] += pulled[:, :-3]
-            result[:, own] = pulled[:, -3:]
-        return result
-
-    def jacobian(self, size: int) -> Matrix:
-        """(W, f, f) of z by v."""
-        result = np.zeros((len(self.x), size, size))
-        result[:, np.arange(size), np.arange(size)] = 1.0
-        for k, block in enumerate(self.blocks):
-            result[:, block[-3:, None], block] = self.by[:, k]
-        return result
+        return np.asarray((by_z[:, None] @ self.jacobian)[:, 0])
 
     def information(self, by_z: Matrix) -> Matrix:
         """(W, f, f) by v of an information (W, f, f) by z."""
-        jacobian = self.jacobian(by_z.shape[1])
-        return np.asarray(jacobian.transpose(0, 2, 1) @ by_z @ jacobian)
+        return np.asarray(self.jacobian.transpose(0, 2, 1) @ by_z @ self.jacobian)
 
 
 class SeenCoordinates:
@@ -78,11 +63,17 @@ class SeenCoordinates:
         self._where = parameters.block("target") if every else self._places.reshape(-1)
         at_v = parameters.among_free
         turning = np.flatnonzero(self._free[parameters.arm])  # the arm is at the start of x
-        self._blocks = np.array([np.append(at_v[turning], at_v[place]) for place in self._places], dtype=int)
-        self._moving = np.append(turning, parameters.arm.stop + np.arange(3))  # columns of `placed`
         own = np.broadcast_to(self._scale[:, None], (len(moved), 3))
-        columns = np.hstack([np.tile(parameters.prior_std[turning], (len(moved), 1)), own])
-        self._by_scale = columns[:, None, :] / parameters.prior_std[self._places][:, :, None]
+        by_scale = np.hstack([np.tile(parameters.prior_std[turning], (len(moved), 1)), own])
+        self._by_scale = by_scale[:, None, :] / parameters.prior_std[self._places][:, :, None]
+        self._columns = np.append(turning, parameters.arm.stop + np.arange(3))  # of `placed`
+        self._moving = together(self._columns)
+        # Where z of each moved target is by the v that move it, in (f * f,).
+        self._size = int(self._free.sum())
+        self._moves = np.array([np.append(at_v[turning], at_v[place]) for place in self._places], dtype=int)
+        rows = at_v[self._places]
+        where = rows[:, :, None] * self._size + self._moves.reshape(len(moved), 1, -1 if len(moved) else 0)
+        self._where_by = where.reshape(-1)
 
     def from_parameters(self, x: Matrix, of: Index | None = None) -> Matrix:
         """v (W, f) of parameter vectors x (W, p)."""
@@ -103,16 +94,31 @@ class SeenCoordinates:
     def at(self, v: Matrix, of: Index | None = None) -> Place:
         """x (W, p) of coordinates v (W, f), and how it moves with v."""
         x, seen = self._spread_out(v)
-        if not len(self._targets):
-            return Place(x, self._blocks, np.zeros((len(v), 0, 3, 0)))
-        placed, by = self._each("placed", of, self._problem.split(x).arm, seen)
-        x[:, self._where] = placed.reshape(len(v), 3 * len(self._targets))
-        by = by.reshape(len(v), len(self._targets), 3, by.shape[-1])
-        return Place(x, self._blocks, by[..., self._moving] * self._by_scale)
+        jacobian = np.zeros((len(v), self._size * self._size))
+        jacobian[:, :: self._size + 1] = 1.0
+        if len(self._targets):
+            placed, by = self._each("placed", of, self._problem.split(x).arm, seen)
+            x[:, self._where] = placed.reshape(len(v), 3 * len(self._targets))
+            by = by.reshape(len(v), len(self._targets), 3, by.shape[-1])
+            jacobian[:, self._where_by] = (by[..., self._moving] * self._by_scale).reshape(
+                len(v), len(self._where_by)
+            )
+        return Place(x, jacobian.reshape(len(v), self._size, self._size))
 
     def jacobian(self, x: Matrix, of: Index | None = None) -> Matrix:
         """(W, f, f) of the scaled free parameters z by v, at x (W, p)."""
-        return self.at(self.from_parameters(x, of), of).jacobian(int(self._free.sum()))
+        return self.at(self.from_parameters(x, of), of).jacobian
+
+    def moved(self, target: int) -> tuple[GridInput, Index, Index, Matrix, float] | None:
+        """What a compiled climb takes of a target, None where it stays in the base frame: the joints of its
+        first shot, the m coordinates v that move it (the last three its own), the columns of `placed` that
+        belong to them, by what each is multiplied (m, 3), and the scale of its own."""
+        if target not in self._targets:
+            return None
+        k = self._targets.tolist().index(target)
+        joints = self._joints[:, k]
+        first = per_inner(joints, 1) if len(joints) == 1 else per_both(joints[:, None])
+        return first, self._moves[k], self._columns, self._by_scale[k].T, float(self._scale[k])
 
     def covariance(self, x: Matrix, of_z: Matrix, of: Index | None = None) -> Matrix:
         """(W, f, f) of v at x (W, p), from the covariance of z (W, f, f)."""
@@ -142,3 +148,9 @@ class SeenCoordinates:
             np.repeat(arm, count, axis=0),
             points.reshape(-1, 3),
         )
+
+
+@lru_cache(maxsize=8)
+def seen_coordinates(density: Density) -> SeenCoordinates:
+    """Those of a density, made once."""
+    return SeenCoordinates(density)

@@ -5,8 +5,10 @@ Fits are rows: the starts of one run, or one start of each of many runs, go up s
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -14,7 +16,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ...model.density import Density
+from ...model.density import Density, density_of
 from ...model.kernel import Index
 from ...model.problem import Problem, Whitened
 from ...model.robot import Matrix
@@ -25,6 +27,7 @@ from .noise_factors import marginal_noise
 
 _SAME_BASIN = 0.5  # posterior stds: two modes nearer than this are one
 CONTRADICTED = 1e-4  # a chance below which residuals and priors together are no chance
+_TOGETHER = 250  # fits side by side in one thread: what a core keeps near
 STARTS = 8  # random ones, besides zero offsets
 MANY_STARTS = 64
 _FEW_NUMBERS = 3.0  # to each unknown: below that a wrong basin can pass for a fit
@@ -139,7 +142,7 @@ def fit_likelihood(
     With `eliminate_targets` the way up is searched in offsets and tool alone (`elimination`); the mode is the
     same. Raises ValueError where the elimination is not exact.
     """
-    density = Density(problem)
+    density = density_of(problem)
     z = _start_points(density.size, starts, seed)
     start = start_at(problem, z)
     if eliminate_targets:
@@ -152,8 +155,8 @@ def fit_likelihood(
         if found.converged[row] and near and all(_apart(found, row, known) for known in basins):
             basins.append(row)
     fit = single(problem, found, best, basins[1:])
-    few = _has_few_numbers(problem)
-    if 0 < starts < MANY_STARTS and few and fit.chance is not None and fit.chance < CONTRADICTED:
+    doubtful = 0 < starts < MANY_STARTS and _has_few_numbers(problem)
+    if doubtful and fit.chance is not None and fit.chance < CONTRADICTED:
         return fit_likelihood(problem, starts=MANY_STARTS, seed=seed, eliminate_targets=eliminate_targets)
     return _settled(fit)
 
@@ -214,7 +217,8 @@ def fit_each(problem: Problem, joints: Matrix, spots: Matrix, *, starts: int = S
 
 def _start_points(size: int, starts: int, seed: int) -> Matrix:
     """(1 + starts, f) scaled parameters: zero offsets, then draws from the priors."""
-    return np.vstack([np.zeros(size), np.random.default_rng(seed).normal(size=(starts, size))])
+    zero = np.zeros((1, size))
+    return np.vstack([zero, np.random.default_rng(seed).normal(size=(starts, size))]) if starts else zero
 
 
 def _best_start(converged: NDArray[np.bool_], log_posterior: Matrix) -> Index:
@@ -267,10 +271,24 @@ def start_at(problem: Problem, z: Matrix, joints: Matrix | None = None) -> Matri
 def fit_rows(density: Density, start: Matrix, of: Index | None = None) -> Fits:
     """Fit from each start x (W, p): `modes`, then Newton, and the curvature there. `of` (W,) names the data
     set of each row (default: one for each)."""
+    of = np.arange(len(start)) if of is None else of
+    if len(start) <= _TOGETHER:
+        return _fit_together(density, start, of)
+    parts = [slice(first, first + _TOGETHER) for first in range(0, len(start), _TOGETHER)]
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        found = list(pool.map(lambda part: _fit_together(density, start[part], of[part]), parts))
+    joined = {
+        item.name: np.concatenate([getattr(part, item.name) for part in found])
+        for item in fields(Fits)
+        if item.name != "reason"
+    }
+    return Fits(**joined, reason=tuple(reason for part in found for reason in part.reason))
+
+
+def _fit_together(density: Density, start: Matrix, of: Index) -> Fits:
     climb = Climb(density, of, len(start))
     top = climb.polished(climb.up(climb.coordinates.from_parameters(start, climb.of)))
-    x = climb.coordinates.to_parameters(top.v, climb.of)
-    by_v = climb.coordinates.jacobian(x, climb.of)
+    x, by_v = climb.coordinates.at(top.v, climb.of)
     covariance = by_v @ top.covariance @ by_v.transpose(0, 2, 1)
     weight = unbiased_weight(density, x, climb.of)
     return Fits(

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ...model.kernel import Index
 from ...model.robot import Matrix
 
+DAMPING, TOLERANCE = 1e-3, 1e-14
 NO_LOWER = "no step lowers the cost"
 NO_STEP = "no damping gives a step that could be taken"
 NOT_FINITE = "the cost is not finite at the start"
@@ -67,8 +68,8 @@ def levenberg_marquardt(
     start: Matrix,
     *,
     max_iterations: int = 200,
-    damping: float = 1e-3,
-    tolerance: float = 1e-14,
+    damping: float = DAMPING,
+    tolerance: float = TOLERANCE,
     absolute: float = 1e-300,
     longest: Matrix | float = np.inf,
 ) -> Minima:
@@ -91,36 +92,38 @@ def levenberg_marquardt(
         [f"no convergence in {max_iterations} iterations"] * rows,
     )
     # Unfinished rows are contiguous, so that a step of all is a few operations.
-    active = np.flatnonzero(np.isfinite(result.cost))
-    for row in np.flatnonzero(~np.isfinite(result.cost)):
+    finite = np.isfinite(result.cost)
+    active = np.flatnonzero(finite)
+    for row in np.flatnonzero(~finite):
         result.reason[row], result.iterations[row] = NOT_FINITE, 0
     x, cost, slope, curvature = (part[active] for part in result[:4])
     mu, nu = np.full(len(active), damping), np.full(len(active), 2.0)
-    diagonal_at = np.arange(size)
     for iteration in range(max_iterations):
         if len(active) == 0:
             break
-        diagonal = np.maximum(curvature[:, diagonal_at, diagonal_at], 1e-300)
         damped = curvature.copy()
-        damped[:, diagonal_at, diagonal_at] += mu[:, None] * diagonal
+        diagonal = damped.reshape(len(active), size * size)[:, :: size + 1]
+        diagonal += mu[:, None] * np.maximum(diagonal, 1e-300)
         step = -solve_rows(damped, slope[:, :, None])[:, :, 0]  # NaN: no step worth taking
         step /= np.abs(step / longest).max(axis=1, initial=1.0)[:, None]
         bent = (curvature @ step[:, :, None])[:, :, 0]
         predicted = -(step * (slope + bent / 2)).sum(axis=1)
         done = predicted <= np.maximum(tolerance * np.abs(cost), absolute)
         lost = ~np.isfinite(mu)  # no damping makes a step of it
-        if done.any() or lost.any():
+        ended = done | lost
+        if ended.any():
             result.keep(active, x, cost, slope, curvature)
             for row in active[done]:
                 result.converged[row], result.reason[row] = True, NO_LOWER
                 result.iterations[row] = iteration
             for row in active[lost]:
                 result.reason[row], result.iterations[row] = NO_STEP, iteration
-            left = ~(done | lost)
-            active, x, cost, slope, curvature = (v[left] for v in (active, x, cost, slope, curvature))
-            mu, nu, step, predicted = (v[left] for v in (mu, nu, step, predicted))
+            left = ~ended
+            active = active[left]
             if len(active) == 0:
                 break
+            x, cost, slope, curvature = (v[left] for v in (x, cost, slope, curvature))
+            mu, nu, step, predicted = (v[left] for v in (mu, nu, step, predicted))
         trial = x + step
         found = model(trial, active)
         with np.errstate(invalid="ignore", over="ignore"):
@@ -134,7 +137,8 @@ def levenberg_marquardt(
             x, cost = np.where(taken[:, None], trial, x), np.where(taken, found.cost, cost)
             slope = np.where(taken[:, None], found.gradient, slope)
             curvature = np.where(taken[:, None, None], found.curvature, curvature)
-    result.keep(active, x, cost, slope, curvature)
+    if len(active):
+        result.keep(active, x, cost, slope, curvature)
     return result
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...model.robot import Matrix
 
-_ROWS = 4096  # of one call of the density
+_ROWS = 16_384  # of one call of the density
 
 
 class IndependenceProposal:
@@ -53,7 +53,7 @@ class IndependenceProposal:
 def degrees_of_freedom(size: int) -> float:
     """nu of the proposal: heavy tails (6) in few dimensions, lighter in many, where the radius of a t
     with few degrees of freedom would scatter far more than the posterior's."""
-    return max(6.0, float(size))
+    return max(6.0, 2.0 * size)
 
 
 class _Move:

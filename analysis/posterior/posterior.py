@@ -26,7 +26,6 @@ from .convergence import error_of_mean, tail_effective
 from .moves import IndependenceProposal, degrees_of_freedom
 from .sampler import RHAT_GATE, Progress, Sampled, sample_density
 
-_THREADS_FROM = 50  # shots
 _KEPT_PER_WALKER = 400
 
 
@@ -182,9 +181,8 @@ def sample_posterior(
 
     size = len(fit.z)
     proposal = IndependenceProposal(np.zeros(size), np.eye(size), degrees_of_freedom(size))
-    # The kernel lets go of Python's lock: with many shots the ensembles use the cores that are there. With
-    # few shots the lock is what they would wait for.
-    threads = os.cpu_count() or 1 if problem.shots > _THREADS_FROM else 1
+    # The kernel lets go of Python's lock, so that the cores that are there share its rows.
+    threads = os.cpu_count() or 1
     sampled = sample_density(
         log_density, proposal, seed=seed, ess=ess, threads=threads, judged=shown, progress=progress
     )

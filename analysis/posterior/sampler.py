@@ -21,6 +21,7 @@ from .ensemble import load_emcee
 from .moves import DifferentialMove, IndependenceMove, IndependenceProposal
 from .triangular_map import TriangularMap
 
+_CHUNK = 2048  # rows of one call of the density, whatever the number of threads: the numbers must be the same
 ENSEMBLES = 4
 RHAT_GATE = 1.01
 BUDGET = 1_000_000  # evaluations of the density before a run gives up, and
@@ -109,7 +110,7 @@ class Moves:
 
 
 class _Run:
-    """Independent ensembles, each with a generator of its own, and what they have learnt so far.
+    """Independent ensembles, carried out as one by emcee, and what they have learnt so far.
 
     Points come and go as (ensembles, walkers, [steps,] f) in the caller's coordinates.
     """
@@ -125,7 +126,7 @@ class _Run:
         self._log_density, self._pool, self._judged = log_density, pool, judged
         self._first = self._proposal = proposal
         self._transport: TriangularMap | None = None
-        self.randoms = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(ENSEMBLES)]
+        self.random = np.random.default_rng(seed)
         self.evaluations = 0
         self.acceptance = self._independent = 0.0
         self.seconds = 0.0
@@ -133,62 +134,54 @@ class _Run:
     def density(self, points: Matrix) -> Matrix:
         return possible_density(self._log_density, points)
 
+    def _mapped(self, function: Callable[[Matrix], Matrix], points: Matrix) -> Matrix:
+        """A function of rows, by all threads."""
+        chunks = [points[first : first + _CHUNK] for first in range(0, len(points), _CHUNK)]
+        return np.concatenate(list((self._pool.map if len(chunks) > 1 else map)(function, chunks)))
+
     def start(self, walkers: int) -> Matrix | None:
         """Draws of the proposal, pulled in to where the density is not 0; None where that is nowhere."""
-        starts = []
-        for random in self.randoms:
-            points = self._proposal.draw(walkers, random)
-            for _ in range(_PULLS):
-                possible = np.isfinite(self.density(points))
-                self.evaluations += walkers
-                if possible.all():
-                    break
-                points[~possible] = (points[~possible] + self._proposal.location) / 2
+        points = self._proposal.draw(ENSEMBLES * walkers, self.random)
+        for _ in range(_PULLS):
             possible = np.isfinite(self.density(points))
-            if not possible.any():
-                return None
-            starts.append(np.where(possible[:, None], points, random.choice(points[possible], walkers)))
-        return np.stack(starts)
+            self.evaluations += len(points)
+            if possible.all():
+                break
+            points[~possible] = (points[~possible] + self._proposal.location) / 2
+        possible = np.isfinite(self.density(points))
+        if not possible.any():
+            return None
+        points[~possible] = self.random.choice(points[possible], int((~possible).sum()))
+        return points.reshape(ENSEMBLES, walkers, -1)
 
     def spread(self, values: Matrix, walkers: int) -> Matrix:
         """Starts for as many walkers, from each ensemble's own draws."""
-        own = [draws.reshape(-1, draws.shape[-1]) for draws in values]
-        return np.stack(
-            [
-                random.choice(draws, walkers, replace=len(draws) < walkers)
-                for draws, random in zip(own, self.randoms, strict=True)
-            ]
-        )
+        own = values.reshape(ENSEMBLES, -1, values.shape[-1])
+        return np.stack([self.random.choice(draws, walkers, replace=len(draws) < walkers) for draws in own])
 
     def advance(self, starts: Matrix, steps: int) -> Matrix:
         """So many steps of every walker."""
         began = time.perf_counter()
-        chains, first, second = zip(
-            *self._pool.map(lambda start, random: self._one(start, random, steps), starts, self.randoms),
-            strict=True,
-        )
-        values = np.stack(chains)
-        self._independent = sum(m.accepted for m in first) / max(1, sum(m.proposed for m in first))
-        both = (*first, *second)
-        self.acceptance = sum(m.accepted for m in both) / sum(m.proposed for m in both)
-        self.evaluations += starts[..., 0].size * (steps + 1)
-        self.seconds += time.perf_counter() - began
-        return values
-
-    def _one(
-        self, start: Matrix, random: np.random.Generator, steps: int
-    ) -> tuple[Matrix, IndependenceMove, DifferentialMove]:
         transport = self._transport
+        size = starts.shape[-1]
 
         def density(points: Matrix) -> Matrix:
             return self.density(points if transport is None else transport.forth(points))
 
-        points = start if transport is None else transport.back(start)
-        moves = Moves(self._proposal, random, SHARE if transport is None else MAPPED_SHARE)
-        chain = moves.walk(density, points, steps)
+        start = starts.reshape(-1, size)
         if transport is not None:
-            chain = transport.forth(chain.reshape(-1, points.shape[1])).reshape(chain.shape)
-        return chain, moves.independence, moves.differential
+            start = transport.back(start)
+        share = SHARE if transport is None else MAPPED_SHARE
+        moves = Moves(self._proposal, self.random, share, groups=ENSEMBLES)
+        chain = moves.walk(lambda points: self._mapped(density, points), start, steps)
+        if transport is not None:
+            chain = self._mapped(transport.forth, chain.reshape(-1, size))
+        both = (moves.independence, moves.differential)
+        self._independent = both[0].accepted / max(1, both[0].proposed)
+        self.acceptance = sum(m.accepted for m in both) / sum(m.proposed for m in both)
+        self.evaluations += len(start) * (steps + 1)
+        self.seconds += time.perf_counter() - began
+        return chain.reshape(*starts.shape[:2], steps, size)
 
     def burn_in(self, starts: Matrix, rounds: tuple[int, int]) -> Matrix:
         """Rounds, a refit after each, until neither acceptance nor draws move on; the last round's draws."""
@@ -210,7 +203,7 @@ class _Run:
             fewest = 10 * size if self._independent < GOOD else max(10 * size, 2 * size**2)
             self._proposal = self._proposal.refitted(draws, fewest)
             return
-        self._transport = TriangularMap(self.randoms[0].permutation(draws)[:_FITTED], self._first.factor)
+        self._transport = TriangularMap(self.random.permutation(draws)[:_FITTED], self._first.factor)
         self._proposal = IndependenceProposal(np.zeros(size), np.eye(size), self._first.nu)
 
     def _first_look(self, walkers: int) -> int:

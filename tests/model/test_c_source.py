@@ -4,9 +4,18 @@ import pytest
 from plain_model import DESIGNED, arm
 
 from zerobeam.model import c_source, kernel
-from zerobeam.model.c_source import NoSource, grid_source
+from zerobeam.model.c_source import (
+    NoSource,
+    Offsets,
+    columns,
+    constant,
+    grid_source,
+    per_both,
+    per_inner,
+    per_outer,
+)
 from zerobeam.model.constraint import ShotFunctions
-from zerobeam.model.kernel import Kernel, constant, per_both, per_inner, per_outer, selected
+from zerobeam.model.kernel import Kernel
 from zerobeam.model.tool import Tool
 
 needs_compiler = pytest.mark.skipif(kernel._compiler() is None, reason="no C compiler on this machine")
@@ -43,7 +52,7 @@ ROUNDED_ONCE = {*TWO, "NEG", "SQ", "TWICE", "INV", "SQRT"}  # by IEEE 754 the sa
 
 def test_every_operation_is_tried_below():
     stated = {getattr(ca, f"OP_{name}") for name in (*TWO, *ONE)}
-    assert stated == {*c_source._BINARY, *c_source._UNARY} - {ca.OP_ASSIGN}
+    assert stated == {*c_source._BINARY, *c_source._UNARY, *c_source._TURNED} - {ca.OP_ASSIGN}
 
 
 @needs_compiler
@@ -125,12 +134,19 @@ def test_what_is_not_known_is_refused(value):
 
 def hoistable():
     a, b = ca.SX.sym("a", 1), ca.SX.sym("b", 1)
-    return ca.Function("hoist", [a, b], [ca.sin(a) * b + ca.cos(b)], ["a", "b"], ["v"])
+    return ca.Function("hoist", [a, b], [ca.sqrt(a) * b + ca.exp(b)], ["a", "b"], ["v"])
+
+
+def test_sine_and_cosine_of_an_angle_are_one_call_each_in_its_place():
+    a, b = ca.SX.sym("a", 1), ca.SX.sym("b", 1)
+    both = ca.Function("both", [a, b], [ca.sin(a) * ca.cos(a) + ca.cos(b)], ["a", "b"], ["v"])
+    before, inside = grid_source(both, ("a",)).split(INSIDE)
+    assert [text.count("zb_sincos(v") for text in (before, inside)] == [1, 1]
 
 
 def test_what_depends_on_hoisted_inputs_alone_stands_before_the_loop():
     def parts(*hoisted):
-        return [text.count("zb_sin(v") + 10 * text.count("zb_cos(v") for text in split(*hoisted)]
+        return [text.count("zb_sqrt(v") + 10 * text.count("zb_exp(v") for text in split(*hoisted)]
 
     def split(*hoisted):
         before, inside = grid_source(hoistable(), hoisted).split(INSIDE)
@@ -198,7 +214,7 @@ def weighted_inputs(functions, rows):
             per_both(spots[some]),
             per_inner(weights, SHOTS),
             per_outer(delta[some], SHOTS),
-            selected(targets[some], index),
+            columns(targets[some].reshape(len(targets[some]), -1), Offsets.of(3 * index))[0],
             per_outer(tool[some], SHOTS),
             per_outer(variances[some], SHOTS),
             constant(stated, SHOTS),

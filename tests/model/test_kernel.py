@@ -11,18 +11,20 @@ import numpy as np
 import pytest
 
 from zerobeam.model import compiling, kernel
+from zerobeam.model.c_source import Offsets, columns, constant, per_both, per_inner, per_outer
 from zerobeam.model.kernel import (
     Kernel,
     KernelWarning,
     cache_folder,
-    constant,
-    per_both,
-    per_inner,
-    per_outer,
-    selected,
 )
 
 needs_compiler = pytest.mark.skipif(kernel._compiler() is None, reason="no C compiler on this machine")
+
+
+def selected(values, index):
+    """An input (outer, choices, size), of which shot i takes choice index[i]."""
+    outer, choices, size = values.shape
+    return columns(values.reshape(outer, choices * size), Offsets.of(index * size))[0]
 
 
 def small(name="small"):

@@ -123,7 +123,7 @@ def test_gradients_and_informations_are_carried_over_by_the_jacobian(case):
     np.testing.assert_allclose(
         place.information(information), expected, rtol=0, atol=1e-12 * np.abs(expected).max()
     )
-    np.testing.assert_array_equal(place.jacobian(f), by_v)
+    np.testing.assert_array_equal(place.jacobian, by_v)
 
 
 def test_the_gradient_by_v_against_differences_of_the_log_posterior():
