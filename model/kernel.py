@@ -15,6 +15,7 @@ import shutil
 import struct
 import subprocess
 import tempfile
+import threading
 import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -105,6 +106,7 @@ class Kernel:
         self._out = [rows * columns for rows, columns in self._out_shapes]
         self._packed = struct.Struct(f"{len(self._in)}q").pack
         self._places: dict[int, _Place] = {}
+        self._alone = threading.Lock()  # the machine has one place for all threads
         packed, whole = ctypes.c_char_p, ctypes.c_longlong
         self._load = partial(
             compiled_library,
@@ -214,8 +216,10 @@ class Kernel:
     def _library_for(self, rows: int) -> ctypes.CDLL | None:
         """The compiled function, if it is to serve these rows; found or made when the work pays for it."""
         self._rows += rows
-        while self._ahead and self._rows > self._ahead[0] and self._library is None:
-            self._library = self._load(make=self._ahead.pop(0) == _COMPILE_AFTER)
+        if self._ahead and self._rows > self._ahead[0] and self._library is None:
+            with self._alone:
+                while self._ahead and self._rows > self._ahead[0] and self._library is None:
+                    self._library = self._load(make=self._ahead.pop(0) == _COMPILE_AFTER)
         return self._library
 
     def _compiled(self, inputs: Sequence[GridInput], outer: int, inner: int) -> Matrix:
@@ -229,6 +233,10 @@ class Kernel:
         """(rows, all outputs) by the virtual machine of inputs (rows, size) or (size,)."""
         if rows == 0:
             return np.zeros((0, sum(self._out)))
+        with self._alone:
+            return self._by_machine(inputs, rows)
+
+    def _by_machine(self, inputs: Sequence[Matrix], rows: int) -> Matrix:
         if rows not in self._places:
             if len(self._places) == _MOST_PLACES:
                 self._places.pop(next(iter(self._places)))

@@ -4,6 +4,7 @@ import stat
 import subprocess
 import sys
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import casadi as ca
@@ -610,3 +611,17 @@ def test_a_library_that_others_can_write_is_built_again(empty_cache):
     assert not kernel._whole(library)
     assert Kernel(small(), compile=True).compiled
     assert kernel._whole(library)
+
+
+def test_threads_share_the_virtual_machine():
+    """Each thread gets the numbers of its own inputs."""
+    made = Kernel(bent(), compile=False)
+    rng = np.random.default_rng(8)
+    sizes = [made.function.numel_in(k) for k in range(made.function.n_in())]
+    given = [[rng.normal(size=(2000, size)) for size in sizes] for _ in range(4)]
+    expected = [made(*inputs) for inputs in given]
+    with ThreadPoolExecutor(4) as pool:
+        for _ in range(20):
+            for found, alone in zip(pool.map(lambda inputs: made(*inputs), given), expected, strict=True):
+                for one, two in zip(found, alone, strict=True):
+                    np.testing.assert_array_equal(one, two)
