@@ -10,10 +10,11 @@ import typer
 
 from ..model.errors import BadInput
 from .console import out, progress
-from .options import Force, HeaderFile, NewRunFile
+from .options import Force, MeasuredPlan, NewRunFile, SharedHeader
 
 if TYPE_CHECKING:
-    from ..experiments.importers import Imported
+    from ..experiments.importers import Imported, Stillness
+    from ..model.files.plan import Plan
 
 imports = typer.Typer(help="Make a run from recorded files that people have.", no_args_is_help=True)
 
@@ -24,43 +25,37 @@ ClockUnit = Literal["s", "ms", "us", "ns"]
 J3Origin = Literal["ground", "link"]
 KnownLog = Literal["ur", "egm", "robodk"]
 
-_TargetEach = Annotated[
-    list[str],
-    typer.Option(help="Target of a file: once for each file, in their order.", show_default=False),
-]
-_Targets = Annotated[
+Targets = Annotated[
     list[str] | None,
     typer.Option(
         help="Target of a file: once for each file, in their order, unless the files name them.",
         show_default=False,
     ),
 ]
-_StillDeg = Annotated[
-    float, typer.Option(help="Dwell: each joint within so many degrees.", show_default=False)
+StillDeg = Annotated[
+    float | None, typer.Option(help="Dwell: each joint within so many degrees.", show_default=False)
 ]
-_StillSeconds = Annotated[
-    float, typer.Option(help="Dwell: for at least so many seconds.", show_default=False)
+StillSeconds = Annotated[
+    float | None, typer.Option(help="Dwell: for at least so many seconds.", show_default=False)
 ]
-_StillMm = Annotated[
+StillMm = Annotated[
     float | None, typer.Option(help="Dwell: each prismatic joint within so many mm.", show_default=False)
 ]
-_MarkerColumn = Annotated[
+Decimal = Annotated[str, typer.Option(help="Decimal sign: . or ,")]
+MarkerColumn = Annotated[
     str | None,
     typer.Option(help="Only dwells in which this column becomes other than 0.", show_default=False),
-]
-_PointNames = Annotated[
-    str | None,
-    typer.Option(help="Points to use, by name: a,b,c (default: all).", show_default=False),
 ]
 
 
 @imports.command("csv")
 def import_csv(
     files: Annotated[list[Path], typer.Argument(help="CSV files, one posture a row.", show_default=False)],
-    header: HeaderFile,
     units: Annotated[AngleUnit, typer.Option(help="Unit of the angles.", show_default=False)],
     file: NewRunFile,
-    target: _Targets = None,
+    header: SharedHeader = None,
+    plan: MeasuredPlan = None,
+    target: Targets = None,
     target_column: Annotated[
         str | None, typer.Option(help="Column with each row's target, instead.", show_default=False)
     ] = None,
@@ -73,12 +68,16 @@ def import_csv(
     columns: Annotated[
         str | None,
         typer.Option(
-            help="Columns of joint 1, 2, …: a,b,c by name (with --header-row) or number, from 1.",
+            help="Columns of joint 1, 2, …: a,b,c by name (with --header-row) or number, from 1; or"
+            " A1=j1,A2=j2,… in any order.",
             show_default=False,
         ),
     ] = None,
-    delimiter: Annotated[str, typer.Option(help="Delimiter between two values.")] = ",",
-    decimal: Annotated[str, typer.Option(help="Decimal sign: . or ,")] = ".",
+    delimiter: Annotated[
+        str | None,
+        typer.Option(help="Delimiter between two values; found if not stated.", show_default=False),
+    ] = None,
+    decimal: Decimal = ".",
     j3: Annotated[J3Origin, typer.Option(help="Joint 3 is counted from; FANUC: ground.")] = "link",
     spot_columns: Annotated[
         str | None, typer.Option(help="Columns of spot_mm: dx,dy in mm.", show_default=False)
@@ -100,8 +99,8 @@ def import_csv(
     still_s: Annotated[
         float | None, typer.Option(help="… for at least so many seconds.", show_default=False)
     ] = None,
-    still_mm: _StillMm = None,
-    marker_column: _MarkerColumn = None,
+    still_mm: StillMm = None,
+    marker_column: MarkerColumn = None,
     small_angles: Annotated[
         bool,
         typer.Option(
@@ -114,23 +113,17 @@ def import_csv(
     """Recorded joint positions in CSV files. Units and target names are stated, never guessed."""
     from ..experiments import importers
 
-    if (still_deg is None) != (still_s is None) or (still_mm is not None and still_deg is None):
-        raise BadInput(
-            "a dwell needs a tolerance and a time", remedy="state both --still-deg and --still-s, or neither"
-        )
-    still = None
-    if still_deg is not None and still_s is not None:
-        still = importers.Stillness(still_deg, still_s, still_mm)
+    still = stillness(still_deg, still_s, still_mm)
     layout = importers.CsvLayout(
         units,
         header_row,
-        _named(columns),
+        as_names(columns),
         delimiter,
         lengths,
         decimal,
         target_column,
         shot_column,
-        _named(spot_columns),
+        as_names(spot_columns),
         time_column,
         time_units,
         marker_column,
@@ -138,22 +131,29 @@ def import_csv(
         small_angles=small_angles,
     )
     with progress("import") as tell:
-        imported = importers.import_csv(files, target or [], layout, header, file, still=still, progress=tell)
-        _write(imported, file, force, [header, *files], tell)
+        imported = importers.import_csv(
+            files, target or [], layout, stated(header, plan), file, still=still, progress=tell
+        )
+        _write(imported, file, force, read_of(header, plan, files), tell)
     _tell(imported, file)
 
 
 @imports.command("ros")
 def import_ros(
     files: Annotated[
-        list[Path], typer.Argument(help="ROS 1 or 2 bags: .bag, .mcap, .db3 or folder.", show_default=False)
+        list[Path],
+        typer.Argument(
+            help="ROS 1 or 2 bags (.bag, .mcap, .db3 or folder), or joint states in text (.yaml).",
+            show_default=False,
+        ),
     ],
-    header: HeaderFile,
     file: NewRunFile,
-    still_deg: _StillDeg,
-    still_s: _StillSeconds,
-    still_mm: _StillMm = None,
-    target: _Targets = None,
+    header: SharedHeader = None,
+    plan: MeasuredPlan = None,
+    still_deg: StillDeg = None,
+    still_s: StillSeconds = None,
+    still_mm: StillMm = None,
+    target: Targets = None,
     columns: Annotated[
         str | None,
         typer.Option(
@@ -173,20 +173,36 @@ def import_ros(
     ] = None,
     force: Force = False,
 ) -> None:
-    """Joint states in ROS bags: a measurement is where the arm dwells (at a marker, if stated)."""
+    """Joint states: in ROS bags a measurement is where the arm dwells (at a marker, if stated).
+
+    In the text of ros2 topic echo each message is one.
+    """
     from ..experiments import importers
 
-    imported = importers.import_ros(
-        files,
-        target or [],
-        header,
-        file,
-        still=importers.Stillness(still_deg, still_s, still_mm),
-        columns=_named(columns),
-        topic=topic,
-        marker_topic=marker_topic,
-    )
-    _write_imported(imported, file, force, [header, *files])
+    named, known = as_names(columns), stated(header, plan)
+    if all(name.suffix.lower() in (".yaml", ".yml", ".txt") for name in files):
+        _refuse_for_text(still_deg, still_s, still_mm, topic, marker_topic)
+        imported = importers.import_joint_states(files, target or [], known, file, columns=named)
+    else:
+        imported = importers.import_ros(
+            files,
+            target or [],
+            known,
+            file,
+            still=require_stillness(still_deg, still_s, still_mm),
+            columns=named,
+            topic=topic,
+            marker_topic=marker_topic,
+        )
+    write_imported(imported, file, force, read_of(header, plan, files))
+
+
+def _refuse_for_text(*options: object) -> None:
+    if any(option is not None for option in options):
+        raise BadInput(
+            "joint states in text have no times: each message is a measurement",
+            remedy="leave out --still-deg, --still-s, --still-mm, --topic and --marker-topic",
+        )
 
 
 @imports.command("log")
@@ -199,17 +215,19 @@ def import_log(
         ),
     ],
     files: Annotated[list[Path], typer.Argument(help="Logs as CSV files.", show_default=False)],
-    header: HeaderFile,
-    target: _TargetEach,
     file: NewRunFile,
-    still_deg: _StillDeg,
-    still_s: _StillSeconds,
-    still_mm: _StillMm = None,
+    header: SharedHeader = None,
+    plan: MeasuredPlan = None,
+    target: Targets = None,
+    still_deg: StillDeg = None,
+    still_s: StillSeconds = None,
+    still_mm: StillMm = None,
     delimiter: Annotated[
         str | None,
         typer.Option(help="Delimiter between two values, if not the usual one.", show_default=False),
     ] = None,
-    marker_column: _MarkerColumn = None,
+    decimal: Decimal = ".",
+    marker_column: MarkerColumn = None,
     force: Force = False,
 ) -> None:
     """Logs over time of a known layout: a measurement is where the arm dwells. Other logs: import csv."""
@@ -219,59 +237,69 @@ def import_log(
         imported = importers.import_log(
             kind,
             files,
-            target,
-            header,
+            target or [],
+            stated(header, plan),
             file,
-            still=importers.Stillness(still_deg, still_s, still_mm),
+            still=require_stillness(still_deg, still_s, still_mm),
             delimiter=delimiter,
+            decimal=decimal,
             marker_column=marker_column,
             progress=tell,
         )
-        _write(imported, file, force, [header, *files], tell)
+        _write(imported, file, force, read_of(header, plan, files), tell)
     _tell(imported, file)
 
 
-@imports.command("fanuc")
-def import_fanuc(
-    files: Annotated[list[Path], typer.Argument(help="TP programs as text (.ls).", show_default=False)],
-    header: HeaderFile,
-    target: _TargetEach,
-    file: NewRunFile,
-    j3: Annotated[
-        J3Origin,
-        typer.Option(help="What joint 3 is counted from; on the pendant: ground.", show_default=False),
-    ],
-    points: _PointNames = None,
-    force: Force = False,
-) -> None:
-    """Positions of TP programs that were taught with the beam on the target, in joint representation."""
-    from ..experiments import importers
+def stated(header: Path | None, plan: Path | None) -> Path | Plan:
+    """The header file, or the plan that was measured; BadInput unless one of the two is stated."""
+    from ..model.files.plan import read_plan
 
-    imported = importers.import_fanuc(files, target, header, file, j3=j3, points=_named(points))
-    _write_imported(imported, file, force, [header, *files])
+    if plan is not None and header is None:
+        return read_plan(plan)
+    if header is not None and plan is None:
+        return header
+    raise BadInput(
+        "both --header and --plan are stated" if header else "neither --header nor --plan is stated",
+        allowed="--plan PLAN for the measurements of a plan; else --header HEADER and --target NAME",
+    )
 
 
-@imports.command("kuka")
-def import_kuka(
-    files: Annotated[list[Path], typer.Argument(help="Data lists (.dat).", show_default=False)],
-    header: HeaderFile,
-    target: _TargetEach,
-    file: NewRunFile,
-    points: _PointNames = None,
-    force: Force = False,
-) -> None:
-    """Axis positions (AXIS, E6AXIS) that were taught with the beam on the target."""
-    from ..experiments import importers
+def stillness(deg: float | None, seconds: float | None, mm: float | None) -> Stillness | None:
+    """What counts as a dwell, if it is stated."""
+    from ..experiments.importers import Stillness
 
-    imported = importers.import_kuka(files, target, header, file, points=_named(points))
-    _write_imported(imported, file, force, [header, *files])
+    if deg is not None and seconds is not None:
+        return Stillness(deg, seconds, mm)
+    if deg is None and seconds is None and mm is None:
+        return None
+    raise BadInput(
+        "a dwell needs a tolerance and a time", remedy="state both --still-deg and --still-s, or neither"
+    )
 
 
-def _named(text: str | None) -> list[str] | None:
+def require_stillness(deg: float | None, seconds: float | None, mm: float | None) -> Stillness:
+    """What counts as a dwell; BadInput where it is not stated."""
+    found = stillness(deg, seconds, mm)
+    if found is None:
+        raise BadInput(
+            "a recording over time needs to know what a dwell is",
+            remedy="state --still-deg and --still-s",
+        )
+    return found
+
+
+def as_names(text: str | None) -> list[str] | None:
+    """Names that are separated by commas."""
     return None if text is None else [name.strip() for name in text.split(",")]
 
 
-def _write_imported(imported: Imported, file: Path, force: bool, read: list[Path]) -> None:
+def read_of(header: Path | None, plan: Path | None, files: list[Path]) -> list[Path]:
+    """The files that an import reads: it never writes over them."""
+    return [*(path for path in (header, plan) if path is not None), *files]
+
+
+def write_imported(imported: Imported, file: Path, force: bool, read: list[Path]) -> None:
+    """Write the run, and say how the files were understood."""
     _write(imported, file, force, read, lambda stage, share: None)
     _tell(imported, file)
 

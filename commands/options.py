@@ -14,6 +14,16 @@ PlanFile = Annotated[Path, typer.Argument(help="Plan file (.yaml).", show_defaul
 HeaderFile = Annotated[
     Path, typer.Option("--header", help="Header file (.yaml): robot, tool, noise.", show_default=False)
 ]
+SharedHeader = Annotated[
+    Path | None,
+    typer.Option("--header", help="Header file (.yaml): robot, tool, noise.", show_default=False),
+]
+MeasuredPlan = Annotated[
+    Path | None,
+    typer.Option(
+        "--plan", help="Plan that was measured, instead of --header and --target.", show_default=False
+    ),
+]
 NewRunFile = Annotated[
     Path, typer.Option("-o", "--out", help="Run file to write (.jsonl).", show_default=False)
 ]

@@ -14,7 +14,16 @@ from typer.core import TyperGroup
 
 from ..interruption import answered, requested
 from ..model.errors import RigFault, ZerobeamError
-from . import carrying_out, exporting, importing, judging, robots, studying
+from . import (
+    carrying_out,
+    exporting,
+    exporting_plans,
+    importing,
+    importing_points,
+    judging,
+    robots,
+    studying,
+)
 from .console import FAULT, UNREAD, OutputLost, err, guarded_streams, out, plain
 
 
@@ -35,6 +44,9 @@ class _Commands(TyperGroup):
             raise _Stopped from None
 
 
+for points, importer in importing_points.COMMANDS.items():
+    importing.imports.command(points, hidden=points == "kuka")(importer)
+exporting.exports.command("plan")(exporting_plans.export_plan)
 _COMMANDS = {
     command.__name__: command
     for command in (

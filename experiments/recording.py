@@ -86,6 +86,12 @@ def record(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
         return _led(plan, file, request, told)
     if plan.header.tool.kind == "probe":
         return _by_hand(plan, file, request, told)
+    if plan.via and (request.tolerance is not None or request.closing):
+        raise BadInput(
+            "the plan states intermediate postures (via_deg), which are safe in its own order only",
+            remedy="leave out --adaptive and --closing, or the intermediate postures",
+            file=plan.path,
+        )
     rig, about = _rig(plan, request)
     header = _header(plan, file, {**rig.provenance(), **about})
     adaptive = None if request.tolerance is None else Adaptive(plan, request.tolerance)

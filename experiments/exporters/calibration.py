@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ from ...reports.words.causes import reason
 from ...reports.words.findings import displacement_sentence
 from ...reports.words.misfit import criterion_sentence, misfit_headline
 from ...reports.words.wording import listed
+from .ascii_line import one_line
 from .corrected import (
     STATUS_WORDS,
     Correction,
@@ -145,12 +145,6 @@ class Calibration:
             f"rms residual of the run: {whole:.3g} mm with all that was estimated, {held:.3g} mm with what"
             " this file holds (targets placed anew)"
         )
-
-
-def one_line(text: str) -> str:
-    """Text that may hold any character, as ASCII on one line; control and other characters as escapes."""
-    said = text.replace("±", "+-")
-    return re.sub(r"[^ -~]", lambda found: found.group().encode("unicode_escape").decode(), said)
 
 
 def calibration(

@@ -22,7 +22,9 @@ from typing import Literal, NamedTuple
 
 from ...model.errors import BadInput
 from ...model.files.reading import did_you_mean, read_text, shown
-from .calibration import Calibration, Offset, one_line
+from .ascii_line import one_line
+from .calibration import Calibration, Offset
+from .vendors import require_vendor
 
 Sign = Literal[1, -1]
 TURN = 2 * math.pi
@@ -92,6 +94,7 @@ def moc_text(calibration: Calibration, gears: Gears, against: Path | None = None
 
     The motors of mechanical unit `unit` are those called `<unit>_1` and so on.
     """
+    require_vendor(calibration.corrected, "abb", "MOC.cfg")
     _require_turning(calibration)
     if against is None:
         return _table(calibration, gears)

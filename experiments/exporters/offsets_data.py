@@ -7,7 +7,8 @@ from typing import Any
 
 from ...reports.words import spreadsheet
 from ...reports.words.causes import reason
-from .calibration import MEANING, SEED, Calibration, Offset, one_line
+from .ascii_line import one_line
+from .calibration import MEANING, SEED, Calibration, Offset
 
 SCHEMA = "zerobeam/offsets/1"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ...model.errors import BadInput
 from .calibration import Calibration
+from .vendors import require_vendor
 
 AXES = 6  # rax_1 to rax_6 of a robjoint
 MODULE = "zb_offsets"
@@ -12,8 +13,9 @@ MODULE = "zb_offsets"
 def rapid_text(calibration: Calibration) -> str:
     """Text of the module: ASCII, degrees. RAPID's num holds some seven digits, so six decimals are written.
 
-    BadInput for a robot that a RAPID robjoint (six axes in degrees) cannot hold.
+    BadInput for a robot that is not ABB's, or that a RAPID robjoint (six axes in degrees) cannot hold.
     """
+    require_vendor(calibration.corrected, "abb", "a RAPID module")
     offsets = calibration.offsets
     sliding = [offset.name for offset in offsets if offset.kind == "prismatic"]
     if len(offsets) > AXES or sliding:

@@ -14,7 +14,8 @@ from ...model.files.reading import shown
 from ...model.files.robot_file import RobotFile, StatedJoint, StatedTransform, stated_rows
 from ...model.files.run import Run
 from ...model.robot import DHRow, Matrix
-from .calibration import Calibration, one_line
+from .ascii_line import one_line
+from .calibration import Calibration
 from .dh_rows import Table, beyond_rows, corrected_table
 
 

@@ -2,9 +2,13 @@
 
 from .csv_file import CsvLayout, LogKind, TimeUnit, import_csv, import_log
 from .dwells import Stillness
+from .fanuc import import_fanuc
 from .imported import J3, Imported
+from .joint_states import import_joint_states
+from .kuka import import_kuka
+from .program_log import import_program_log, is_program_log
+from .rapid import import_rapid
 from .ros import import_ros
-from .taught import import_fanuc, import_kuka
 
 __all__ = [
     "J3",
@@ -15,7 +19,11 @@ __all__ = [
     "TimeUnit",
     "import_csv",
     "import_fanuc",
+    "import_joint_states",
     "import_kuka",
     "import_log",
+    "import_program_log",
+    "import_rapid",
     "import_ros",
+    "is_program_log",
 ]

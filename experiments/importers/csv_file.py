@@ -14,9 +14,10 @@ from ...model.errors import BadInput
 from ...model.files.limits import like_radians
 from ...model.files.reading import shown
 from ...model.robot import Matrix, Robot
+from .columns import columns_of_joints
 from .dwells import Log, Mark, Stillness, held
-from .imported import J3, J3_NOTE, Found, Imported, Job, from_ground, one_target_each, uncollected
-from .table import Table, check_signs, read_table
+from .imported import J3, J3_NOTE, Found, Imported, Job, Stated, from_ground, uncollected
+from .table import DELIMITERS, Table, check_signs, read_table
 
 PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 TimeUnit = Literal["s", "ms", "us", "ns"]
@@ -27,7 +28,8 @@ class CsvLayout:
     """How the CSV files are laid out. Columns are stated by name (with a `header_row`) or number, from 1.
 
     `columns` are those of joint 1, 2, … in this order, others are ignored; without it the files hold only
-    joints, joint 1 first. `lengths` is the unit of prismatic joints, required if there are any.
+    joints, joint 1 first; each may be `column=joint`, in any order. `delimiter` None: it is found in the
+    file. `lengths` is the unit of prismatic joints, required if there are any.
     `spot_columns` are dx and dy in mm, as `spot_mm` of a run. `marker_column` is neither empty nor 0 where a
     measurement begins. `changes_only`: rows only where the joints changed, each valid until the next.
     `small_angles`: degrees that are all as small as radians are degrees all the same.
@@ -36,7 +38,7 @@ class CsvLayout:
     units: Literal["deg", "rad"]
     header_row: bool = False
     columns: Sequence[str] | None = None
-    delimiter: str = ","
+    delimiter: str | None = ","
     lengths: Literal["mm", "m"] | None = None
     decimal: str = "."
     target_column: str | None = None
@@ -100,7 +102,7 @@ def import_csv(
     files: Sequence[Path | str],
     target_names: Sequence[str],
     layout: CsvLayout,
-    header_path: Path | str,
+    stated: Stated,
     out: Path | str,
     *,
     still: Stillness | None = None,
@@ -108,16 +110,17 @@ def import_csv(
 ) -> Imported:
     """Measurements from CSV files of one layout: one a row, or with `still` one for each dwell of the arm.
 
-    All measurements of a file are at the target stated for it, or at that in `target_column`. `header_path`
-    is a header YAML file; `out` is the run file that will be written, so that the robot's path in the header
-    can be made relative to it. Nothing is written. `progress` gets the stage and the share of the whole.
+    All measurements of a file are at the target stated for it, or at that in `target_column`. `stated`
+    is a header YAML file, or the plan that was measured; `out` is the run file that will be written, so that
+    the robot's path in the header can be made relative to it. Nothing is written. `progress` gets the stage
+    and the share of the whole.
     BadInput, with file and line, for what does not fit.
     """
-    job = Job.begin(files, header_path)
+    job = Job.begin(files, stated)
+    layout = replace(layout, columns=columns_of_joints(layout.columns, job.robot))
     layout.check(job.robot)
     if layout.target_column is None:
-        one_target_each(job.paths, target_names)
-        targets: list[str | None] = list(target_names)
+        targets: list[str | None] = [*job.targets(target_names)]
     elif target_names:
         raise BadInput("targets are stated both by name and by a column", remedy="state one of the two")
     else:
@@ -186,12 +189,14 @@ def _found(path: Path, target: str | None, robot: Robot, layout: CsvLayout, stil
         clock = table.numbers([table.column(layout.time_column)])[:, 0]
         times = (clock - clock[0]) / PER_SECOND[layout.time_units]
     names = None if layout.target_column is None else table.texts(table.column(layout.target_column))
+    told = [f"  delimiter found: {DELIMITERS[table.delimiter]}"] if layout.delimiter is None else []
     if still is not None and times is not None:
         marks = None if layout.marker_column is None else _marks(table, layout.marker_column, times, names)
         if layout.changes_only:
             still.tolerance(robot)
             times, joints = held(times, joints, still.seconds)
-        return Log(path, times, joints, spots, marks).shots(robot, still, target)
+        dwells = Log(path, times, joints, spots, marks).shots(robot, still, target)
+        return replace(dwells, notes=[*told, *dwells.notes])
     return Found(
         path,
         "row",
@@ -201,6 +206,7 @@ def _found(path: Path, target: str | None, robot: Robot, layout: CsvLayout, stil
         numbers=None if layout.shot_column is None else _shot_numbers(table, layout.shot_column),
         spots=spots,
         times=times,
+        notes=told,
     )
 
 
@@ -315,17 +321,20 @@ def import_log(
     kind: LogKind,
     files: Sequence[Path | str],
     target_names: Sequence[str],
-    header_path: Path | str,
+    stated: Stated,
     out: Path | str,
     *,
     still: Stillness,
     delimiter: str | None = None,
+    decimal: str = ".",
     marker_column: str | None = None,
     progress: Callable[[str, float], None] = lambda stage, share: None,
 ) -> Imported:
     """Measurements from logs of a known kind: at each dwell, or at those that `marker_column` marks."""
     if kind not in _LAYOUTS:
         raise BadInput("unknown kind of log", found=kind, allowed=", ".join(_LAYOUTS))
-    layout = _LAYOUTS[kind](Job.begin(files, header_path).robot.n)
-    layout = replace(layout, marker_column=marker_column, delimiter=delimiter or layout.delimiter)
-    return import_csv(files, target_names, layout, header_path, out, still=still, progress=progress)
+    layout = _LAYOUTS[kind](Job.begin(files, stated).robot.n)
+    layout = replace(
+        layout, marker_column=marker_column, delimiter=delimiter or layout.delimiter, decimal=decimal
+    )
+    return import_csv(files, target_names, layout, stated, out, still=still, progress=progress)

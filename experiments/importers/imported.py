@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import gc
+import glob
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -15,6 +16,7 @@ import numpy as np
 from ...model.errors import BadInput
 from ...model.files.header import Header, check_header, read_header
 from ...model.files.limits import check_limits
+from ...model.files.plan import Plan
 from ...model.files.reading import Place, read_yaml
 from ...model.files.robot_file import load_robot, rebased
 from ...model.files.shot import Shot, check_distances, check_shot, unknown_targets
@@ -22,6 +24,7 @@ from ...model.files.validation import validate
 from ...model.robot import Matrix, Robot
 
 J3 = Literal["ground", "link"]
+Stated = Path | str | Plan  # a header file, or the plan that was measured, which has a header
 J3_NOTE = "joint 3 is counted from the ground (FANUC): joint 2 is added to it"
 
 
@@ -52,33 +55,73 @@ class Found:
     notes: Sequence[str] = ()
 
 
+# Farther from the planned posture is another posture; as near as this is the plan itself.
+_NEAR_DEG, _NEAR_MM = 30.0, 300.0
+_SAME = 5e-4
+
+
 @dataclass(frozen=True)
 class Job:
-    """Files to import, and what is stated about them."""
+    """Files to import, and what is stated about them. `patterns` has how many files each argument stands for.
+
+    `plan` is the plan that was measured, if it is stated: then it says which posture has which target.
+    """
 
     paths: tuple[Path, ...]
+    patterns: tuple[int, ...]
     header_path: Path
     header: Header
     robot: Robot
+    plan: Plan | None = None
 
     @classmethod
-    def begin(cls, files: Sequence[Path | str], header_path: Path | str) -> Job:
-        """Read the header; BadInput for it, without files, or for a duplicate file."""
-        paths = tuple(Path(file) for file in files)
-        header_path = Path(header_path)
+    def begin(cls, files: Sequence[Path | str], stated: Stated) -> Job:
+        """Read the header; BadInput for it, without files, or for a duplicate file.
+
+        A file that does not exist and has `*`, `?` or `[` in its name stands for all that match, by name.
+        """
+        each = [matching(Path(file)) for file in files]
+        paths = tuple(path for group in each for path in group)
         if not paths:
             raise BadInput("no file to import is given")
         for i, path in enumerate(paths):
             if path.resolve() in [other.resolve() for other in paths[:i]]:
                 raise BadInput("the file is a duplicate", file=path, remedy="give each file once")
+        patterns = tuple(map(len, each))
+        if isinstance(stated, Plan):
+            return cls(paths, patterns, stated.path, stated.header, stated.robot, stated)
+        header_path = Path(stated)
         header = read_header(header_path)
         robot = load_robot(header.robot, header_path.parent, file=header_path)
         check_header(header, robot, file=header_path, line=read_yaml(header_path).line)
-        return cls(paths, header_path, header, robot)
+        return cls(paths, patterns, header_path, header, robot)
+
+    def targets(self, names: Sequence[str]) -> list[str]:
+        """The target of each file; where a plan is stated it says so in the end, and names are refused.
+
+        BadInput unless there is one name for each file, or for each pattern.
+        """
+        if self.plan is not None:
+            if names:
+                raise BadInput(
+                    "targets are stated, and a plan, which says them itself",
+                    found=", ".join(names),
+                    remedy="leave out --target, or state --header instead of --plan",
+                )
+            return [self.plan.targets[0]] * len(self.paths)
+        if len(names) != len(self.patterns):
+            raise BadInput(
+                "one target name is required for each file",
+                found=f"{len(names)} names, {len(self.patterns)} files",
+                remedy="state the target of each file, in the order of the files; names may repeat",
+            )
+        return [name for name, count in zip(names, self.patterns, strict=True) for _ in range(count)]
 
     def finish(self, found: Sequence[Found], out: Path | str, notes: Sequence[str]) -> Imported:
         """The measurements of all files, numbered through; `notes` says how the files were read."""
         robot = self.robot
+        if self.plan is not None:
+            found = [self._planned(part, self.plan, i) for i, part in enumerate(found)]
         names = tuple(dict.fromkeys(target for part in found for target in part.targets))
         check_distances(self.header, names, file=self.header_path, line=None)
         shots: list[Shot] = []
@@ -97,13 +140,67 @@ class Job:
         understood = [
             f"{len(self.paths)} file{plural}, {len(shots)} measurements, robot {robot.name}"
             f" ({robot.n} joints)",
+            *self.about_plan,
             *sentences,
             *notes,
             *_ranges_told(robot, joints),
             *(f"note: {sentence}" for sentence in (*limits, *unknown_targets(self.header, names))),
         ]
         moved = rebased(self.header.robot, self.header_path.parent, Path(out).parent)
-        return Imported(self.header.model_copy(update={"robot": moved}), shots, understood)
+        header = self.header.model_copy(update={"robot": moved})
+        if self.plan is not None:
+            about = {**header.provenance, "plan sha256": self.plan.sha256}
+            header = header.model_copy(update={"provenance": about})
+        return Imported(header, shots, understood)
+
+    def _planned(self, part: Found, plan: Plan, file: int) -> Found:
+        """The measurements of a file as those of the plan's postures: by their numbers, or in their order."""
+        count = len(plan.postures)
+        if part.numbers is None and file:
+            raise BadInput(
+                "measurements without numbers are in several files",
+                remedy="state one file, in the plan's order; or --header and --target instead of --plan",
+                file=part.path,
+            )
+        numbers = list(range(len(part.joints)) if part.numbers is None else part.numbers)
+        planned = plan.postures * plan.robot.display
+        near = np.where(plan.robot.display > 1, _NEAR_DEG, _NEAR_MM)
+        for i, (number, row) in enumerate(zip(numbers, part.joints, strict=True)):
+            line = None if part.lines is None else part.lines[i]
+            if number >= count:
+                raise BadInput(
+                    "there are more measurements than the plan has postures",
+                    found=f"measurement {number}",
+                    allowed=f"0 to {count - 1}",
+                    file=part.path,
+                    line=line,
+                )
+            off = np.abs(row - planned[number])
+            if (off > near).any():
+                joint = int(np.argmax(off / near))
+                raise BadInput(
+                    f"measurement {number} is not at the plan's posture {number}",
+                    found=f"joint {joint + 1} is {off[joint]:.1f} {plan.robot.joints[joint].unit} off",
+                    allowed=f"within {near[joint]:g} {plan.robot.joints[joint].unit}",
+                    remedy="import with the plan that was measured; measurements without numbers are in the"
+                    " plan's order, and none may be missing",
+                    file=part.path,
+                    line=line,
+                )
+        if np.abs(part.joints - planned[numbers]).max() < _SAME:
+            raise BadInput(
+                "these are the planned postures, not measured ones",
+                found=f"no joint differs from the plan by {_SAME:g}",
+                allowed="joints recorded with the beam on the target",
+                remedy="import what the program recorded, not the program; the beam must be centred first",
+                file=part.path,
+            )
+        return replace(part, numbers=numbers, targets=[plan.targets[number] for number in numbers])
+
+    @property
+    def about_plan(self) -> list[str]:
+        """A sentence that says by which plan the measurements are numbered, if one is stated."""
+        return [] if self.plan is None else [f"postures and targets by the plan {self.plan.path}"]
 
     def _shots(self, part: Found, first: int) -> list[Shot]:
         """Times of several files have no common start: only those of a single file are kept."""
@@ -155,14 +252,14 @@ def _nowhere(_: Place) -> None:
     """The line of a value: `_shots` knows that of the whole row."""
 
 
-def one_target_each(paths: Sequence[Path], targets: Sequence[str]) -> None:
-    """BadInput unless there are as many names as files."""
-    if len(targets) != len(paths):
-        raise BadInput(
-            "one target name is required for each file",
-            found=f"{len(targets)} names, {len(paths)} files",
-            remedy="state the target of each file, in the order of the files; names may repeat",
-        )
+def matching(path: Path) -> list[Path]:
+    """The file, or those that its name stands for; BadInput without any."""
+    if not any(sign in path.name for sign in "*?[") or path.exists():
+        return [path]
+    found = sorted(Path(name) for name in glob.glob(str(path)))
+    if not found:
+        raise BadInput("no file matches", found=path.name, file=path)
+    return found
 
 
 def _counted(shots: Sequence[Shot], part: Found) -> str:

@@ -15,8 +15,10 @@ import numpy as np
 from ...model.errors import BadInput, missing_extra
 from ...model.files.reading import did_you_mean, require_regular
 from ...model.robot import Robot
+from .columns import columns_of_joints
 from .dwells import Log, Mark, Stillness
-from .imported import Imported, Job, one_target_each
+from .imported import Imported, Job, Stated
+from .joint_states import joint_names
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
@@ -28,7 +30,7 @@ _JOINT_STATE = "sensor_msgs/msg/JointState"
 def import_ros(
     files: Sequence[Path | str],
     target_names: Sequence[str],
-    header_path: Path | str,
+    stated: Stated,
     out: Path | str,
     *,
     still: Stillness,
@@ -42,18 +44,11 @@ def import_ros(
     required if several have joint states. A marker of text (std_msgs/String) names the target,
     unless `target_names`, one for each file, do. Times are those at which the messages were recorded.
     """
-    job = Job.begin(files, header_path)
+    job = Job.begin(files, stated)
     robot = job.robot
-    names = [joint.name for joint in robot.joints] if columns is None else list(columns)
-    if len(names) != robot.n or len(set(names)) != robot.n:
-        raise BadInput(
-            "one name is required for each joint",
-            found=", ".join(names),
-            allowed=f"{robot.n} different names ({robot.name} has {robot.n} joints)",
-        )
-    if target_names or marker_topic is None:
-        one_target_each(job.paths, target_names)
-    targets: list[str | None] = [*target_names] if target_names else [None] * len(job.paths)
+    names = joint_names(robot, columns_of_joints(columns, robot))
+    named = bool(target_names) or marker_topic is None or job.plan is not None
+    targets: list[str | None] = [*job.targets(target_names)] if named else [None] * len(job.paths)
     found, topics = [], []
     for path, target in zip(job.paths, targets, strict=True):
         log, read = _read(path, robot, names, topic, marker_topic)

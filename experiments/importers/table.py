@@ -14,6 +14,10 @@ import numpy as np
 from ...model.errors import BadInput
 from ...model.files.reading import LARGEST_TABLE, did_you_mean, read_text, shown
 from ...model.robot import Matrix, Robot
+from .columns import found_delimiter
+
+# As people call them: those that are looked for, and any other one as it is.
+DELIMITERS = {"\t": "tab", ";": "semicolon", ",": "comma", " ": "blank"}
 
 
 @dataclass(frozen=True)
@@ -26,6 +30,7 @@ class Table:
     rows: list[list[str]]
     lines: list[int]
     decimal: str
+    delimiter: str = ","
 
     @property
     def width(self) -> int:
@@ -105,10 +110,12 @@ def _finite(texts: list[str], decimal: str) -> Matrix | None:
     return values if np.isfinite(values).all() else None
 
 
-def check_signs(delimiter: str, decimal: str) -> None:
-    """BadInput for a delimiter or a decimal sign that cannot be one."""
+def check_signs(delimiter: str | None, decimal: str) -> None:
+    """BadInput for a delimiter (None: it is found) or a decimal sign that cannot be one."""
     if decimal not in (".", ","):
         raise BadInput("not a decimal sign", found=shown(decimal), allowed=". or ,")
+    if delimiter is None:
+        return
     if len(delimiter) != 1 or delimiter in '."\r\n+-' or delimiter.isalnum():
         raise BadInput(
             "not a delimiter",
@@ -124,11 +131,18 @@ def check_signs(delimiter: str, decimal: str) -> None:
 
 
 def read_table(
-    path: Path, *, header_row: bool, delimiter: str, decimal: str, joints_of: Robot | None
+    path: Path, *, header_row: bool, delimiter: str | None, decimal: str, joints_of: Robot | None
 ) -> Table:
-    """The table of a file. Without a header row `joints_of` means: its columns are a robot's joints."""
+    """The table of a file; without `delimiter` it is found. Without a header row `joints_of` means: its
+    columns are a robot's joints."""
     text, _ = read_text(path, LARGEST_TABLE)
-    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, strict=True)
+    padded = delimiter is None
+    delimiter = found_delimiter(text, decimal) if delimiter is None else delimiter
+    # Columns that are aligned with blanks have several between them.
+    padded = padded and delimiter == " "
+    reader = csv.reader(
+        io.StringIO(text, newline=""), delimiter=delimiter, strict=True, skipinitialspace=padded
+    )
     rows: list[list[str]] = []
     lines: list[int] = []
     try:
@@ -154,7 +168,9 @@ def read_table(
                 "the first row holds no numbers",
                 found=shown(delimiter.join(rows[0])),
                 allowed="numbers" if joints_of is None else f"{joints_of.n} numbers",
-                remedy="if it is a header row, state it (--header-row)",
+                remedy="the decimal sign seems to be a comma: state it (--decimal ,)"
+                if decimal == "." and all(number(cell, ",") is not None for cell in rows[0])
+                else "if it is a header row, state it (--header-row)",
                 file=path,
                 line=lines[0],
             )
@@ -165,7 +181,7 @@ def read_table(
         if len(cells) != width:
             whole = not header_row and line == lines[0]
             raise _wrong_count(cells, width, whose, whole, path, line)
-    return Table(path, names, header_line, rows, lines, decimal)
+    return Table(path, names, header_line, rows, lines, decimal, delimiter)
 
 
 def _check_names(names: tuple[str, ...], line: int, path: Path, delimiter: str, decimal: str) -> None:

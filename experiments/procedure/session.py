@@ -165,6 +165,9 @@ class Procedure:
             rig.laser(False)
             joints = belief.onto_target(posture) if rig.steerable else None
             joints = posture if joints is None else joints
+            for between in self.plan.via_of(self._posture(number)) if rig.steerable else ():
+                obey()
+                rig.move(between)
             come_to(rig, belief, joints)
         with self._phase("search"):
             dark = read_dark(rig, psd, _SAMPLES)

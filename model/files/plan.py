@@ -35,6 +35,10 @@ class StatedPosture(FileModel):
         description="joint positions, joint 1 first, degrees (millimetres for a prismatic joint)"
     )
     target: TargetName = Field(description="name of the target to hit")
+    via_deg: Annotated[tuple[JointValues, ...], BeforeValidator(as_tuple)] = Field(
+        default=(),
+        description="safe intermediate postures on the way from the posture before, in order, degrees",
+    )
 
 
 def _posture_tag(value: object) -> str:
@@ -53,7 +57,7 @@ class PlanFile(Header):
     schema_: Literal["zerobeam/plan/1"] = Field(alias="schema", description="kind and version of the file")
     postures_deg: Annotated[tuple[Posture, ...], BeforeValidator(as_tuple), Field(min_length=1)] = Field(
         description="one row a measurement: its joints, degrees (millimetres for a prismatic joint), "
-        "or {joints_deg, target}"
+        "or {joints_deg, target, via_deg}"
     )
 
 
@@ -79,6 +83,8 @@ class Plan:
         Of the file, or of the text that a file would have.
     warnings : tuple of str
         Sentences that a reader must see, such as joints outside their limits.
+    via : tuple of ndarray
+        (N,) the intermediate postures on the way to each, (k, n) rad or mm; empty without any.
 
     Examples
     --------
@@ -101,6 +107,7 @@ class Plan:
     path: Path
     sha256: str
     warnings: tuple[str, ...]
+    via: tuple[Matrix, ...] = ()
 
     @classmethod
     def from_arrays(
@@ -185,6 +192,10 @@ class Plan:
         targets = ", ".join(self.target_names)
         return f"<Plan {self.path.name}: {len(self.postures)} postures at {targets}, {self.robot.name}>"
 
+    def via_of(self, posture: int) -> Matrix:
+        """(k, n) the intermediate postures on the way to a posture (from 0), rad or mm; k may be 0."""
+        return self.via[posture] if self.via else np.zeros((0, self.robot.n))
+
     @cached_property
     def target_names(self) -> tuple[str, ...]:
         """The targets in the order in which they first appear."""
@@ -234,17 +245,47 @@ def read_plan(path: Path | str) -> Plan:
     lines = tuple(document.line(("postures_deg", i)) or 1 for i in range(len(content.postures_deg)))
     rows: list[tuple[float, ...]] = []
     targets: list[str] = []
+    via: list[Matrix] = []
     for i, posture in enumerate(content.postures_deg):
         if isinstance(posture, StatedPosture):
             rows.append(posture.joints_deg)
             targets.append(posture.target)
+            via.append(_checked_via(posture.via_deg, i, header, robot, file, lines[i]))
         else:
             rows.append(posture)
             targets.append(_only_target(header, i, file, lines[i]))
+            via.append(np.zeros((0, robot.n)))
     warnings = _check_postures(header, robot, rows, targets, lines, file)
     check_distances(header, tuple(dict.fromkeys(targets)), file=file, line=document.line(("distances",)))
     postures = np.array(rows) / robot.display
-    return Plan(header, robot, postures, tuple(targets), lines, file, document.sha256, warnings)
+    passing = tuple(via) if any(len(between) for between in via) else ()
+    return Plan(header, robot, postures, tuple(targets), lines, file, document.sha256, warnings, passing)
+
+
+def _checked_via(
+    rows: Sequence[Sequence[float]],
+    posture: int,
+    header: Header,
+    robot: Robot,
+    file: Path | None,
+    line: int | None,
+) -> Matrix:
+    """(k, n) rad or mm; BadInput for an intermediate posture of another arm, or beyond the limits."""
+    name = f"intermediate posture {{}} before posture {posture}"
+    for i, row in enumerate(rows):
+        require_joint_count(row, robot, name.format(i), file, line)
+    values = np.array(rows, dtype=float).reshape(len(rows), robot.n)
+    numbers = list(range(len(rows)))
+    check_limits(
+        robot,
+        values,
+        f"before posture {posture}, intermediate posture",
+        numbers,
+        [line or 0] * len(rows),
+        limits=header.limits,
+        file=file,
+    )
+    return values / robot.display
 
 
 def _only_target(header: Header, posture: int, file: Path | None, line: int | None) -> str:

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -357,3 +358,14 @@ def test_a_closing_shot_repeats_the_first_posture_and_is_replayed(tmp_path: Path
     (tmp_path / "part.jsonl").write_bytes(b"".join(rows[:-1]))
     record(plan, tmp_path / "part.jsonl", replace(closing, resume=True), silent)
     assert (tmp_path / "part.jsonl").read_bytes() == b"".join(rows)
+
+
+@pytest.mark.parametrize("other", [{"closing": True}, {"tolerance": 0.1}])
+def test_intermediate_postures_are_for_the_order_of_the_plan_alone(
+    tmp_path: Path, plan: Plan, other: dict[str, Any], refused: Callable[..., BadInput]
+) -> None:
+    stated = replace(plan, via=(np.zeros((0, 6)),) * len(plan.postures))
+    request = RunRequest("simulated", **other)
+    error = refused(recording.record, stated, tmp_path / "run.jsonl", request, lambda event: None)
+    assert "safe in its own order only" in error.what
+    assert not (tmp_path / "run.jsonl").exists()

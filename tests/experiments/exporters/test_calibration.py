@@ -15,7 +15,8 @@ from export_runs import TRUTH, arm_run, hostile
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.estimation.fit import LikelihoodFit, Optimum, fit_likelihood
 from zerobeam.analysis.posterior.posterior import PosteriorSummary
-from zerobeam.experiments.exporters.calibration import calibration, one_line
+from zerobeam.experiments.exporters.ascii_line import one_line
+from zerobeam.experiments.exporters.calibration import calibration
 from zerobeam.model.errors import BadInput, FitFailed
 from zerobeam.model.files.run import Run
 from zerobeam.model.files.shot import Shot

@@ -157,3 +157,39 @@ def test_the_times_of_several_files_have_no_common_start(tmp_path):
     assert {shot.time_s for shot in both.shots} == {None}
     one = import_csv(paths[:1], ["a"], CsvLayout("deg", **options), top, tmp_path / "run.jsonl")
     assert [shot.time_s for shot in one.shots] == [0, 1, 2, 3]
+
+
+def test_columns_by_the_names_of_joints_in_any_order(read, refused):
+    mapped = [f"a{i}=j{i}" for i in (3, 1, 2, 6, 5, 4)]
+    found = read(rows(), ["a"], header_row=True, columns=mapped)
+    np.testing.assert_array_equal([shot.joints_deg for shot in found.shots], POSTURES)
+    assert "columns by name, joint 1 first: a1, a2, a3, a4, a5, a6" in found.understood
+    named = ["a1=joint1", "a2=2", "a3=J3", "a4=joint4", "a5=5", "a6=joint6"]
+    np.testing.assert_array_equal(
+        [shot.joints_deg for shot in read(rows(), ["a"], header_row=True, columns=named).shots], POSTURES
+    )
+    error = refused(read, rows(), ["a"], header_row=True, columns=[*mapped[:5], "a4=j7"])
+    assert error.what == "the joint of a column is not understood"
+    error = refused(read, rows(), ["a"], header_row=True, columns=[*mapped, "t=j4"])
+    assert error.what == "duplicate joint"
+    assert refused(read, rows(), ["a"], header_row=True, columns=mapped[:5]).found.startswith("a3=j3")
+
+
+@pytest.mark.parametrize(
+    ("sign", "name"), [(",", "comma"), (";", "semicolon"), ("\t", "tab"), ("   ", "blank")]
+)
+def test_a_delimiter_is_found_and_told(read, sign, name):
+    text = "\n".join(sign.join(map(str, row)) for row in POSTURES) + "\n"
+    found = read(text, ["a"], delimiter=None)
+    np.testing.assert_array_equal([shot.joints_deg for shot in found.shots], POSTURES)
+    assert f"  delimiter found: {name}" in found.understood
+    if sign != ",":
+        found = read(text.replace(".", ","), ["a"], delimiter=None, decimal=",")
+        np.testing.assert_array_equal([shot.joints_deg for shot in found.shots], POSTURES)
+
+
+def test_a_delimiter_among_decimal_commas(read, refused):
+    text = "\n".join(";".join(map(str, row)) for row in POSTURES).replace(".", ",") + "\n"
+    assert len(read(text, ["a"], delimiter=None, decimal=",").shots) == 4
+    assert "--decimal ," in refused(read, text, ["a"], delimiter=None).remedy
+    assert refused(read, "nothing\n", ["a"], delimiter=None).what == "the row has the wrong number of values"

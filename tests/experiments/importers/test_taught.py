@@ -1,11 +1,15 @@
 """FANUC and KUKA joint lists, written here as their controllers print them."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from fanuc_interpreter import registers_text
 from recorded_logs import HEADER, POSTURES, fanuc_listing, fanuc_position, kuka_list, kuka_point
 
 from zerobeam.experiments.importers import import_fanuc, import_kuka
 from zerobeam.experiments.importers.imported import J3_NOTE
+from zerobeam.model.files.plan import read_plan
 from zerobeam.model.files.run import read_run, write_run
 
 CARTESIAN = """P[9]{
@@ -152,3 +156,42 @@ def test_limits_hold_for_points_too(kuka, refused):
     radians = np.radians(POSTURES)
     told = kuka("".join(kuka_point(f"XP{i}", row) for i, row in enumerate(radians))).understood
     assert told[-1].startswith("note: radians?")
+
+
+def test_position_registers_that_hold_joints(fanuc, refused):
+    held = {1: POSTURES[0], 3: [999.0, *POSTURES[1][1:]], 7: POSTURES[2], 9: POSTURES[3]}
+    text = registers_text(held, 20).replace("[1,7] =   ''", "[1,7] =   'J1= 5 deg'")
+    cartesian = "    [1,21] =   '' \n  Group: 1   Config: N U T, 0, 0, 0\n  X: 1.0   Y: 2.0   Z: 3.0\n"
+    other = "    [2,1] =   ''   Group: 2\n  J1 =     7.000 deg\n[*POSREG*]$MAXPREGNUM  : INTEGER = 20\n"
+    found = fanuc(None, text=text + cartesian + other)
+    np.testing.assert_array_equal(joints(found), POSTURES[[0, 2, 3]])
+    assert "  points in their order: 1, 7, 9" in found.understood
+    error = refused(fanuc, None, points=["21"], text=text + cartesian + other)
+    assert error.what == "point 21 has no joint values"
+
+
+def test_registers_of_a_plan_are_its_postures(tmp_path, header):
+    plan = planned(tmp_path)
+    held = {4: POSTURES[0], 5: POSTURES[0] + 0.5, 6: [999.0, *POSTURES[1][1:]], 7: POSTURES[2] + 0.5}
+    (tmp_path / "posreg.va").write_text(registers_text({**held, 9: POSTURES[3]}, 20))
+    found = import_fanuc([tmp_path / "posreg.va"], [], plan, tmp_path / "run.jsonl", j3="link", register=5)
+    assert [shot.shot for shot in found.shots] == [0, 2]
+    np.testing.assert_array_equal(joints(found), POSTURES[[0, 2]] + 0.5)
+
+
+def test_what_a_plan_has_recorded_in_a_data_list(tmp_path, kuka):
+    points = [kuka_point(f"ZB_P{i}", row) for i, row in enumerate(POSTURES)]
+    points += [kuka_point(f"ZB_M{i}", row + 0.5) for i, row in enumerate(POSTURES)]
+    points += [f"DECL BOOL ZB_D{i}={said}\n" for i, said in enumerate(["TRUE", "FALSE", "true", "FALSE"])]
+    text = kuka_list("".join(points)).replace("ENDDAT", ";ZB_D3=TRUE\nENDDAT")
+    (tmp_path / "zb_plan.dat").write_text(text)
+    found = import_kuka([tmp_path / "zb_plan.dat"], [], planned(tmp_path), tmp_path / "run.jsonl")
+    assert [shot.shot for shot in found.shots] == [0, 2]
+    np.testing.assert_array_equal(joints(found), POSTURES[[0, 2]] + 0.5)
+    assert len(kuka(None, names=["ZB_M1"], text=text).shots) == 1
+
+
+def planned(folder: Path):
+    rows = "".join(f"  - {row.tolist()}\n" for row in POSTURES)
+    (folder / "plan.yaml").write_text(f"schema: zerobeam/plan/1\n{HEADER}postures_deg:\n{rows}")
+    return read_plan(folder / "plan.yaml")

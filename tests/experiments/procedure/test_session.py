@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from asked_to_end import ask, lost, without_reminders
 from cells import OPEN_LASER, good_plan, header, irb1600, plan_of
 from command_line import plan_file
 from run_events import as_json
+from servo_shots import WatchedRig
 
 from zerobeam.experiments.procedure.order import InTurn
 from zerobeam.experiments.procedure.session import ATTEMPTS, PHASES, Carried, Procedure
@@ -259,3 +261,19 @@ def test_a_spot_that_moves_while_it_is_averaged_is_refused(tmp_path: Path, plan:
     done = carried(plan, tmp_path / "run.jsonl", rig=rig)
     assert [(refused.shot, refused.reason.value) for refused in done.refused] == [(2, "unsteady")]
     assert [shot.shot for shot in done.shots] == [0, 1, 3, 4, 5]
+
+
+def test_the_arm_goes_through_the_intermediate_postures_that_the_plan_states(
+    tmp_path: Path, plan: Plan
+) -> None:
+    between = np.radians([[5.0, 0, 0, 0, 20, 0], [10.0, 5, 0, 0, 20, 0]])
+    nowhere = np.zeros((0, 6))
+    stated = replace(plan, postures=plan.postures[:2], targets=plan.targets[:2], via=(nowhere, between))
+    rig = WatchedRig(stated, Cell.model_validate({"camera": None}), 3)
+    carried(stated, tmp_path / "run.jsonl", rig=rig)
+    at = [i for i, move in enumerate(rig.moves) if np.array_equal(move, between[0])]
+    assert len(at) == 1
+    assert at[0] > 0
+    np.testing.assert_array_equal(rig.moves[at[0] + 1], between[1])
+    # Not before the first posture, and the next move goes to the second one.
+    assert np.abs(rig.moves[at[0] + 2] - plan.postures[1])[:3].max() < np.radians(1)

@@ -180,3 +180,24 @@ def test_nothing_is_overwritten_and_nothing_unsound_is_written(tmp_path, refused
     assert "not finite" in refused(write_plan, other, header(), POSTURES * np.nan, ["psd"] * 4).what
     assert "no postures" in refused(write_plan, other, header(), [], []).what
     assert not other.exists()
+
+
+VIA = """\
+  - joints_deg: [1, 11, 21, 31, 41, 51]
+    target: psd
+    via_deg: [[0, 0, 0, 0, 30, 0], [1, 5, 9, 0, 30, 0]]
+"""
+
+
+def test_intermediate_postures_are_of_the_posture_that_states_them(plan_file, refused):
+    text = PLAN[: PLAN.index("  - {joints_deg")] + VIA
+    plan = read_plan(plan_file(text))
+    assert plan.targets == ("psd", "psd")
+    assert plan.via_of(0).shape == (0, 6)
+    np.testing.assert_allclose(np.degrees(plan.via_of(1)), [[0, 0, 0, 0, 30, 0], [1, 5, 9, 0, 30, 0]])
+    assert read_plan(plan_file(PLAN)).via_of(2).shape == (0, 6)
+    error = refused(read_plan, plan_file(change("[1, 5, 9, 0, 30, 0]", "[1, 500, 9, 0, 30, 0]", text)))
+    assert error.what.startswith("before posture 1, intermediate posture 1: joint 2 is outside its limits")
+    assert error.line == 9
+    error = refused(read_plan, plan_file(change("[1, 5, 9, 0, 30, 0]", "[1, 5]", text)))
+    assert error.what == "intermediate posture 1 before posture 1 has the wrong number of joints"

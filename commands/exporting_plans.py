@@ -1,0 +1,69 @@
+"""`zerobeam export plan`: a plan as a program for a controller, a table, or a sheet for a person."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from .console import out
+from .options import Force, PlanFile
+
+Kind = Literal["rapid", "urscript", "krl", "fanuc", "robodk", "ros", "csv"]
+
+
+def export_plan(
+    kind: Annotated[
+        Kind,
+        typer.Argument(
+            help="rapid (ABB), urscript (Universal Robots), krl (KUKA), fanuc, robodk (Python), ros"
+            " (JointTrajectory), csv.",
+            show_default=False,
+        ),
+    ],
+    plan: PlanFile,
+    file: Annotated[
+        Path, typer.Option("-o", "--out", help="File to write; krl writes a .dat too.", show_default=False)
+    ],
+    speed: Annotated[float, typer.Option(help="Of the fastest joint, degrees a second.")] = 10.0,
+    zone: Annotated[
+        float,
+        typer.Option(
+            help="Rounding of intermediate postures: mm (rapid, urscript, robodk), percent (krl, fanuc)."
+        ),
+    ] = 0.0,
+    tool: Annotated[
+        str | None,
+        typer.Option(
+            help="Tool of the controller: a name (rapid), a number (krl, fanuc).", show_default=False
+        ),
+    ] = None,
+    j3: Annotated[
+        Literal["ground", "link"] | None,
+        typer.Option(help="fanuc: joint 3 is counted from; on the pendant: ground.", show_default=False),
+    ] = None,
+    register: Annotated[
+        int | None,
+        typer.Option(help="fanuc: first position register for the joints (1).", show_default=False),
+    ] = None,
+    listener: Annotated[
+        str | None,
+        typer.Option(help="urscript: HOST:PORT that the joints are sent to as well.", show_default=False),
+    ] = None,
+    force: Force = False,
+) -> None:
+    """A plan as a program that goes to each posture, waits until the beam is centred, records the joints.
+
+    zerobeam import reads what it recorded. The command refuses a robot of another vendor.
+    """
+    from ..experiments.exporters.programs.steps import Motion
+    from ..experiments.exporters.programs.written import write_program
+    from ..model.files.plan import read_plan
+
+    motion = Motion(speed, zone, tool, j3, register, listener)
+    files, notes = write_program(kind, read_plan(plan), motion, file, force=force, keep=[plan])
+    for note in notes:
+        out.print(f"note: {note}", markup=False, soft_wrap=True)
+    for path in files:
+        out.print(f"Written to {path}", markup=False, soft_wrap=True)

@@ -1,0 +1,1 @@
+"""A plan as a program for a robot's controller, one file for each language."""

@@ -1,0 +1,147 @@
+"""What every program of a plan is made of: its postures in their order, slow moves, text in ASCII."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ....model.errors import BadInput
+from ....model.files.plan import Plan
+from ....model.files.robot_file import Vendor
+from ....model.robot import Robot
+from ..ascii_line import one_line
+from ..vendors import require_vendor
+
+LOG = "zerobeam posture"  # what a line of a program's log begins with, before number, unit and values
+LOG_PLAN = "zerobeam plan"  # … and the line that says of which plan it is
+REHEARSAL = "zerobeam rehearsal"
+
+_DIGITS = 9  # decimals of a degree (mm): more than a plan is written with
+_SHOWN_HASH = 12
+_FASTEST = 60.0  # deg/s
+_SUPPOSED_TOP = 1000.0  # deg/s, of a joint whose speed the robot file does not state: faster than any
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How a program moves, by options of the command.
+
+    `speed` deg/s is that of the fastest joint; `zone` rounds the path at intermediate postures, mm or percent
+    as the language has it, 0 stops there; `tool` is its name or number in the controller; `j3` from where a
+    FANUC counts joint 3; `register` the first position register for what is recorded; `listener` HOST:PORT.
+    """
+
+    speed: float = 10.0
+    zone: float = 0.0
+    tool: str | None = None
+    j3: Literal["ground", "link"] | None = None
+    register: int | None = None
+    listener: str | None = None
+
+    def __post_init__(self) -> None:
+        if not 0.1 <= self.speed <= _FASTEST:
+            raise BadInput(
+                "--speed is out of range",
+                found=f"{self.speed:g}",
+                allowed=f"0.1 to {_FASTEST:g} degrees a second: people stand beside the arm",
+            )
+        if not 0 <= self.zone <= 100:
+            raise BadInput(
+                "--zone is out of range", found=f"{self.zone:g}", allowed="0 (stop) to 100 (mm or percent)"
+            )
+
+    def refuse(self, language: str, *names: str) -> None:
+        """BadInput for the first of the stated options that the language has no place for."""
+        unset = Motion()
+        for name in names:
+            if getattr(self, name) != getattr(unset, name):
+                raise BadInput(f"--{name} is not for {language}", remedy=f"leave --{name} out")
+
+
+@dataclass(frozen=True)
+class Step:
+    """One posture of a plan: its number (from 0), its target, degrees (mm if prismatic) to the last digit of
+    the plan, and those of the intermediate postures on the way to it."""
+
+    number: int
+    target: str
+    joints: tuple[float, ...]
+    via: tuple[tuple[float, ...], ...]
+
+
+def steps_of(plan: Plan) -> list[Step]:
+    """The postures of a plan in its order."""
+    display = plan.robot.display
+
+    def rows(joints: np.ndarray) -> tuple[tuple[float, ...], ...]:
+        return tuple(
+            tuple(round(value, _DIGITS) + 0.0 for value in row) for row in (joints * display).tolist()
+        )
+
+    return [
+        Step(i, target, joints, rows(plan.via_of(i)))
+        for i, (target, joints) in enumerate(zip(plan.targets, rows(plan.postures), strict=True))
+    ]
+
+
+def short_hash(plan: Plan) -> str:
+    """Enough of the plan's hash to know it again."""
+    return plan.sha256[:_SHOWN_HASH]
+
+
+def head_lines(plan: Plan, motion: Motion, note: str | None) -> list[str]:
+    """Lines of ASCII, for a comment: what the program is of, and what to look at before it is started."""
+    robot = one_line(plan.robot.name)
+    lines = [
+        f"zerobeam: plan {one_line(plan.path.name)} of {robot}, {len(plan.postures)} postures",
+        f"{LOG_PLAN} {short_hash(plan)}",
+        f"Joint moves in the plan's order, no joint faster than about {motion.speed:g} deg/s.",
+        "Not checked: collisions on the way. First run: reduced speed, a hand on the enabling switch.",
+    ]
+    if not plan.via:
+        lines.append("The plan states no intermediate postures: the arm goes straight from one to the next.")
+    return lines if note is None else [*lines, f"Note: {one_line(note)}."]
+
+
+def require_axes(robot: Robot, most: int, holder: str) -> None:
+    """BadInput for an arm that a language's joint positions cannot hold."""
+    sliding = [joint.name for joint in robot.joints if joint.kind == "prismatic"]
+    if robot.n > most or sliding:
+        raise BadInput(
+            f"{holder} has no place for this robot's joints",
+            found=f"{robot.n} joints" + (f", prismatic: {one_line(', '.join(sliding))}" if sliding else ""),
+            allowed=f"at most {most} revolute joints",
+            remedy="csv, ros and robodk hold every robot",
+        )
+
+
+def made_for(plan: Plan, vendor: Vendor, what: str, most: int, holder: str) -> str | None:
+    """BadInput where the plan's robot is not of `vendor` or does not fit; else what there is to check."""
+    note = require_vendor(plan.robot, vendor, what)
+    require_axes(plan.robot, most, holder)
+    return note
+
+
+def top_speeds(robot: Robot) -> list[float]:
+    """(n,) degrees (mm) a second; 1000 where the robot file states none."""
+    return [_SUPPOSED_TOP if joint.speed is None else joint.speed * joint.display for joint in robot.joints]
+
+
+def percents(robot: Robot, speed: float) -> list[int]:
+    """(n,) percent of each joint's top speed that is not faster than `speed` deg/s; 1 at least."""
+    return [min(100, max(1, math.floor(round(100 * speed / top, 6)))) for top in top_speeds(robot)]
+
+
+def decimal(value: float, least: int = 1) -> str:
+    """A number without exponent, to its last digit and with `least` decimals at least."""
+    whole, _, fraction = np.format_float_positional(value, trim="0").partition(".")
+    return f"{whole}.{fraction.ljust(least, '0')}" if least else f"{whole}.{fraction}".removesuffix(".0")
+
+
+def listed(values: Sequence[float], least: int = 1) -> str:
+    """Numbers with commas between them."""
+    return ",".join(decimal(value, least) for value in values)

@@ -1,0 +1,63 @@
+"""A plan for ROS: trajectory_msgs/JointTrajectory in YAML, one document for each posture, in rad and m."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ....model.files.plan import Plan
+from ....model.robot import Matrix, Robot
+from .steps import Motion, head_lines
+
+_SETTLE_S = 1.0  # more than the way alone takes: also from where the wrist was turned to
+
+
+def ros_trajectories(plan: Plan, motion: Motion, name: str) -> str:
+    """The documents; `name` of the file is not used.
+
+    Where the arm is before the first one is not known: its time is enough from the farthest position.
+    """
+    motion.refuse("ros", "zone", "j3", "register", "listener", "tool")
+    robot = plan.robot
+    documents = []
+    before: Matrix | None = None
+    for i, posture in enumerate(plan.postures):
+        rows = [*plan.via_of(i), posture]
+        document = _document(robot, before, rows, motion.speed)
+        documents.append(f"# posture {i}, target {json.dumps(plan.targets[i])}\n{document}")
+        before = posture
+    head = [
+        *head_lines(plan, motion, None),
+        "One trajectory_msgs/msg/JointTrajectory for each posture. Centre the beam, then append the joints:",
+        "ros2 topic echo --once /joint_states >> recorded.yaml, which zerobeam import ros reads.",
+    ]
+    return "".join(f"# {line}\n" for line in head) + "---\n" + "---\n".join(documents)
+
+
+def _document(robot: Robot, before: Matrix | None, rows: Sequence[Matrix], speed: float) -> str:
+    time, points = 0.0, []
+    for row in rows:
+        way = np.maximum(row - robot.lower, robot.upper - row) if before is None else np.abs(row - before)
+        time += float((way * robot.display).max()) / speed + _SETTLE_S
+        whole = math.floor(time)
+        points.append(
+            {
+                "positions": [_si(robot, i, value) for i, value in enumerate(row.tolist())],
+                "time_from_start": {"sec": whole, "nanosec": math.floor((time - whole) * 1e9)},
+            }
+        )
+        before = row
+    message: dict[str, Any] = {"joint_names": [joint.name for joint in robot.joints], "points": points}
+    lines = [f"joint_names: {json.dumps(message['joint_names'])}", "points:"]
+    for point in points:
+        lines += [f"  - positions: {json.dumps(point['positions'])}"]
+        lines += [f"    time_from_start: {json.dumps(point['time_from_start'])}"]
+    return "\n".join(lines) + "\n"
+
+
+def _si(robot: Robot, joint: int, value: float) -> float:
+    return value if robot.joints[joint].kind == "revolute" else value / 1000

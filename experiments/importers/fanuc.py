@@ -1,0 +1,147 @@
+"""FANUC: the positions of a TP program that was saved as text (.ls), or position registers (posreg.va)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from ...model.errors import BadInput
+from ...model.files.plan import Plan
+from .imported import J3, Imported, Stated
+from .taught import Point, import_points
+
+# FANUC: a listing ends with /POS and blocks like P[3:"comment"]{ GP1: UF : 0, UT : 1, J1= 1.000 deg, … };
+_POSITION = re.compile(
+    r"^\s*P\[\s*(?P<number>\d+)[^\]]*\]\s*\{(?P<block>.*?)\}\s*;", re.MULTILINE | re.DOTALL
+)
+_BEGUN = re.compile(r"^\s*P\[\s*(\d+)", re.M)
+_GROUP_1 = re.compile(r"GP1\s*:(?P<values>.*?)(?=GP\d+\s*:|\Z)", re.DOTALL)
+_JOINT = re.compile(r"\bJ(?P<number>\d)\s*=\s*(?P<value>[-+]?(?:\d+\.?\d*|\.\d+))\s*(?P<unit>deg|mm)\b")
+_ANY_JOINT = re.compile(r"\bJ\d\s*=")
+
+# A register: [1,3] = 'comment'   Group: 1, then J1 = 1.000 deg … or X: …; or Uninitialized.
+REGISTERS = "$POSREG"
+_REGISTER = re.compile(r"^[ \t]*\[[ \t]*1[ \t]*,[ \t]*(?P<number>\d+)[ \t]*\][ \t]*=", re.MULTILINE)
+_OTHER_GROUP = re.compile(r"^[ \t]*(?:\[[ \t]*[2-9]\d*[ \t]*,|\[\*)", re.MULTILINE)
+_COMMENT = re.compile(r"'[^'\n]*'")
+NOT_MEASURED = 999.0  # deg, joint 1: what the program of a plan writes before it has measured
+
+
+def import_fanuc(
+    files: Sequence[Path | str],
+    target_names: Sequence[str],
+    stated: Stated,
+    out: Path | str,
+    *,
+    j3: J3,
+    points: Sequence[str] | None = None,
+    register: int = 1,
+) -> Imported:
+    """Measurements at the P[n] of FANUC .ls files (group 1), or at the PR[n] of a posreg.va; `points` are
+    the numbers of some, as text.
+
+    With a plan as `stated` its postures are in the registers from `register` on, where its program left them.
+    `j3` says from where joint 3 is counted (`from_ground`). Both files give degrees to three decimals.
+    """
+    if j3 not in ("ground", "link"):
+        raise BadInput(
+            "the reference of joint 3 is not stated",
+            found=j3,
+            allowed="ground (as the pendant and TP programs do), link (from link 2)",
+        )
+    planned = len(stated.postures) if isinstance(stated, Plan) else None
+
+    def parse(text: str, path: Path) -> list[Point]:
+        if REGISTERS not in text:
+            return fanuc_positions(text, path)
+        return fanuc_registers(text, path, register, planned, points is None)
+
+    return import_points(
+        files,
+        target_names,
+        parse,
+        stated,
+        out,
+        names=points,
+        ground=j3 == "ground",
+        note="FANUC positions of group 1, angles in degrees, joint 1 first",
+    )
+
+
+def fanuc_positions(text: str, path: Path) -> list[Point]:
+    """All P[n] of a listing, in its order."""
+    begin = re.search(r"^/POS\b", text, re.MULTILINE)
+    if begin is None:
+        raise BadInput(
+            "the file is not a TP program with positions",
+            found="no line /POS",
+            allowed="a text listing (.ls)",
+            remedy="save the program as ASCII, not as .tp",
+            file=path,
+        )
+    section = text[begin.end() :]
+    if re.search(r"^/END\b", section, re.MULTILINE) is None:
+        raise BadInput("the listing is incomplete: its last line, /END, is missing", file=path)
+    found = []
+    for match in _POSITION.finditer(section):
+        line = text.count("\n", 0, begin.end() + match.start("number")) + 1
+        found.append(Point(match["number"], _fanuc_joints(match["block"], match["number"], path, line), line))
+    begun = _BEGUN.findall(section)
+    if begun != [point.name for point in found]:
+        raise BadInput(
+            "a position of the listing is incomplete",
+            found=f"{len(begun)} begin with P[…], {len(found)} end with }};",
+            remedy="save the program as ASCII again",
+            file=path,
+        )
+    return found
+
+
+def _fanuc_joints(
+    block: str, number: str, path: Path, line: int, what: str = "P"
+) -> tuple[float, ...] | None:
+    group = _GROUP_1.search(block)
+    if group is None:
+        return None
+    values = _JOINT.findall(group["values"])
+    stated = len(_ANY_JOINT.findall(group["values"]))
+    if not stated:
+        return None
+    # A position that was never taught is printed as J1= ********; a slide shows mm, which is no joint here.
+    orderly = [int(joint) for joint, _, _ in values] == list(range(1, stated + 1))
+    if not orderly or any(unit != "deg" for _, _, unit in values):
+        raise BadInput(
+            f"the joints of {what}[{number}] cannot be read",
+            found=" ".join(group["values"].split()),
+            allowed="J1=… deg, J2=… deg, …, all taught",
+            file=path,
+            line=line,
+        )
+    return tuple(float(value) for _, value, _ in values)
+
+
+def fanuc_registers(text: str, path: Path, first: int, planned: int | None, all_of_them: bool) -> list[Point]:
+    """The position registers of group 1 in joint representation, in their order.
+
+    Those that a plan's program has not measured are left out; with `planned` (the number of postures) so are
+    those before `first` and behind the last posture, and each has its posture's number. Without it and with
+    `all_of_them` registers without joints are left out too.
+    """
+    heads = list(_REGISTER.finditer(text))
+    found = []
+    for head, following in zip(heads, [*heads[1:], None], strict=True):
+        block = text[head.end() : len(text) if following is None else following.start()]
+        other = _OTHER_GROUP.search(block)
+        block = _COMMENT.sub("", block if other is None else block[: other.start()])
+        register, line = int(head["number"]), text.count("\n", 0, head.start("number")) + 1
+        if planned is not None and not first <= register < first + planned:
+            continue
+        joints = _fanuc_joints(f"GP1:{block}", str(register), path, line, "PR")
+        if joints is None and all_of_them:
+            continue
+        if joints is not None and joints[0] == NOT_MEASURED:
+            continue
+        number = None if planned is None else register - first
+        found.append(Point(str(register), joints, line, number))
+    return found

@@ -1,0 +1,83 @@
+"""The simulated cell as at a pendant: programs move the arm, and a person centres the beam."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from cells import LASER, header, plan_of, varied_postures
+
+from zerobeam.experiments.procedure.centring import centre
+from zerobeam.experiments.procedure.readings import read_dark
+from zerobeam.experiments.procedure.search import Search
+from zerobeam.experiments.procedure.steering import Belief
+from zerobeam.experiments.rigs.simulated.cell_file import Cell
+from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
+from zerobeam.model.files.plan import Plan, read_plan, write_plan
+from zerobeam.model.files.robot_file import load_robot
+from zerobeam.model.files.shot import Shot
+from zerobeam.model.problem import Problem
+from zerobeam.model.robot import Matrix
+
+TRUTH = {"delta2": -0.9, "delta3": 0.6, "delta4": 0.4, "delta5": -0.7, "delta6": 0.5}
+_SAMPLES = 50
+
+
+def plan_for(folder: Path, robot: str, target: tuple[float, float, float], count: int = 12) -> Plan:
+    """A plan of varied postures of a built-in robot, through its file."""
+    own = header(LASER, target=target, robot=robot)
+    arm = load_robot(robot)
+    made = plan_of(own, varied_postures(own, arm, target, count, 4), robot=arm)
+    path = folder / "plan.yaml"
+    write_plan(path, own, np.round(np.asarray(made.postures) * arm.display, 4), made.targets)
+    return read_plan(path)
+
+
+class PendantArm:
+    """The arm of a plan with true offsets. Joints are degrees (mm), lists, as controllers have them."""
+
+    def __init__(self, plan: Plan, offsets: dict[str, float] = TRUTH, seed: int = 0) -> None:
+        self.plan, self._display = plan, plan.robot.display
+        cell: dict[str, Any] = {"camera": None, "arm": {"offsets_deg": offsets}}
+        self._rig = SimulatedRig(plan, Cell.model_validate(cell), seed)
+        self._begun: int | None = None
+        self._last: Shot | None = None
+        self.moves: list[list[float]] = []
+
+    def move(self, joints: Any) -> None:
+        """Go there, as a program commands it."""
+        row = [float(value) for value in joints]
+        assert len(row) == self.plan.robot.n
+        self._begin()
+        self.moves.append(row)
+        self._rig.move(np.array(row) / self._display)
+
+    def joints(self) -> list[float]:
+        """As the controller reads them."""
+        self._begin()
+        return [float(value) for value in self._rig.joints() * self._display]
+
+    def centre(self) -> None:
+        """What the person does at a pause: jog the wrist until the beam is on the PSD's centre."""
+        assert self._begun is not None, "the program waits before it has moved"
+        plan, number, rig = self.plan, self._begun, self._rig
+        problem = Problem.from_plan(plan)
+        belief = Belief(problem.select(np.array([number])), problem.nominal())
+        psd = rig.psds[plan.targets[number]]
+        rig.laser(False)
+        joints: Matrix = rig.joints()
+        search = Search(rig, belief, psd, joints, read_dark(rig, psd, _SAMPLES))
+        search.run()
+        dark = read_dark(rig, psd, _SAMPLES)
+        rig.laser(True)
+        centre(rig, search.belief, psd, search.joints, dark, search.frame(), lambda off: None)
+        self._last = Shot(
+            shot=number, target=plan.targets[number], joints_deg=tuple(self.joints()), time_s=rig.now()
+        )
+        self._begun = None
+
+    def _begin(self) -> None:
+        if self._begun is None and (self._last is None or self._last.shot + 1 < len(self.plan.postures)):
+            self._begun = 0 if self._last is None else self._last.shot + 1
+            self._rig.begin(self._begun, self.plan.targets[self._begun], self._last)
