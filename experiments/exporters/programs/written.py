@@ -11,14 +11,14 @@ from ....model.files.plan import Plan
 from ....model.files.robot_file import Vendor
 from ....model.files.whole_file import refuse_existing, write_whole
 from ..vendors import require_vendor
-from .fanuc import fanuc_program
-from .krl import krl_program
-from .rapid import rapid_program
-from .robodk import robodk_program
+from .fanuc_program import fanuc_program
+from .krl_program import krl_program
+from .posture_table import csv_table
+from .rapid_program import rapid_program
+from .robodk_program import robodk_program
 from .steps import Motion
-from .table import csv_table
 from .trajectory import ros_trajectories
-from .urscript import urscript_program
+from .urscript_program import urscript_program
 
 ProgramKind = Literal["rapid", "urscript", "krl", "fanuc", "robodk", "ros", "csv"]
 
