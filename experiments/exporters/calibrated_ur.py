@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..importers.ur_calibration import CalibratedArm
-from .calibration import one_line
+from .ascii_line import one_line
 from .dh_rows import corrected_table
 from .robot_rows import rows_text
 
