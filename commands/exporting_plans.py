@@ -10,7 +10,7 @@ import typer
 from .console import out
 from .options import Force, PlanFile
 
-Kind = Literal["rapid", "urscript", "krl", "fanuc", "robodk", "ros", "csv"]
+Kind = Literal["rapid", "urscript", "krl", "fanuc", "robodk", "ros", "csv", "pdf"]
 
 
 def export_plan(
@@ -18,7 +18,7 @@ def export_plan(
         Kind,
         typer.Argument(
             help="rapid (ABB), urscript (Universal Robots), krl (KUKA), fanuc, robodk (Python), ros"
-            " (JointTrajectory), csv.",
+            " (JointTrajectory), csv; pdf: a sheet for the person at the robot.",
             show_default=False,
         ),
     ],
@@ -62,8 +62,27 @@ def export_plan(
     from ..model.files.plan import read_plan
 
     motion = Motion(speed, zone, tool, j3, register, listener)
+    if kind == "pdf":
+        motion.refuse("pdf", "speed", "zone", "tool", "j3", "register", "listener")
+        _write_sheet(plan, file, force)
+        return
     files, notes = write_program(kind, read_plan(plan), motion, file, force=force, keep=[plan])
     for note in notes:
         out.print(f"note: {note}", markup=False, soft_wrap=True)
     for path in files:
         out.print(f"Written to {path}", markup=False, soft_wrap=True)
+
+
+def _write_sheet(plan: Path, file: Path, force: bool) -> None:
+    """The operator's sheet of a plan."""
+    from ..analysis.observability.aim import aim_plan
+    from ..analysis.observability.check import check
+    from ..model.files.plan import read_plan
+    from ..model.files.whole_file import refuse_existing, write_whole
+    from ..reports.plan.operator_sheet import operator_sheet
+
+    refuse_existing(file, force=force, keep=[plan])
+    planned = read_plan(plan)
+    turned = aim_plan(planned)
+    write_whole(file, operator_sheet(turned, check(planned, turned)), force=force)
+    out.print(f"Written to {file}", markup=False, soft_wrap=True)

@@ -55,8 +55,8 @@ def refuse_existing(
 
 
 @uninterrupted()
-def write_whole(path: Path, text: str, *, force: bool = False) -> None:
-    """Write text as UTF-8 next to `path`, bring it to the disk, then give it its name.
+def write_whole(path: Path, content: str | bytes, *, force: bool = False) -> None:
+    """Write text as UTF-8, or bytes, next to `path`, bring it to the disk, then give it its name.
 
     With `force` it takes the place of a file that is there.
     """
@@ -65,7 +65,7 @@ def write_whole(path: Path, text: str, *, force: bool = False) -> None:
         handle, aside = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
         try:
             with os.fdopen(handle, "wb") as file:
-                file.write(text.encode("utf-8"))
+                file.write(content if isinstance(content, bytes) else content.encode("utf-8"))
                 file.flush()
                 os.fsync(file.fileno())
             os.chmod(aside, 0o666 & ~_umask())

@@ -1,0 +1,147 @@
+"""The sheet for the person at the robot (PDF): postures with pictures, what to look at, fields to fill in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...analysis.observability.aim import AimedPlan
+from ...analysis.observability.check import Check
+from ...model.files.plan import Plan
+from ..output.pdf import pdf
+from ..scenes.scene import Placed, Posed, Scene3D
+from ..scenes.turnable import SceneWords, still_picture, turnable
+from ..style.blocks import (
+    Facts,
+    FigureBlock,
+    Page,
+    Paragraph,
+    Row,
+    Section,
+    Table,
+    Verdict,
+    row_of,
+    section_of,
+    table_of,
+)
+from ..style.canvas import Picture
+from ..words import numbers
+from ..words.verdict import VERDICT_WORDS, check_headline
+from ..words.wording import clipped, counted, listed, person, sentence, shown
+from .plan_scene import Postures, postures_of
+
+_FIELD = "\u2009".join(["_"] * 9)
+_TO_DO = (
+    "Go to the posture slowly; look at cables, stops and people. Jog the wrist in small steps until the PSD"
+    " reads zero in both directions. Look at its sum signal: too little light is no reading. Write down the"
+    " joints as the controller shows them, to its last digit, and go on."
+)
+
+
+def operator_sheet(aimed: AimedPlan, check: Check) -> bytes:
+    """The PDF of a plan; `check` is the judgement of the same aimed plan."""
+    plan, seen = aimed.plan, postures_of(aimed)
+    laser = plan.header.tool.kind == "laser"
+    pictures = {f"posture-{i}": _picture(plan, seen, i, laser) for i in range(len(plan.postures))}
+    targets = listed([clipped(name, 24) for name in plan.target_names])
+    page = Page(
+        title=f"Operator's sheet: {clipped(check.inputs.plan, 60)}",
+        subtitle=f"{counted(len(plan.postures), 'posture')} of {clipped(plan.robot.name)} at {targets},"
+        " in this order",
+        verdict=Verdict(check.verdict, VERDICT_WORDS[check.verdict], sentence(check_headline(check, person))),
+        notes=[
+            "The way from posture to posture is not checked for obstacles. First time: reduced speed, a hand"
+            " on the enabling switch.",
+            _TO_DO if laser else "Lead the probe into its socket, and write down the joints.",
+        ],
+        sections=[
+            section_of("In their order", _overview(plan, seen)),
+            *(_posture(plan, seen, i, laser) for i in range(len(plan.postures))),
+        ],
+        facts=[
+            ("Robot, serial number", _FIELD),
+            ("Measured by, on", _FIELD),
+            ("Plan", f"{shown(check.inputs.plan)}, SHA-256 {check.inputs.sha256[:12]}"),
+        ],
+    )
+    return pdf(page, pictures)
+
+
+def _joints(plan: Plan, row: np.ndarray) -> list[str]:
+    return [
+        numbers.with_unit(numbers.fixed(float(value) * joint.display, 3), joint.unit)
+        for value, joint in zip(row, plan.robot.joints, strict=True)
+    ]
+
+
+def _names(plan: Plan) -> list[tuple[str, str]]:
+    return [(f"J{i}", "right") for i in range(1, plan.robot.n + 1)]
+
+
+def _overview(plan: Plan, seen: Postures) -> Table:
+    rows = [
+        row_of(str(i), clipped(target, 24), *_joints(plan, plan.postures[i]), _millimetres(seen.length[i]))
+        for i, target in enumerate(plan.targets)
+    ]
+    columns = [("posture", "right"), ("target", "left"), *_names(plan), ("beam", "right")]
+    return table_of("Planned postures, and the length of the beam", columns, rows)
+
+
+def _millimetres(value: float) -> str:
+    return numbers.with_unit(numbers.fixed(float(value), 0), "mm")
+
+
+def _posture(plan: Plan, seen: Postures, i: int, laser: bool) -> Section:
+    reach = float(np.linalg.norm(seen.origin[i][:2]))
+    where = [
+        ("Laser at" if laser else "Probe at", _place(seen.origin[i])),
+        ("Distance from axis z", _millimetres(reach)),
+    ]
+    if laser:
+        where.append(("Beam to the target", _millimetres(seen.length[i])))
+    rows: list[Row] = [
+        row_of(f"by way of {k}", *_joints(plan, between)) for k, between in enumerate(plan.via_of(i), start=1)
+    ]
+    rows += [
+        row_of("planned", *_joints(plan, plan.postures[i])),
+        row_of("recorded", *[_FIELD] * plan.robot.n),
+    ]
+    table = table_of(f"Joints at posture {i}", [("", "left"), *_names(plan)], rows)
+    filled: Sequence[tuple[str, str]] = [
+        *([("PSD x, y (mm), sum signal", _FIELD)] if laser else []),
+        ("Time, remarks", _FIELD),
+    ]
+    note = None
+    if not seen.reaches[i]:
+        note = Paragraph("By the model this posture does not reach its target: see zerobeam check.")
+    title = f"Posture {i}, target {clipped(plan.targets[i], 24)}"
+    blocks = (note, FigureBlock(f"posture-{i}"), Facts(where), table, Facts(filled))
+    return section_of(title, *blocks, new_page=True)
+
+
+def _place(point: np.ndarray) -> str:
+    said = ", ".join(numbers.fixed(float(value), 0) for value in point)
+    return f"{said}\u00a0mm (x, y, z of the base)"
+
+
+def _picture(plan: Plan, seen: Postures, i: int, laser: bool) -> Picture:
+    """One posture, drawn as the first one of a page is."""
+    posed = Posed(
+        name=f"posture {i}",
+        arm=seen.arm[i],
+        tool=seen.origin[i],
+        end=seen.end[i] if laser else None,
+        reaches=bool(seen.reaches[i]),
+    )
+    target = plan.target_index[i]
+    scene = Scene3D([posed], [Placed(plan.target_names[target], seen.targets[target], "nominal")])
+    words = SceneWords(
+        f"The arm in posture {i}{' and its beam to the target' if laser else ', the probe at the target'}.",
+        f"Posture {i}. Grid of {numbers.exact(scene.grid_step, 'mm')} at z = 0; x, y, z: the base frame.",
+        "",
+        "posture",
+        laser,
+    )
+    drawn = still_picture(turnable(scene, words))
+    return Picture(f"posture-{i}", drawn.title, drawn.alt, drawn.svg)
