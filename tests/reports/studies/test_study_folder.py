@@ -14,7 +14,8 @@ from typing import Any
 
 import pypdf
 import pytest
-from chromium import chromium
+from chromium import PAPER, chromium
+from example_geometry_study import geometry_study
 from example_studies import FORBIDDEN, agreeing, cell_study, disagreeing, hostile, typed
 from made_once import made_once
 from pages import Page, assert_fetches_nothing
@@ -338,6 +339,13 @@ def test_chromium_opens_it_without_a_word_or_a_request(tmp_path: Path) -> None:
         assert "How it was done" in tab.text
         assert tab.console == []
         assert tab.asked == []
+
+
+@pytest.mark.browser
+def test_the_widest_tables_fit_on_paper(tmp_path: Path) -> None:
+    paths = write_study(tmp_path / "out", geometry_study())
+    with chromium().opened(paths.html, PAPER) as tab:
+        assert tab.overflow() == 0
 
 
 # ── whole or not at all ───────────────────────────────────────────────────────────────────────
