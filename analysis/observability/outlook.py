@@ -76,17 +76,16 @@ def over_target(problem: Problem, x: Matrix, spread: Matrix) -> OverTarget | Non
     """The plan for targets drawn with std `spread` (p,), mm; None where none is spread."""
     if not spread.any():
         return None
-    rng = np.random.default_rng(1)
+    count = problem.shots
+    there = x + spread * np.random.default_rng(1).normal(size=(_DRAWS, len(x)))
+    every = problem.select(np.tile(np.arange(count), _DRAWS))
+    aimed = aim(every, np.repeat(there, count, axis=0), servo_joints(problem))
     largest = np.zeros(int(problem.parameters.free.sum()))
-    hits = 0
-    for _ in range(_DRAWS):
-        there = x + spread * rng.normal(size=len(x))
-        aimed = aim(problem, there, servo_joints(problem))
-        hits += int(aimed.hit.sum())
-        shots = aimed.problem.select(np.flatnonzero(aimed.hit))
-        largest = np.maximum(largest, predicted_std(shots, there))
+    for k, own in enumerate(there):
+        hit = k * count + np.flatnonzero(aimed.hit[k * count : (k + 1) * count])
+        largest = np.maximum(largest, predicted_std(aimed.problem.select(hit), own))
     worst = dict(_offsets(problem, largest))
-    return OverTarget(_DRAWS, hits / (_DRAWS * problem.shots), worst)
+    return OverTarget(_DRAWS, float(aimed.hit.mean()), worst)
 
 
 def advice(problem: Problem, x: Matrix) -> Advice | None:
