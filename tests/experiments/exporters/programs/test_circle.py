@@ -23,8 +23,6 @@ from zerobeam.experiments.importers import Imported
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import read_run, write_run
 
-pytestmark = pytest.mark.usefixtures("interpreted")
-
 
 def rapid(folder: Path, plan: Plan, arm: PendantArm) -> Imported:
     write_program("rapid", plan, Motion(), folder / "zb_plan.mod")
