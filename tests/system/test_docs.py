@@ -66,6 +66,7 @@ def test_every_command_that_a_page_names_exists() -> None:
         code = "\n".join([*shown, *re.findall(r"`([^`\n]+)`", text)])
         command = r"\bzerobeam ((?:(?:import|study|export) )?[a-z][a-z0-9-]*)\b"
         named |= set(re.findall(command, code))
+    named -= {"posture"}  # a line of the log of a plan's program begins like a command
     assert named <= known, named - known
     # Three alone are groups of commands; every command that does something is documented.
     assert known - named <= {"import", "study", "export"}
