@@ -227,4 +227,5 @@ def _inputs(run: Run, problem: Problem, seed: int) -> Inputs:
         seed=seed,
         versions=versions(),
         header=run.header.model_dump(mode="json", by_alias=True, exclude_none=True),
+        vendor=run.robot.vendor,
     )

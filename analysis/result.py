@@ -93,6 +93,7 @@ class Inputs:
     seed: int
     versions: dict[str, str]
     header: dict[str, object]
+    vendor: str | None = None
 
     @property
     def tool(self) -> Literal["laser", "probe"]:

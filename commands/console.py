@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any, TextIO, cast
 
 from ..interruption import obey
@@ -93,6 +94,12 @@ def guarded_streams() -> Iterator[Callable[[], OSError | None]]:
 
 def print_json(answer: dict[str, Any]) -> None:
     sys.stdout.write(json_text(answer, indent=1) + "\n")
+
+
+def print_picture(picture: Path | None) -> None:
+    """Say where the picture is, if one was asked for."""
+    if picture is not None:
+        out.print(f"Picture: {picture}", soft_wrap=True, markup=False)
 
 
 def json_text(answer: dict[str, Any], indent: int | None = None) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -149,6 +149,55 @@ def export_rapid(_: Run, calibration: Calibration) -> str:
     from ..experiments.exporters.rapid_module import rapid_text
 
     return rapid_text(calibration)
+
+
+@_format("ur")
+def export_ur(recorded: Run, calibration: Calibration) -> str:
+    """Universal Robots: a sheet for a person, how to set the zero of each joint. Nothing is applied."""
+    from ..experiments.exporters.controller_sheets import ur_text
+
+    return ur_text(recorded.robot, calibration)
+
+
+@_format("kuka")
+def export_kuka(recorded: Run, calibration: Calibration) -> str:
+    """KUKA: a sheet for a person, the mastering offsets of the axes. Nothing is applied."""
+    from ..experiments.exporters.controller_sheets import kuka_text
+
+    return kuka_text(recorded.robot, calibration)
+
+
+@exports.command("fanuc")
+def export_fanuc(
+    run: RunFile,
+    file: ExportFile,
+    j3: Annotated[
+        Literal["ground", "link"],
+        typer.Option(help="What the controller counts joint 3 from; FANUC: ground.", show_default=False),
+    ],
+    master_counts: Annotated[
+        str | None, typer.Option(help="Present master counts: C1,C2,…", show_default=False)
+    ] = None,
+    pulses_per_degree: Annotated[
+        str | None,
+        typer.Option(help="$ENCSCALES of each joint: P1,P2,…, negative if they fall.", show_default=False),
+    ] = None,
+    allow_weak: AllowWeak = False,
+    allow_displaced: AllowDisplaced = False,
+    unvalidated: Unvalidated = False,
+    without: Without = None,
+    force: Force = False,
+    as_json: Json = False,
+) -> None:
+    """FANUC: a sheet for a person, the new master counts. Nothing is applied."""
+    from ..experiments.exporters.controller_sheets import FanucCounts, fanuc_text
+
+    def text(recorded: Run, calibration: Calibration) -> str:
+        counts = FanucCounts.stated(master_counts, pulses_per_degree, recorded.robot.n)
+        return fanuc_text(recorded.robot, calibration, j3 == "ground", counts)
+
+    allowed = Allowed(allow_weak, allow_displaced, unvalidated)
+    _export(run, file, allowed, without, force, as_json, text)
 
 
 @_format("json", as_data=True, holds="all")

@@ -10,28 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..model.errors import BadInput
-from .console import EXIT_STATUS, FAULT, out, print_json, progress
-from .options import Force, HeaderFile, Json, PlanFile, RunFile, Seed
+from .console import EXIT_STATUS, FAULT, out, print_json, print_picture, progress
+from .options import Json, Picture, PlanFile, RunFile, Seed
 
 if TYPE_CHECKING:
     from ..analysis.analyse import Analysis
     from ..analysis.estimation.robust import Loss
-
-
-class PlanKind(StrEnum):
-    """How a plan is made: the paper's two patterns, or the best of many candidates."""
-
-    X = "x"
-    Y = "y"
-    OPTIMAL = "optimal"
-
-
-class CriterionName(StrEnum):
-    """What an optimal plan minimises: mean, generalised or largest variance of the offsets."""
-
-    A = "A"
-    D = "D"
-    E = "E"
 
 
 class LossName(StrEnum):
@@ -41,17 +25,11 @@ class LossName(StrEnum):
     STUDENT = "student"
 
 
-_FARTHEST = 1e6  # mm, as in files
 # Stages with their parts of the time, for the bar.
 _ANALYSE = {"fit": 0.25, "identifiability": 0.01, "posterior": 0.6, "diagnostics": 0.14}
 _REPORT = {**_ANALYSE, "writing": 0.5}
-_PLAN = {"candidates": 0.6, "choice": 0.3, "check": 0.1}
 
-_OPTIONS = {"facing": "--facing", "acceptance_deg": "--acceptance", "beam_mm": "--beam"}
 
-Picture = Annotated[
-    Path | None, typer.Option(help="Write a page with the plan in 3D (.html).", show_default=False)
-]
 Ess = Annotated[
     float, typer.Option(min=100, max=1e5, help="Effective sample size of the posterior, for every parameter.")
 ]
@@ -122,7 +100,7 @@ def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> Non
         print_json(check_json(found))
     else:
         print_check(out, found)
-        _print_picture(picture)
+        print_picture(picture)
     raise typer.Exit(EXIT_STATUS[found.verdict])
 
 
@@ -177,99 +155,6 @@ def report(
         print_result(out, found.result)
         out.print(f"Report: {paths.html}", soft_wrap=True)
     raise typer.Exit(_status(found))
-
-
-def plan(
-    kind: Annotated[
-        PlanKind, typer.Argument(help="x or y: the paper's patterns; optimal.", show_default=False)
-    ],
-    header: HeaderFile,
-    target: Annotated[
-        str, typer.Option(help="Position of the target: X,Y,Z in mm, base frame.", show_default=False)
-    ],
-    file: Annotated[
-        Path, typer.Option("-o", "--out", help="Plan file to write (.yaml).", show_default=False)
-    ],
-    shots: Annotated[int, typer.Option(min=2, max=10_000, help="Number of measurements.")] = 7,
-    candidates: Annotated[
-        int, typer.Option(min=10, max=1_000_000, help="Candidate postures to choose from.")
-    ] = 10_000,
-    criterion: Annotated[CriterionName, typer.Option(help="Criterion of an optimal plan.")] = CriterionName.A,
-    tolerance: Annotated[
-        float | None,
-        typer.Option(
-            help="Take the fewest measurements that reach this standard uncertainty (deg; mm).",
-            show_default=False,
-        ),
-    ] = None,
-    max_shots: Annotated[
-        int, typer.Option(min=2, max=10_000, help="With --tolerance: the most measurements.")
-    ] = 30,
-    facing: Annotated[
-        str, typer.Option(help="Outward normal of the target's face: X,Y,Z, or any.")
-    ] = "0,0,1",
-    acceptance: Annotated[
-        float, typer.Option(help="Largest angle between the beam and that normal, deg.")
-    ] = 60.0,
-    beam: Annotated[str, typer.Option(help="Shortest and longest beam, mm: MIN,MAX.")] = "200,2000",
-    margin: Annotated[float, typer.Option(min=0, help="Distance kept from every joint limit, deg.")] = 5.0,
-    obstacles: Annotated[
-        Path | None, typer.Option(help="Obstacles file (.yaml): floor, boxes.", show_default=False)
-    ] = None,
-    seed: Seed = 0,
-    force: Force = False,
-    as_json: Json = False,
-    picture: Picture = None,
-) -> None:
-    """Make a plan: the paper's X- or Y-Pattern, or the best of many candidate postures."""
-    from ..experiments.plans.make import PlanRequest, make_plan
-    from ..experiments.plans.obstacles import Obstacles, read_obstacles
-    from ..model.files.header import read_header
-    from ..model.files.plan import read_plan
-    from ..model.files.robot_file import robot_path
-    from ..model.files.whole_file import refuse_existing
-    from ..reports.terminal.answers import print_proposal
-
-    stated = read_header(header)
-    refuse_existing(file, force=force, keep=[header, obstacles, robot_path(stated.robot, header.parent)])
-    request = PlanRequest(
-        kind=kind.value,
-        header=stated,
-        header_folder=header.parent,
-        target=_numbers(target, 3, "--target"),
-        shots=shots,
-        candidates=candidates,
-        criterion=criterion.value,
-        tolerance=tolerance,
-        max_shots=max_shots,
-        facing=None if facing == "any" else _numbers(facing, 3, "--facing"),
-        acceptance_deg=acceptance,
-        beam_mm=_numbers(beam, 2, "--beam"),
-        margin_deg=margin,
-        obstacles=Obstacles() if obstacles is None else read_obstacles(obstacles),
-        seed=seed,
-    )
-    with progress("plan", _PLAN) as tell:
-        try:
-            made = make_plan(request, file, tell, force=force)
-        except BadInput as error:
-            raise error.renamed(_OPTIONS) from error
-    if picture is not None and made.file is not None:
-        from ..analysis.observability.aim import aim_plan
-        from ..analysis.observability.check import check as judge
-        from ..reports.plan.plan_file import write_plan_page
-
-        turned = aim_plan(read_plan(made.file))
-        write_plan_page(picture, turned, judge(turned.plan, turned))
-    if as_json:
-        print_json(made.as_json())
-    else:
-        print_proposal(out, made)
-        if made.file is not None:
-            out.print(f"Plan: {made.file}", soft_wrap=True, markup=False)
-            _print_picture(picture)
-    # No plan within the tolerance is an answer, as a weak verdict is.
-    raise typer.Exit(1 if made.checked is None else EXIT_STATUS[made.checked.verdict])
 
 
 def compare(
@@ -330,26 +215,6 @@ def schema(
     if name not in SCHEMA_NAMES:
         raise BadInput("there is no schema of that name", found=name, allowed=", ".join(SCHEMA_NAMES))
     print_json(json_schema(name))
-
-
-def _print_picture(picture: Path | None) -> None:
-    if picture is not None:
-        out.print(f"Picture: {picture}", soft_wrap=True, markup=False)
-
-
-def _numbers(text: str, count: int, option: str) -> tuple[float, ...]:
-    """`count` finite numbers, separated by commas."""
-    try:
-        values = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        values = ()
-    if len(values) != count or not all(-_FARTHEST <= value <= _FARTHEST for value in values):
-        raise BadInput(
-            f"{option} is not understood",
-            found=text,
-            allowed=f"{count} numbers up to {_FARTHEST:g} separated by commas",
-        )
-    return values
 
 
 def _analysed(

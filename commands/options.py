@@ -33,3 +33,6 @@ Force = Annotated[
 Camera = Annotated[
     bool, typer.Option("--camera/--no-camera", help="Find the PSD in pictures, or by the beam alone.")
 ]
+Picture = Annotated[
+    Path | None, typer.Option(help="Write a page with the plan in 3D (.html).", show_default=False)
+]

@@ -21,6 +21,7 @@ from . import (
     importing,
     importing_points,
     judging,
+    planning,
     robots,
     studying,
 )
@@ -55,7 +56,8 @@ _COMMANDS = {
         judging.analyse,
         judging.report,
         judging.compare,
-        judging.plan,
+        planning.plan,
+        planning.verify,
         robots.robot,
         carrying_out.run,
         carrying_out.controller,

@@ -193,7 +193,7 @@ def _calibration(
             "  to do:   look at the run with zerobeam analyse; record more measurements, in varied postures"
         )
     if not (unvalidated or as_data):
-        _require_validated(solution)
+        require_validated(solution)
     _require_one_basin(solution)
     moved = _displaced(solution, allow_displaced or solution.misfit is not None)
     rows = [row for row in solution.parameters if row.group in ("offset", "geometry")]
@@ -230,7 +230,7 @@ def _calibration(
     )
 
 
-def _require_validated(solution: Solution) -> None:
+def require_validated(solution: Solution) -> None:
     """NotValidated where the model does not describe the measurements: then no status means anything."""
     if solution.misfit is not None:
         moved = moved_target(solution)

@@ -272,14 +272,8 @@ def _bad_input(
 
     if kind == "refused":
         place = (*place, *facts["key"])
-        return BadInput(
-            facts["what"],
-            found=facts["found"],
-            allowed=facts["allowed"],
-            remedy=facts["remedy"],
-            file=file,
-            line=line(place),
-        )
+        told = {name: facts[name] for name in ("found", "allowed", "remedy")}
+        return BadInput(facts["what"], **told, file=file, line=line(place))
     if kind == "extra_forbidden":
         key, allowed = str(place[-1]), _keys_at(model, place[:-1])
         return BadInput(
@@ -301,32 +295,21 @@ def _bad_input(
             line=line(place),
         )
     what, allowed_text = _in_words(kind, facts, str(complaint["msg"]))
+    known = re.findall(r"'([^']*)'", str(facts["expected"])) if kind == "literal_error" else []
+    near = did_you_mean(value, known) if isinstance(value, str) else None
+    at = line(place)
     return BadInput(
-        f"{called(place)} {what}",
-        found=shown(value),
-        allowed=allowed_text,
-        remedy=_nearest(value, str(facts["expected"])) if kind == "literal_error" else None,
-        file=file,
-        line=line(place),
+        f"{called(place)} {what}", found=shown(value), allowed=allowed_text, remedy=near, file=file, line=at
     )
-
-
-def _nearest(value: object, expected: str) -> str | None:
-    """Which of the allowed words, in quotes in pydantic's list, was meant."""
-    return did_you_mean(value, re.findall(r"'([^']*)'", expected)) if isinstance(value, str) else None
 
 
 KINDS = {
     "float_type": "a number",
-    "int_type": "a whole number",
-    "int_from_float": "a whole number",
+    **dict.fromkeys(("int_type", "int_from_float"), "a whole number"),
     "string_type": "text",
     "bool_type": "true or false",
-    "list_type": "a list",
-    "tuple_type": "a list",
-    "dict_type": "keys and values",
-    "model_type": "keys and values",
-    "model_attributes_type": "keys and values",
+    **dict.fromkeys(("list_type", "tuple_type"), "a list"),
+    **dict.fromkeys(("dict_type", "model_type", "model_attributes_type"), "keys and values"),
 }
 BOUNDS = {"greater_than": ("gt", ">"), "greater_than_equal": ("ge", ">="), "less_than_equal": ("le", "<=")}
 

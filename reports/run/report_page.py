@@ -16,13 +16,14 @@ from .diagnostics.fit_quality import fit_section, not_converged
 from .diagnostics.placements import placements_picture, placements_section
 from .diagnostics.residuals import residuals_picture, residuals_section
 from .diagnostics.second_opinions import hold_out_section, intervals_section, robust_section
+from .first_page.next_steps import next_steps_section
+from .first_page.rehearsal import rehearsal_section
 from .geometry import geometry_section
 from .inputs import head_facts, inputs_sections, traceability_section
 from .ladder_figure import ladder_picture
 from .offsets_figure import offsets_picture
 from .parameters import offsets_section
 from .posterior_summary import posterior_picture, posterior_section
-from .rehearsal import rehearsal_section
 from .run_scene import scene_section
 from .uncertainty_budget import budget_section
 from .unobservable import unobservable_section
@@ -36,6 +37,7 @@ def report_page(result: Result) -> Page:
     sections = [
         diagnosis_section(result),
         offsets_section(result),
+        next_steps_section(result),
         rehearsal_section(result),
         unobservable_section(result.parameters, result.identifiability),
         workspace_section(result),

@@ -15,6 +15,8 @@ from ...experiments.procedure.events import Ended, KnownOffset
 from ..run.diagnostics.diagnosis import diagnosis_section
 from ..run.diagnostics.placements import placements_lines
 from ..run.diagnostics.second_opinions import hold_out_section, intervals_section, robust_section
+from ..run.first_page.next_steps import next_steps_section
+from ..run.first_page.rehearsal import rehearsal_section, truth_table
 from ..run.geometry import geometry_lines
 from ..run.parameters import (
     offsets_caption,
@@ -24,7 +26,6 @@ from ..run.parameters import (
     worth_column,
 )
 from ..run.posterior_summary import posterior_sentence
-from ..run.rehearsal import rehearsal_section, truth_table
 from ..run.report_page import report_notes
 from ..style import blocks
 from ..style.console import MARK, STYLE, VERDICT_STYLE, marked, rich_table
@@ -55,6 +56,7 @@ def print_result(console: Console, result: Result) -> None:
         _print_table(console, table)
     if (rehearsal := rehearsal_section(result)) is not None:
         _print_section(console, rehearsal)
+    _print_steps(console, next_steps_section(result))
     print_directions(console, result.identifiability.null_space, result.parameters)
     console.print(Text(_fit_line(result.likelihood)))
     for line in placements_lines(result):
@@ -220,6 +222,14 @@ def _print_section(console: Console, section: blocks.Section) -> None:
             _print_table(console, block)
         elif isinstance(block, blocks.Facts):
             console.print(Text("; ".join(f"{name} {text}" for name, text in block.rows), style="dim"))
+
+
+def _print_steps(console: Console, section: blocks.Section) -> None:
+    """What to do: a line a step; the values are in the table of offsets."""
+    console.print(Text(section.title, style="italic"))
+    for block in section.all:
+        if isinstance(block, blocks.Paragraph):
+            console.print(Text(block.text))
 
 
 def _print_table(console: Console, table: blocks.Table) -> None:

@@ -148,7 +148,7 @@ def test_the_head_has_date_and_serial_number() -> None:
     stated = {"When": "2026-05-01", "robot_serial": "1600-42", "origin": "simulated"}
     header = {**inputs.header, "provenance": stated}
     result = dataclasses.replace(good(), inputs=dataclasses.replace(inputs, header=header))
-    text = " ".join(Page(made(result)).words.split())
+    text = " ".join(" ".join(Page(made(result)).text).split())
     said = "Date of the measurements 2026-05-01 Robot, serial number 1600-42 Calibrated by not stated"
     assert said in text
     assert text.index(said) < text.index("Pass.")

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Protocol
 
-from ...analysis.result import Result
-from ..style.blocks import Paragraph, Row, Section, Table, row_of, section_of, table_of
-from ..words import numbers
-from ..words.rehearsal import true_values
-from ..words.wording import label
-from .parameters import unit_of
+from ....analysis.result import Result
+from ...style.blocks import Paragraph, Row, Section, Table, row_of, section_of, table_of
+from ...words import numbers
+from ...words.rehearsal import true_values
+from ...words.wording import label
+from ..parameters import unit_of
 
 
 class Estimated(Protocol):

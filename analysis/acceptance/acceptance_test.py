@@ -1,0 +1,260 @@
+"""Does a corrected robot do what its calibration predicts?
+
+The offsets have been entered, so the new residuals should be those of an arm without them. They are the
+noise of the new readings and what the calibration left uncertain: normal with covariance C = N + J S J',
+where S is the posterior covariance of offsets, tool and geometry, and J the Jacobian of the new
+measurements. The targets' places are free, since they may have been moved. Where the calibration is right,
+r' C^-1 r less what the targets take up has the chi-squared (divided by its degrees of freedom: the F, where
+the noise was estimated) of k degrees of freedom.
+
+A test that cannot fail proves nothing: the power is stated against an error of the tolerance in each
+offset, and without it there is no pass. What the calibration leaves undetermined has the variance of its
+prior in S, so it hides errors and lowers the power, as it should.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy import stats
+from scipy.linalg import block_diag, solve_triangular
+
+from ...model.files.header import Header
+from ...model.problem import Problem, Whitened, rms_length
+from ...model.robot import Matrix
+from ..solution import Solution
+
+FALSE_ALARM = 0.01
+POWER = 0.8  # against an error of the tolerance in each offset that was entered
+_STEPS = 5  # Gauss and Newton's, for the targets
+
+Acceptance = Literal["pass", "fail", "cannot tell"]
+
+
+@dataclass(frozen=True)
+class EnteredOffset:
+    """One offset that was entered: its `estimate`, u and the tolerance (deg, mm), and the probability that
+    the test notices an error of that tolerance, and that it was not entered at all."""
+
+    name: str
+    unit: str
+    estimate: float
+    std: float
+    tolerance: float
+    power: float
+    power_not_entered: float
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """A mistake in entering that would explain the new measurements: `offsets` not entered, or with the
+    wrong sign."""
+
+    kind: Literal["not entered", "wrong sign"]
+    offsets: tuple[str, ...]
+    p_value: float
+
+
+@dataclass(frozen=True)
+class AcceptanceResult:
+    """The answer: `statistic` is chi-squared over k, `rms_mm` of the new residuals, `expected_mm` what was
+    predicted; `mistakes`, the likeliest first, where it fails."""
+
+    verdict: Acceptance
+    measurements: int
+    dof: int
+    statistic: float | None
+    p_value: float | None
+    false_alarm: float
+    rms_mm: float
+    expected_mm: float
+    offsets: tuple[EnteredOffset, ...]
+    mistakes: tuple[Mistake, ...]
+
+    @property
+    def unseen(self) -> tuple[EnteredOffset, ...]:
+        """Offsets of which an error of the tolerance would likely go unnoticed."""
+        return tuple(own for own in self.offsets if own.power < POWER)
+
+
+@dataclass(frozen=True, eq=False)
+class Predicted:
+    """The new measurements at the calibration's mode, in the roots of their predicted covariance: `residual`
+    (k,) and the `shift` (k, p) by scaled parameters, free of the targets; `rms` and `expected` mm."""
+
+    residual: Matrix
+    shift: Matrix
+    rms: float
+    expected: float
+
+    @property
+    def dof(self) -> int:
+        return len(self.residual)
+
+
+class Prediction:
+    """What the calibration predicts of new measurements with its offsets entered.
+
+    `solution` is the calibration; `header` its header with the targets of the new measurements, `joints`
+    (N, n) rad or mm as the corrected robot reads them, `targets` of each, `spots` (N, 2) mm; `entered` are
+    names of offsets.
+    """
+
+    def __init__(
+        self,
+        solution: Solution,
+        header: Header,
+        joints: Matrix,
+        targets: Sequence[str],
+        spots: Matrix | None,
+        entered: Sequence[str],
+    ) -> None:
+        old = solution.problem
+        self.entered = tuple(entered)
+        problem = Problem.build(header, old.robot, joints, targets, spots)
+        if old.geometry:
+            problem = problem.with_geometry(old.geometry)
+        kept = [item.name for item in old.parameters.items if item.group != "target"]
+        x = problem.nominal()
+        for name in kept:
+            x[problem.parameters.index(name)] = solution.fit.x[old.parameters.index(name)]
+        problem, x = problem.with_noise_of(x)
+        self._scale = np.sqrt(solution.fit.weight)
+        self.noise_dof = solution.dof if old.noise.estimated else None
+        self.estimate = {name: float(x[problem.parameters.index(name)]) for name in self.entered}
+        for name in self.entered:
+            x[problem.parameters.index(name)] = 0.0
+        self.problem, self._x = problem, x
+        names = [item.name for item in problem.parameters.items if item.group != "target" and not item.held]
+        at = [old.parameters.among_free[old.parameters.index(name)] for name in names]
+        self._uncertain = [problem.parameters.index(name) for name in names]
+        self._covariance = solution.fit.covariance[np.ix_(at, at)]
+
+    def shifted(self, offsets: Mapping[str, float]) -> Predicted:
+        """The prediction with some offsets (rad, mm) of the corrected arm not 0; targets where they fit."""
+        x = self._x.copy()
+        for name, value in offsets.items():
+            x[self.problem.parameters.index(name)] = value
+        place = self.problem.parameters.block("target")
+        parts = self.problem.split(x)
+        x[place] = self.problem.nearest_targets(parts.arm[None], parts.tool[None])[0].ravel()
+        for _ in range(_STEPS):
+            residual, jacobian, _, _ = self._whitened(x)
+            step = np.linalg.lstsq(jacobian[:, place], residual, rcond=None)[0]
+            x[place] -= step * self.problem.parameters.prior_std[place]
+        residual, jacobian, whitened, spread = self._whitened(x)
+        free = _left_of(jacobian[:, place])
+        predicted = float(np.sqrt(np.trace(spread) / self.problem.shots))
+        return Predicted(free.T @ residual, free.T @ jacobian, rms_length(whitened.residual_mm), predicted)
+
+    def _whitened(self, x: Matrix) -> tuple[Matrix, Matrix, Whitened, Matrix]:
+        """Residual (M,) and scaled Jacobian (M, p) in the roots of C; and C (M, M) in mm."""
+        whitened = self.problem.whiten(x)
+        residual, jacobian = whitened.residual * self._scale, whitened.jacobian * self._scale
+        by = jacobian[:, self._uncertain]
+        covariance = np.eye(len(residual)) + by @ self._covariance @ by.T
+        root = np.linalg.cholesky(covariance)
+        d = self.problem.tool.miss_size
+        in_mm = block_diag(*whitened.factor) / self._scale
+        shots = self.problem.shots * d
+        spread = in_mm @ covariance[:shots, :shots] @ in_mm.T
+        solved = solve_triangular(root, np.column_stack([residual, jacobian]), lower=True)
+        return solved[:, 0], solved[:, 1:], whitened, spread
+
+    def power(self, shift: Matrix) -> float:
+        """Probability that a shift (k,) of the whitened residuals is noticed."""
+        k, away = len(shift), float(shift @ shift)
+        if k == 0:
+            return 0.0
+        if self.noise_dof is None:
+            return float(stats.ncx2.sf(self.critical(k) * k, k, away))
+        return float(stats.ncf.sf(self.critical(k), k, self.noise_dof, away))
+
+    def critical(self, k: int) -> float:
+        """What chi-squared over k exceeds with the probability of a false alarm."""
+        if self.noise_dof is None:
+            return float(stats.chi2.isf(FALSE_ALARM, k) / k)
+        return float(stats.f.isf(FALSE_ALARM, k, self.noise_dof))
+
+    def p_value(self, predicted: Predicted) -> float | None:
+        k = predicted.dof
+        if k == 0:
+            return None
+        statistic = float(predicted.residual @ predicted.residual)
+        if self.noise_dof is None:
+            return float(stats.chi2.sf(statistic, k))
+        return float(stats.f.sf(statistic / k, k, self.noise_dof))
+
+
+def accept(prediction: Prediction, solution: Solution, tolerance: Mapping[str, float]) -> AcceptanceResult:
+    """The answer for new measurements; `tolerance` by unit: deg, mm."""
+    found = prediction.shifted({})
+    p_value = prediction.p_value(found)
+    offsets = entered_offsets(prediction, found, solution, tolerance)
+    mistakes: tuple[Mistake, ...] = ()
+    verdict: Acceptance = "cannot tell"
+    if p_value is not None and p_value < FALSE_ALARM:
+        verdict, mistakes = "fail", _mistakes(prediction)
+    elif p_value is not None and offsets and all(own.power >= POWER for own in offsets):
+        verdict = "pass"
+    statistic = float(found.residual @ found.residual) / found.dof if found.dof else None
+    return AcceptanceResult(
+        verdict,
+        prediction.problem.shots,
+        found.dof,
+        statistic,
+        p_value,
+        FALSE_ALARM,
+        found.rms,
+        found.expected,
+        offsets,
+        mistakes,
+    )
+
+
+def entered_offsets(
+    prediction: Prediction, found: Predicted, solution: Solution, tolerance: Mapping[str, float]
+) -> tuple[EnteredOffset, ...]:
+    """What the test would notice of each offset."""
+    return tuple(_entered(prediction, found, solution, name, tolerance) for name in prediction.entered)
+
+
+def _entered(
+    prediction: Prediction, found: Predicted, solution: Solution, name: str, tolerance: Mapping[str, float]
+) -> EnteredOffset:
+    row, parameters = solution[name], prediction.problem.parameters
+    assert row.estimate is not None
+    assert row.std is not None
+    i = parameters.index(name)
+    along = found.shift[:, i] / (parameters.prior_std[i] * parameters.items[i].display)
+    enough = tolerance[row.unit]
+    return EnteredOffset(
+        name,
+        row.unit,
+        row.estimate,
+        row.std,
+        enough,
+        prediction.power(along * enough),
+        prediction.power(along * row.estimate),
+    )
+
+
+def _mistakes(prediction: Prediction) -> tuple[Mistake, ...]:
+    """Mistakes in entering one offset, or all, that the measurements do not contradict, likeliest first."""
+    own, found = prediction.estimate, []
+    for kind, times in (("not entered", 1.0), ("wrong sign", 2.0)):
+        for names in [*((name,) for name in own), tuple(own)]:
+            p = prediction.p_value(prediction.shifted({name: times * own[name] for name in names}))
+            if p is not None and p >= FALSE_ALARM:
+                found.append(Mistake(kind, names, p))  # type: ignore[arg-type]
+    return tuple(sorted(dict.fromkeys(found), key=lambda mistake: -mistake.p_value))
+
+
+def _left_of(columns: Matrix) -> Matrix:
+    """(M, k) an orthonormal basis of what the columns (M, c) do not reach."""
+    u, size, _ = np.linalg.svd(columns, full_matrices=True)
+    rank = int((size > 1e-10 * max(size.max(initial=0.0), 1e-300)).sum())
+    return np.asarray(u[:, rank:])

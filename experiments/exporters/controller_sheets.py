@@ -1,0 +1,195 @@
+"""Sheets by which a person changes the zero of each joint in a controller: UR, KUKA, FANUC.
+
+All of them set the reading at the true zero. True = reading + offset, so the joint is truly at zero where
+the controller reads -offset. Once that reading is set to zero, a new reading is the old one plus the
+offset.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...model.errors import BadInput
+from ...model.robot import Robot
+from .ascii_line import one_line
+from .calibration import Calibration, Offset
+
+_CAUTION = (
+    "CAUTION. The controller keeps no history: WRITE THE PRESENT VALUES DOWN FIRST, and make a backup. The",
+    "change moves every taught position, and cannot be undone there without the old values. Do it once: a",
+    "second time the offsets would be applied twice. Drive slowly afterwards, and verify:",
+    "zerobeam plan verify RUN -o PLAN.",
+)
+
+
+@dataclass(frozen=True)
+class FanucCounts:
+    """Of each joint the present master count and the pulses for one degree, negative where they fall."""
+
+    master: tuple[int, ...]
+    per_degree: tuple[float, ...]
+
+    @classmethod
+    def stated(cls, master: str | None, per_degree: str | None, joints: int) -> FanucCounts | None:
+        """As two options state them; None where neither is stated."""
+        if master is None and per_degree is None:
+            return None
+        if master is None or per_degree is None:
+            raise BadInput(
+                "master counts need the pulses for a degree, and these the counts",
+                allowed="both --master-counts and --pulses-per-degree, or neither",
+            )
+        counts = _numbers(master, joints, "--master-counts")
+        if any(value != int(value) for value in counts):
+            raise BadInput("--master-counts are whole numbers", found=master)
+        pulses = _numbers(per_degree, joints, "--pulses-per-degree")
+        if not all(pulses):
+            raise BadInput("a joint cannot have 0 pulses for a degree", found=per_degree)
+        return cls(tuple(int(value) for value in counts), tuple(pulses))
+
+
+def ur_text(robot: Robot, calibration: Calibration) -> str:
+    """Universal Robots: the zero of each joint, for the joint calibration of the service manual."""
+    _require(robot, "universal-robots", "Universal Robots")
+    return _sheet(
+        calibration,
+        [
+            "Joint zero procedure for Universal Robots, by the joint calibration of your series' service",
+            "manual. For each joint below: bring it to the position in the column 'drive to', as the",
+            "pendant shows it, and set its zero there. Afterwards the joint is truly at 0 where it shows 0.",
+            "The arm's factory calibration (calibration.yaml) stays valid: it describes the links.",
+        ],
+        _zeros(calibration.offsets),
+    )
+
+
+def kuka_text(robot: Robot, calibration: Calibration) -> str:
+    """KUKA: mastering offsets."""
+    _require(robot, "kuka", "KUKA")
+    table = [
+        "axis   offset deg   master the axis where it reads      $MAMES[] (machine data)",
+        *(
+            f"A{i}   {own.applied:+11.6f}   mastering position {-own.applied:+11.6f} deg   old value"
+            f" {own.applied:+11.6f}"
+            if own.exported
+            else f"A{i}   {'-':>11}   leave it as it is"
+            for i, own in enumerate(calibration.offsets, start=1)
+        ),
+    ]
+    return _sheet(
+        calibration,
+        [
+            "Mastering sheet for KUKA (KRC). Two ways, do ONE of them:",
+            "- Re-master: drive the axis to the position in the third column, as the display shows it with",
+            "  the present mastering, and master it there (dial): it then shows the mastering position.",
+            "- Or add the offset to $MAMES of the axis (its position at the mark) and master at the marks as",
+            "  always. The sign is that of the offset: with a larger $MAMES the axis reads more.",
+            "Frames: TOOL and BASE that were measured with the old mastering hold its error: measure them",
+            "again.",
+        ],
+        table,
+    )
+
+
+def fanuc_text(robot: Robot, calibration: Calibration, ground: bool, counts: FanucCounts | None) -> str:
+    """FANUC: master counts. `ground`: joint 3 of the controller is counted from the ground."""
+    _require(robot, "fanuc", "FANUC")
+    offsets = _as_fanuc(calibration, ground)
+    lines = ["joint  offset deg   new master count"]
+    for i, offset in enumerate(offsets):
+        if offset is None:
+            lines.append(f"J{i + 1}   {'-':>11}   as it is")
+        elif counts is None:
+            lines.append(f"J{i + 1}   {offset:+11.6f}   old count - ({offset:+.6f} * pulses per degree)")
+        else:
+            new = counts.master[i] - round(offset * counts.per_degree[i])
+            lines.append(f"J{i + 1}   {offset:+11.6f}   {new}   (now {counts.master[i]})")
+    coupled = (
+        "J3 is counted from the ground: its offset here is that of link 3 less that of joint 2."
+        if ground
+        else "J3 is counted from link 2, as in the robot file."
+    )
+    return _sheet(
+        calibration,
+        [
+            "Master count sheet for FANUC. The count of a joint is what its encoder has at the true zero:",
+            "$DMR_GRP[1].$MASTER_COUN[i]; the pulses for a degree are $PARAM_GROUP[1].$ENCSCALES[i],",
+            "negative where they fall. Reading = (pulses - count) / pulses per degree, so a count that is",
+            "smaller by offset * pulses per degree makes the joint read more by the offset. Check names and",
+            "signs against the manual of your controller.",
+            f"{coupled}",
+            "Write the new counts, calibrate (MENU, SYSTEM, Master/Cal), turn the controller off and on.",
+        ],
+        lines,
+    )
+
+
+def _as_fanuc(calibration: Calibration, ground: bool) -> list[float | None]:
+    """The offsets of the controller's own joints: None where nothing is to be changed."""
+    values: list[float | None] = [own.applied if own.exported else None for own in calibration.offsets]
+    if not ground or len(values) < 3:
+        return values
+    second, third = calibration.offsets[1], calibration.offsets[2]
+    if second.exported != third.exported and second.status != "held" and third.status != "held":
+        raise BadInput(
+            "J3 is counted from the ground, so that its offset is that of joint 3 less that of joint 2",
+            found=f"only one of {second.name} and {third.name} is determined and exported",
+            allowed="both, or neither",
+            remedy=f"exclude both: --without {second.name} --without {third.name}",
+        )
+    if third.exported or second.exported:
+        values[2] = third.applied - second.applied
+    return values
+
+
+def _zeros(offsets: Sequence[Offset]) -> list[str]:
+    lines = ["joint  offset deg   drive to (pendant, deg), set zero there"]
+    for i, own in enumerate(offsets):
+        if own.exported:
+            lines.append(f"J{i + 1}   {own.applied:+11.6f}   {-own.applied:+11.6f}")
+        else:
+            lines.append(f"J{i + 1}   {'-':>11}   leave it as it is")
+    return lines
+
+
+def _sheet(calibration: Calibration, about: Sequence[str], table: Sequence[str]) -> str:
+    sliding = [own.name for own in calibration.offsets if own.kind == "prismatic"]
+    if sliding:
+        raise BadInput("the sheet is for revolute joints", found=f"prismatic: {', '.join(sliding)}")
+    lines = [
+        *calibration.head,
+        "",
+        *_CAUTION,
+        "",
+        *about,
+        "",
+        *table,
+        "",
+        "done by, on: ______________________",
+    ]
+    return "\n".join(map(one_line, lines)) + "\n"
+
+
+def _require(robot: Robot, vendor: str, name: str) -> None:
+    if robot.vendor not in (None, vendor):
+        raise BadInput(
+            f"this sheet is for robots of {name}",
+            found=f"{robot.name}, of {robot.vendor}",
+            allowed=f"a robot of {name}",
+            remedy="choose the format of this robot's controller; json and csv are for every robot",
+        )
+
+
+def _numbers(text: str, joints: int, option: str) -> list[float]:
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != joints or not np.all(np.isfinite(values)):
+        raise BadInput(
+            f"{option} is not understood", found=text, allowed=f"{joints} numbers, separated by commas"
+        )
+    return values

@@ -1,0 +1,122 @@
+"""What to do with the answer: values to enter, the file for the robot, what it gains, how to verify it.
+
+What the data do not determine is never offered: values are offered of a pass alone.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+
+from ....analysis.diagnostics.displacement import Displacement
+from ....analysis.findings import HeldOutMisfit, OtherBasins
+from ....analysis.result import Result
+from ....analysis.solution import ParameterResult
+from ...style.blocks import Paragraph, Section, Table, row_of, section_of, table_of
+from ...words import numbers
+from ...words.wording import label, listed
+from ..parameters import unit_of
+
+_SAFE = re.compile(r"[\w./+@-]+")
+# What writes the offsets for a controller, by its vendor: the command, and the file's name.
+_FILES = {
+    "abb": ("export rapid", "offsets.mod"),
+    "universal-robots": ("export ur", "joint-zero.txt"),
+    "kuka": ("export kuka", "mastering.txt"),
+    "fanuc": ("export fanuc --j3 ground", "mastering.txt"),
+}
+
+
+# What speaks against entering the values of a pass; export refuses most of it too.
+_AGAINST: dict[type, str] = {
+    Displacement: "Enter nothing yet: a target seems to have moved while it was measured. Record the run"
+    " again, or give the target another name in the measurements after it moved.",
+    OtherBasins: "Enter nothing: other sets of offsets fit nearly as well. Record more measurements, in"
+    " varied postures.",
+    HeldOutMisfit: "Enter nothing yet: the offsets do not predict the held-out target. Look for the cause.",
+}
+
+
+def next_steps_section(result: Result) -> Section:
+    """The section of the report, of any answer."""
+    against = [_AGAINST[type(own)] for own in result.findings if type(own) in _AGAINST]
+    if result.verdict != "pass" or against:
+        return section_of("What to do", *map(Paragraph, against[:1] or _not_yet(result)))
+    return section_of("What to do", _values(result), *map(Paragraph, _steps(result)))
+
+
+def _not_yet(result: Result) -> list[str]:
+    """Nothing is offered: why, and what to do first."""
+    run = _run(result)
+    if not result.likelihood.converged:
+        return ["Enter nothing: the fit did not converge. Look at the measurements, or record more of them."]
+    if result.misfit is not None:
+        return [
+            "Enter nothing: the model does not describe the measurements. Look for the cause first (joint"
+            " columns, signs, units, a moved target, geometry), then measure again."
+        ]
+    offsets = [row for row in result.parameters if row.group == "offset"]
+    open_ = [row.name for row in offsets if row.status in ("unidentifiable", "weak")]
+    known = any(row.status == "identified" for row in offsets)
+    said = [
+        f"Enter nothing yet: {listed([label(name) for name in open_])}"
+        f" {'is' if len(open_) == 1 else 'are'} not determined well enough. Record more measurements, in"
+        " postures that a plan chooses: zerobeam plan optimal --header HEADER --target X,Y,Z -o plan.yaml,"
+        " and zerobeam check plan.yaml before you measure."
+    ]
+    if known and open_:
+        without = " ".join(f"--without {name}" for name in open_)
+        said.append(
+            "If the identified offsets are to be applied alone, at your decision:"
+            f" zerobeam export {_command(result)[0].removeprefix('export ')} {run} {without} -o"
+            f" {_command(result)[1]}."
+        )
+    return said
+
+
+def _entered(result: Result) -> list[ParameterResult]:
+    return [row for row in result.parameters if row.group == "offset" and row.status == "identified"]
+
+
+def _values(result: Result) -> Table:
+    columns = [("joint", "left"), ("add to the recorded position", "right"), ("expanded U (k = 2)", "right")]
+    rows = []
+    for row in _entered(result):
+        assert row.estimate is not None
+        assert row.std is not None
+        unit = unit_of(row.unit)
+        value = numbers.estimate(row.estimate, row.std, unit)
+        rows.append(row_of(label(row.name).partition(" ")[0], value, numbers.spread(2 * row.std, unit)))
+    return table_of("Values to enter: true position = recorded position + value", columns, rows)
+
+
+def _steps(result: Result) -> list[str]:
+    run, (command, file) = _run(result), _command(result)
+    said = [f"1. Write the file for this robot: zerobeam {command} {run} -o {file}. It says how it is used."]
+    accuracy = result.accuracy
+    if accuracy is not None and accuracy.workspace is not None:
+        now, then = accuracy.workspace.before_mm.median, accuracy.workspace.after95_mm.median
+        said.append(
+            f"2. What it gains: the TCP is off by {numbers.significant(now, 2, 'mm')} now in the median"
+            f" posture, and by at most {numbers.significant(then, 2, 'mm')} with the values (95 %, nominal"
+            " geometry taken as exact)."
+        )
+    else:
+        said.append("2. What it gains at the TCP is not claimed: it depends on what is not determined.")
+    said.append(
+        "3. Verify with the corrected robot. A few postures of this run, chosen for the purpose:"
+        f" zerobeam plan verify {run} -o verify.yaml. Measure them as before, then"
+        f" zerobeam verify {run} NEW.jsonl says pass, fail, or that the data cannot tell."
+    )
+    return said
+
+
+def _command(result: Result) -> tuple[str, str]:
+    """What writes the file for this robot."""
+    return _FILES.get(result.inputs.vendor or "", ("export robot", "corrected.yaml"))
+
+
+def _run(result: Result) -> str:
+    """The run's file for a command; a stand-in where the name holds what a shell would read."""
+    name = result.inputs.run
+    return shlex.quote(name) if _SAFE.fullmatch(name) else "RUN.jsonl"

@@ -1,0 +1,111 @@
+"""The acceptance test of a corrected robot in the terminal: its plan, and its answer."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.console import Console
+from rich.text import Text
+
+from ...analysis.acceptance.acceptance_test import (
+    FALSE_ALARM,
+    POWER,
+    Acceptance,
+    AcceptanceResult,
+    EnteredOffset,
+)
+from ...analysis.acceptance.postures import VerificationPlan
+from ..style.blocks import Table, row_of, table_of
+from ..style.console import rich_table
+from ..words import numbers
+from ..words.wording import counted, label, listed
+
+_HEAD: dict[Acceptance, tuple[str, str]] = {
+    "pass": ("Pass", "bold green"),
+    "fail": ("Fail", "bold red"),
+    "cannot tell": ("The data cannot tell", "bold yellow"),
+}
+_STEPS = (
+    "Enter the offsets, bring the target back to about its place, and record these postures with the"
+    " corrected robot, as the run was recorded."
+)
+_ENTERED = {"not entered": "left at the old value", "wrong sign": "entered with the wrong sign"}
+
+
+def print_verification(console: Console, plan: VerificationPlan) -> None:
+    """What the planned test would notice."""
+    count = counted(len(plan.rows), "posture")
+    console.print(Text(f"{count} of the run: measurements {listed([str(row) for row in plan.rows], 20)}."))
+    console.print(rich_table(_table(plan.offsets)))
+    console.print(Text(_about(plan.offsets)))
+    console.print(Text(_STEPS))
+
+
+def print_acceptance(console: Console, found: AcceptanceResult) -> None:
+    """The verdict, its reason, and what the test could notice."""
+    word, style = _HEAD[found.verdict]
+    console.print(Text(f"{word}. ", style=style) + Text(reason(found)))
+    console.print(rich_table(_table(found.offsets)))
+    console.print(Text(_about(found.offsets)))
+    for mistake in found.mistakes[:3]:
+        names = listed([label(name) for name in mistake.offsets])
+        chance = numbers.p_words(mistake.p_value)
+        console.print(Text(f"It would fit if {names} had been {_ENTERED[mistake.kind]} ({chance})."))
+
+
+def reason(found: AcceptanceResult) -> str:
+    """Why the verdict is what it is, in a sentence."""
+    rms = f"{numbers.significant(found.rms_mm, 2, 'mm')} rms"
+    expected = numbers.significant(found.expected_mm, 2, "mm")
+    if found.p_value is None or found.statistic is None:
+        count = counted(found.measurements, "measurement")
+        return f"{count} leave no degree of freedom: record more postures."
+    chi2 = numbers.significant(found.statistic * found.dof)
+    measure = f"χ² {chi2}, {found.dof} dof, {numbers.p_words(found.p_value)}"
+    if found.verdict == "fail":
+        return (
+            f"The corrected robot is not where its calibration says: residuals {rms}, where {expected} were"
+            f" predicted ({measure}). Do not use it; a false alarm has a probability of {FALSE_ALARM:.0%}."
+        )
+    agrees = f"Residuals {rms} agree with the prediction ({measure})"
+    if found.verdict == "pass":
+        return (
+            f"{agrees}, and an error of the tolerance in any offset would have been noticed with a"
+            f" probability of at least {POWER:.0%}."
+        )
+    names = listed([label(own.name) for own in found.unseen])
+    return (
+        f"{agrees}, but an error of the tolerance in {names} might have gone unnoticed: record more postures"
+        " (zerobeam plan verify RUN -o PLAN --shots N)."
+    )
+
+
+def _about(offsets: Sequence[EnteredOffset]) -> str:
+    enough = f"With {POWER:.0%} for each offset the test can pass"
+    if all(own.power >= POWER for own in offsets):
+        enough += "."
+    else:
+        enough += "; here it can fail, but not pass: record more postures."
+    return (
+        f"Probability that the test notices an error; it fails a right calibration with {FALSE_ALARM:.0%}."
+        f" {enough}"
+    )
+
+
+def _table(offsets: Sequence[EnteredOffset]) -> Table:
+    rows = [
+        row_of(
+            label(own.name),
+            numbers.estimate(own.estimate, own.std, own.unit),
+            f"{numbers.exact(own.tolerance, own.unit)}: {_percent(own.power)}",
+            _percent(own.power_not_entered),
+        )
+        for own in offsets
+    ]
+    heads = ("entered", "error of the tolerance", "not entered")
+    columns = [("name", "left"), *((head, "right") for head in heads)]
+    return table_of("What the test notices", columns, rows)
+
+
+def _percent(share: float) -> str:
+    return "over 99 %" if share > 0.99 else f"{100 * share:.0f} %"

@@ -1,0 +1,127 @@
+"""The acceptance test: its false alarms and its power are those stated, and it never passes without power."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from zerobeam.analysis.acceptance.acceptance_test import FALSE_ALARM, POWER, Prediction, accept
+from zerobeam.analysis.acceptance.postures import choose
+from zerobeam.analysis.solved import solved
+from zerobeam.experiments.demos import demo_runs
+from zerobeam.model.files.run import read_run
+from zerobeam.model.problem import Problem
+
+TOLERANCE = {"deg": 0.1, "mm": 1.0}
+ENTERED = tuple(f"delta{j}" for j in range(2, 7))
+
+
+@cache
+def calibrated():
+    run = read_run(demo_runs()[0].path)
+    return run, solved(Problem.from_run(run), run.header).solution
+
+
+def prediction(rows=None, error=None, seed=0, errors=1.0):
+    """New measurements of an arm whose true offsets differ from the estimates as the posterior says (times
+    `errors`), and by `error` (deg, by name) besides; read with the stated noise."""
+    run, solution = calibrated()
+    problem, rng = solution.problem, np.random.default_rng(seed)
+    rows = list(range(problem.shots)) if rows is None else list(rows)
+    free = problem.parameters.free
+    z = np.linalg.cholesky(solution.fit.covariance) @ rng.normal(size=int(free.sum()))
+    left = np.zeros(len(free))
+    left[free] = errors * z * problem.parameters.prior_std[free]
+    for name, value in (error or {}).items():
+        left[problem.parameters.index(name)] += np.radians(value)
+    block = problem.parameters.block("offset")
+    # True positions are those of the fit; a corrected arm reads them less what is left of its offsets.
+    corrected = Prediction(
+        solution, run.header, problem.joints + solution.fit.x[block], run_targets(run), None, ENTERED
+    )
+    x = corrected.problem.nominal()
+    x[block] = left[block]
+    place = corrected.problem.parameters.block("target")
+    x[place] = solution.fit.x[problem.parameters.block("target")]
+    residual, own = corrected.problem.linearise(x)
+    factor = corrected.problem.factors(x, own)
+    noise = (factor @ rng.normal(size=(*residual.shape, 1)))[..., 0]
+    # A spot reading moves the residual one for one: what makes it noise, and nothing else.
+    made = replace(corrected.problem, spots=corrected.problem.spots)
+    shifted, _ = made.linearise(x)
+    spots = spots_for(made, x, noise - shifted)
+    joints = corrected.problem.joints[rows]
+    targets = [run_targets(run)[row] for row in rows]
+    return Prediction(solution, run.header, joints, targets, spots[rows], ENTERED), solution
+
+
+def run_targets(run):
+    return [shot.target for shot in run.shots]
+
+
+def spots_for(problem, x, wanted):
+    """Spots (N, 2) with which the residuals change by `wanted` (N, 2)."""
+    base, _ = problem.linearise(x)
+    columns = []
+    for axis in range(2):
+        moved, _ = replace(problem, spots=problem.spots + np.eye(2)[axis]).linearise(x)
+        columns.append(moved - base)
+    by = np.stack(columns, axis=2)
+    return problem.spots + np.linalg.solve(by, wanted[..., None])[..., 0]
+
+
+def test_false_alarms_are_as_rare_as_stated():
+    p = [answer(seed=seed).p_value for seed in range(150)]
+    share = float(np.mean(np.array(p) < 0.2))
+    # 150 of a fifth: four standard deviations of the binomial.
+    assert abs(share - 0.2) < 4 * np.sqrt(0.2 * 0.8 / 150)
+    assert sum(value < FALSE_ALARM for value in p) <= 8
+
+
+def answer(**how):
+    made, solution = prediction(**how)
+    return accept(made, solution, TOLERANCE)
+
+
+def test_the_power_is_that_of_the_count():
+    stated = {own.name: own.power for own in answer(rows=range(5)).offsets}
+    noticed = [answer(rows=range(5), error={"delta2": 0.1}, seed=s).verdict == "fail" for s in range(150)]
+    power = stated["delta2"]
+    assert abs(np.mean(noticed) - power) < 4 * np.sqrt(power * (1 - power) / 150) + 0.02
+
+
+def test_a_right_calibration_passes_and_one_that_was_not_entered_is_named():
+    assert answer().verdict == "pass"
+    estimate = calibrated()[1]["delta2"].estimate
+    found = answer(error={"delta2": estimate})
+    assert found.verdict == "fail"
+    assert found.mistakes[0].kind == "not entered"
+    assert found.mistakes[0].offsets == ("delta2",)
+    wrong = answer(error={"delta2": 2 * estimate})
+    assert (wrong.mistakes[0].kind, wrong.mistakes[0].offsets) == ("wrong sign", ("delta2",))
+
+
+@pytest.mark.parametrize("rows", [(0, 1), (0, 1, 2)])
+def test_too_few_postures_never_pass(rows):
+    found = answer(rows=rows)
+    assert found.verdict == "cannot tell"
+    assert found.unseen
+    assert all(own.power < POWER for own in found.unseen)
+
+
+def test_one_posture_leaves_nothing_to_judge_by():
+    found = answer(rows=(0,))
+    assert (found.dof, found.p_value, found.verdict) == (0, None, "cannot tell")
+
+
+def test_the_chosen_postures_are_enough_where_they_can_be():
+    run, solution = calibrated()
+    plan = choose(solution, run.header, ENTERED, TOLERANCE)
+    assert plan.enough
+    assert 3 <= len(plan.rows) < len(run.shots)
+    tight = choose(solution, run.header, ENTERED, {"deg": 0.001, "mm": 1.0})
+    assert not tight.enough
+    assert len(tight.rows) == len(run.shots)
+    offsets = np.degrees(plan.joints - solution.problem.joints[list(plan.rows)])
+    np.testing.assert_allclose(offsets[0, 1:], [solution[name].estimate for name in ENTERED], atol=1e-9)

@@ -1,0 +1,110 @@
+"""The sheets for UR, KUKA and FANUC: their signs, followed by hand, give true positions; nothing unknown is
+in them."""
+
+import re
+
+import numpy as np
+import pytest
+from command_line import zerobeam
+
+from zerobeam.experiments.demos import demo_runs
+from zerobeam.experiments.exporters.calibration import calibration
+from zerobeam.experiments.exporters.controller_sheets import FanucCounts, fanuc_text, kuka_text, ur_text
+from zerobeam.model.errors import BadInput
+from zerobeam.model.files.run import read_run
+
+GOOD, X_PATTERN = demo_runs()[0].path, demo_runs()[1].path
+PULSES = (10000.0, -11000.0, 12000.0, -9000.0, 8000.5, 7000.0)
+COUNTS = (100, 200, -300, 400, 500, 600)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """The good run with a robot of no known vendor."""
+    folder = tmp_path_factory.mktemp("sheets")
+    made = folder / "arm.yaml"
+    told = zerobeam("export", "robot", GOOD, "-o", made)
+    assert told.status == 0
+    text = re.sub(r"^vendor:.*\n", "", made.read_text(), flags=re.MULTILINE)
+    made.write_text(text)
+    copy = folder / "run.jsonl"
+    copy.write_text(GOOD.read_text().replace('"robot":"irb1600"', '"robot":"arm.yaml"', 1))
+    return read_run(copy)
+
+
+@pytest.fixture(scope="module")
+def offsets(run):
+    """The calibration of the run, and its offsets in degrees."""
+    found = calibration(run)
+    return found, [own.applied for own in found.offsets]
+
+
+def numbers(text, pattern):
+    return [float(value) for value in re.findall(pattern, text, flags=re.MULTILINE)]
+
+
+def test_universal_robots(run, offsets):
+    found, values = offsets
+    text = ur_text(run.robot, found)
+    at = numbers(text, r"^J\d +\S+ +([-+][\d.]+)$")
+    # Where the controller reads this, the joint is truly at zero: true = reading + offset.
+    np.testing.assert_allclose(np.array(at) + values[1:], 0, atol=1e-6)
+    assert re.search(r"^J1 +- +leave it as it is$", text, flags=re.MULTILINE)
+    assert "CAUTION" in text
+    text.encode("ascii")
+
+
+def test_kuka(run, offsets):
+    found, values = offsets
+    text = kuka_text(run.robot, found)
+    np.testing.assert_allclose(
+        numbers(text, r"mastering position +([-+][\d.]+) deg"), np.negative(values[1:]), atol=1e-6
+    )
+    np.testing.assert_allclose(numbers(text, r"old value +([-+][\d.]+)$"), values[1:], atol=1e-6)
+
+
+@pytest.mark.parametrize("ground", [True, False])
+def test_fanuc_counts_make_the_controller_read_the_truth(run, offsets, ground):
+    found, values = offsets
+    text = fanuc_text(run.robot, found, ground, FanucCounts(COUNTS, PULSES))
+    rows = re.findall(r"^J(\d) +\S+ +(-?\d+) +\(now (-?\d+)\)$", text, flags=re.MULTILINE)
+    assert [int(row[0]) for row in rows] == [2, 3, 4, 5, 6]
+    pulses = np.array([5000, 6000, 7000, 8000, 9000, 10000])
+
+    def read(counts):
+        own = (pulses - counts) / np.array(PULSES)
+        if ground:
+            own[2] += own[1]
+        return own
+
+    new = np.array([COUNTS[0], *(int(row[1]) for row in rows)])
+    np.testing.assert_allclose(read(new) - read(np.array(COUNTS)), values, atol=2e-4)
+
+
+def test_only_what_is_determined_is_in_a_sheet(tmp_path):
+    for command in (["ur"], ["kuka"], ["fanuc", "--j3", "ground"]):
+        out = tmp_path / "sheet.txt"
+        assert (
+            "unidentifiable" in zerobeam("export", *command, X_PATTERN, "-o", out).err.lower()
+            or not out.exists()
+        )
+        assert not out.exists()
+
+
+def test_another_vendors_robot_is_refused(tmp_path):
+    for command in (["ur"], ["kuka"], ["fanuc", "--j3", "link"]):
+        said = zerobeam("export", *command, GOOD, "-o", tmp_path / "sheet.txt").refused()
+        assert "irb1600, of abb" in said
+
+
+def test_counts_that_cannot_be_used():
+    for master, pulses in (
+        ("1,2", "1,2,3"),
+        ("1,2,x", "1,2,3"),
+        ("1,2,3", None),
+        ("1.5,2,3", "1,2,3"),
+        ("1,2,3", "1,0,3"),
+    ):
+        with pytest.raises(BadInput):
+            FanucCounts.stated(master, pulses, 3)
+    assert FanucCounts.stated(None, None, 3) is None
