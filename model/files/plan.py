@@ -21,10 +21,10 @@ from ..robot import Matrix, Robot
 from .arrays import Laser, Noise, Probe, RobotArgument, joint_positions, stated_header, target_of_each
 from .header import PLAN_SCHEMA, Header, check_header, header_content
 from .limits import check_limits, require_joint_count
-from .reading import read_yaml
+from .reading import read_yaml, require_schema
 from .robot_file import load_robot
 from .shot import JointValues, check_distances, unknown_targets
-from .validation import FileModel, TargetName, as_tuple, require_schema, validate
+from .validation import FileModel, TargetName, as_tuple, validate
 from .whole_file import refuse_existing, write_whole
 
 

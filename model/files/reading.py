@@ -16,7 +16,7 @@ import stat
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from ruamel.yaml import YAML
 from ruamel.yaml.composer import Composer
@@ -26,6 +26,14 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ..errors import BadInput
 
 Place = tuple[str | int, ...]
+Schema = Literal[
+    "zerobeam/run/1",
+    "zerobeam/plan/1",
+    "zerobeam/robot/1",
+    "zerobeam/cell/1",
+    "zerobeam/sensors/1",
+    "zerobeam/psd-calibration/1",
+]
 
 # Bytes of a file, by its kind (docs/files.md).
 LARGEST_YAML = 4 * 10**6
@@ -352,3 +360,18 @@ def shown(value: object) -> str:
     except (TypeError, ValueError):
         text = str(value)
     return text if len(text) <= 70 else text[:69] + "…"
+
+
+def require_schema(data: object, schema: Schema, *, file: Path, line: int | None) -> None:
+    """Say which kind of file is wanted before its keys are judged one by one."""
+    found = data.get("schema") if isinstance(data, dict) else None
+    if found != schema:
+        kind = schema.split("/")[1]
+        raise BadInput(
+            f"this is not a {kind} file of this version",
+            found="no 'schema' key" if found is None else f"schema: {shown(found)}",
+            allowed=f"schema: {schema}",
+            remedy=f"give a {kind} file" if found is not None else f"if this is a {kind} file, add the key",
+            file=file,
+            line=line,
+        )

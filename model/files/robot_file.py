@@ -15,9 +15,9 @@ from ..arms.plausible import doubtful_rows, too_long, warn_of
 from ..errors import BadInput
 from ..robot import DHRow, Joint, Matrix, Robot, dh_chain, shift
 from .header import UrdfRef
-from .reading import did_you_mean, read_yaml, shown
+from .reading import did_you_mean, read_yaml, require_schema, shown
 from .urdf import read_urdf
-from .validation import FileModel, Name, Point, Positive, refusal, require_schema, validate
+from .validation import FileModel, Name, Point, Positive, refusal, validate
 
 MOST_JOINTS = 100  # more are a mistake, and would be computed for hours
 

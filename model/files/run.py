@@ -33,10 +33,10 @@ from .arrays import (
 )
 from .header import RUN_SCHEMA, Header, check_header, header_content
 from .json_lines import json_line, json_rows
-from .reading import LARGEST_RECORDING, Place, did_you_mean, read_bytes
+from .reading import LARGEST_RECORDING, Place, did_you_mean, read_bytes, require_schema
 from .robot_file import load_robot
 from .shot import Shot, check_distances, check_shots
-from .validation import require_schema, validate
+from .validation import validate
 from .whole_file import refuse_existing, write_whole
 
 ENOUGH_CALIBRATED, ENOUGH_UNCALIBRATED = 4, 6

@@ -8,7 +8,7 @@ import types
 from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Any, Self, TypeVar, Union, get_args, get_origin
 
 from pydantic import (
     AfterValidator,
@@ -23,18 +23,9 @@ from pydantic import (
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from ..errors import BadInput
-from .reading import Document, Place, did_you_mean, read_yaml, shown
+from .reading import Document, Place, Schema, did_you_mean, read_yaml, require_schema, shown
 
 Model = TypeVar("Model", bound=BaseModel)
-Schema = Literal[
-    "zerobeam/run/1",
-    "zerobeam/plan/1",
-    "zerobeam/robot/1",
-    "zerobeam/cell/1",
-    "zerobeam/sensors/1",
-    "zerobeam/psd-calibration/1",
-]
-
 
 # Magnitudes of numbers (docs/files.md): by the unit that ends a key, and without one. Beyond them sums of
 # squares overflow, or no digit of a millimetre is left.
@@ -382,18 +373,3 @@ def _models_in(annotation: Any) -> list[type[BaseModel]]:
     if get_origin(annotation) in (Annotated, Union, types.UnionType, tuple, list, dict):
         return [found for inner in get_args(annotation) for found in _models_in(inner)]
     return []
-
-
-def require_schema(data: object, schema: Schema, *, file: Path, line: int | None) -> None:
-    """Say which kind of file is wanted before its keys are judged one by one."""
-    found = data.get("schema") if isinstance(data, dict) else None
-    if found != schema:
-        kind = schema.split("/")[1]
-        raise BadInput(
-            f"this is not a {kind} file of this version",
-            found="no 'schema' key" if found is None else f"schema: {shown(found)}",
-            allowed=f"schema: {schema}",
-            remedy=f"give a {kind} file" if found is not None else f"if this is a {kind} file, add the key",
-            file=file,
-            line=line,
-        )
