@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...analysis.design.exact_design import Criterion
+from ...analysis.design.continuous_design import Criterion
 from ...analysis.observability.check import Check, check
 from ...model.errors import BadInput
 from ...model.files.header import DEFAULT_TARGETS, Header, StatedTarget

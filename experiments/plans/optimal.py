@@ -9,7 +9,8 @@ from itertools import pairwise
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from ...analysis.design.exact_design import STARTS, Candidates, Criterion, Design, Index, design
+from ...analysis.design.continuous_design import Candidates, Criterion, Index
+from ...analysis.design.exact_design import STARTS, Design, design
 from ...model.errors import BadInput
 from ...model.files.header import Header
 from ...model.problem import Problem

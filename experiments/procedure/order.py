@@ -9,7 +9,8 @@ from typing import Protocol
 import numpy as np
 import scipy
 
-from ...analysis.design.exact_design import Candidates, design
+from ...analysis.design.continuous_design import Candidates
+from ...analysis.design.exact_design import design
 from ...analysis.observability.aim import aim, servo_joints
 from ...analysis.so_far import SoFar
 from ...model.errors import BadInput

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from ....analysis.design.exact_design import Criterion
+from ....analysis.design.continuous_design import Criterion
 from ....model.files.header import (
     Header,
     RobotRef,

@@ -3,8 +3,10 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from zerobeam.analysis.design import continuous_design as shares
 from zerobeam.analysis.design import exact_design as module
-from zerobeam.analysis.design.exact_design import Candidates, continuous, design, offset_covariance, variance
+from zerobeam.analysis.design.continuous_design import Candidates, continuous, offset_covariance, variance
+from zerobeam.analysis.design.exact_design import design
 
 CRITERIA = ["A", "D", "E"]
 
@@ -115,7 +117,7 @@ def test_no_weights_are_below_the_bound(criterion, seed):
             values.append(value_of_weights(candidates, mixed, 5, criterion))
     assert min(values) >= found.bound
     # It is tight, too: the weights that were found attain it to within the stated gap.
-    assert values[0] <= found.bound * (1 + 2 * (module._GAP_E if criterion == "E" else module._GAP))
+    assert values[0] <= found.bound * (1 + 2 * (shares._GAP_E if criterion == "E" else shares._GAP))
 
 
 @pytest.mark.parametrize("criterion", CRITERIA)
@@ -127,7 +129,7 @@ def test_a_bound_for_different_shots_is_closer_and_holds(criterion, seed):
     best, _ = brute_force(candidates, 3, criterion)
     free = continuous(candidates, 3, criterion)
     capped = continuous(candidates, 3, criterion, most=1 / 3)
-    assert free.bound * (1 - module._GAP) <= capped.bound <= best
+    assert free.bound * (1 - shares._GAP) <= capped.bound <= best
     if criterion == "E":
         assert capped.bound > 1.004 * free.bound  # twice the gap
         assert capped.weights.max() <= 1 / 3 * (1 + 1e-6)
@@ -138,12 +140,12 @@ def test_a_bound_for_different_shots_is_closer_and_holds(criterion, seed):
 @pytest.mark.parametrize("shots", [1, 5, 11, 12])
 def test_shares_are_capped(shots):
     weights = np.random.default_rng(shots).dirichlet(np.full(12, 0.2))
-    capped = module._capped(weights, 1 / shots)
+    capped = shares._capped(weights, 1 / shots)
     assert capped.sum() == pytest.approx(1)
     assert capped.max() <= 1 / shots * (1 + 1e-8)
     worth = np.random.default_rng(0).normal(size=12)
-    assert capped @ worth <= module._most_of(worth, 1 / shots) + 1e-12
-    assert module._most_of(worth, 1 / shots) == pytest.approx(np.sort(worth)[-shots:].mean())
+    assert capped @ worth <= shares._most_of(worth, 1 / shots) + 1e-12
+    assert shares._most_of(worth, 1 / shots) == pytest.approx(np.sort(worth)[-shots:].mean())
 
 
 @pytest.mark.parametrize("criterion", CRITERIA)
@@ -160,7 +162,7 @@ def test_a_slope_of_the_wrong_sign_is_caught():
     candidates = random_candidates(0)
     best, _ = brute_force(candidates, 3, "A")
     even = np.full(candidates.count, 1 / candidates.count)
-    slope = module._Slope(candidates, candidates.roots, even, 3, "A")
+    slope = shares._Slope(candidates, candidates.roots, even, 3, "A")
     gain = slope.gain(candidates.roots)
     excess = float(gain.max() - even @ gain)
     assert slope.bound(excess) <= best
@@ -171,7 +173,7 @@ def test_a_slope_of_the_wrong_sign_is_caught():
 def test_gains_are_slopes(criterion):
     candidates = random_candidates(4)
     weights = np.random.default_rng(0).dirichlet(np.ones(12))
-    gain = module._Slope(candidates, candidates.roots, weights, 4, criterion).gain(candidates.roots)
+    gain = shares._Slope(candidates, candidates.roots, weights, 4, criterion).gain(candidates.roots)
     step = 1e-6
     for i in range(12):
         nudge = step * np.eye(12)[i]
@@ -212,7 +214,7 @@ def test_the_power_mean_is_a_little_above_the_largest():
     covariances = roots @ roots.transpose(0, 2, 1)
     eigenvalues = np.linalg.eigvalsh(covariances)
     for power in (8, 32):
-        mean = module._power_mean(covariances, power)
+        mean = shares.power_mean(covariances, power)
         np.testing.assert_allclose(mean, (eigenvalues**power).sum(axis=1) ** (1 / power), rtol=1e-9)
         assert (mean >= eigenvalues[:, -1] * (1 - 1e-12)).all()
         assert (mean <= eigenvalues[:, -1] * 5 ** (1 / power) * (1 + 1e-12)).all()

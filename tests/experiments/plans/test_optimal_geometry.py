@@ -13,6 +13,7 @@ from command_line import WIDTH
 from rich.console import Console
 
 from zerobeam.analysis.design import exact_design
+from zerobeam.analysis.design.continuous_design import offset_covariance, variance
 from zerobeam.analysis.observability.check import Check, check
 from zerobeam.experiments.plans.candidates import candidates
 from zerobeam.experiments.plans.make import MadePlan
@@ -72,8 +73,8 @@ def test_the_bound_holds_and_the_wider_search_is_no_worse(monkeypatch: pytest.Mo
     roots = planner(True, 1000).candidates
     for _ in range(20):
         rows = random.choice(roots.count, 7, replace=False)
-        covariance = exact_design.offset_covariance(roots, roots.information(rows))
-        assert exact_design.variance(covariance, "A") * 25 >= own.bound
+        covariance = offset_covariance(roots, roots.information(rows))
+        assert variance(covariance, "A") * 25 >= own.bound
     monkeypatch.setattr(exact_design, "_NEAR_FEW", exact_design._NEAR)
     assert own.value <= planner(True, 1000).optimal(7).value * (1 + 1e-9)
 
