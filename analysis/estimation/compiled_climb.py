@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ...model.c_source import GridInput
+from ...model.c_source import GridInput, Offsets, columns
 from ...model.density import Density
 from ...model.kernel import Index, compiled_library
 from ...model.robot import Matrix
@@ -77,8 +77,9 @@ void zb_slopes(const Head *h, const Target *targets, N rows, const D *v, const N
         }
     }
     out = placed + rows * 3 * t->moved;
-    sum(t->slopes, rows, x, NULL, of, out);
-    for (N r = 0; r < rows; ++r) {
+    N measured = t->slopes[1] > 0;  /* else the kernel would read what is not there */
+    if (measured) sum(t->slopes, rows, x, NULL, of, out);
+    for (N r = 0; r < rows && measured; ++r) {
       const D *own = out + r * t->columns;
       D *g = gradient + r * f, *w = information ? information + r * f * f : NULL;
       value[r] += own[0] / 2;
@@ -216,21 +217,22 @@ class CompiledClimb:
         sizes = [slopes.function.numel_out(k) for k in range(5)]
         self._size, self._width = density.size, len(parameters)
         nothing = np.zeros((1, self._width))
+        (arm,) = columns(nothing, Offsets.of(np.array([parameters.arm.start])))
         targets: list[int] = []
         wide = 0
         for k in range(len(problem.targets)):
-            columns = parameters.of_shot(k)
-            local = np.flatnonzero(parameters.free[columns])
+            own = parameters.of_shot(k)
+            local = np.flatnonzero(parameters.free[own])
             shots = np.flatnonzero(problem.target_index == k)
             inputs = density.inputs(nothing, shots, k)
             targets += [self._call(slopes.address, inputs, nothing, len(shots)), slopes.size_out, sum(sizes)]
-            targets += [len(local), self._at(local), self._at(parameters.among_free[columns[local]])]
+            targets += [len(local), self._at(local), self._at(parameters.among_free[own[local]])]
             moved = coordinates.moved(k)
             if moved is None:
                 targets += [0] * 8
                 continue
             first, moves, column, by, scale = moved
-            inputs = [first, inputs[3], GridInput(nothing, 3, first.offsets, 0)]
+            inputs = [first, arm, GridInput(nothing, 3, first.offsets, 0)]
             targets += [self._call(placed.address, inputs, nothing, 1, seen=True), placed.size_out]
             targets += [parameters.block("target", k).start, len(moves), self._at(moves), self._at(column)]
             targets += [self._at(by), self._at(np.array([scale]))]

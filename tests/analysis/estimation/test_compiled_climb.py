@@ -26,6 +26,9 @@ def problems():
     return {
         "laser": Problem.from_plan(good),
         "two targets, open laser": Problem.from_plan(plan_of(two, good.postures, ["a", "b"] * 4)),
+        "b not measured yet": Problem.from_plan(plan_of(two, good.postures, ["a", "b"] * 4)).select(
+            np.arange(0, 8, 2)
+        ),
         "a held": Problem.from_plan(plan_of(held, good.postures, ["a", "b"] * 4)),
         "prismatic, open probe": Problem.build(slide, robot, joints, ["psd"] * 6),
         "links": Problem.from_plan(plan_of(header(geometry={}), good.postures)),
