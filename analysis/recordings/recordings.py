@@ -87,7 +87,8 @@ def recordings(fit: LikelihoodFit, rival: Matrix | None = None) -> Recorded:
     columns, z = jacobian[:, parameters.free], fit.z
     if rival is not None:
         columns, z = np.hstack([columns, rival * scale]), np.append(z, np.zeros(rival.shape[1]))
-    inverse = np.linalg.inv(np.linalg.cholesky(columns.T @ columns + np.eye(len(z))))
+    # Not by the product columns' columns: with hardly any noise the unit prior would be lost in its rounding.
+    inverse = np.linalg.inv(np.linalg.qr(np.vstack([columns, np.eye(len(z))]), mode="r")).T
     by_posterior = columns @ inverse.T
     if rival is not None:
         residual = residual - by_posterior @ (by_posterior.T @ residual + inverse @ z)

@@ -144,7 +144,8 @@ RUN = [name for name in PAGES if runs(name)]
 
 def test_most_pages_have_something_to_run() -> None:
     assert {"README.md", "docs/files.md", "docs/tutorial.md"} <= set(RUN)
-    assert {name for name in PAGES if name.startswith("docs/how-to/")} <= set(RUN)
+    led = {"docs/how-to/by-hand.md"}  # a dialogue with a person
+    assert {name for name in PAGES if name.startswith("docs/how-to/")} - led <= set(RUN)
 
 
 @pytest.mark.parametrize("name", sorted(set(RUN) - SLOW))

@@ -58,9 +58,11 @@ def _not_yet(result: Result) -> list[str]:
     offsets = [row for row in result.parameters if row.group == "offset"]
     open_ = [row.name for row in offsets if row.status in ("unidentifiable", "weak")]
     known = any(row.status == "identified" for row in offsets)
+    named = open_ or [row.name for row in result.parameters if row.status in ("unidentifiable", "weak")]
+    which = listed([label(name) for name in named]) if named else "the parameters together"
     said = [
-        f"Enter nothing yet: {listed([label(name) for name in open_])}"
-        f" {'is' if len(open_) == 1 else 'are'} not determined well enough. Record more measurements, in"
+        f"Enter nothing yet: {which}"
+        f" {'is' if len(named) == 1 else 'are'} not determined well enough. Record more measurements, in"
         " postures that a plan chooses: zerobeam plan optimal --header HEADER --target X,Y,Z -o plan.yaml,"
         " and zerobeam check plan.yaml before you measure."
     ]
