@@ -42,7 +42,7 @@ def unconverged(good: zb.Analysed) -> zb.Analysed:
         tool=zb.Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)),
         joints=joints,
         unit="rad",
-        noise=zb.Noise(joint_deg=1e-9, spot_mm=1e-9),
+        noise=zb.Noise(joint_deg=1e-11, spot_mm=1e-11),
         limits="warn",
     )
     return zb.analyse(run, ess=100)
