@@ -328,8 +328,9 @@ def shot_text(shot: Shot) -> str:
     """The line of a shot in a run file, which may have a million of them: what `json_line` would write."""
     spot = "" if shot.spot_mm is None else f',"spot_mm":{_numbers(shot.spot_mm)}'
     time = "" if shot.time_s is None else f',"time_s":{float.__repr__(shot.time_s)}'
-    target = _json_text(shot.target)
-    return f'{{"shot":{shot.shot},"target":{target},"joints_deg":{_numbers(shot.joints_deg)}{spot}{time}}}\n'
+    said = "" if shot.comment is None else f',"comment":{_json_text(shot.comment)}'
+    target, joints = _json_text(shot.target), _numbers(shot.joints_deg)
+    return f'{{"shot":{shot.shot},"target":{target},"joints_deg":{joints}{spot}{time}{said}}}\n'
 
 
 def _numbers(values: Sequence[float]) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +41,7 @@ RUNS: dict[str, Callable[[], Run]] = {
 
 @pytest.mark.parametrize("name", RUNS)
 def test_offsets_are_those_of_analyse(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """To the last bit, without the sampling."""
+    """Up to rounding, which is another in Python's climb than in C's; without the sampling."""
     run = RUNS[name]()
     told = calibration(run, allow_weak=True, without=["delta2"] if "x-pattern" in name else [])
     unsampled = PosteriorSummary(False, "not asked for", 0, 0, 0, None, None, None, 0.0, None)
@@ -49,7 +49,12 @@ def test_offsets_are_those_of_analyse(name: str, monkeypatch: pytest.MonkeyPatch
     rows = [row for row in analyse(run).result.parameters if row.group == "offset"]
     assert len(rows) == len(told.offsets) == 6
     for offset, row in zip(told.offsets, rows, strict=True):
-        assert offset.row == replace(row, midpoint=None)
+        told_row, own = asdict(offset.row), asdict(replace(row, midpoint=None))
+        for key, value in own.items():
+            if isinstance(value, float) or key == "interval95":
+                assert told_row[key] == pytest.approx(value, rel=1e-9)
+            else:
+                assert told_row[key] == value
 
 
 def test_held_ones_are_said_to_be_held_at_zero() -> None:

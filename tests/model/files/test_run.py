@@ -315,6 +315,7 @@ def test_what_was_written_is_read_again_to_the_last_digit(tmp_path):
         {"target": 'a "ß", b', "joints_deg": [0.1, -0.0, 1e-7, 1e5, 1 / 3, 5]},
         {"spot_mm": [1e-12, 2], "time_s": 0.0},
         {"time_s": 1e12},
+        {"comment": 'the beam "flickers"'},
     ],
 )
 def test_the_line_of_a_shot_is_json_without_blanks(changes):
