@@ -52,7 +52,7 @@ def test_offsets_are_those_of_analyse(name: str, monkeypatch: pytest.MonkeyPatch
         told_row, own = asdict(offset.row), asdict(replace(row, midpoint=None))
         for key, value in own.items():
             if isinstance(value, float | tuple):
-                assert told_row[key] == pytest.approx(value, rel=1e-9)
+                assert told_row[key] == pytest.approx(value, rel=1e-8, abs=1e-9)
             else:
                 assert told_row[key] == value
 
