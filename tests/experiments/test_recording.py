@@ -45,7 +45,7 @@ record(plan, folder / "warm.jsonl", request, silent)  # kernels are made
 began = time.monotonic()
 record(plan, folder / "unbroken.jsonl", request, silent)
 lasted = time.monotonic() - began
-draws = random.Random(1)
+draws, postures = random.Random(1), len(plan.postures)
 for kill in range(kills):
     file = folder / f"{kill}.jsonl"
     reading, writing = os.pipe()
@@ -56,11 +56,12 @@ for kill in range(kills):
                 os.write(writing, bytes([event.shot]))
         record(plan, file, request, told)
         os._exit(0)
-    time.sleep(lasted * 1.1 * (kill + draws.random()) / kills)
+    os.close(writing)
+    shots = b"".join(os.read(reading, 1) for _ in range(kill % postures))
+    time.sleep(lasted / postures / 3 * draws.random())
     os.kill(child, signal.SIGKILL)
     _, status = os.waitpid(child, 0)
-    os.close(writing)
-    shots = list(os.read(reading, 1000))
+    shots += os.read(reading, 1000)
     os.close(reading)
     there = file.exists()
     (folder / f"{kill}.killed").write_bytes(file.read_bytes() if there else b"")

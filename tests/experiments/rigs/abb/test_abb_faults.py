@@ -320,7 +320,7 @@ CASES = [
     Case(
         "the controller answers fewer requests a second than are made",
         turned_away=True,
-        options={"requests_a_second": 60},
+        options={"requests_a_second": 20},
     ),
     Case(
         "other clients use up all requests that the controller answers",
