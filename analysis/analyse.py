@@ -109,7 +109,7 @@ def _analyse(
     shots = shot_results(solution.fit)
     robust = robust_result(solution, loss) if loss is not None and solution.converged else None
     tell("diagnostics", 0.3)
-    placed = placement_result(solution, solution.link_columns)
+    placed = placement_result(solution, found.effective, solution.link_columns)
     tell("diagnostics", 0.6)
     result = Result(
         verdict=solution.verdict,

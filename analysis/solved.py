@@ -17,16 +17,18 @@ from .estimation.tolerance_factors import Factors, with_open_factors
 from .ladder import climb_ladder
 from .observability.consider import link_columns
 from .observability.geometry import Rung
-from .recordings.effective import effective
+from .recordings.effective import Effective, effective
 from .solution import Solution, judge
 
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """The `solution`; the models that were tried (none for nominal geometry), and by what the data multiply
-    the tolerances (None where they are known)."""
+    """The `solution`; the `effective` number of measurements by which it weighs them; the models that were
+    tried (none for nominal geometry), and by what the data multiply the tolerances (None where they are
+    known)."""
 
     solution: Solution
+    effective: Effective
     ladder: tuple[Rung, ...]
     factors: Factors | None
 
@@ -36,18 +38,19 @@ def solved(
 ) -> Solved:
     """Fit and judge; `progress` gets the share that is done."""
     climbed = climb_ladder(problem, header, seed, progress or (lambda share: None))
-    return Solved(independent(climbed.fit, climbed.factors), climbed.ladder, climbed.factors)
+    fit, factors = climbed.fit, climbed.factors
+    number = effective(fit, link_columns(fit.problem, fit.x))
+    return Solved(_weighted(fit, number.divisor, factors), number, climbed.ladder, factors)
 
 
-def independent(fit: LikelihoodFit, factors: Factors | None = None) -> Solution:
-    """The fit judged with its measurements at their effective number, where neighbouring ones are correlated;
-    the uncertainty of estimated `factors` of the tolerances stays in.
+def _weighted(fit: LikelihoodFit, divisor: float, factors: Factors | None) -> Solution:
+    """The fit judged with its measurements' information divided by `divisor`, as neighbouring ones that are
+    correlated ask; the uncertainty of estimated `factors` of the tolerances stays in.
 
     Not where nominal geometry does not describe the measurements, or nothing would be left to judge a misfit
     by: the errors of the model are then what is correlated, and no number is validated.
     """
     problem = fit.problem
-    divisor = effective(fit, link_columns(problem, fit.x)).divisor
     if divisor == 1:
         return judge(fit)
     weighted = problem.weighted(np.full(problem.shots, 1 / divisor))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ...model.robot import Matrix
 from ..placements import placements
-from ..recordings.effective import Effective, effective
+from ..recordings.effective import Effective
 from ..recordings.steps import Steps, steps
 from ..solution import Solution
 from .leave_one_out import Jackknife, LeaveOneOut, fits_without, jackknife, leave_one_out
@@ -15,7 +15,8 @@ from .leave_one_out import Jackknife, LeaveOneOut, fits_without, jackknife, leav
 @dataclass(frozen=True)
 class PlacementResult:
     """Placements by `names`; each left out in turn (None for one placement, or without an answer), the
-    jackknife (None for less than three); correlation and steps of the recordings."""
+    jackknife (None for less than three); correlation of the recordings, by which the measurements count, and
+    their steps."""
 
     names: tuple[str, ...]
     leave_one_out: LeaveOneOut | None
@@ -24,13 +25,16 @@ class PlacementResult:
     steps: Steps
 
 
-def placement_result(solution: Solution, rival: Matrix | None = None) -> PlacementResult:
-    """Of a solution's measurements; `rival` is what else may explain their residuals (`link_columns`)."""
+def placement_result(
+    solution: Solution, effective: Effective, rival: Matrix | None = None
+) -> PlacementResult:
+    """Of a solution's measurements at their `effective` number; `rival` is what else may explain their
+    residuals (`link_columns`)."""
     fits = fits_without(solution)
     return PlacementResult(
         tuple(placement.name for placement in placements(solution.problem)),
         leave_one_out(solution, fits),
         jackknife(solution, fits),
-        effective(solution.fit, rival),
+        effective,
         steps(solution, rival),
     )

@@ -377,3 +377,20 @@ def test_a_check_and_an_analysis_agree_on_the_statuses():
         after = identify(problem, fit_likelihood(problem, starts=0).x).status
         before = tuple(row.status for row in check(plan).parameters)
         assert sum(a != b for a, b in zip(before, after, strict=True)) <= 1
+
+
+def test_the_effective_number_is_that_by_which_the_measurements_count():
+    """Where neighbouring measurements err alike, it says by how much their information was divided."""
+    _, run = simulated(good_plan(40, spot_mm=0.3, joint_deg=0.001), TABLE_2, seed=3)
+    rng, error, drifting = np.random.default_rng(3), np.zeros(2), []
+    for shot in run.shots:
+        error = 0.8 * error + 0.6 * rng.normal(scale=0.3, size=2)
+        drifting.append(shot.model_copy(update={"spot_mm": tuple(error.tolist())}))
+    alike = analyse(run_of(run.header, drifting), ess=100)
+    own = alike.result.placements.effective
+    assert own.divisor == own.kappa > 2
+    np.testing.assert_array_equal(alike.problem.weights, 1 / own.divisor)
+    # Control: measurements that are apart count in full.
+    apart = analyse(run, ess=100)
+    assert apart.result.placements.effective.divisor == 1
+    np.testing.assert_array_equal(apart.problem.weights, 1)

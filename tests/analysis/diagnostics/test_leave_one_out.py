@@ -22,6 +22,7 @@ from zerobeam.analysis.diagnostics.placement_result import placement_result
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.observability.consider import link_columns
 from zerobeam.analysis.placements import Placement, placements
+from zerobeam.analysis.recordings.effective import effective
 from zerobeam.analysis.solution import Solution, solve
 from zerobeam.model.errors import BadInput
 from zerobeam.model.problem import Problem
@@ -193,19 +194,19 @@ def test_an_offset_that_needs_one_placement_has_no_jackknife() -> None:
 
 def test_two_placements_have_no_jackknife_and_one_nothing() -> None:
     two = solve(placed({k: PLACES[k] for k in ("left_a", "left_b", "psd")}, SHOTS), starts=0)
-    found = placement_result(two)
+    found = placement_result(two, effective(two.fit))
     assert found.names == ("left", "psd")
     assert found.leave_one_out is not None
     assert found.jackknife is None
     one = solve(simulated_problem(good_plan(8), TABLE_2, 1)[1], starts=0)
-    alone = placement_result(one)
+    alone = placement_result(one, effective(one.fit))
     assert (alone.leave_one_out, alone.jackknife) == (None, None)
     assert alone.steps.rows == ()
 
 
 def test_without_an_answer_there_is_none(solution: Solution) -> None:
     failed = replace(solution, trusted=False)
-    found = placement_result(failed)
+    found = placement_result(failed, effective(failed.fit))
     assert (found.leave_one_out, found.jackknife, found.effective.divisor) == (None, None, 1.0)
 
 
