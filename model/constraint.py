@@ -86,6 +86,9 @@ class ShotFunctions:
 
     def kernel(self, name: str, *, compile: bool | None = None) -> Kernel:
         """The same as a fast callable, made once; `compile` as for a `Kernel`."""
+        other = None if compile is False else self._kernels.get((name, None if compile else True))
+        if other is not None and other.compiled:
+            return other
         if (name, compile) not in self._kernels:
             hoisted = _HOISTED if name in ("terms", "slopes") else ()
             self._kernels[name, compile] = Kernel(

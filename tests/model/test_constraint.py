@@ -787,6 +787,8 @@ def test_a_function_and_a_kernel_are_made_once(cases):
     assert compiled is not plain
     assert compiled.function is plain.function
     assert functions.kernel("linear", compile=True) is compiled
+    assert functions.kernel("linear") is compiled  # the C is not loaded a second time
+    assert functions.kernel("linear", compile=False) not in (plain, compiled)
     assert functions.kernel("beam") is not plain
     # Not shared between tools.
     assert ShotFunctions(case.robot, case.tool).kernel("linear") is not plain
