@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ..model.arms.joint_three import J3, from_ground
 from ..model.arms.orientation import Orientation, orientation
 from ..model.arms.reach import reach
 from ..model.errors import BadInput
@@ -16,9 +17,6 @@ from ..model.files.header import UrdfRef
 from ..model.files.robot_file import built_in_robots, load_robot, stated_rows
 from ..model.robot import Matrix, Robot
 from .importers.typed import typed_joints
-
-# Data sheets and pendants of these count joint 3 from the ground.
-COUNTED_FROM_GROUND = ("fanuc",)
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,9 +42,7 @@ class ShownArm:
     poses: tuple[ShownPose, ...]
 
 
-def shown_arm(
-    ref: str | UrdfRef, joints: Sequence[str], *, units: Literal["deg", "rad"], j3: Literal["ground", "link"]
-) -> ShownArm:
+def shown_arm(ref: str | UrdfRef, joints: Sequence[str], *, units: Literal["deg", "rad"], j3: J3) -> ShownArm:
     """The robot of a name or file; `joints` are texts of joint values (none: the zero posture)."""
     robot = load_robot(ref)
     rows = isinstance(ref, str) and (ref in built_in_robots() or ref.lower().endswith((".yaml", ".yml")))
@@ -91,7 +87,7 @@ def arm_json(arm: ShownArm) -> dict[str, Any]:
     }
 
 
-def _joints(robot: Robot, text: str, units: Literal["deg", "rad"], j3: Literal["ground", "link"]) -> Matrix:
+def _joints(robot: Robot, text: str, units: Literal["deg", "rad"], j3: J3) -> Matrix:
     typed = typed_joints(text, robot.n)
     if typed.unit is not None and typed.unit != units:
         raise BadInput(
@@ -101,11 +97,7 @@ def _joints(robot: Robot, text: str, units: Literal["deg", "rad"], j3: Literal["
         )
     values = np.array(typed.values)
     joints = values / robot.display if units == "deg" else values
-    if j3 == "ground":
-        if robot.n < 3:
-            raise BadInput("--j3 ground is for arms with a joint 3", found=f"{robot.n} joints")
-        joints[2] += joints[1]
-    return joints
+    return from_ground(joints, robot) if j3 == "ground" else joints
 
 
 def _pose(robot: Robot, joints: Matrix) -> ShownPose:

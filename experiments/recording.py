@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from ..model.arms.joint_three import COUNTED_FROM_GROUND, J3, require_coupled
 from ..model.errors import BadInput, RigFault
 from ..model.files.header import Header
 from ..model.files.journal import RunJournal
@@ -19,7 +20,6 @@ from ..model.files.shot import Shot
 from ..reports.words.findings import finding_sentence, headline
 from ..reports.words.rehearsal import SIMULATED, true_values
 from ..reports.words.wording import person
-from .arm_shown import COUNTED_FROM_GROUND
 from .procedure.events import Begun, Ended, KnownOffset, Told
 from .procedure.order import Adaptive, Closing, InTurn, Order
 from .procedure.session import Carried, Procedure, recorded_event, told_by
@@ -53,7 +53,7 @@ class Answers:
 
     lines: Lines
     units: Literal["deg", "rad"] = "deg"
-    j3: Literal["ground", "link"] | None = None
+    j3: J3 | None = None
 
 
 @dataclass(frozen=True)
@@ -94,16 +94,12 @@ def record(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
         )
     rig, about = _rig(plan, request)
     header = _header(plan, file, {**rig.provenance(), **about})
-    adaptive = None if request.tolerance is None else Adaptive(plan, request.tolerance)
-    order: Order = adaptive or InTurn(len(plan.postures))
-    if request.closing:
-        order = Closing(order, len(plan.postures))
+    order, adaptive = _order(plan, request)
     with _journal(plan, file, header, request) as journal:
         told(_begin(plan, journal, request))
         carried = Procedure(plan, rig, journal, order, told).carry_out()
         torn = journal.torn
-    why = None if adaptive is None else adaptive.reason
-    answer = _answer(plan, file, header, carried, torn, why)
+    answer = _answer(plan, file, header, carried, torn, None if adaptive is None else adaptive.reason)
     told(answer)
     return answer
 
@@ -121,10 +117,9 @@ def _led(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
             f"what is joint 3 of {plan.robot.name} counted from?",
             allowed="--j3 ground: as FANUC's pendants count it; --j3 link: from link 2",
         )
-    adaptive = None if request.tolerance is None else Adaptive(plan, request.tolerance)
-    order: Order = adaptive or InTurn(len(plan.postures))
-    if request.closing:
-        order = Closing(order, len(plan.postures))
+    if answers.j3 == "ground":
+        require_coupled(plan.robot)
+    order, adaptive = _order(plan, request)
     header = _header(plan, file, {"origin": "by hand", "plan sha256": plan.sha256})
     with _journal(plan, file, header, request) as journal:
         told(_begin(plan, journal, request))
@@ -170,6 +165,13 @@ def _by_hand(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
     answer = _answer(plan, file, header, carried, torn, None)
     told(answer)
     return answer
+
+
+def _order(plan: Plan, request: RunRequest) -> tuple[Order, Adaptive | None]:
+    """Which posture comes next, and who decides that in an adaptive run, and why it ended."""
+    adaptive = None if request.tolerance is None else Adaptive(plan, request.tolerance)
+    order: Order = adaptive or InTurn(len(plan.postures))
+    return Closing(order, len(plan.postures)) if request.closing else order, adaptive
 
 
 def _rig(

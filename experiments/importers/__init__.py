@@ -1,9 +1,10 @@
 """Runs from recordings that people have: units, order and targets are stated or in the file."""
 
+from ...model.arms.joint_three import J3
 from .csv_file import CsvLayout, LogKind, TimeUnit, import_csv, import_log
 from .dwells import Stillness
 from .fanuc import import_fanuc
-from .imported import J3, Imported
+from .imported import Imported
 from .joint_states import import_joint_states
 from .kuka import import_kuka
 from .program_log import import_program_log, is_program_log

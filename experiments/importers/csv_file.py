@@ -10,13 +10,14 @@ from typing import Literal
 
 import numpy as np
 
+from ...model.arms.joint_three import J3, from_ground
 from ...model.errors import BadInput
 from ...model.files.limits import like_radians
 from ...model.files.reading import shown
 from ...model.robot import Matrix, Robot
 from .columns import columns_of_joints
 from .dwells import Log, Mark, Stillness, held
-from .imported import J3, J3_NOTE, Found, Imported, Job, Stated, from_ground, uncollected
+from .imported import J3_NOTE, Found, Imported, Job, Stated, uncollected
 from .table import DELIMITERS, Table, check_signs, read_table
 
 PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}

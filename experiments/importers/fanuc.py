@@ -6,9 +6,10 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+from ...model.arms.joint_three import J3
 from ...model.errors import BadInput
 from ...model.files.plan import Plan
-from .imported import J3, Imported, Stated
+from .imported import Imported, Stated
 from .taught import Point, import_points
 
 # FANUC: a listing ends with /POS and blocks like P[3:"comment"]{ GP1: UF : 0, UT : 1, J1= 1.000 deg, … };

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,7 +23,6 @@ from ...model.files.shot import Shot, check_distances, check_shot, unknown_targe
 from ...model.files.validation import validate
 from ...model.robot import Matrix, Robot
 
-J3 = Literal["ground", "link"]
 Stated = Path | str | Plan  # a header file, or the plan that was measured, which has a header
 J3_NOTE = "joint 3 is counted from the ground (FANUC): joint 2 is added to it"
 
@@ -288,21 +287,3 @@ def _ranges_told(robot: Robot, joints: Matrix) -> list[str]:
         f"limits {joint.lower * joint.display:.2f} to {joint.upper * joint.display:.2f}"
         for i, joint in enumerate(robot.joints)
     ]
-
-
-def from_ground(joints: Matrix, robot: Robot) -> Matrix:
-    """(N, n) degrees with J3 + J2 in place of J3: FANUC's joint 3 is the angle of link 3 to the horizontal.
-
-    A robot file or URDF wants the angle between the links. The ROS-Industrial FANUC driver adds J2 to J3 for
-    arms that are coupled so (J23_factor = 1; fanuc_driver, fanuc_utils.h; issue 17 of fanuc_experimental).
-    The signs of J2 and J3 are FANUC's in both.
-    """
-    if robot.n < 3 or any(joint.kind != "revolute" for joint in robot.joints[1:3]):
-        raise BadInput(
-            "joint 3 of this robot is not counted from the ground",
-            found=f"{robot.name}, whose joints 2 and 3 are not both revolute",
-            remedy="state that joint 3 is counted from link 2",
-        )
-    turned = joints.copy()
-    turned[:, 2] += joints[:, 1]
-    return turned

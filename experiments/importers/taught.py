@@ -8,11 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...model.arms.joint_three import from_ground
 from ...model.errors import BadInput
 from ...model.files.limits import require_joint_count
 from ...model.files.reading import did_you_mean, read_text
 from ...model.robot import Robot
-from .imported import J3_NOTE, Found, Imported, Job, Stated, from_ground
+from .imported import J3_NOTE, Found, Imported, Job, Stated
 
 
 class Point(NamedTuple):

@@ -9,7 +9,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from ...experiments.arm_shown import COUNTED_FROM_GROUND, ShownArm, ShownPose
+from ...experiments.arm_shown import ShownArm, ShownPose
+from ...model.arms.joint_three import COUNTED_FROM_GROUND
 from ...model.files.robot_file import built_in_robots, stated_rows
 from ...model.robot import Joint
 from ..words import numbers

@@ -167,6 +167,19 @@ def test_a_fanuc_is_asked_what_joint_3_is_counted_from(plan: Path, monkeypatch: 
     np.testing.assert_allclose(joints_of(plan)[0], POSTURES[0], rtol=0, atol=1e-9)
 
 
+def test_joint_3_from_the_ground_is_refused_before_there_is_a_run_file(
+    plan: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    row = "{a_mm: 400, alpha_deg: 90, d_mm: 0, theta_deg: 0, lower_deg: -170, upper_deg: 170}"
+    robot = f"schema: zerobeam/robot/1\nname: two\nconvention: standard\njoints: [{row}, {row}]\n"
+    (plan.parent / "two.yaml").write_text(robot, encoding="utf-8")
+    head = plan.read_text(encoding="utf-8").replace("irb1600", "two.yaml").partition("postures_deg")[0]
+    plan.write_text(f"{head}postures_deg: [[10, 20]]\n", encoding="utf-8")
+    answer = led(plan, monkeypatch, "10 30", asked=("--j3", "ground"))
+    assert "not counted from the ground" in answer.refused()
+    assert not (plan.parent / "run.jsonl").exists()
+
+
 @pytest.mark.parametrize("option", [("--watch", "x"), ("--cell", "x")])
 def test_options_of_other_rigs(option: tuple[str, str], plan: Path) -> None:
     rig = "simulated" if option[0] == "--watch" else "manual"

@@ -15,6 +15,7 @@ import numpy as np
 from ....analysis.diagnostics.suspect import suspect
 from ....analysis.so_far import SoFar
 from ....interruption import obey
+from ....model.arms.joint_three import J3, from_ground, to_ground
 from ....model.errors import BadInput
 from ....model.files.journal import RunJournal
 from ....model.files.plan import Plan
@@ -64,14 +65,12 @@ class Manual:
     told: Told
     lines: Lines
     units: Literal["deg", "rad"] = "deg"
-    j3: Literal["ground", "link"] = "link"
+    j3: J3 = "link"
     _refused: dict[int, RefusedPosture] = field(default_factory=dict, init=False)
     _again: int | None = field(default=None, init=False)
     _comment: str | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
-        if self.j3 == "ground" and self.plan.robot.n < 3:
-            raise BadInput("--j3 ground is for arms with a joint 3", found=f"{self.plan.robot.n} joints")
         self._problem = Problem.from_plan(self.plan)
         self._judge = Judge(self.plan)
         shots = self.journal.shots
@@ -222,10 +221,7 @@ class Manual:
 
     def _ask(self, number: int) -> None:
         place = number % len(self.plan.postures)
-        joints = self.plan.postures[place] * self.plan.robot.display
-        if self.j3 == "ground":
-            joints = joints.copy()
-            joints[2] -= joints[1]
+        joints = self._as_typed(self.plan.postures[place] * self.plan.robot.display)
         self.told(
             Asked(
                 shot=number,
@@ -238,16 +234,13 @@ class Manual:
 
     def _degrees(self, joints: Matrix) -> Matrix:
         """Values that were taken for degrees and are radians."""
-        back = joints.copy()
-        if self.j3 == "ground":
-            back[2] -= back[1]
-        return self._from_link(back * self.plan.robot.display)
+        return self._from_link(self._as_typed(joints) * self.plan.robot.display)
 
     def _from_link(self, joints: Matrix) -> Matrix:
-        if self.j3 == "ground":
-            joints = joints.copy()
-            joints[2] += joints[1]
-        return joints
+        return from_ground(joints, self.plan.robot) if self.j3 == "ground" else joints
+
+    def _as_typed(self, joints: Matrix) -> Matrix:
+        return to_ground(joints, self.plan.robot) if self.j3 == "ground" else joints
 
     def _shot(self, number: int, joints: Matrix) -> Shot:
         comment, self._comment = self._comment, None
