@@ -310,16 +310,23 @@ def _lower_gram(weight: Matrix, root: Matrix) -> Matrix:
 
 
 def compiled_library(
-    name: str, source: Callable[[], str], functions: Mapping[str, Sequence[Any]], *, make: bool
+    name: str,
+    source: Callable[[], str],
+    functions: Mapping[str, Sequence[Any]],
+    *,
+    make: bool,
+    flags: Sequence[str] = (),
 ) -> ctypes.CDLL | None:
     """The library of a C source from the cache; with `make` it is compiled where it is missing or damaged.
-    `functions` has the types of the arguments of each: they return nothing."""
+    `functions` has the types of the arguments of each: they return nothing. `flags` go to the compiler after
+    those of all kernels."""
     compiler = _compiler()
     if compiler is None:
         if make:
             _warn("no C compiler found that works")
         return None
-    path, flags, macros = compiler
+    path, common, macros = compiler
+    flags = [*common, *flags]
     try:
         text = source()
         key = hashlib.sha256("\0".join([text, *flags, macros]).encode()).hexdigest()

@@ -88,24 +88,48 @@ class Climb:
 
     def polished(self, found: Minima) -> Optima:
         """Newton's steps on the exact log-posterior, log det included, in whitened coordinates."""
-        v, iterations, converged = found.x.copy(), found.iterations.copy(), found.converged.copy()
-        reason = list(found.reason)
-        sound = np.isfinite(found.cost)
+        if self._compiled is None:
+            v, covariance, value, size, iterations = self._newton(found, np.arange(len(found.x)))
+        else:
+            v, covariance, value, size, iterations, whole = self._compiled.polish(
+                found, self.of, _POLISH, 1e-3 * _CONVERGED, _FLAT, _DIFFERENCE, _STILL
+            )
+            left = np.flatnonzero(~whole)
+            if len(left):
+                own = self._newton(found, left)
+                for part, part_left in zip((v, covariance, value, size, iterations), own, strict=True):
+                    part[left] = part_left
+        converged, reason = found.converged.copy(), list(found.reason)
+        for row, length in enumerate(size.tolist()):
+            if length < _CONVERGED:
+                converged[row], reason[row] = (
+                    True,
+                    f"the gradient is {length:.1e} posterior standard deviations",
+                )
+            elif converged[row]:
+                converged[row] = False
+                reason[row] = f"the gradient stays at {length:.1e} posterior standard deviations"
+        return Optima(v, covariance, value, size, iterations, converged, tuple(reason))
+
+    def _newton(self, found: Minima, rows: Index) -> tuple[Matrix, Matrix, Matrix, Matrix, Index]:
+        """Of these rows where Newton's steps end: v, covariance, value, size of the gradient, iterations."""
+        v, iterations, of = found.x[rows], found.iterations[rows], self.of[rows]
+        sound = np.isfinite(found.cost[rows])
         curvature = np.tile(np.eye(v.shape[1]), (len(v), 1, 1))
-        information = np.where(sound[:, None, None], found.curvature, curvature)
+        information = np.where(sound[:, None, None], found.curvature[rows], curvature)
         # Of the information, not of its inverse, which rounding may leave indefinite.
         root = np.asarray(np.linalg.inv(np.linalg.cholesky(information)).transpose(0, 2, 1), dtype=float)
         active = np.flatnonzero(sound)
-        value, slope = -found.cost, -_times(root.transpose(0, 2, 1), found.slope)
+        value, slope = -found.cost[rows], -_times(root.transpose(0, 2, 1), found.slope[rows])
         slope[~sound] = np.inf
-        curvature[active] = self._curvature(v[active], active, root[active])
+        curvature[active] = self._curvature(v[active], of[active], root[active])
         way = np.zeros(len(v))  # since the curvature was taken
         for _ in range(_POLISH):
             active = active[_length(slope[active]) >= 1e-3 * _CONVERGED]
             if len(active) == 0:
                 break
             step = _uphill(curvature[active], slope[active])
-            taken, v[active], new_value, new_slope = self._search(v, value, slope, active, root, step)
+            taken, v[active], new_value, new_slope = self._search(v, value, slope, of, active, root, step)
             slow = _length(new_slope) > 0.1 * _length(slope[active])
             value[active], slope[active] = new_value, new_slope
             way[active] += _length(step)
@@ -113,30 +137,20 @@ class Climb:
             active = active[taken]
             again = active[slow[taken]]
             if len(again):
-                curvature[again] = self._curvature(v[again], again, root[again])
+                curvature[again] = self._curvature(v[again], of[again], root[again])
                 way[again] = 0.0
         moved = np.flatnonzero(way > _STILL)
         if len(moved):
-            curvature[moved] = self._curvature(v[moved], moved, root[moved])
-        size = _length(slope)
-        for row in range(len(v)):
-            if size[row] < _CONVERGED:
-                converged[row], reason[row] = (
-                    True,
-                    f"the gradient is {size[row]:.1e} posterior standard deviations",
-                )
-            elif converged[row]:
-                converged[row] = False
-                reason[row] = f"the gradient stays at {size[row]:.1e} posterior standard deviations"
+            curvature[moved] = self._curvature(v[moved], of[moved], root[moved])
         # Where there is no maximum Fisher's information is used.
         if not _steep(curvature):
             curvature[np.linalg.eigvalsh(curvature)[:, 0] <= _FLAT] = np.eye(v.shape[1])
         covariance = root @ np.linalg.inv(curvature) @ root.transpose(0, 2, 1)
         covariance[~sound] = np.nan
-        return Optima(v, covariance, value, size, iterations, converged, tuple(reason))
+        return v, covariance, value, _length(slope), iterations
 
     def _search(
-        self, v: Matrix, value: Matrix, slope: Matrix, active: Index, root: Matrix, step: Matrix
+        self, v: Matrix, value: Matrix, slope: Matrix, of: Index, active: Index, root: Matrix, step: Matrix
     ) -> tuple[NDArray[np.bool_], Matrix, Matrix, Matrix]:
         """Along the steps (of the whitened coordinates), shortened until the way leads up: for the active
         rows whether a step was taken, and v, value and slope after it."""
@@ -147,7 +161,7 @@ class Climb:
             left = np.flatnonzero(~taken)
             rows = active[left]
             trial = v[rows] + length * _times(root[rows], step[left])
-            trial_value, trial_slope = self._value_and_slope(trial, rows, root[rows])
+            trial_value, trial_slope = self._value_and_slope(trial, of[rows], root[rows])
             # Near the top the values differ by rounding only: there the slope decides.
             size, before = _length(trial_slope), _length(slope[rows])
             good = (trial_value > value[rows]) | ((size < 0.5 * before) & (before < 2e-3))
@@ -157,14 +171,13 @@ class Climb:
             length /= 4
         return taken, result, values, slopes
 
-    def _value_and_slope(self, v: Matrix, rows: Index, root: Matrix) -> tuple[Matrix, Matrix]:
+    def _value_and_slope(self, v: Matrix, of: Index, root: Matrix) -> tuple[Matrix, Matrix]:
         """(W,) log-posterior and (W, f) its gradient in the coordinates w of v = v0 + root w."""
-        value, slope = self._slope(v, rows)
+        value, slope = self._slope(v, of)
         return value, _times(root.transpose(0, 2, 1), slope)
 
-    def _slope(self, v: Matrix, rows: Index) -> tuple[Matrix, Matrix]:
-        """(W,) log-posterior and (W, f) its gradient in v."""
-        of = self.of[rows]
+    def _slope(self, v: Matrix, of: Index) -> tuple[Matrix, Matrix]:
+        """(W,) log-posterior and (W, f) its gradient in v, of data sets `of` (W,)."""
         if self._compiled is not None:
             cost, slope, _ = self._compiled.slopes(v, of, with_information=False)
             return -cost, -slope
@@ -172,12 +185,12 @@ class Climb:
         value, gradient, _ = self._density.slopes(place.x, of, with_information=False)
         return value, place.gradient(gradient)
 
-    def _curvature(self, v: Matrix, rows: Index, root: Matrix) -> Matrix:
+    def _curvature(self, v: Matrix, of: Index, root: Matrix) -> Matrix:
         """(W, f, f) negative Hessian in the coordinates w, by central differences of the exact gradient."""
         count, size = v.shape
         steps = _DIFFERENCE * root.transpose(0, 2, 1)  # row j: the step along w_j
         points = np.concatenate([v[:, None] - steps, v[:, None] + steps], axis=1).reshape(-1, size)
-        _, slopes = self._slope(points, np.repeat(rows, 2 * size))
+        _, slopes = self._slope(points, np.repeat(of, 2 * size))
         slopes = slopes.reshape(count, 2, size, size)
         hessian = (slopes[:, 0] - slopes[:, 1]) @ root / (2 * _DIFFERENCE)
         return np.asarray((hessian + hessian.transpose(0, 2, 1)) / 2)

@@ -1,4 +1,4 @@
-"""The climb of `levenberg_marquardt` from many starts, all steps in one call of C.
+"""The climb of `levenberg_marquardt` from many starts, all steps in one call of C; Newton's in another.
 
 For what most runs are: known noise, no stated distances. From Python a step of a few measurements takes ten
 times as long as what it computes. Everything else climbs in Python, by the same formulas; up to rounding the
@@ -13,196 +13,15 @@ from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...model.c_source import GridInput, Offsets, columns
 from ...model.density import Density
 from ...model.kernel import Index, compiled_library
 from ...model.robot import Matrix
+from .climb_source import SOURCE
 from .coordinates import SeenCoordinates
 from .levenberg_marquardt import DAMPING, NO_LOWER, NO_STEP, NOT_FINITE, TOLERANCE, Minima, Quadratic
-
-_SOURCE = """
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-typedef long long N;
-typedef double D;
-typedef void Sum(const D **, const N *, const N **, const N **, N, N, D *);
-
-/* A kernel's call: inputs, inner, function, then for each input what it is (0 shared, 1 in x, 2 in y, 3 by
-   data set), values, step and offsets. */
-static void sum(const N *t, N rows, const D *x, const D *y, const N *of, D *out) {
-  const D *values[9]; const N *row[9], *offset[9]; N step[9];
-  for (N i = 0; i < t[0]; ++i) {
-    const N *own = t + 3 + 4 * i;
-    values[i] = own[0] == 1 ? x : own[0] == 2 ? y : (const D *)own[1];
-    row[i] = own[0] == 3 ? of : NULL;
-    step[i] = own[2];
-    offset[i] = (const N *)own[3];
-  }
-  ((Sum *)t[2])(values, step, row, offset, rows, t[1], out);
-}
-
-typedef struct { N f, p, targets; const N *free; const D *mean, *scale; } Head;
-typedef struct {
-  const N *slopes; N columns, gram; N size; const N *local, *at;
-  const N *placed; N wide, place, moved; const N *moves, *column; const D *by, *scale;
-} Target;
-
-/* Minus the log-posterior, its gradient (f) and, unless NULL, information (f, f) in v, and x, of each row. */
-void zb_slopes(const Head *h, const Target *targets, N rows, const D *v, const N *of, D *x, D *value,
-                   D *gradient, D *information, D *work) {
-  N f = h->f, p = h->p;
-  D *y = work, *placed = y + 3 * rows * h->targets, *out;
-  for (N r = 0; r < rows; ++r) {
-    memcpy(x + r * p, h->mean, p * sizeof(D));
-    for (N i = 0; i < f; ++i) x[r * p + h->free[i]] += h->scale[i] * v[r * f + i];
-  }
-  memset(value, 0, rows * sizeof(D));
-  memset(gradient, 0, rows * f * sizeof(D));
-  if (information) memset(information, 0, rows * f * f * sizeof(D));
-  for (N k = 0; k < h->targets; ++k) {
-    const Target *t = targets + k;
-    D *seen = y + 3 * rows * k;
-    for (N r = 0; r < rows && t->moved; ++r)
-      for (N c = 0; c < 3; ++c) seen[3 * r + c] = v[r * f + t->moves[t->moved - 3 + c]] * *t->scale;
-    if (t->moved) {
-      N wide = t->wide;
-      sum(t->placed, rows, x, seen, of, placed);
-      for (N r = 0; r < rows; ++r) memcpy(x + r * p + t->place, placed + r * wide, 3 * sizeof(D));
-      for (N r = 0; r < rows; ++r)  /* how the target moves, kept where the next kernel does not write */
-        for (N j = 0; j < t->moved; ++j) {
-          const D *own = placed + r * wide + 3 + 3 * t->column[j];
-          for (N c = 0; c < 3; ++c) placed[(r * t->moved + j) * 3 + c] = own[c] * t->by[3 * j + c];
-        }
-    }
-    out = placed + rows * 3 * t->moved;
-    N measured = t->slopes[1] > 0;  /* else the kernel would read what is not there */
-    if (measured) sum(t->slopes, rows, x, NULL, of, out);
-    for (N r = 0; r < rows && measured; ++r) {
-      const D *own = out + r * t->columns;
-      D *g = gradient + r * f, *w = information ? information + r * f * f : NULL;
-      value[r] += own[0] / 2;
-      for (N i = 0; i < t->size; ++i) {
-        N a = t->at[i], la = t->local[i];
-        g[a] += own[2 + la] * h->scale[a] / 2;
-        for (N j = 0; w && j < t->size; ++j) {
-          N b = t->at[j], lb = t->local[j], high = la > lb ? la : lb;
-          w[a * f + b] += own[t->gram + high * (high + 1) / 2 + la + lb - high] * h->scale[a] * h->scale[b];
-        }
-      }
-    }
-    placed += rows * 3 * t->moved;
-  }
-  placed = y + 3 * rows * h->targets;
-  for (N r = 0; r < rows; ++r)
-    for (N i = 0; i < f; ++i) {
-      D z = (x[r * p + h->free[i]] - h->mean[h->free[i]]) / h->scale[i];
-      value[r] += z * z / 2;
-      gradient[r * f + i] += z;
-      if (information) information[(r * f + i) * f + i] += 1.0;
-    }
-  for (N k = 0; k < h->targets; ++k) {
-    const Target *t = targets + k;
-    N m = t->moved;
-    for (N r = 0; r < rows && m; ++r) {
-      const D *by = placed + r * 3 * m;
-      N own = t->moves[m - 3];
-      /* The gradient, then rows and columns of the information. */
-      for (N i = -1; i < (information ? 2 * f : 0); ++i) {
-        D *w = i < 0 ? gradient + r * f : information + r * f * f + (i < f ? i * f : i - f);
-        N stride = i < f ? 1 : f;
-        D z[3] = {w[own * stride], w[(own + 1) * stride], w[(own + 2) * stride]};
-        for (N c = 0; c < 3; ++c) w[(own + c) * stride] = 0.0;
-        for (N j = 0; j < m; ++j)
-          w[t->moves[j] * stride] += z[0] * by[3 * j] + z[1] * by[3 * j + 1] + z[2] * by[3 * j + 2];
-      }
-    }
-    placed += rows * 3 * m;
-  }
-  for (N r = 0; r < rows; ++r) if (!isfinite(value[r])) value[r] = INFINITY;
-}
-
-/* The step h of (C + mu D) h = -g, D the diagonal of C; 0 where C + mu D is not positive. */
-static int solved(N f, const D *c, const D *g, D mu, D *l, D *step) {
-  for (N i = 0; i < f; ++i)
-    for (N j = 0; j <= i; ++j) {
-      D own = c[i * f + j];
-      if (i == j) own += mu * (own > 1e-300 ? own : 1e-300);
-      for (N k = 0; k < j; ++k) own -= l[i * f + k] * l[j * f + k];
-      if (i == j && !(own > 0)) return 0;
-      l[i * f + j] = i == j ? sqrt(own) : own / l[j * f + j];
-    }
-  for (N i = 0; i < f; ++i) {
-    step[i] = -g[i];
-    for (N k = 0; k < i; ++k) step[i] -= l[i * f + k] * step[k];
-    step[i] /= l[i * f + i];
-  }
-  for (N i = f - 1; i >= 0; --i) {
-    for (N k = i + 1; k < f; ++k) step[i] -= l[k * f + i] * step[k];
-    step[i] /= l[i * f + i];
-  }
-  return 1;
-}
-
-/* From v (rows, f) up; what is found takes its place. `ended`: 0 at `most`, 1 no lower, 2 no step, 3 not
-   finite, -1 (of the first) no memory. */
-void zb_climb(const Head *h, const Target *targets, N rows, D *v, const N *of, N most, D damping,
-             D tolerance, D absolute, const D *longest, N wide, D *value, D *gradient, D *information,
-             N *iterations, N *ended) {
-  N f = h->f, ff = f * f, p = h->p, left = 0;
-  D *all = malloc((rows * (p + 3 * f + ff + 4 + wide) + ff) * sizeof(D));
-  N *active = malloc(2 * rows * sizeof(N));
-  if (!all || !active) { free(all); free(active); ended[0] = -1; return; }
-  D *x = all, *trial = x + rows * p, *step = trial + rows * f, *promised = step + rows * f;
-  D *next = promised + rows, *next_g = next + rows, *next_w = next_g + rows * f, *mu = next_w + rows * ff;
-  D *nu = mu + rows, *l = nu + rows, *work = l + ff;
-  N *set = active + rows;
-  zb_slopes(h, targets, rows, v, of, x, value, gradient, information, work);
-  for (N r = 0; r < rows; ++r) {
-    mu[r] = damping, nu[r] = 2.0, ended[r] = isfinite(value[r]) ? 0 : 3;
-    iterations[r] = ended[r] ? 0 : most;
-    if (!ended[r]) active[left++] = r;
-  }
-  for (N turn = 0; turn < most && left; ++turn) {
-    N tried = 0;
-    for (N q = 0; q < left; ++q) {
-      N r = active[q];
-      const D *c = information + r * ff, *g = gradient + r * f;
-      D *s = step + q * f, most_of = 1.0, gain = 0.0;
-      int whole = solved(f, c, g, mu[r], l, s);
-      for (N i = 0; i < f && whole; ++i) most_of = fmax(most_of, fabs(s[i] / longest[i]));
-      for (N i = 0; i < f && whole; ++i) s[i] /= most_of;
-      for (N i = 0; i < f && whole; ++i) {
-        D bent = 0.0;
-        for (N j = 0; j < f; ++j) bent += c[i * f + j] * s[j];
-        gain -= s[i] * (g[i] + bent / 2);
-      }
-      if (!whole) gain = NAN;
-      if (gain <= fmax(tolerance * fabs(value[r]), absolute)) ended[r] = 1;
-      else if (!isfinite(mu[r])) ended[r] = 2;
-      if (ended[r]) { iterations[r] = turn; continue; }
-      for (N i = 0; i < f; ++i) trial[tried * f + i] = whole ? v[r * f + i] + s[i] : NAN;
-      promised[tried] = gain, set[tried] = of[r], active[tried++] = r;
-    }
-    left = tried;
-    if (left) zb_slopes(h, targets, left, trial, set, x, next, next_g, next_w, work);
-    for (N q = 0; q < left; ++q) {
-      N r = active[q];
-      D gain = (value[r] - next[q]) / promised[q];
-      if (gain > 0) {
-        D easier = 1 - pow(2 * fmin(gain, 2.0) - 1, 3);
-        mu[r] *= fmax(1.0 / 3, easier), nu[r] = 2.0, value[r] = next[q];
-        memcpy(v + r * f, trial + q * f, f * sizeof(D));
-        memcpy(gradient + r * f, next_g + q * f, f * sizeof(D));
-        memcpy(information + r * ff, next_w + q * ff, ff * sizeof(D));
-      } else mu[r] *= nu[r], nu[r] *= 2;
-    }
-  }
-  free(all);
-  free(active);
-}
-"""
 
 
 class CompiledClimb:
@@ -289,6 +108,26 @@ class CompiledClimb:
         reasons = (f"no convergence in {most} iterations", NO_LOWER, NO_STEP, NOT_FINITE)
         return Minima(v, *found, iterations, ended == 1, [reasons[k] for k in ended.tolist()])
 
+    def polish(
+        self, found: Minima, of: Index, most: int, end: float, flat: float, difference: float, still: float
+    ) -> tuple[Matrix, Matrix, Matrix, Matrix, Index, NDArray[np.bool_]]:
+        """As `Climb.polished`: v (W, f), covariance (W, f, f), value (W,), size of the gradient (W,), steps
+        taken (W,), and for which rows (W,) these hold: not where a step is to be shortened, or a curvature
+        is not above `flat`."""
+        v, of, rows = np.array(found.x, order="C"), np.ascontiguousarray(of), len(found.x)
+        cost, size = np.array(found.cost), np.full(rows, np.inf)
+        start, information = np.ascontiguousarray(found.slope), np.ascontiguousarray(found.curvature)
+        covariance = np.empty((rows, self._size, self._size))
+        iterations, whole = np.array(found.iterations), np.empty(rows, dtype=np.int64)
+        self._library.zb_polish(
+            self._head, self._targets, rows, v.ctypes.data, of.ctypes.data, most, end, flat, difference,
+            still, self._wide, *(part.ctypes.data for part in (cost, start, information, size, covariance)),
+            iterations.ctypes.data, whole.ctypes.data,
+        )  # fmt: skip
+        if rows and whole[0] < 0:
+            raise MemoryError
+        return v, covariance, -cost, size, iterations, whole == 1
+
     def _empty(self, rows: int, informations: int) -> Quadratic:
         size = self._size
         return Quadratic(np.empty(rows), np.empty((rows, size)), np.empty((informations, size, size)))
@@ -319,5 +158,11 @@ def _library() -> ctypes.CDLL | None:
     pointer, whole, number = ctypes.c_void_p, ctypes.c_longlong, ctypes.c_double
     slopes = [pointer, pointer, whole, *([pointer] * 7)]
     climb = [pointer, pointer, whole, pointer, pointer, whole, number, number, number, pointer, whole]
-    functions = {"zb_slopes": slopes, "zb_climb": [*climb, *([pointer] * 5)]}
-    return compiled_library("climb", lambda: _SOURCE, functions, make=True)
+    polish = [pointer, pointer, whole, pointer, pointer, whole, number, number, number, number, whole]
+    functions = {
+        "zb_slopes": slopes,
+        "zb_climb": [*climb, *([pointer] * 5)],
+        "zb_polish": [*polish, *([pointer] * 7)],
+    }
+    # Loops written by hand, and compiled once for all arms: unlike a kernel's lines they gain a fifth.
+    return compiled_library("climb", lambda: SOURCE, functions, make=True, flags=["-O2"])

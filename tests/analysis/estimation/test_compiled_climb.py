@@ -110,3 +110,30 @@ def test_what_is_not_plain_climbs_in_python(scale):
 def test_without_compiled_kernels_it_climbs_in_python():
     density = Density(problems()["laser"])
     assert compiled_climb(density, seen_coordinates(density), compile=False) is None
+
+
+@needs_compiler
+@pytest.mark.parametrize("case", [case for case in problems() if case != "prismatic, open probe"])
+@pytest.mark.parametrize("steps", [200, 1])
+def test_the_same_top(case, steps):
+    """Newton's steps from the mode, and after a climb of one step: there some rows end in Python."""
+    one, two, x = climbs(problems()[case], 4, rows=20)
+    v = one.coordinates.from_parameters(x, one.of)
+    v[1] = np.nan
+    found = two.up(v, steps)
+    *_, whole = one._compiled.polish(found, one.of, 60, 1e-7, 1e-3, 1e-3, 3e-3)
+    assert whole.sum() == 19 if steps == 200 else 0 < whole.sum() < 20
+    top, expected = one.polished(found), two.polished(found)
+    assert top.reason[1] == expected.reason[1] == NOT_FINITE
+    assert np.isnan(top.covariance[1]).all()
+    sound = np.flatnonzero(expected.converged)
+    assert len(sound) == 19
+    np.testing.assert_array_equal(top.converged, expected.converged)
+    if steps == 200:
+        np.testing.assert_array_equal(top.iterations, expected.iterations)
+    std = np.sqrt(np.diagonal(expected.covariance[sound], axis1=1, axis2=2))
+    np.testing.assert_allclose((top.v - expected.v)[sound] / std, 0, atol=1e-6)
+    np.testing.assert_allclose(top.value[sound], expected.value[sound], rtol=1e-9)
+    scale = std[:, :, None] * std[:, None, :]
+    np.testing.assert_allclose((top.covariance - expected.covariance)[sound] / scale, 0, atol=1e-6)
+    assert (top.gradient[sound] < 1e-4).all()
