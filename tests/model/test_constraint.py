@@ -10,6 +10,7 @@ from plain_model import (
     arm,
     beam,
     by_complex_step,
+    by_complex_steps,
     by_differences,
     covariance,
     miss,
@@ -139,14 +140,17 @@ class Case:
     def plain_terms(
         self, q: np.ndarray, spot: np.ndarray, z: np.ndarray, log_det: str = "whole"
     ) -> np.ndarray:
-        """quad, logdet of the plain model; z is free and, if longer, the logarithms of the noise factors of
-        joints and spot."""
+        """(..., 2) quad, logdet of the plain model; z is free and, if longer, the logarithms of the noise
+        factors of joints and spot."""
         size = len(self.steps())
-        factors = np.exp(2 * z[size:]) if len(z) > size else np.ones(2)
-        variances = self.variances() * np.append(np.repeat(factors[0], self.n), factors[1])
-        quad, logdet = terms(self.arm, self.tool, q, spot, z[:size], variances)
-        _, stated = terms(self.arm, self.tool, q, spot, z[:size], self.variances())
-        return np.array([quad, {"none": 0.0, "relative": logdet - stated, "whole": logdet}[log_det]])
+        factors = np.exp(2 * z[..., size:]) if z.shape[-1] > size else np.ones(2)
+        variances = self.variances() * np.repeat(factors, (self.n, 1), axis=-1)
+        found = terms(self.arm, self.tool, q, spot, z[..., :size], variances)
+        if log_det == "none":
+            found[..., 1] = 0
+        elif log_det == "relative":
+            found[..., 1] -= terms(self.arm, self.tool, q, spot, z[..., :size], self.variances())[..., 1]
+        return found
 
 
 def dense(value: ca.DM) -> np.ndarray:
@@ -206,13 +210,13 @@ def test_the_jacobian_against_central_differences(case):
 def test_the_jacobian_against_complex_steps_of_the_plain_model(case):
     """No step error here: only the roundings of some 5000 mm."""
     for q, spot, free in case.points:
-        expected = by_complex_step(lambda z, q=q, s=spot: case.plain(q, s, z), free)
+        expected = by_complex_steps(lambda z, q=q, s=spot: case.plain(q, s, z), free)
         np.testing.assert_allclose(case.jacobian(q, spot, free), expected, rtol=0, atol=1e-9)
 
 
 def test_the_jacobian_by_offsets_is_the_one_by_recorded_joints(case):
     for q, spot, free in case.points:
-        by_joints = by_complex_step(lambda z, s=spot, f=free: case.plain(z, s, f), q)
+        by_joints = by_complex_steps(lambda z, s=spot, f=free: case.plain(z, s, f), q)
         np.testing.assert_allclose(case.jacobian(q, spot, free)[:, : case.n], by_joints, rtol=0, atol=1e-9)
 
 
@@ -260,7 +264,7 @@ def test_a_jacobian_without_one_of_its_terms_is_caught(cases, arm_name, part):
 def test_the_plain_covariance_is_that_of_the_derivative_by_the_joints(case):
     """So that the second model of S is not wrong in the same way: complex steps instead of quarter turns."""
     for q, spot, free in case.points:
-        by_joints = by_complex_step(lambda z, s=spot, f=free: case.plain(z, s, f), q)
+        by_joints = by_complex_steps(lambda z, s=spot, f=free: case.plain(z, s, f), q)
         variances = case.variances()
         expected = by_joints @ np.diag(variances[:-1]) @ by_joints.T + variances[-1] * np.eye(len(by_joints))
         np.testing.assert_allclose(case.covariance(q, spot, free), expected, rtol=1e-9, atol=1e-12)
@@ -343,7 +347,7 @@ def test_the_gradients_against_complex_steps_of_the_plain_terms(case, log_det):
     logs = np.array([0.7, -0.4]) if log_det == "relative" else np.zeros(0)
     factors = np.exp(2 * np.append(np.repeat(logs[0], case.n), logs[1])) if len(logs) else 1.0
     for q, spot, free in case.hits():
-        expected = by_complex_step(
+        expected = by_complex_steps(
             lambda z, q=q, s=spot: case.plain_terms(q, s, z, log_det), np.append(free, logs)
         )
         gradients = case.weighted("slopes", q, spot, free, log_det, variances=case.variances() * factors)[2:4]
@@ -381,7 +385,7 @@ def test_the_information_of_the_misses(case, log_det):
     size = len(case.steps())
     for q, spot, free in case.points:
         s = case.covariance(q, spot, free)
-        jacobian = by_complex_step(lambda z, q=q, p=spot: case.plain(q, p, z), free)
+        jacobian = by_complex_steps(lambda z, q=q, p=spot: case.plain(q, p, z), free)
         expected = jacobian.T @ np.linalg.solve(s, jacobian)
         unit = np.outer(*2 * [1 / np.sqrt(np.diag(expected))])
         found = lower_of(case.weighted("slopes", q, spot, free, log_det)[5])

@@ -3,7 +3,7 @@ import warnings
 import numpy as np
 import pytest
 from made_problem import DISTANCE, OPEN_LASER, OPEN_PROBE, PROBE, TOOLS, Made, header
-from plain_model import DESIGNED, arm, by_complex_step, by_differences
+from plain_model import DESIGNED, arm, by_complex_steps, by_differences
 from scipy import integrate, stats
 
 from zerobeam.model import constraint, kernel
@@ -276,7 +276,7 @@ def test_the_value_of_the_slopes_is_the_log_posterior(each_scale):
 def scaled_gradient(made, x):
     """(f,) of the plain log-posterior by the scaled free parameters, by complex steps."""
     parameters = made.problem.parameters
-    by_x = by_complex_step(made.log_posterior, x)
+    by_x = by_complex_steps(made.log_posterior, x)
     return (by_x * parameters.prior_std)[parameters.free]
 
 
@@ -350,15 +350,15 @@ def plain_information(made, x, weight=1.0, freeze=None):
     total = np.zeros((p, p))
     for i in range(problem.shots):
         s = made.covariance(x, i).real
-        jacobian = by_complex_step(lambda z, i=i: made.miss(z, i), x)
+        jacobian = by_complex_steps(lambda z, i=i: made.miss(z, i), x)
         if freeze != "shots":
             total += weight * jacobian.T @ np.linalg.solve(s, jacobian)
         if problem.noise.separate and freeze != "noise":
-            by_s = by_complex_step(lambda z, i=i: made.covariance(np.append(x[:-2], z), i), x[-2:])
+            by_s = by_complex_steps(lambda z, i=i: made.covariance(z, i), x)[..., -2:]
             changes = [np.linalg.solve(s, by_s[:, :, j]) for j in (0, 1)]
             total[-2:, -2:] += [[np.trace(a @ b) / 2 for b in changes] for a in changes]
     if problem.distances and freeze != "distance":
-        by_distance = by_complex_step(made.distances, x)
+        by_distance = by_complex_steps(made.distances, x)
         total += by_distance.T @ by_distance
     free, scale = problem.parameters.free, problem.parameters.prior_std
     total = (total * np.outer(scale, scale))[free][:, free]

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from plain_geometry import UncertainArm, uncertain
-from plain_model import DESIGNED, arm, beam, by_complex_step, by_differences, unit
+from plain_model import DESIGNED, arm, beam, by_complex_steps, by_differences, square, unit
 
 from zerobeam.model.constraint import ShotFunctions
 from zerobeam.model.files.header import Header
@@ -120,7 +120,7 @@ def test_the_residual_against_plain_numpy(case):
 def test_the_jacobian_against_complex_steps_of_the_plain_model(case):
     """Exact but for the roundings of some 5000 mm."""
     for q, spot, free in case.points:
-        expected = by_complex_step(lambda z, q=q, s=spot: case.plain(q, s, z), free)
+        expected = by_complex_steps(lambda z, q=q, s=spot: case.plain(q, s, z), free)
         np.testing.assert_allclose(case.linear(q, spot, free)[1], expected, rtol=0, atol=1e-8)
 
 
@@ -173,16 +173,16 @@ def test_the_terms_and_their_gradient_against_the_plain_model(arms, name, kind):
 
     def quad(q, spot, free):
         m, s = case.plain(q, spot, free), case.own.covariance(case.tool, q, spot, free, variances(case))
-        return np.array([m @ np.linalg.solve(s, m)])
+        return square(m, s)
 
     for q, spot, free in case.hits():
         found, logdet, gradient, *_ = (
             np.array(each).ravel()
             for each in case.functions.function("slopes")(*shot_of(case, q, spot, free))
         )
-        np.testing.assert_allclose(found, quad(q, spot, free).real, rtol=1e-8)
+        np.testing.assert_allclose(found, [quad(q, spot, free).real], rtol=1e-8)
         assert logdet == 0
-        expected = by_complex_step(lambda z, q=q, s=spot: quad(q, s, z), free)[0]
+        expected = by_complex_steps(lambda z, q=q, s=spot: quad(q, s, z), free)
         np.testing.assert_allclose(gradient, expected, rtol=1e-7, atol=1e-3)
 
 

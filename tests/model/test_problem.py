@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from made_problem import DISTANCE, OPEN_LASER, OPEN_PROBE, PROBE, SEEN, TOOLS, Made, header
-from plain_model import DESIGNED, arm, beam, by_complex_step, by_differences
+from plain_model import DESIGNED, arm, beam, by_complex_steps, by_differences
 
 from zerobeam.model import kernel
 from zerobeam.model.constraint import ShotFunctions
@@ -132,7 +132,7 @@ def test_misses_and_jacobians_shot_by_shot(made):
     miss, own = made.problem.linearise(made.x)
     for i in range(made.problem.shots):
         np.testing.assert_allclose(miss[i], made.miss(made.x, i).real, rtol=0, atol=1e-9)
-        derivative = by_complex_step(lambda x, i=i: made.miss(x, i), made.x)
+        derivative = by_complex_steps(lambda x, i=i: made.miss(x, i), made.x)
         np.testing.assert_allclose(own[i], derivative[:, made.problem.columns[i]], rtol=0, atol=1e-9)
         # The other target has no part in it.
         others = np.delete(derivative, made.problem.columns[i], axis=1)
@@ -296,7 +296,7 @@ def test_distances_of_many_parameter_vectors(made):
     assert residual.shape == (3, 1)
     for x, own, by_x in zip(walkers, residual, jacobian, strict=True):
         np.testing.assert_allclose(own, made.distances(x), rtol=1e-12)
-        np.testing.assert_allclose(by_x, by_complex_step(made.distances, x), rtol=0, atol=1e-12)
+        np.testing.assert_allclose(by_x, by_complex_steps(made.distances, x), rtol=0, atol=1e-12)
     none = Made(made.arm, header(tool_of(made.problem))).problem
     assert [part.shape for part in none.distance_rows(walkers)] == [(3, 0), (3, 0, len(made.x))]
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from cells import plan_of, simulated_problem
-from plain_model import Arm, beam, by_complex_step, covariance, miss
+from plain_model import Arm, beam, by_complex_steps, covariance, miss, square
 from scipy import stats
 
 from zerobeam.model.files.header import Header
@@ -61,15 +61,16 @@ class Made:
             short = wanted - self.miss(self.x, shot).real
             if np.abs(short).max() < 1e-6:
                 return
-            by_joints = by_complex_step(lambda q: self.miss(self.x, shot, q), joints[shot]) * lengths
+            by_joints = by_complex_steps(lambda q: self.miss(self.x, shot, q), joints[shot]) * lengths
             step = np.linalg.lstsq(by_joints, short, rcond=None)[0]
             joints[shot] += step * lengths * min(1.0, 0.3 / np.abs(step).max())
         raise AssertionError("this shot cannot be turned onto its target: choose another seed")
 
     def free(self, x: np.ndarray, shot: int) -> np.ndarray:
-        """delta, the shot's target, tool in one vector."""
+        """delta, the shot's target, tool in one vector; here and below, x may be many (..., p)."""
         parts = self.problem.split(x)
-        return np.concatenate([parts.arm, parts.targets[self.problem.target_index[shot]], parts.tool])
+        target = parts.targets[..., self.problem.target_index[shot], :]
+        return np.concatenate([parts.arm, target, parts.tool], axis=-1)
 
     def miss(self, x: np.ndarray, shot: int, q: np.ndarray | None = None) -> np.ndarray:
         problem = self.problem
@@ -77,16 +78,15 @@ class Made:
         return miss(self.arm.pose, problem.tool, q, problem.spots[shot], self.free(x, shot))
 
     def variances(self, x: np.ndarray) -> np.ndarray:
-        """(n + 1,) with the noise factors at x, if there are any."""
+        """(..., n + 1) with the noise factors at x, if there are any."""
         noise, n = self.problem.noise, self.problem.robot.n
         stated = np.append(noise.joint**2, noise.spot**2)
         if not noise.separate:
             return stated
-        joints, spot = np.exp(x[-2:]) ** 2
-        return stated * np.append(np.full(n, joints), spot)
+        return stated * np.repeat(np.exp(x[..., -2:]) ** 2, (n, 1), axis=-1)
 
     def covariance(self, x: np.ndarray, shot: int) -> np.ndarray:
-        """(d, d), complex if x is."""
+        """(..., d, d), complex if x is."""
         problem = self.problem
         shot_of = (problem.joints[shot], problem.spots[shot], self.free(x, shot))
         return covariance(self.arm, problem.tool, *shot_of, self.variances(x))
@@ -97,18 +97,18 @@ class Made:
         return [(self.miss(x, i).real, self.covariance(x, i).real) for i in shots]
 
     def distances(self, x: np.ndarray) -> np.ndarray:
-        """(D,) by how many of its stds each stated distance is missed, complex if x is."""
-        targets = self.problem.split(x).targets
-        between = [targets[each.second] - targets[each.first] for each in self.problem.distances]
-        lengths = [np.sqrt((v * v).sum()) for v in between]
-        stated = self.problem.distances
-        return np.array([(v - each.mm) / each.sigma for v, each in zip(lengths, stated, strict=True)])
+        """(..., D) by how many of its stds each stated distance is missed, complex if x is."""
+        targets, stated = self.problem.split(x).targets, self.problem.distances
+        between = [targets[..., each.second, :] - targets[..., each.first, :] for each in stated]
+        lengths = [np.sqrt((v * v).sum(axis=-1)) for v in between]
+        missed = [(v - each.mm) / each.sigma for v, each in zip(lengths, stated, strict=True)]
+        return np.stack(missed, axis=-1) if missed else np.zeros((*x.shape[:-1], 0))
 
     def stated(self, x: np.ndarray) -> list[np.ndarray]:
         """S (d, d) of every shot at the stated noise: that of the factors 1."""
         z = x.copy()
         if self.problem.noise.separate:
-            z[-2:] = 0
+            z[..., -2:] = 0
         return [self.covariance(z, i) for i in range(self.problem.shots)]
 
     def log_density(self, x: np.ndarray) -> float:
@@ -121,18 +121,18 @@ class Made:
             total -= stats.multivariate_normal.logpdf(zero, zero, stated.real)
         return float(total)
 
-    def log_posterior(self, x: np.ndarray) -> complex:
-        """With the prior, for complex steps."""
+    def log_posterior(self, x: np.ndarray) -> np.ndarray:
+        """(...) with the prior, for complex steps."""
         problem, parameters = self.problem, self.problem.parameters
         quad, logdet = 0.0, 0.0
         for i, stated in enumerate(self.stated(x)):
             m, s = self.miss(x, i), self.covariance(x, i)
-            quad = quad + m @ np.linalg.solve(s, m)
+            quad = quad + square(m, s)
             logdet = logdet + np.log(np.linalg.det(s) / np.linalg.det(stated))
         if problem.noise.estimated:
             quad = problem.shots * problem.tool.miss_size * np.log(quad)
-        z = ((x - parameters.prior_mean) / parameters.prior_std)[parameters.free]
-        return -(quad + logdet + (self.distances(x) ** 2).sum() + (z**2).sum()) / 2
+        z = ((x - parameters.prior_mean) / parameters.prior_std)[..., parameters.free]
+        return -(quad + logdet + (self.distances(x) ** 2).sum(axis=-1) + (z**2).sum(axis=-1)) / 2
 
     def steps(self, rad: float, mm: float) -> np.ndarray:
         return np.where(self.problem.parameters.display == 1, mm, rad)

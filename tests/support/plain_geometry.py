@@ -1,4 +1,5 @@
-"""Arms with uncertain geometry a second time: plain numpy from the definition, complex numbers go through.
+"""Arms with uncertain geometry a second time: plain numpy from the definition. Complex numbers go through,
+and many vectors at once, stacked along leading axes (`...`).
 
 Where an arm is written in Denavit-Hartenberg rows, its link parameters are added to the rows as they are
 printed; where it is a chain of joints, they act in frames found from the nominal axes by least squares.
@@ -17,6 +18,7 @@ from plain_model import (
     TABLE_1,
     Arm,
     covariance,
+    matrix,
     miss,
 )
 
@@ -24,7 +26,8 @@ from zerobeam.model.geometry import Geometry
 from zerobeam.model.robot import Robot
 from zerobeam.model.tool import Tool
 
-Link = Callable[[Mapping[str, complex]], np.ndarray]
+Value = np.ndarray | complex
+Link = Callable[[Mapping[str, Value]], np.ndarray]
 ROWS = {
     "irb1600": (TABLE_1, "standard"),
     "modified": (MODIFIED, "modified"),
@@ -34,27 +37,25 @@ ROWS = {
 _Z = np.array([0.0, 0.0, 1.0])
 
 
-def rotation(axis: str, angle: complex) -> np.ndarray:
-    """(4, 4) about a coordinate axis."""
+def rotation(axis: str, angle: Value) -> np.ndarray:
+    """(..., 4, 4) about a coordinate axis."""
     c, s = np.cos(angle), np.sin(angle)
     upper = {"x": [[1, 0, 0], [0, c, -s], [0, s, c]], "y": [[c, 0, s], [0, 1, 0], [-s, 0, c]]}
     upper["z"] = [[c, -s, 0], [s, c, 0], [0, 0, 1]]
-    result = np.eye(4, dtype=complex)
-    result[:3, :3] = upper[axis]
+    result = matrix(np.eye(4), np.shape(angle))
+    result[..., :3, :3] = matrix(upper[axis], np.shape(angle))
     return result
 
 
-def shift(x: complex = 0, y: complex = 0, z: complex = 0) -> np.ndarray:
-    result = np.eye(4, dtype=complex)
-    result[:3, 3] = x, y, z
-    return result
+def shift(x: Value = 0, y: Value = 0, z: Value = 0) -> np.ndarray:
+    return matrix([[1, 0, 0, x], [0, 1, 0, y], [0, 0, 1, z], [0, 0, 0, 1]], np.broadcast(x, y, z).shape)
 
 
-def deviation(own: Mapping[str, complex]) -> np.ndarray:
-    """Tz(d) Tx(a) Rz(theta) Rx(alpha) Ry(beta), factor by factor."""
-    steps = [shift(z=own.get("d", 0)), shift(x=own.get("a", 0))]
+def deviation(own: Mapping[str, Value]) -> np.ndarray:
+    """Tz(d) Tx(a) Rz(theta) Rx(alpha) Ry(beta), factor by factor; those that are not there are left out."""
+    steps = [shift(**{axis: own[name]}) for name, axis in (("d", "z"), ("a", "x")) if name in own]
     angles = (("z", "theta"), ("x", "alpha"), ("y", "beta"))
-    steps += [rotation(axis, own.get(name, 0)) for axis, name in angles]
+    steps += [rotation(axis, own[name]) for axis, name in angles if name in own]
     result = np.eye(4, dtype=complex)
     for step in steps:
         result = result @ step
@@ -70,17 +71,18 @@ class Chain:
     first: np.ndarray
     links: tuple[Link, ...]
 
-    def frames(self, theta: np.ndarray, own: Mapping[str, Mapping[str, complex]]) -> list[np.ndarray]:
-        """(4, 4) of each joint before its motion, and of the flange; `own` parameters by link."""
+    def frames(self, theta: np.ndarray, own: Mapping[str, Mapping[str, Value]]) -> list[np.ndarray]:
+        """(..., 4, 4) of each joint before its motion, and of the flange; `own` parameters by link."""
         frames = [self.first.astype(complex)]
         for i, (kind, axis, link) in enumerate(zip(self.kinds, self.axes, self.links, strict=True)):
-            motion = np.eye(4, dtype=complex)
+            motion, value = matrix(np.eye(4), theta.shape[:-1]), theta[..., i]
             if kind == "p":
-                motion[:3, 3] = axis * theta[i]
+                motion[..., :3, 3] = axis * value[..., None]
             else:
                 x, y, z = axis
                 cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-                motion[:3, :3] += np.sin(theta[i]) * cross + (1 - np.cos(theta[i])) * cross @ cross
+                sine, rest = np.sin(value)[..., None, None], 1 - np.cos(value)[..., None, None]
+                motion[..., :3, :3] += sine * cross + rest * (cross @ cross)
             frames.append(frames[-1] @ motion @ link(own.get(f"link{i + 1}", {})))
         return frames
 
@@ -162,56 +164,61 @@ class UncertainArm:
         """(g,) True for a, d: mm, not rad."""
         return np.array([axis in ("a", "d") for _, axis in self.names])
 
-    def grouped(self, values: np.ndarray) -> dict[str, dict[str, complex]]:
-        own: dict[str, dict[str, complex]] = {}
-        for (of, axis), value in zip(self.names, values, strict=True):
+    def grouped(self, values: np.ndarray) -> dict[str, dict[str, Value]]:
+        own: dict[str, dict[str, Value]] = {}
+        for (of, axis), value in zip(self.names, np.moveaxis(values, -1, 0), strict=True):
             own.setdefault(of, {})[axis] = value
         return own
 
     def torques(self, q: np.ndarray, masses: np.ndarray, up: np.ndarray) -> np.ndarray:
-        """(n,) minus the derivatives of the potential energy by the revolute joints, of the nominal arm;
+        """(..., n) minus the derivatives of the potential energy by the revolute joints, of the nominal arm;
         complex q goes through: the masses' circles are sines of each joint's position."""
 
-        def energy(theta: np.ndarray) -> complex:
+        def energy(theta: np.ndarray) -> np.ndarray:
             ends = self.chain.frames(theta, {})[1:]
-            return sum(mass * (end[:3, 3] @ up) for mass, end in zip(masses, ends, strict=True))
+            return sum(mass * (end[..., :3, 3] @ up) for mass, end in zip(masses, ends, strict=True))
 
-        quarter = np.diag(np.full(len(q), np.pi / 2))
-        rates = [(energy(q + e) - energy(q - e)) / 2 for e in quarter]
-        return np.array([-r if kind == "r" else 0 for r, kind in zip(rates, self.chain.kinds, strict=True)])
+        quarter, here = np.diag(np.full(q.shape[-1], np.pi / 2)), q[..., None, :]
+        rates = (energy(here + quarter) - energy(here - quarter)) / 2
+        return np.where([kind == "r" for kind in self.chain.kinds], -rates, 0)
 
     def true_joints(self, q: np.ndarray, delta: np.ndarray, values: np.ndarray) -> np.ndarray:
         own, gravity = self.grouped(values), self.geometry.gravity
-        theta = q + delta
+        bend = np.zeros(q.shape)
         if gravity is not None:
             largest = np.where(gravity.largest > 0, gravity.largest, 1.0)
             bend = self.torques(q, gravity.masses, gravity.up) / largest
-            theta = theta + [own.get(f"joint{i + 1}", {}).get("gravity", 0) * b for i, b in enumerate(bend)]
-        cosines = [own.get(f"joint{i + 1}", {}).get("cos", 0) for i in range(len(q))]
-        sines = [own.get(f"joint{i + 1}", {}).get("sin", 0) for i in range(len(q))]
-        return theta + cosines * np.cos(q) + sines * np.sin(q)
+        rates = {"gravity": bend, "cos": np.cos(q), "sin": np.sin(q)}
+        theta = (q + delta).astype(complex)
+        for i in range(q.shape[-1]):
+            of_joint = own.get(f"joint{i + 1}", {})
+            for name in of_joint.keys() & rates.keys():
+                theta[..., i] += of_joint[name] * rates[name][..., i]
+        return theta
 
     def pose(self, q: np.ndarray, arm: np.ndarray) -> np.ndarray:
-        """(4, 4) of the flange at what was recorded; `arm` are offsets (n,) and geometry (g,)."""
-        n = len(q)
-        theta = self.true_joints(q, arm[:n], arm[n:])
-        return self.chain.frames(theta, self.grouped(arm[n:]))[-1]
+        """(..., 4, 4) of the flange at what was recorded; `arm` are offsets (n,) and geometry (g,)."""
+        n = q.shape[-1]
+        theta = self.true_joints(q, arm[..., :n], arm[..., n:])
+        return self.chain.frames(theta, self.grouped(arm[..., n:]))[-1]
 
     def miss(self, tool: Tool, q: np.ndarray, spot: np.ndarray, free: np.ndarray) -> np.ndarray:
         """As of `plain_model`; `free` is offsets, geometry, target, tool in one vector."""
-        own = free[: len(q) + len(self.names)]
-        rest = np.concatenate([np.zeros(len(q)), free[len(own) :]])
+        n, g = q.shape[-1], len(self.names)
+        own, rest = free[..., : n + g], free[..., n + g :]
+        rest = np.concatenate([np.zeros((*free.shape[:-1], n)), rest], axis=-1)
         return miss(lambda _: self.pose(q, own), tool, q, spot, rest)
 
     def covariance(
         self, tool: Tool, q: np.ndarray, spot: np.ndarray, free: np.ndarray, variances: np.ndarray
     ) -> np.ndarray:
-        """S (d, d), the joints' noise by the columns of the offsets, as the package takes it."""
-        n, g = len(q), len(self.names)
-        values = free[n : n + g]
-        theta = self.true_joints(q, free[:n], values)
-        own = Arm(self.arm.robot, lambda at: self.chain.frames(at, self.grouped(values))[-1])
-        rest = np.concatenate([np.zeros(n), free[n + g :]])
+        """S (..., d, d), the joints' noise by the columns of the offsets, as the package takes it."""
+        n, g = q.shape[-1], len(self.names)
+        values, rest = free[..., n : n + g], free[..., n + g :]
+        theta = self.true_joints(q, free[..., :n], values)
+        links = self.grouped(values[..., None, None, :])  # the same at each joint's steps to either side
+        own = Arm(self.arm.robot, lambda at: self.chain.frames(at, links)[-1])
+        rest = np.concatenate([np.zeros((*free.shape[:-1], n)), rest], axis=-1)
         return covariance(own, tool, theta, spot, rest, variances)
 
 

@@ -1,7 +1,7 @@
 """The model a second time: plain numpy from the equations, without CasADi or the package's own chain.
 
 Every function here also takes complex numbers (no conjugates), so that a complex step gives derivatives
-without any cancellation.
+without any cancellation; and many vectors at once, stacked along leading axes (`...`).
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -75,7 +76,7 @@ DESIGNED = ("irb1600", "modified", "scara", "gantry", "bent")
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """A robot of the package, and the pose of its flange by other means: (n,) -> (4, 4)."""
+    """A robot of the package, and the pose of its flange by other means: (..., n) -> (..., 4, 4)."""
 
     robot: Robot
     pose: Pose
@@ -123,7 +124,7 @@ def _dh_pose(rows: Sequence[tuple[float, ...]], convention: str, kinds: str) -> 
 
     def pose(q: np.ndarray) -> np.ndarray:
         result = np.eye(4, dtype=complex)
-        for (a, alpha, d, theta), kind, value in zip(rows, kinds, q, strict=True):
+        for (a, alpha, d, theta), kind, value in zip(rows, kinds, np.moveaxis(q, -1, 0), strict=True):
             angle = np.radians(theta) + (value if kind == "r" else 0)
             along = d + (value if kind == "p" else 0)
             c, s, ca, sa = np.cos(angle), np.sin(angle), np.cos(np.radians(alpha)), np.sin(np.radians(alpha))
@@ -131,7 +132,7 @@ def _dh_pose(rows: Sequence[tuple[float, ...]], convention: str, kinds: str) -> 
                 link = [[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s], [0, sa, ca, along]]
             else:
                 link = [[c, -s, 0, a], [s * ca, c * ca, -sa, -sa * along], [s * sa, c * sa, ca, ca * along]]
-            result = result @ np.array([*link, [0, 0, 0, 1]])
+            result = result @ matrix([*link, [0, 0, 0, 1]], value.shape)
         return result
 
     return pose
@@ -158,14 +159,17 @@ def _urdf_pose(path: Path, base: str, tip: str) -> Pose:
         steps.append((joint.get("type"), before, axis / np.linalg.norm(axis)))
 
     def pose(q: np.ndarray) -> np.ndarray:
-        result, values = np.eye(4, dtype=complex), iter(q)
+        result, values = np.eye(4, dtype=complex), iter(np.moveaxis(q, -1, 0))
         for kind, before, axis in steps:
             result = result @ before
-            motion = np.eye(4, dtype=complex)
+            if kind == "fixed":
+                continue
+            value = next(values)
+            motion = matrix(np.eye(4), value.shape)
             if kind == "prismatic":
-                motion[:3, 3] = axis * next(values)
-            elif kind != "fixed":
-                motion[:3, :3] = turn(axis, next(values))
+                motion[..., :3, 3] = axis * value[..., None]
+            else:
+                motion[..., :3, :3] = turn(axis, value)
             result = result @ motion
         assert next(values, None) is None
         return result
@@ -173,34 +177,44 @@ def _urdf_pose(path: Path, base: str, tip: str) -> Pose:
     return pose
 
 
-def turn(axis: np.ndarray, angle: complex) -> np.ndarray:
-    """Rotation (3, 3) by `angle` about the unit `axis`, from the unit quaternion (w, v) of half the angle."""
-    w, (x, y, z) = np.cos(angle / 2), np.sin(angle / 2) * axis
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + 2 * w * cross + 2 * cross @ cross
+def matrix(rows: Sequence[Sequence[Any]], shape: tuple[int, ...] = ()) -> np.ndarray:
+    """(..., rows, columns) of entries that are numbers or of that shape (...)."""
+    result = np.empty((*shape, len(rows), len(rows[0])), dtype=complex)
+    for i, row in enumerate(rows):
+        for j, entry in enumerate(row):
+            result[..., i, j] = entry
+    return result
+
+
+def turn(axis: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    """Rotation (..., 3, 3) by `angle` about the unit `axis`, from the unit quaternion (w, v) of half the
+    angle."""
+    w, (x, y, z) = np.cos(angle / 2), np.multiply.outer(axis, np.sin(angle / 2))
+    cross = matrix([[0, -z, y], [z, 0, -x], [-y, x, 0]], np.shape(angle))
+    return np.eye(3) + 2 * np.asarray(w)[..., None, None] * cross + 2 * cross @ cross
 
 
 # --- the tool and the miss --------------------------------------------------------------------------
 
 
 def unit(v: np.ndarray) -> np.ndarray:
-    return v / np.sqrt((v * v).sum())
+    return v / np.sqrt((v * v).sum(axis=-1, keepdims=True))
 
 
 def across(nominal: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """(3, 2): b1 is the first of the axes across the nominal beam axis, made square to u; b2 completes."""
+    """(..., 3, 2): b1 is the first of the axes across the nominal beam axis, square to u, and b2."""
     axis = int(np.argmax(np.abs(nominal)))
     first = np.eye(3)[{0: 1, 1: 2, 2: 0}[axis]]
-    b1 = unit(first - (first * u).sum() * u)
-    return np.array([b1, np.sign(nominal[axis]) * np.cross(u, b1)]).T
+    b1 = unit(first - (first * u).sum(axis=-1, keepdims=True) * u)
+    return np.stack([b1, np.sign(nominal[axis]) * np.cross(u, b1)], axis=-1)
 
 
 def beam(tool: Tool, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """p, u of a laser: u = normalise(u0 + tan(tilt1) b1 + tan(tilt2) b2), p = p0 + shift1 b1 + shift2 b2."""
     p, u = tool.point, tool.direction
-    if len(unknowns):
+    if unknowns.shape[-1]:
         b1, b2 = across(u, u).T
-        tilt1, tilt2, shift1, shift2 = unknowns
+        tilt1, tilt2, shift1, shift2 = np.moveaxis(unknowns, -1, 0)[..., None]
         u = unit(u + np.tan(tilt1) * b1 + np.tan(tilt2) * b2)
         p = p + shift1 * b1 + shift2 * b2
     return p, u
@@ -215,45 +229,57 @@ def miss(
     *,
     basis: np.ndarray | None = None,
 ) -> np.ndarray:
-    """m (d,) of section 1: y = R'(P - t); B'(y - p) - s of a beam, y - p of a probe.
+    """m (..., d) of section 1: y = R'(P - t); B'(y - p) - s of a beam, y - p of a probe.
 
     `free` is delta, target, tool in one vector; `basis` takes the place of B(u).
     """
-    n = len(q)
-    delta, target, unknowns = free[:n], free[n : n + 3], free[n + 3 :]
+    n = q.shape[-1]
+    delta, target, unknowns = free[..., :n], free[..., n : n + 3], free[..., n + 3 :]
     flange = pose(q + delta)
-    y = flange[:3, :3].T @ (target - flange[:3, 3])
+    y = _rows_times(flange[..., :3, :3], target - flange[..., :3, 3])
     if tool.kind == "probe":
-        return y - (unknowns if len(unknowns) else tool.point)
+        return y - (unknowns if unknowns.shape[-1] else tool.point)
     p, u = beam(tool, unknowns)
-    return (across(tool.direction, u) if basis is None else basis).T @ (y - p) - spot
+    return _rows_times(across(tool.direction, u) if basis is None else basis, y - p) - spot
+
+
+def _rows_times(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """M'v of each."""
+    return (np.swapaxes(matrices, -1, -2) @ vectors[..., None])[..., 0]
 
 
 def by_joints(own: Arm, tool: Tool, q: np.ndarray, spot: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """(d, n) derivative of the miss by the recorded joints, without any step error.
+    """(..., d, n) derivative of the miss by the recorded joints, without any step error.
 
     The miss is a sine of each turn and linear in each slide: half the difference of its values a quarter turn
     (or 1 mm) to either side is its derivative. Complex numbers go through, so that it can be derived again.
     """
     steps = np.diag(np.where(own.robot.display == 1, 1.0, np.pi / 2))
-    values = [[miss(own.pose, tool, q + e, spot, free) for e in (step, -step)] for step in steps]
-    return np.array([(ahead - behind) / 2 for ahead, behind in values]).T
+    around = q[..., None, None, :] + np.stack([steps, -steps])
+    values = miss(own.pose, tool, around, spot, free[..., None, None, :])
+    return np.swapaxes(values[..., 0, :, :] - values[..., 1, :, :], -1, -2) / 2
 
 
 def covariance(
     own: Arm, tool: Tool, q: np.ndarray, spot: np.ndarray, free: np.ndarray, variances: np.ndarray
 ) -> np.ndarray:
-    """S (d, d) of section 1: joint noise through the miss, and spot noise; `variances` (n + 1,)."""
+    """S (..., d, d) of section 1: joint noise through the miss, and spot noise; `variances` (..., n + 1)."""
     jacobian = by_joints(own, tool, q, spot, free)
-    return jacobian @ np.diag(variances[:-1]) @ jacobian.T + variances[-1] * np.eye(len(jacobian))
+    joints, spots = variances[..., None, :-1], variances[..., -1, None, None]
+    return (jacobian * joints) @ np.swapaxes(jacobian, -1, -2) + spots * np.eye(jacobian.shape[-2])
 
 
 def terms(
     own: Arm, tool: Tool, q: np.ndarray, spot: np.ndarray, free: np.ndarray, variances: np.ndarray
 ) -> np.ndarray:
-    """(2,) m' S^-1 m and the whole log det S of one shot."""
+    """(..., 2) m' S^-1 m and the whole log det S of one shot."""
     m, s = miss(own.pose, tool, q, spot, free), covariance(own, tool, q, spot, free, variances)
-    return np.array([m @ np.linalg.solve(s, m), np.log(np.linalg.det(s.astype(complex)))])
+    return np.stack([square(m, s), np.log(np.linalg.det(s.astype(complex)))], axis=-1)
+
+
+def square(m: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """(...) m' S^-1 m."""
+    return (m * np.linalg.solve(s, m[..., None])[..., 0]).sum(axis=-1)
 
 
 # --- derivatives ------------------------------------------------------------------------------------
@@ -264,6 +290,12 @@ def by_complex_step(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray)
     step = 1e-30
     columns = [np.imag(function(x + 1j * step * e)) / step for e in np.eye(len(x))]
     return np.stack(columns, axis=-1)
+
+
+def by_complex_steps(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
+    """The same of a function that takes many vectors at once: all steps in one call."""
+    step = 1e-30
+    return np.moveaxis(np.imag(function(x + 1j * step * np.eye(len(x)))) / step, 0, -1)
 
 
 def by_differences(
