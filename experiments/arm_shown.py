@@ -14,6 +14,7 @@ from ..model.arms.orientation import Orientation, orientation
 from ..model.arms.reach import reach
 from ..model.errors import BadInput
 from ..model.files.header import UrdfRef
+from ..model.files.limits import beyond_limits
 from ..model.files.robot_file import built_in_robots, load_robot, stated_rows
 from ..model.robot import Matrix, Robot
 from .importers.typed import typed_joints
@@ -103,5 +104,5 @@ def _joints(robot: Robot, text: str, units: Literal["deg", "rad"], j3: J3) -> Ma
 def _pose(robot: Robot, joints: Matrix) -> ShownPose:
     pose = robot.fk(joints, "rad")
     x, y, z = (float(value) for value in pose[:3, 3])
-    outside = np.flatnonzero((joints < robot.lower - 1e-6) | (joints > robot.upper + 1e-6)) + 1
+    outside = np.flatnonzero(beyond_limits(robot, joints * robot.display)) + 1
     return ShownPose(joints, (x, y, z), orientation(pose[:3, :3]), tuple(int(i) for i in outside))

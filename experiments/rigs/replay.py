@@ -19,7 +19,7 @@ from ..sensors.psd import Psd
 
 _SIZE = 200.0  # mm: a spot that was recorded is on it
 _NOISE = 1e-6  # mm: a recorded spot is a mean already
-_SAME_POSTURE = 5.0  # deg (mm): joints that are not turned onto the target are as planned
+SAME_POSTURE = 5.0  # deg (mm): joints that are not turned onto the target are as planned
 
 
 class ReplayRig:
@@ -118,7 +118,7 @@ def require_planned(plan: Plan, run: Run, said: str, remedy: str, *, anywhere: b
             allowed = f"target {plan.targets[number]}, as the plan's posture {number}"
         else:
             off = np.abs(shot.joints_deg - planned_deg[number])[kept]
-            if anywhere or off.max(initial=0.0) <= _SAME_POSTURE:
+            if anywhere or off.max(initial=0.0) <= SAME_POSTURE:
                 continue
             found = (
                 f"measurement {shot.shot}, whose joint {np.argmax(off) + 1} is {off.max():.1f} deg (mm) off"

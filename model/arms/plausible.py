@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 LONGEST = 10_000.0  # mm: all links of an arm together; the largest arms have some 6 m
 _SHORTEST = 50.0  # mm: all links together
-_ONE_TURN = 6.3  # rad
+ONE_TURN = 6.3  # rad, a little more than 2 pi
 _SLOWEST = 20.0  # deg/s: some joint of any arm is faster
 _NEAR_DEG = 10.0
 _METRES = (0.05, 3.0)  # a link's length, if it was written in metres
@@ -45,8 +45,8 @@ def doubtful_rows(
             if _fraction_of_pi(value)
         ),
     ]
-    if limits and any(limits) and max(map(abs, limits)) <= _ONE_TURN:
-        said.append(f"all limits are within ±{_ONE_TURN} degrees, as limits in radians would be")
+    if limits and any(limits) and max(map(abs, limits)) <= ONE_TURN:
+        said.append(f"all limits are within ±{ONE_TURN} degrees, as limits in radians would be")
     if speeds and max(speeds) <= _SLOWEST:
         said.append(
             f"the fastest joint makes {max(speeds):.6g} degrees a second: are the speeds in radians a second?"

@@ -7,13 +7,14 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ..arms.plausible import ONE_TURN
 from ..errors import BadInput
 from ..robot import Matrix, Robot
 
 # Values recorded at a limit may differ from it by what one conversion between degrees and radians rounds off.
 ROUNDING = 1e-6
-ONE_TURN = 6.3  # rad, a little more than 2 pi
 WIDE = 90.0  # degrees: a joint that can go this far is seldom used within a few degrees of zero only
 
 
@@ -29,6 +30,12 @@ def require_joint_count(
             file=file,
             line=line,
         )
+
+
+def beyond_limits(robot: Robot, joints: Matrix) -> NDArray[np.bool_]:
+    """Which of joint values (…, n), degrees or mm, are outside the limits."""
+    lower, upper = robot.lower * robot.display, robot.upper * robot.display
+    return np.asarray((joints < lower - ROUNDING) | (joints > upper + ROUNDING))
 
 
 def check_limits(
@@ -47,7 +54,7 @@ def check_limits(
     names all such rows. Values that look like radians, all within limits, are a sentence too.
     """
     lower, upper = robot.lower * robot.display, robot.upper * robot.display
-    outside = (joints < lower - ROUNDING) | (joints > upper + ROUNDING)
+    outside = beyond_limits(robot, joints)
     if not outside.any():
         return _perhaps_radians(robot, joints)
     hint = _unit_hint(robot, joints)

@@ -9,13 +9,14 @@ from typing import Literal
 import numpy as np
 
 from ....analysis.observability.aim import servo_joints
-from ....model.files.limits import ONE_TURN, ROUNDING
+from ....model.arms.plausible import ONE_TURN
+from ....model.files.limits import beyond_limits
 from ....model.files.plan import Plan
 from ....model.files.shot import Shot
 from ....model.problem import Problem
 from ....model.robot import Matrix
+from ..replay import SAME_POSTURE
 
-SAME_POSTURE = 5.0  # deg (mm): joints that are not turned onto the target are as planned
 _SAME = 1e-4  # deg (mm): an arm that has moved is not read the same in every joint
 
 Kind = Literal["limit", "radians", "repeated", "far"]
@@ -74,12 +75,11 @@ class Judge:
 
     def _limit(self, joints: Matrix) -> Doubt | None:
         robot = self._plan.robot
-        lower, upper = robot.lower * robot.display, robot.upper * robot.display
-        outside = np.flatnonzero((joints < lower - ROUNDING) | (joints > upper + ROUNDING))
+        outside = np.flatnonzero(beyond_limits(robot, joints))
         if not outside.size:
             return None
         i = int(outside[0])
-        unit = robot.joints[i].unit
+        unit, lower, upper = robot.joints[i].unit, robot.lower * robot.display, robot.upper * robot.display
         said = (
             f"joint {i + 1} is at {joints[i]:.6g} {unit}, beyond its limits {lower[i]:.6g} to {upper[i]:.6g}"
         )
