@@ -13,7 +13,7 @@ import typer
 from ..interruption import answered
 from ..model.errors import BadInput
 from .console import EXIT_STATUS, OutputLost, err, json_text, out, print_json
-from .options import Camera, Json, NewRunFile, PlanFile, Seed
+from .options import Camera, J3Origin, Json, NewRunFile, PlanFile, Seed
 
 if TYPE_CHECKING:
     from ..experiments.recording import Controller
@@ -89,7 +89,7 @@ def run(
         Literal["deg", "rad"], typer.Option(help="Manual: unit of the joint values, if they state none.")
     ] = "deg",
     j3: Annotated[
-        Literal["ground", "link"] | None,
+        J3Origin | None,
         typer.Option(help="Manual: joint 3 is counted from; FANUC's pendant: ground.", show_default=False),
     ] = None,
     closing: Annotated[

@@ -10,7 +10,7 @@ import typer
 
 from ..model.errors import BadInput
 from .console import out, progress
-from .options import Force, MeasuredPlan, NewRunFile, SharedHeader
+from .options import Force, J3Origin, MeasuredPlan, NewRunFile, SharedHeader
 
 if TYPE_CHECKING:
     from ..experiments.importers import Imported, Stillness
@@ -22,7 +22,6 @@ imports = typer.Typer(help="Make a run from recorded files that people have.", n
 AngleUnit = Literal["deg", "rad"]
 LengthUnit = Literal["mm", "m"]
 ClockUnit = Literal["s", "ms", "us", "ns"]
-J3Origin = Literal["ground", "link"]
 KnownLog = Literal["ur", "egm", "robodk"]
 
 Targets = Annotated[

@@ -10,7 +10,6 @@ import typer
 
 from .importing import (
     Decimal,
-    J3Origin,
     MarkerColumn,
     StillDeg,
     StillSeconds,
@@ -21,7 +20,7 @@ from .importing import (
     stated,
     write_imported,
 )
-from .options import Force, MeasuredPlan, NewRunFile, SharedHeader
+from .options import Force, J3Origin, MeasuredPlan, NewRunFile, SharedHeader
 
 _PointNames = Annotated[
     str | None,
@@ -115,7 +114,7 @@ def import_universal_robots(
     still_s: StillSeconds = None,
     delimiter: Annotated[
         str | None,
-        typer.Option(help="Of a recording, if not the usual one.", show_default=False),
+        typer.Option(help="Delimiter of a recording, if not the usual one.", show_default=False),
     ] = None,
     decimal: Decimal = ".",
     marker_column: MarkerColumn = None,

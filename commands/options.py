@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
+
+J3Origin = Literal["ground", "link"]
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for programs, and nothing else.")]
 Seed = Annotated[int, typer.Option(min=0, help="Random seed: the same seed gives the same answer.")]

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import Annotated, NoReturn
 
 import typer
 
 from ..model.errors import BadInput
 from .console import EXIT_STATUS, out, print_json, print_picture, progress
 from .options import Force, Json, Picture, RunFile, Seed
-
-if TYPE_CHECKING:
-    from ..experiments.exporters.verification import Verification
 
 
 class PlanKind(StrEnum):
@@ -199,7 +196,7 @@ def _plan_verify(
     from ..experiments.exporters.verification import plan_json, write_verification
     from ..reports.terminal.acceptance import print_verification
 
-    made: Verification = write_verification(run, file, shots, _enough(tolerance), force=force)
+    made = write_verification(run, file, shots, _enough(tolerance), force=force)
     if as_json:
         print_json(plan_json(made))
     else:

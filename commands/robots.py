@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 import typer
 
 from ..model.errors import BadInput
-from .console import out, print_json
-from .options import Json
+from .console import out, print_json, print_picture
+from .options import J3Origin, Json
 
 
 def robot(
@@ -30,9 +30,7 @@ def robot(
         ),
     ] = None,
     units: Annotated[Literal["deg", "rad"], typer.Option(help="Unit of --joints.")] = "deg",
-    j3: Annotated[
-        Literal["ground", "link"], typer.Option(help="Joint 3 is counted from; FANUC's pendant: ground.")
-    ] = "link",
+    j3: Annotated[J3Origin, typer.Option(help="Joint 3 is counted from; FANUC's pendant: ground.")] = "link",
     base: Annotated[
         str | None, typer.Option(help="First link of a URDF's chain.", show_default=False)
     ] = None,
@@ -70,5 +68,4 @@ def robot(
         print_json(arm_json(arm))
         return
     print_arm(out, arm)
-    if picture is not None:
-        out.print(f"Picture: {picture}", soft_wrap=True, markup=False)
+    print_picture(picture)
