@@ -26,7 +26,7 @@ def export_plan(
     file: Annotated[
         Path, typer.Option("-o", "--out", help="File to write; krl writes a .dat too.", show_default=False)
     ],
-    speed: Annotated[float, typer.Option(help="Of the fastest joint, degrees a second.")] = 10.0,
+    speed: Annotated[float, typer.Option(help="Speed of the fastest joint, degrees a second.")] = 10.0,
     zone: Annotated[
         float,
         typer.Option(

@@ -104,7 +104,7 @@ def import_csv(
         bool,
         typer.Option(
             "--small-angles",
-            help="The angles are degrees indeed, although all are as small as radians would be.",
+            help="The angles are in degrees, although all are as small as radians would be.",
         ),
     ] = False,
     force: Force = False,
@@ -340,7 +340,7 @@ def import_ur_calibration(
         Path, typer.Option("-o", "--out", help="Robot file to write (.yaml).", show_default=False)
     ],
 ) -> None:
-    """A robot file of one very UR arm: nominal rows and its factory calibration."""
+    """A robot file of an individual UR arm: nominal rows and its factory calibration."""
     from ..experiments.exporters.calibrated_ur import calibrated_text
     from ..experiments.importers.ur_calibration import read_ur_calibration
     from ..model.files.whole_file import refuse_existing, write_whole

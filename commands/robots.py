@@ -40,7 +40,7 @@ def robot(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Show a robot: joints, reach, and the flange's pose as pendants show it, to hold against the pendant."""
+    """Show a robot: joints, reach, and the flange's pose as pendants show it, to compare with the pendant."""
     from ..experiments.arm_shown import arm_json, shown_arm
     from ..model.files.header import UrdfRef
     from ..model.files.robot_file import built_in_robots

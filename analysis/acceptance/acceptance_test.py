@@ -31,7 +31,7 @@ FALSE_ALARM = 0.01
 POWER = 0.8  # against an error of the tolerance in each offset that was entered
 _STEPS = 5  # Gauss and Newton's, for the targets
 
-Acceptance = Literal["pass", "fail", "cannot tell"]
+Acceptance = Literal["pass", "fail", "inconclusive"]
 
 
 @dataclass(frozen=True)
@@ -195,7 +195,7 @@ def accept(prediction: Prediction, solution: Solution, tolerance: Mapping[str, f
     p_value = prediction.p_value(found)
     offsets = entered_offsets(prediction, found, solution, tolerance)
     mistakes: tuple[Mistake, ...] = ()
-    verdict: Acceptance = "cannot tell"
+    verdict: Acceptance = "inconclusive"
     if p_value is not None and p_value < FALSE_ALARM:
         verdict, mistakes = "fail", _mistakes(prediction)
     elif p_value is not None and offsets and all(own.power >= POWER for own in offsets):

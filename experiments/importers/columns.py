@@ -19,7 +19,7 @@ def columns_of_joints(columns: Sequence[str] | None, robot: Robot) -> Sequence[s
     """The columns of joint 1, 2, …, in this order, from a list of them or of `column=joint`.
 
     A joint is named as in the robot file, or j1, j2, …, or by its number. BadInput for a joint that is not
-    there, is missing or stands twice.
+    there, is missing or a duplicate.
     """
     if columns is None or not any("=" in column for column in columns):
         return columns

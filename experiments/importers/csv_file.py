@@ -146,7 +146,7 @@ def _require_degrees(found: Sequence[Found], robot: Robot) -> None:
             "the angles look like radians, but degrees are stated",
             found=f"no joint beyond {np.abs(joints).max():.4g}, in {len(joints)} postures",
             allowed="angles in the stated unit",
-            remedy="state --units rad; or --small-angles, if they are degrees indeed",
+            remedy="state --units rad; or --small-angles, if they are in degrees",
             file=found[0].path,
         )
 

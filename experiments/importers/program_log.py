@@ -2,8 +2,8 @@
 
     zerobeam posture 3 deg -69.348 -18.862 49.270 136.545 -39.529 -82.750
 
-Anything may stand before: the time that a controller prints. Lists of URScript have brackets and commas, and
-whole millionths of a degree.
+Anything may precede it on the line: the time that a controller prints. Lists of URScript have brackets and
+commas, and whole millionths of a degree.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def _found(path: Path, target: str, job: Job) -> Found:
                 line=line,
             )
         if line == len(lines):
-            # Without the end of the line nobody knows whether its last number is whole.
+            # Without the end of the line its last number may be incomplete.
             notes.append(f"  line {line} has no end and is ignored")
             continue
         joints = _joints(match, job.robot, path, line)

@@ -100,5 +100,5 @@ def _joints(point: Point, robot: Robot, path: Path) -> tuple[float, ...]:
 
 
 def without_unused(joints: tuple[float, ...], robot: Robot) -> tuple[float, ...]:
-    """Without the zeros of axes that the robot has not, at the end."""
+    """Without the zeros at the end, of axes that the robot does not have."""
     return joints if any(joints[robot.n :]) else joints[: robot.n]

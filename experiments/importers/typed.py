@@ -26,7 +26,7 @@ Unit = Literal["deg", "rad"]
 
 @dataclass(frozen=True)
 class Typed:
-    """Joint values as they stand in a text, and the unit if the text states it."""
+    """Joint values as a text has them, and the unit if the text states it."""
 
     values: tuple[float, ...]
     unit: Unit | None

@@ -1,4 +1,4 @@
-"""The factory calibration of a Universal Robots arm, as a robot file of that very arm.
+"""The factory calibration of a Universal Robots arm, as a robot file of that arm.
 
 Two public forms are read:
 

@@ -103,8 +103,8 @@ class Recorded(Event):
 
 @dataclass(frozen=True)
 class Asked(Event):
-    """A person is asked for measurement `shot`: `done` of `postures` are over; `joints_deg` as planned,
-    joint 3 as the pendant counts it."""
+    """A person is asked for measurement `shot`: `done` of `postures` are measured or skipped; `joints_deg` as
+    planned, joint 3 as the pendant counts it."""
 
     event: ClassVar[str] = "posture"
     shot: int
@@ -128,7 +128,7 @@ class Doubted(Event):
 
 @dataclass(frozen=True)
 class Withdrawn(Event):
-    """A measurement is taken out of the run file, to be repeated."""
+    """A measurement is removed from the run file, to be repeated."""
 
     event: ClassVar[str] = "withdrawn"
     shot: int

@@ -161,7 +161,7 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Page:
-    """A whole report or study. `facts` stand in its head: when, which machine, by whom."""
+    """A whole report or study. `facts` are in its head: when, which machine, by whom."""
 
     title: str
     subtitle: str

@@ -23,7 +23,7 @@ from ..words.wording import counted, label, listed
 _HEAD: dict[Acceptance, tuple[str, str]] = {
     "pass": ("Pass", "bold green"),
     "fail": ("Fail", "bold red"),
-    "cannot tell": ("The data cannot tell", "bold yellow"),
+    "inconclusive": ("Inconclusive", "bold yellow"),
 }
 _STEPS = (
     "Enter the offsets, bring the target back to about its place, and record these postures with the"
@@ -87,7 +87,7 @@ def _about(offsets: Sequence[EnteredOffset]) -> str:
     else:
         enough += "; here it can fail, but not pass: record more postures."
     return (
-        f"Probability that the test notices an error; it fails a right calibration with {FALSE_ALARM:.0%}."
+        f"Probability that the test notices an error; a correct calibration fails with {FALSE_ALARM:.0%}."
         f" {enough}"
     )
 

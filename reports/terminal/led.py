@@ -53,7 +53,7 @@ def led_view(console: Console) -> Told:
             case Suspected():
                 _say(console, _suspected(event), "yellow")
             case Withdrawn():
-                _say(console, f"Measurement {event.shot} is taken out, to be repeated.")
+                _say(console, f"Measurement {event.shot} is removed, to be repeated.")
             case GivenUp():
                 _say(console, f"Posture {event.shot} is skipped ({shown(event.found)}).")
             case _:
@@ -105,7 +105,7 @@ def _falls(before: Mapping[str, float | None], after: Mapping[str, float | None]
 
 def _suspected(event: Suspected) -> str:
     return (
-        f"! Measurement {event.shot} contradicts the others: they put its beam or tip"
-        f" {numbers.significant(event.residual_mm, 2, 'mm')} off the target (p-value"
-        f" {numbers.p_value(event.p_value)}). 'redo {event.shot}' repeats it."
+        f"! Measurement {event.shot} contradicts the others: its residual at their fit is"
+        f" {numbers.significant(event.residual_mm, 2, 'mm')} (p-value {numbers.p_value(event.p_value)})."
+        f" 'redo {event.shot}' repeats it."
     )

@@ -125,7 +125,7 @@ def test_skip_redo_comment_and_another_posture(plan: Path, monkeypatch: pytest.M
     shots = {shot.shot: shot for shot in read_run(plan.parent / "run.jsonl").shots}
     assert shots[0].comment == "beam flickers [31m"
     assert shots[1].comment is None
-    assert "Measurement 0 is taken out" in answer.err
+    assert "Measurement 0 is removed" in answer.err
     assert "skipped" in answer.out
     # A resumed run asks for what was skipped.
     assert "Posture 5 of 5 (measurement 2)" in led(plan, monkeypatch, TYPED[2], asked=("--resume",)).err

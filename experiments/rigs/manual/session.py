@@ -1,4 +1,4 @@
-"""A run by hand: each posture is asked for, what is answered is judged, recorded, and its effect told.
+"""A run by hand: each posture is asked for, what is answered is judged, recorded, and its effect shown.
 
 As with other rigs a run follows from the journal alone: a run that is resumed asks for what is not recorded.
 """

@@ -67,11 +67,11 @@ def _not_yet(result: Result) -> list[str]:
         " and zerobeam check plan.yaml before you measure."
     ]
     if known and open_:
+        command, file = _command(result)
         without = " ".join(f"--without {name}" for name in open_)
         said.append(
             "If the identified offsets are to be applied alone, at your decision:"
-            f" zerobeam export {_command(result)[0].removeprefix('export ')} {run} {without} -o"
-            f" {_command(result)[1]}."
+            f" zerobeam {command} {run} {without} -o {file}."
         )
     return said
 
@@ -108,7 +108,7 @@ def _steps(result: Result) -> list[str]:
     said.append(
         "3. Verify with the corrected robot. A few postures of this run, chosen for the purpose:"
         f" zerobeam plan verify {run} -o verify.yaml. Measure them as before, then"
-        f" zerobeam verify {run} NEW.jsonl says pass, fail, or that the data cannot tell."
+        f" zerobeam verify {run} NEW.jsonl says pass, fail or inconclusive."
     )
     return said
 

@@ -105,14 +105,14 @@ def test_a_right_calibration_passes_and_one_that_was_not_entered_is_named():
 @pytest.mark.parametrize("rows", [(0, 1), (0, 1, 2)])
 def test_too_few_postures_never_pass(rows):
     found = answer(rows=rows)
-    assert found.verdict == "cannot tell"
+    assert found.verdict == "inconclusive"
     assert found.unseen
     assert all(own.power < POWER for own in found.unseen)
 
 
 def test_one_posture_leaves_nothing_to_judge_by():
     found = answer(rows=(0,))
-    assert (found.dof, found.p_value, found.verdict) == (0, None, "cannot tell")
+    assert (found.dof, found.p_value, found.verdict) == (0, None, "inconclusive")
 
 
 def test_the_chosen_postures_are_enough_where_they_can_be():
