@@ -184,7 +184,7 @@ def geometry_lines(result: Result) -> list[str]:
     lines = confounded_lines(result)[:1]
     if own.factors is not None:
         lines.append(factors_sentence(own) or "")
-    determined = sum(row.group == "geometry" and row.estimate is not None for row in result.parameters)
+    determined = sum(row.group == "geometry" and row.std is not None for row in result.parameters)
     free = sum(row.group == "geometry" and not row.held for row in result.parameters)
     kept = [RUNGS[rung.rung].removeprefix("+ ") for rung in own.ladder if rung.kept]
     left = [

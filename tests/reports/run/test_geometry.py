@@ -109,6 +109,8 @@ def test_the_table_has_the_parameters_that_are_determined_and_no_other() -> None
     assert lost
     shown = table(section(geometry()), "Deviations from nominal")
     assert [row.cells[0].text for row in shown.rows] == determined
+    free = sum(not row.held for row in rows)
+    assert f"Geometry: {len(determined)} of {free} parameters determined" in geometry_lines(geometry())[-1]
     text = said(section(geometry()))
     (listed,) = re.findall(r"Prior only, without an estimate: (\d+) geometry parameters?", text)
     assert int(listed) == len(lost)
