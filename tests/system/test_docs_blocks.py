@@ -1,7 +1,7 @@
 """Every block of the documentation is run, or read as the file that it is, and prints what the page says.
 
 In the short form posteriors are drawn shorter, plans are chosen from fewer postures where a page does not say
-how many, only the README's report is written, two pages are left out; the long tests run all as it stands.
+how many, only the README's report is written, four pages are left out; the long tests run all as it stands.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ SHORT = {
     ("report",): ("--ess", "100"),
     ("plan", "optimal"): ("--candidates", "300"),
 }
-SLOW = {"docs/tutorial.md", "docs/how-to/uncalibrated-tool.md"}
+SLOW = {f"docs/{name}.md" for name in ("tutorial", "how-to/uncalibrated-tool", "how-to/ur5e", "how-to/kr6")}
 # A page whose recordings are not ours to ship: where the reader puts what of the shared data.
 RECORDED = {"docs/tutorial.md": {"panda.urdf": "mukca/urdf/panda.urdf", "panda_2": "mukca/panda_2"}}
 # Untitled examples that another block of their page reads.
