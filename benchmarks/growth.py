@@ -20,7 +20,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -54,17 +54,22 @@ class Spent(NamedTuple):
     memory: float
 
 
-def spent(what: str, size: int, cache: Path, *arguments: object) -> Spent:
-    command = [sys.executable, "-c", PROGRAM, *map(str, arguments)]
-    environment = {**os.environ, "ZEROBEAM_CACHE": str(cache)}
+def used_by(command: Sequence[str], environment: Mapping[str, str]) -> tuple[float, float, float]:
+    """Seconds by the clock and of all cores, and the peak of memory (MB), of one process. Any verdict is
+    well."""
     began = time.perf_counter()
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, env=environment)
     _, status, used = os.wait4(process.pid, 0)
     clock = time.perf_counter() - began
     process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode not in (0, 1):
-        sys.exit(f"{' '.join(command[3:])} ended with {process.returncode}")
-    return Spent(what, size, clock, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)
+        sys.exit(f"{' '.join(command)} ended with {process.returncode}")
+    return clock, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
+
+
+def spent(what: str, size: int, cache: Path, *arguments: object) -> Spent:
+    command = [sys.executable, "-c", PROGRAM, *map(str, arguments)]
+    return Spent(what, size, *used_by(command, {**os.environ, "ZEROBEAM_CACHE": str(cache)}))
 
 
 def header(robot: str, tool: dict[str, object], place: Sequence[float]) -> Header:

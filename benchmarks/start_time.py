@@ -13,17 +13,16 @@ from __future__ import annotations
 import argparse
 import os
 import statistics
-import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
+
+from growth import PROGRAM, used_by
 
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.plan import write_plan
 from zerobeam.model.files.run import read_run
 
-PROGRAM = "from zerobeam.cli import main; main()"
 YARDSTICK = "import emcee, casadi"
 
 
@@ -36,17 +35,11 @@ def plan_of(run: Path, file: Path) -> Path:
 
 
 def spent(command: list[str]) -> tuple[float, float]:
-    """Seconds by the clock and of all cores of one process; any verdict is well."""
+    """Seconds by the clock and of all cores of one process."""
     # As installed: modules are compiled to bytecode once.
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
-    began = time.perf_counter()
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, env=environment)
-    _, status, used = os.wait4(process.pid, 0)
-    clock = time.perf_counter() - began
-    process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode not in (0, 1):
-        sys.exit(f"{' '.join(command)} ended with {process.returncode}")
-    return clock, used.ru_utime + used.ru_stime
+    clock, cores, _ = used_by(command, environment)
+    return clock, cores
 
 
 def main() -> None:
