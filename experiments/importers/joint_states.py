@@ -15,7 +15,7 @@ import numpy as np
 
 from ...model.errors import BadInput
 from ...model.files.reading import did_you_mean, read_text, shown
-from ...model.robot import Robot
+from ...model.robot import Matrix, Robot
 from .columns import columns_of_joints
 from .imported import Found, Imported, Job, Stated
 from .table import number
@@ -63,9 +63,13 @@ def joint_names(robot: Robot, columns: Sequence[str] | None) -> list[str]:
     return names
 
 
+def per_unit(robot: Robot) -> Matrix:
+    """(n,) degrees in a radian, or mm in a metre, of each joint."""
+    return np.array([joint.display if joint.kind == "revolute" else 1000.0 for joint in robot.joints])
+
+
 def _rows(path: Path, robot: Robot, names: Sequence[str]) -> tuple[list[list[float]], list[int]]:
     """Degrees (mm) of each message, and the line where it begins."""
-    per_unit = [joint.display if joint.kind == "revolute" else 1000.0 for joint in robot.joints]
     rows, lines = [], []
     text, _ = read_text(path)
     for line, message in _messages(text):
@@ -79,7 +83,7 @@ def _rows(path: Path, robot: Robot, names: Sequence[str]) -> tuple[list[list[flo
             )
         position = dict(zip(message["name"], message["position"], strict=False))
         values = []
-        for name, unit in zip(names, per_unit, strict=True):
+        for name, unit in zip(names, per_unit(robot).tolist(), strict=True):
             if name not in position:
                 raise BadInput(
                     f"the message has no joint {name!r}",

@@ -18,7 +18,7 @@ from ...model.robot import Robot
 from .columns import columns_of_joints
 from .dwells import Log, Mark, Stillness
 from .imported import Imported, Job, Stated
-from .joint_states import joint_names
+from .joint_states import joint_names, per_unit
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
@@ -95,9 +95,8 @@ def _read(
                 Mark((stamp - stamps[0]) * 1e-9, _target(message))
                 for stamp, message in _messages(reader, markers, path)
             ]
-    per_unit = np.array([joint.display if joint.kind == "revolute" else 1000.0 for joint in robot.joints])
     times = np.array([(stamp - stamps[0]) * 1e-9 for stamp in stamps])
-    return Log(path, times, np.array(rows) * per_unit, marks=marks), chosen
+    return Log(path, times, np.array(rows) * per_unit(robot), marks=marks), chosen
 
 
 @contextmanager
