@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtrc
+import scipy
 
 from ...model.robot import Matrix
 from ..estimation.fit import LikelihoodFit, fit_likelihood
@@ -40,7 +40,7 @@ def suspect(fit: LikelihoodFit, dof: int) -> Suspect | None:
             at = problem.select(numbers[[i]]).whiten(others.x)
             best = fall, int(i), float(np.linalg.norm(at.residual_mm[0]))
     assert best is not None
-    p_value = min(1.0, problem.shots * float(chdtrc(size, max(best[0], 0.0))))
+    p_value = min(1.0, problem.shots * float(scipy.special.chdtrc(size, max(best[0], 0.0))))
     if p_value >= SIGNIFICANT:
         return None
     return Suspect(problem.shot_numbers[best[1]], p_value, best[2])
