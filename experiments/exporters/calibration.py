@@ -183,15 +183,7 @@ def _calibration(
     without: Sequence[str],
     holds: Holds,
 ) -> Calibration:
-    run.require_analysable()
-    problem = Problem.from_run(run)
-    require_noise_data(problem)
-    solution = solved(problem, run.header, seed=SEED).solution
-    if not solution.converged:
-        raise FitFailed(
-            f"{run.path}: the fit did not converge ({solution.fit.reason}): nothing can be exported\n"
-            "  to do:   look at the run with zerobeam analyse; record more measurements, in varied postures"
-        )
+    solution = converged_solution(run, "nothing can be exported")
     if not (unvalidated or as_data):
         require_validated(solution)
     _require_one_basin(solution)
@@ -223,11 +215,26 @@ def _calibration(
         run.path.name,
         run.sha256,
         run.robot.name,
-        problem.shots,
+        solution.problem.shots,
         versions(),
         solution.misfit is not None,
         (*map(criterion_sentence, misfit), *moved, *run.warnings),
     )
+
+
+def converged_solution(run: Run, so: str) -> Solution:
+    """The solution of a run as `analyse` finds it; FitFailed, which says what follows (`so`), where the fit
+    did not converge."""
+    run.require_analysable()
+    problem = Problem.from_run(run)
+    require_noise_data(problem)
+    solution = solved(problem, run.header, seed=SEED).solution
+    if not solution.converged:
+        raise FitFailed(
+            f"{run.path}: the fit did not converge ({solution.fit.reason}): {so}\n"
+            "  to do:   look at the run with zerobeam analyse; record more measurements, in varied postures"
+        )
+    return solution
 
 
 def require_validated(solution: Solution) -> None:

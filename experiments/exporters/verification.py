@@ -11,16 +11,14 @@ from threadpoolctl import threadpool_limits
 
 from ...analysis.acceptance.acceptance_test import AcceptanceResult, Prediction, accept
 from ...analysis.acceptance.postures import VerificationPlan, choose
-from ...analysis.solution import Solution, require_noise_data
-from ...analysis.solved import solved
-from ...model.errors import BadInput, FitFailed
+from ...analysis.solution import Solution
+from ...model.errors import BadInput
 from ...model.files.header import Header, StatedTarget
 from ...model.files.plan import write_plan
 from ...model.files.robot_file import rebased, robot_path
 from ...model.files.run import Run, read_run
 from ...model.files.whole_file import refuse_existing
-from ...model.problem import Problem
-from .calibration import SEED, require_validated
+from .calibration import converged_solution, require_validated
 
 _RUN, _SHA, _ENTERED = "verifies", "verifies sha256", "entered"
 _DECIMALS = 6  # of degrees and mm in the plan
@@ -81,14 +79,7 @@ def accepted(path: Path, new: Path, tolerance: float | None) -> AcceptanceResult
 
 
 def _solution(run: Run) -> Solution:
-    run.require_analysable()
-    problem = Problem.from_run(run)
-    require_noise_data(problem)
-    solution = solved(problem, run.header, seed=SEED).solution
-    if not solution.converged:
-        raise FitFailed(
-            f"{run.path}: the fit did not converge ({solution.fit.reason}): nothing was to be entered"
-        )
+    solution = converged_solution(run, "nothing was to be entered")
     try:
         require_validated(solution)
     except BadInput as error:
