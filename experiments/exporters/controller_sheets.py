@@ -16,6 +16,7 @@ from ...model.errors import BadInput
 from ...model.robot import Robot
 from .ascii_line import one_line
 from .calibration import Calibration, Offset
+from .vendors import require_vendor
 
 _CAUTION = (
     "CAUTION. The controller keeps no history: WRITE THE PRESENT VALUES DOWN FIRST, and make a backup. The",
@@ -53,7 +54,7 @@ class FanucCounts:
 
 def ur_text(robot: Robot, calibration: Calibration) -> str:
     """Universal Robots: the zero of each joint, for the joint calibration of the service manual."""
-    _require(robot, "universal-robots", "Universal Robots")
+    require_vendor(robot, "universal-robots", "this sheet")
     return _sheet(
         calibration,
         [
@@ -68,7 +69,7 @@ def ur_text(robot: Robot, calibration: Calibration) -> str:
 
 def kuka_text(robot: Robot, calibration: Calibration) -> str:
     """KUKA: mastering offsets."""
-    _require(robot, "kuka", "KUKA")
+    require_vendor(robot, "kuka", "this sheet")
     table = [
         "axis   offset deg   master the axis where it reads      $MAMES[] (machine data)",
         *(
@@ -96,7 +97,7 @@ def kuka_text(robot: Robot, calibration: Calibration) -> str:
 
 def fanuc_text(robot: Robot, calibration: Calibration, ground: bool, counts: FanucCounts | None) -> str:
     """FANUC: master counts. `ground`: joint 3 of the controller is counted from the ground."""
-    _require(robot, "fanuc", "FANUC")
+    require_vendor(robot, "fanuc", "this sheet")
     offsets = _as_fanuc(calibration, ground)
     lines = ["joint  offset deg   new master count"]
     for i, offset in enumerate(offsets):
@@ -171,16 +172,6 @@ def _sheet(calibration: Calibration, about: Sequence[str], table: Sequence[str])
         "done by, on: ______________________",
     ]
     return "\n".join(map(one_line, lines)) + "\n"
-
-
-def _require(robot: Robot, vendor: str, name: str) -> None:
-    if robot.vendor not in (None, vendor):
-        raise BadInput(
-            f"this sheet is for robots of {name}",
-            found=f"{robot.name}, of {robot.vendor}",
-            allowed=f"a robot of {name}",
-            remedy="choose the format of this robot's controller; json and csv are for every robot",
-        )
 
 
 def _numbers(text: str, joints: int, option: str) -> list[float]:

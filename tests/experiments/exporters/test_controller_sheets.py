@@ -2,6 +2,7 @@
 in them."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ def run(tmp_path_factory):
     told = zerobeam("export", "robot", GOOD, "-o", made)
     assert told.status == 0
     text = re.sub(r"^vendor:.*\n", "", made.read_text(), flags=re.MULTILINE)
-    made.write_text(text)
+    made.write_text(re.sub(r"^name:.*", "name: arm", text, flags=re.MULTILINE))
     copy = folder / "run.jsonl"
     copy.write_text(GOOD.read_text().replace('"robot":"irb1600"', '"robot":"arm.yaml"', 1))
     return read_run(copy)
@@ -95,6 +96,15 @@ def test_another_vendors_robot_is_refused(tmp_path):
     for command in (["ur"], ["kuka"], ["fanuc", "--j3", "link"]):
         said = zerobeam("export", *command, GOOD, "-o", tmp_path / "sheet.txt").refused()
         assert "irb1600, of abb" in said
+
+
+def test_a_vendor_is_known_by_the_robots_name_too(run, offsets):
+    found, _ = offsets
+    named = replace(run.robot, name="My IRB 1600")
+    assert (run.robot.vendor, named.vendor) == (None, None)
+    for text in (ur_text, kuka_text, lambda robot, own: fanuc_text(robot, own, True, None)):
+        with pytest.raises(BadInput, match="this sheet is for robots of"):
+            text(named, found)
 
 
 def test_counts_that_cannot_be_used():
