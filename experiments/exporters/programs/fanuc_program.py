@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import re
 
+from ....model.arms.joint_three import require_coupled
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ..ascii_line import one_line
 from .steps import LOG_PLAN, Motion, decimal, made_for, percents, short_hash, steps_of
 
 AXES = 6
-NOT_MEASURED = 999.0  # deg, joint 1
 _COMMENT = 32  # characters of a comment line
 _REGISTERS = 100
 _NAME = re.compile(r"[A-Za-z]\w{0,35}")
@@ -30,8 +30,8 @@ def fanuc_program(plan: Plan, motion: Motion, name: str) -> str:
             "the reference of joint 3 is not stated",
             allowed="--j3 ground (as the pendant and TP programs count it), or --j3 link (from link 2)",
         )
-    if motion.j3 == "ground" and plan.robot.n < 3:
-        raise BadInput("joint 3 of this robot is not counted from the ground", found=f"{plan.robot.n} joints")
+    if motion.j3 == "ground":
+        require_coupled(plan.robot)
     if not _NAME.fullmatch(name):
         raise BadInput(
             "the file's name is that of the program, and a FANUC does not allow this one",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -39,23 +38,18 @@ def ros_trajectories(plan: Plan, motion: Motion, name: str) -> str:
 
 
 def _document(robot: Robot, before: Matrix | None, rows: Sequence[Matrix], speed: float) -> str:
-    time, points = 0.0, []
+    time = 0.0
+    lines = [f"joint_names: {json.dumps([joint.name for joint in robot.joints])}", "points:"]
     for row in rows:
         way = np.maximum(row - robot.lower, robot.upper - row) if before is None else np.abs(row - before)
         time += float((way * robot.display).max()) / speed + _SETTLE_S
         whole = math.floor(time)
-        points.append(
-            {
-                "positions": [_si(robot, i, value) for i, value in enumerate(row.tolist())],
-                "time_from_start": {"sec": whole, "nanosec": math.floor((time - whole) * 1e9)},
-            }
-        )
+        since = {"sec": whole, "nanosec": math.floor((time - whole) * 1e9)}
+        lines += [
+            f"  - positions: {json.dumps([_si(robot, i, value) for i, value in enumerate(row.tolist())])}",
+            f"    time_from_start: {json.dumps(since)}",
+        ]
         before = row
-    message: dict[str, Any] = {"joint_names": [joint.name for joint in robot.joints], "points": points}
-    lines = [f"joint_names: {json.dumps(message['joint_names'])}", "points:"]
-    for point in points:
-        lines += [f"  - positions: {json.dumps(point['positions'])}"]
-        lines += [f"    time_from_start: {json.dumps(point['time_from_start'])}"]
     return "\n".join(lines) + "\n"
 
 
