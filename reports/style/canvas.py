@@ -132,9 +132,9 @@ def to_svg(figure: Figure, name: str) -> str:
     Text stays text, in the shipped typeface. The same figure gives the same bytes.
     """
     if (layout := figure.get_layout_engine()) is not None:
-        # savefig would lay out, and draw, twice.
+        # savefig would draw twice, the first time to lay out; it does so beside "none" as well.
         layout.execute(figure)
-        figure.set_layout_engine("none")
+        figure.set_layout_engine(None)
     written = io.BytesIO()
     figure.savefig(written, format="svg", metadata={"Date": None, "Creator": None})
     root = ElementTree.fromstring(written.getvalue())
