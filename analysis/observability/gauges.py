@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +25,7 @@ _NEARER_FOLLOWED = 12  # the same where they must be the same shots besides
 _CANNOT_FOLLOW = 1e-6  # of a shot's miss by its joints: smallest singular value by the largest
 _FORETOLD = 0.1  # of a shot's miss may be left by one step of Newton's: else it may come to another posture
 _HIT_MM = 1e-6
+_AIMED_AT_ONCE = 5000  # shots: more are no faster
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,27 +75,47 @@ def gauge_of(problem: Problem, x: Matrix, weight: float) -> Gauge:
 
 
 def information_root(problem: Problem, x: Matrix, weight: float) -> tuple[Problem, Matrix, NDArray[np.bool_]]:
-    """The problem at shots that hit the centre, A there (M, f) for the free parameters, and (N,) which hit.
+    """The problem at shots that hit the centre, A (M, f) there by the free parameters, and (N,) which hit."""
+    (found,) = information_roots(problem, x[None], weight)
+    return found
+
+
+def information_roots(
+    problem: Problem, xs: Matrix, weight: float
+) -> list[tuple[Problem, Matrix, NDArray[np.bool_]]]:
+    """`information_root` at many points (k, p), whose shots are aimed side by side.
 
     Recorded spots are noise: kept, they would pass for information on the roll of the beam's axes.
     """
-    centred = problem.moved(problem.joints, np.zeros_like(problem.spots))
-    aim_found = aim(centred, x, moving_joints(problem.joints))
-    aimed = aim_found.problem
+    centred, shots = problem.moved(problem.joints, np.zeros_like(problem.spots)), problem.shots
+    weights, at_once = moving_joints(problem.joints), max(1, _AIMED_AT_ONCE // max(shots, 1))
+    found = []
+    for some in (xs[i : i + at_once] for i in range(0, len(xs), at_once)):
+        every = centred.select(np.tile(np.arange(shots), len(some)))
+        aimed = aim(every, np.repeat(some, shots, axis=0), weights)
+        for k, x in enumerate(some):
+            own = slice(k * shots, (k + 1) * shots)
+            there = centred.moved(aimed.problem.joints[own])
+            found.append((there, _root(there, x, weight), aimed.hit[own]))
+    return found
+
+
+def _root(aimed: Problem, x: Matrix, weight: float) -> Matrix:
+    """A (M, f) for the free parameters, of shots that hit at x."""
     whitened = aimed.whiten(x)
-    rows = problem.shots * problem.tool.miss_size
-    jacobian = whitened.jacobian
+    rows = aimed.shots * aimed.tool.miss_size
+    jacobian, parameters = whitened.jacobian, aimed.parameters
     jacobian[:rows] *= np.sqrt(weight)
-    if problem.noise.separate:
+    if aimed.noise.separate:
         # The misses tell the noise by their scatter, not by where they are.
         _, own = aimed.linearise(x)
         root = np.linalg.cholesky(aimed.noise_information(x, own, whitened.factor)).T
-        noise = problem.parameters.group("noise")
+        noise = parameters.group("noise")
         jacobian = np.vstack([jacobian, np.zeros((2, len(noise)))])
-        jacobian[-2:, noise] = root * problem.parameters.prior_std[noise]
+        jacobian[-2:, noise] = root * parameters.prior_std[noise]
     # A tolerance of the geometry is knowledge, as a measurement is; an offset's prior is not.
-    known = np.eye(len(problem.parameters))[problem.tolerated]
-    return aimed, np.vstack([jacobian, known])[:, problem.parameters.free], aim_found.hit
+    known = np.eye(len(parameters))[aimed.tolerated]
+    return np.asarray(np.vstack([jacobian, known])[:, parameters.free])
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,17 +199,15 @@ def _near_by(problem: Problem, x: Matrix, aimed: Problem, hit: NDArray[np.bool_]
     have jumped, tell less about the size of a gauge, but more about what has a part in it: the nearer the
     point, the smaller the part of what has none at x.
     """
-    rng, found, weights = np.random.default_rng(2014), [], moving_joints(problem.joints)
-    for _ in range(_CONFIRMATIONS):
-        for nearer in range(_NEARER_FOLLOWED):
-            other = x + _step(problem, rng, _TARGET_MM) / 2**nearer
-            _, jacobian, still = information_root(problem, other, 1.0)
-            if still[hit].all():
-                same = _same_shots(aimed, x, other, hit, weights)
-                found.append(_NearBy(other, jacobian, _null_space(jacobian), same))
-                if same:
-                    break
-    return found
+    weights = moving_joints(problem.joints)
+
+    def judged(other: Matrix, jacobian: Matrix) -> tuple[_NearBy, bool]:
+        same = _same_shots(aimed, x, other, hit, weights)
+        return _NearBy(other, jacobian, _null_space(jacobian), same), same
+
+    rng = np.random.default_rng(2014)
+    steps = (_step(problem, rng, _TARGET_MM) for _ in itertools.count())
+    return _hit_near(problem, x, hit, steps, _CONFIRMATIONS, _NEARER_FOLLOWED, judged)
 
 
 def _near_special(
@@ -197,15 +218,46 @@ def _near_special(
     if np.count_nonzero(moving_joints(problem.joints)) < problem.tool.miss_size:
         return []
     # Other directions at every distance.
-    rng, found = np.random.default_rng([2014, int(10 * target_mm)]), []
-    for _ in range(points):
-        for nearer in range(_NEARER):
-            other = x + _step(problem, rng, target_mm) / 2**nearer
-            _, jacobian, still = information_root(problem, other, 1.0)
+    rng = np.random.default_rng([2014, int(10 * target_mm)])
+    steps = (_step(problem, rng, target_mm) for _ in itertools.count())
+
+    def judged(other: Matrix, jacobian: Matrix) -> tuple[_NearBy, bool]:
+        return _NearBy(other, jacobian, _null_space(jacobian, _ROUNDING_SPECIAL), same=False), True
+
+    return _hit_near(problem, x, hit, steps, points, _NEARER, judged)
+
+
+def _hit_near(
+    problem: Problem,
+    x: Matrix,
+    hit: NDArray[np.bool_],
+    steps: Iterator[Matrix],
+    points: int,
+    nearer: int,
+    judged: Callable[[Matrix, Matrix], tuple[_NearBy, bool]],
+) -> list[_NearBy]:
+    """Points beside x at which all shots of `hit` (N,) hit, one after the other all that were found on the
+    way to each of `points`.
+
+    All are tried side by side, then those again that have not hit, by half the way, up to `nearer` times.
+    `judged` says of one that hits (x and A there) what it is, and whether it will do.
+    """
+    found: list[tuple[int, _NearBy]] = []
+    left = list(range(points))
+    for halved in range(nearer):
+        others = np.array([x + next(steps) / 2**halved for _ in left]).reshape(len(left), len(x))
+        missing = []
+        for k, other, (_, jacobian, still) in zip(
+            left, others, information_roots(problem, others, 1.0), strict=True
+        ):
+            enough = False
             if still[hit].all():
-                found.append(_NearBy(other, jacobian, _null_space(jacobian, _ROUNDING_SPECIAL), same=False))
-                break
-    return found
+                point, enough = judged(other, jacobian)
+                found.append((k, point))
+            if not enough:
+                missing.append(k)
+        left = missing
+    return [point for _, point in sorted(found, key=lambda own: own[0])]
 
 
 def _step(problem: Problem, rng: np.random.Generator, target_mm: float) -> Matrix:
