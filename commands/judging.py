@@ -1,4 +1,4 @@
-"""The commands that make plans, and that check plans and analyse runs."""
+"""The commands that check plans, and that analyse, report and compare runs."""
 
 from __future__ import annotations
 

@@ -13,9 +13,6 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON for programs, and
 Seed = Annotated[int, typer.Option(min=0, help="Random seed: the same seed gives the same answer.")]
 RunFile = Annotated[Path, typer.Argument(help="Run file (.jsonl).", show_default=False)]
 PlanFile = Annotated[Path, typer.Argument(help="Plan file (.yaml).", show_default=False)]
-HeaderFile = Annotated[
-    Path, typer.Option("--header", help="Header file (.yaml): robot, tool, noise.", show_default=False)
-]
 SharedHeader = Annotated[
     Path | None,
     typer.Option("--header", help="Header file (.yaml): robot, tool, noise.", show_default=False),

@@ -85,7 +85,7 @@ def record(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
     if request.rig == "manual":
         return _led(plan, file, request, told)
     if plan.header.tool.kind == "probe":
-        return _by_hand(plan, file, request, told)
+        return _rehearsed_probe(plan, file, request, told)
     if plan.via and (request.tolerance is not None or request.closing):
         raise BadInput(
             "the plan states intermediate postures (via_deg), which are safe in its own order only",
@@ -131,7 +131,7 @@ def _led(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
     return answer
 
 
-def _by_hand(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
+def _rehearsed_probe(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
     """A probe is led into its socket by hand: no servo, no sensors; only the simulated rig can do that."""
     _refuse(
         {"--cell": request.cell, "--recorded": request.recording, "--adaptive": request.tolerance},
