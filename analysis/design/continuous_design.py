@@ -2,7 +2,7 @@
 
 Everything is in covariances of the scaled offsets, targets and tool eliminated: A minimises their mean
 variance, D their generalised variance, E the largest variance of any combination. The unit prior is
-part of the information, so that few shots are no singular case.
+part of the information, so that few measurements are no singular case.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _GAP_START = 1e-3  # of the A-optimum that E begins with
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """`roots` (C, d, f): whitened, prior-scaled Jacobians of the candidate shots, free parameters;
+    """`roots` (C, d, f): whitened, prior-scaled Jacobians of the candidates, free parameters;
     `offsets` (f,) True for the parameters that matter, the rest is nuisance."""
 
     roots: Matrix
@@ -46,7 +46,7 @@ class Candidates:
         return len(self.roots)
 
     def information(self, rows: Index) -> Matrix:
-        """(f, f) of the chosen shots, the unit prior included."""
+        """(f, f) of the chosen measurements, the unit prior included."""
         stacked = self.roots[rows].reshape(-1, self.roots.shape[2])
         result: Matrix = stacked.T @ stacked + np.eye(self.roots.shape[2])
         return result
@@ -54,8 +54,8 @@ class Candidates:
 
 @dataclass(frozen=True, eq=False)
 class Continuous:
-    """A design of shots in shares. `weights` (C,) of sum 1; `bound` below which no design of as many
-    shots can be, in shares or whole; `gain` (C,) what each candidate promises there."""
+    """A design of measurements in shares. `weights` (C,) of sum 1; `bound` below which no design of as many
+    measurements can be, in shares or whole; `gain` (C,) what each candidate promises there."""
 
     weights: Matrix
     bound: float
@@ -81,7 +81,7 @@ def offset_covariance(candidates: Candidates, information: Matrix) -> Matrix:
 def continuous(
     candidates: Candidates, shots: int, criterion: Criterion, *, most: float = 1.0, gap: float = _GAP
 ) -> Continuous:
-    """The best continuous design of `shots` shots, with a lower bound for every design that gives no
+    """The best continuous design of `shots` measurements, with a lower bound for every design that gives no
     candidate a share above `most` (1 / `shots` where all are different), to within a `gap` of it.
 
     Multiplicative updates on an active set, to which the candidates that violate the equivalence theorem
@@ -126,7 +126,7 @@ def continuous(
 
 
 class _Slope:
-    """The criterion at a continuous design and its derivative by the weight of any shot.
+    """The criterion at a continuous design and its derivative by the weight of any measurement.
 
     For D it is the log of the generalised variance.
     """
@@ -153,7 +153,7 @@ class _Slope:
         return 1.0 if self._criterion == "D" else self.value
 
     def gain(self, roots: Matrix) -> Matrix:
-        """(C,) decrease of the criterion per weight of each shot (C, d, f)."""
+        """(C,) decrease of the criterion per weight of each measurement (C, d, f)."""
         return np.asarray(self._shots * ((roots @ self._root) ** 2).sum(axis=(1, 2)))
 
     def bound(self, excess: float) -> float:

@@ -1,4 +1,4 @@
-"""The best shots: k of many candidates by D-, A- or E-optimality for the offsets, with a certified bound."""
+"""The best k of many candidates by D-, A- or E-optimality for the offsets, with a certified bound."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from .pair_exchange import exchange_pairs
 STARTS = 24
 _SWEEPS = 30
 _NEAR = 400  # candidates among which the starts exchange, those of the largest gain at the optimum
-_NEAR_FEW = 2000  # the same with fewer numbers than unknowns, where the optimum says less of whole shots
+_NEAR_FEW = 2000  # the same with fewer numbers than unknowns: the optimum in shares says less of whole ones
 _SCREENED = 64  # candidates of which E looks at the eigenvalues, the most promising by a power mean
 _SHARP = 32  # power of the mean of eigenvalues by which E chooses them
 _PAIRED = 300  # candidates of which E exchanges two at once
@@ -53,7 +53,7 @@ def design(
     """Choose `shots` different candidates by exchanges from several starts, with a bound on the best.
 
     The starts are rounded from the continuous optimum and drawn at random (fixed by `seed`). For E the
-    best of them go on to exchanges of two shots at once.
+    best of them go on to exchanges of two measurements at once.
     """
     ideal = continuous(candidates, shots, criterion, most=1 / shots)
     _, numbers, unknowns = candidates.roots.shape
@@ -86,7 +86,7 @@ def _start(weights: Matrix, shots: int, rng: np.random.Generator, *, rounded: bo
 
 
 def _exchange(candidates: Candidates, rows: Index, criterion: Measure) -> tuple[float, Index]:
-    """Replace shot by shot with the best candidate until no exchange helps (Fedorov 1972)."""
+    """Replace one measurement at a time with the best candidate until no exchange helps (Fedorov 1972)."""
     rows = rows.copy()
     value = variance(offset_covariance(candidates, candidates.information(rows)), criterion)
     for _ in range(_SWEEPS):
@@ -106,7 +106,7 @@ def _exchange(candidates: Candidates, rows: Index, criterion: Measure) -> tuple[
 def _exchange_two(
     candidates: Candidates, starts: Sequence[Sequence[int]], promising: Index, rng: np.random.Generator
 ) -> Index:
-    """The best for E of what exchanges of two shots at once, for the `promising` ones, make of `starts`."""
+    """The best for E of what exchanges of two at once, for the `promising` ones, make of `starts`."""
     ends = []
     for start in starts:
         among = np.union1d(promising, start)

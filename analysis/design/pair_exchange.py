@@ -1,10 +1,10 @@
-"""Exchanges of two shots at once for the E-criterion, whose single exchanges end in poor designs.
+"""Exchanges of two measurements at once for the E-criterion, whose single exchanges end in poor designs.
 
 All pairs of candidates are searched, and few of them looked at. With K the columns of the offsets, every
 vector u with K'u = v of length 1 bounds the smallest eigenvalue of the information on the offsets:
-S(M) <= u' M u (Pukelsheim 1993, section 3.14). The bound is a sum over shots, so that it costs a pair one
-addition; a pair that is below the best design by one u is out. Each pair that is looked at gives the u that
-bound it tightly.
+S(M) <= u' M u (Pukelsheim 1993, section 3.14). The bound is a sum over measurements, so that it costs a pair
+one addition; a pair that is below the best design by one u is out. Each pair that is looked at gives the u
+that bound it tightly.
 """
 
 from __future__ import annotations
@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...model.robot import Matrix
+from .continuous_design import Index
 
-Index = NDArray[np.int64]
-
-_SEARCHES = 150  # of a start: with many shots not every two of them are exchanged
+_SEARCHES = 150  # of a start: with many measurements not every two of them are exchanged
 _LOOKS = 60  # at single pairs in one search
 _STEP = 1e-9  # relative: less is no improvement
 
@@ -26,8 +25,8 @@ _STEP = 1e-9  # relative: less is no improvement
 def exchange_pairs(
     roots: Matrix, offsets: NDArray[np.bool_], rows: Index, rng: np.random.Generator
 ) -> tuple[float, Index]:
-    """Replace two shots of `rows` (k,) at a time by the best two of the candidates `roots` (C, d, f) until
-    none of these exchanges helps: the largest variance of the offsets, and the rows."""
+    """Replace two measurements of `rows` (k,) at a time by the best two of the candidates `roots` (C, d, f)
+    until none of these exchanges helps: the largest variance of the offsets, and the rows."""
     count, size = len(roots), roots.shape[2]
     unit = np.eye(size)
     cuts, least = _cuts(_added(unit, roots[rows]), offsets, int(offsets.sum()))
@@ -49,8 +48,8 @@ def exchange_pairs(
 def _best_pair(
     roots: Matrix, offsets: NDArray[np.bool_], information: Matrix, cuts: Matrix, least: float
 ) -> tuple[Index | None, float]:
-    """The two shots that added to `information` (f, f) raise its smallest eigenvalue most, and to what; None
-    where none raises it above `least`."""
+    """The two measurements that added to `information` (f, f) raise its smallest eigenvalue most, and to
+    what; None where none raises it above `least`."""
     rise = np.asarray(((roots @ cuts.T) ** 2).sum(axis=1))  # (C, cuts)
     lacking = least - ((cuts @ information) * cuts).sum(axis=1)
     # Coarsely by the first cuts, then one by one: a quarter of the memory, and most pairs are out.
