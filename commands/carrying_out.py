@@ -90,7 +90,9 @@ def run(
     ] = "deg",
     j3: Annotated[
         J3Origin | None,
-        typer.Option(help="Manual: joint 3 is counted from; FANUC's pendant: ground.", show_default=False),
+        typer.Option(
+            help="Manual: what joint 3 is counted from; FANUC's pendant: ground.", show_default=False
+        ),
     ] = None,
     closing: Annotated[
         bool,

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from .console import EXIT_STATUS, out, print_json
-from .options import Force, Json, RunFile
+from .options import Force, J3Origin, Json, RunFile
 
 if TYPE_CHECKING:
     from ..experiments.exporters.calibration import Calibration
@@ -172,7 +172,7 @@ def export_fanuc(
     run: RunFile,
     file: ExportFile,
     j3: Annotated[
-        Literal["ground", "link"],
+        J3Origin,
         typer.Option(help="What the controller counts joint 3 from; FANUC: ground.", show_default=False),
     ],
     master_counts: Annotated[

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from .console import out
-from .options import Force, PlanFile
+from .options import Force, J3Origin, PlanFile
 
 Kind = Literal["rapid", "urscript", "krl", "fanuc", "robodk", "ros", "csv", "pdf"]
 
@@ -40,8 +40,8 @@ def export_plan(
         ),
     ] = None,
     j3: Annotated[
-        Literal["ground", "link"] | None,
-        typer.Option(help="fanuc: joint 3 is counted from; on the pendant: ground.", show_default=False),
+        J3Origin | None,
+        typer.Option(help="fanuc: what joint 3 is counted from; on the pendant: ground.", show_default=False),
     ] = None,
     register: Annotated[
         int | None,

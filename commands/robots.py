@@ -30,7 +30,9 @@ def robot(
         ),
     ] = None,
     units: Annotated[Literal["deg", "rad"], typer.Option(help="Unit of --joints.")] = "deg",
-    j3: Annotated[J3Origin, typer.Option(help="Joint 3 is counted from; FANUC's pendant: ground.")] = "link",
+    j3: Annotated[
+        J3Origin, typer.Option(help="What joint 3 is counted from; FANUC's pendant: ground.")
+    ] = "link",
     base: Annotated[
         str | None, typer.Option(help="First link of a URDF's chain.", show_default=False)
     ] = None,
