@@ -140,7 +140,7 @@ def export_moc(
         return moc_text(calibration, gears, against, unit)
 
     allowed = Allowed(allow_weak, allow_displaced, unvalidated)
-    _export(run, file, allowed, without, force, as_json, text)
+    _export(run, file, allowed, without, force, as_json, text, against)
 
 
 @_format("rapid")
@@ -224,15 +224,16 @@ def _export(
     force: bool,
     as_json: bool,
     text: Text,
+    against: Path | None = None,
 ) -> None:
-    """Judge a run, write what may be applied, say what was written."""
+    """Judge a run, write what may be applied, say what was written; never over a file that is read."""
     from ..experiments.exporters.calibration import calibration
     from ..experiments.exporters.offsets_data import document
     from ..model.files.robot_file import robot_path
     from ..model.files.run import read_run
     from ..model.files.whole_file import refuse_existing, write_whole
 
-    refuse_existing(file, force=force, keep=[run])
+    refuse_existing(file, force=force, keep=[run, against])
     recorded = read_run(run)
     refuse_existing(file, force=force, keep=[robot_path(recorded.header.robot, run.parent)])
     judged = calibration(

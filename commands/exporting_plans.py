@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from .console import out
 from .options import Force, J3Origin, PlanFile
+
+if TYPE_CHECKING:
+    from ..model.files.plan import Plan
 
 Kind = Literal["rapid", "urscript", "krl", "fanuc", "robodk", "ros", "csv", "pdf"]
 
@@ -60,29 +63,29 @@ def export_plan(
     from ..experiments.exporters.programs.steps import Motion
     from ..experiments.exporters.programs.written import write_program
     from ..model.files.plan import read_plan
+    from ..model.files.robot_file import robot_path
 
-    motion = Motion(speed, zone, tool, j3, register, listener)
+    motion, planned = Motion(speed, zone, tool, j3, register, listener), read_plan(plan)
+    read = [plan, robot_path(planned.header.robot, plan.parent)]
     if kind == "pdf":
         motion.refuse("pdf", "speed", "zone", "tool", "j3", "register", "listener")
-        _write_sheet(plan, file, force)
+        _write_sheet(planned, file, force, read)
         return
-    files, notes = write_program(kind, read_plan(plan), motion, file, force=force, keep=[plan])
+    files, notes = write_program(kind, planned, motion, file, force=force, keep=read)
     for note in notes:
         out.print(f"note: {note}", markup=False, soft_wrap=True)
     for path in files:
         out.print(f"Written to {path}", markup=False, soft_wrap=True)
 
 
-def _write_sheet(plan: Path, file: Path, force: bool) -> None:
+def _write_sheet(planned: Plan, file: Path, force: bool, read: list[Path | None]) -> None:
     """The operator's sheet of a plan."""
     from ..analysis.observability.aim import aim_plan
     from ..analysis.observability.check import check
-    from ..model.files.plan import read_plan
     from ..model.files.whole_file import refuse_existing, write_whole
     from ..reports.plan.operator_sheet import operator_sheet
 
-    refuse_existing(file, force=force, keep=[plan])
-    planned = read_plan(plan)
+    refuse_existing(file, force=force, keep=read)
     turned = aim_plan(planned)
     write_whole(file, operator_sheet(turned, check(planned, turned)), force=force)
     out.print(f"Written to {file}", markup=False, soft_wrap=True)

@@ -294,7 +294,10 @@ def as_names(text: str | None) -> list[str] | None:
 
 def read_of(header: Path | None, plan: Path | None, files: list[Path]) -> list[Path]:
     """The files that an import reads: it never writes over them."""
-    return [*(path for path in (header, plan) if path is not None), *files]
+    from ..experiments.importers import matching
+
+    stated = [path for path in (header, plan) if path is not None]
+    return [*stated, *(path for file in files for path in matching(file))]
 
 
 def write_imported(imported: Imported, file: Path, force: bool, read: list[Path]) -> None:

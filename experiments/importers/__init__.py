@@ -4,7 +4,7 @@ from ...model.arms.joint_three import J3
 from .csv_file import CsvLayout, LogKind, TimeUnit, import_csv, import_log
 from .dwells import Stillness
 from .fanuc import import_fanuc
-from .imported import Imported
+from .imported import Imported, matching
 from .joint_states import import_joint_states
 from .kuka import import_kuka
 from .program_log import import_program_log, is_program_log
@@ -27,4 +27,5 @@ __all__ = [
     "import_rapid",
     "import_ros",
     "is_program_log",
+    "matching",
 ]

@@ -103,6 +103,8 @@ def test_a_diff_against_the_controllers_file(run: Run, tmp_path: Path) -> None:
     assert "sign must be stated" in zerobeam("export", "moc", run.path, "-o", file, *options).refused()
     told = zerobeam("export", "moc", run.path, "-o", file, *options, "--motor-sign", "-1")
     assert told.status == 0
+    over = zerobeam("export", "moc", run.path, "-o", against, *options, "--motor-sign", "-1", "--force")
+    assert "would be lost" in over.refused()
     assert file.read_text() == moc_text(
         calibration(run), Gears([100, -100, 90, 50, 50, -40], [-1] * 6), against, "rob2"
     )

@@ -96,10 +96,16 @@ def test_what_is_read_is_never_replaced(tmp_path, header):
     for target in ("shots.csv", "header.yaml", "arm.yaml"):
         again = imported(tmp_path, header, "--units", "deg", "-o", tmp_path / target, "--force")
         assert "would be lost" in again.refused()
+    command = ["import", "csv", tmp_path / "sh*.csv", "--header", header, "--target", "psd", "--units", "deg"]
+    assert "would be lost" in zerobeam(*command, "-o", tmp_path / "shots.csv", "--force").refused()
     asked = ["plan", "y", "--header", header, "--target", "900,0,0", "-o"]
     assert "would be lost" in zerobeam(*asked, header, "--force").refused()
     assert zerobeam(*asked, tmp_path / "plan.yaml").status in (0, 1)
     assert zerobeam(*asked, tmp_path / "plan.yaml", "--force").status in (0, 1)
+    for kind in ("csv", "pdf"):
+        for target in ("plan.yaml", "arm.yaml"):
+            asked = ["export", "plan", kind, tmp_path / "plan.yaml", "-o", tmp_path / target, "--force"]
+            assert "would be lost" in zerobeam(*asked).refused()
 
 
 def plan(tmp_path, header=HEADER + TARGETS):

@@ -61,7 +61,7 @@ def write_program(
     file: Path,
     *,
     force: bool = False,
-    keep: Sequence[Path] = (),
+    keep: Sequence[Path | None] = (),
 ) -> tuple[list[Path], list[str]]:
     """Write a plan as a program; the files, and sentences that a person must see.
 
