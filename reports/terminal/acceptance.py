@@ -81,14 +81,12 @@ def reason(found: AcceptanceResult) -> str:
 
 
 def _about(offsets: Sequence[EnteredOffset]) -> str:
-    enough = f"With {POWER:.0%} for each offset the test can pass"
-    if all(own.power >= POWER for own in offsets):
-        enough += "."
-    else:
-        enough += "; here it can fail, but not pass: record more postures."
+    lacking = any(own.power < POWER for own in offsets)
     return (
-        f"Probability that the test notices an error; a correct calibration fails with {FALSE_ALARM:.0%}."
-        f" {enough}"
+        "Probability of noticing an error. A correct calibration fails with a probability of"
+        f" {FALSE_ALARM:.0%}. To pass, the test needs {POWER:.0%} against an error of the tolerance in each"
+        " offset"
+        f"{': here it can only fail. Record more postures.' if lacking else '.'}"
     )
 
 
@@ -108,4 +106,5 @@ def _table(offsets: Sequence[EnteredOffset]) -> Table:
 
 
 def _percent(share: float) -> str:
-    return "over 99 %" if share > 0.99 else f"{100 * share:.0f} %"
+    """Rounded down: what is less than enough never looks like enough."""
+    return "over 99 %" if share > 0.99 else f"{int(100 * share)} %"

@@ -14,7 +14,7 @@ def plan(tmp_path):
     path = tmp_path / "verify.yaml"
     told = zerobeam("plan", "verify", GOOD, "-o", path)
     assert told.status == 0, told.err
-    assert "Probability that the test notices an error" in told.out
+    assert "Probability of noticing an error" in told.out
     return path
 
 
@@ -31,6 +31,7 @@ def test_a_corrected_robot_passes_and_one_that_is_not_fails(plan, tmp_path):
     assert len(read_plan(plan).postures) < 7
     told = rehearsed(plan, tmp_path, "")
     assert (told.status, told.out.partition(".")[0]) == (0, "Pass")
+    assert "against an error of the tolerance in each offset." in " ".join(told.out.split())
     told = rehearsed(plan, tmp_path, "delta2: -1.2168")
     assert (told.status, told.out.partition(".")[0]) == (1, "Fail")
     assert "J2 (δ2) had been left at the old value" in " ".join(told.out.split())
