@@ -264,6 +264,8 @@ def _answer(
     state = carried.state
     if state is None:
         why_not = dict.fromkeys(f"{refused.reason}: {refused.found}" for refused in carried.refused)
+        if not why_not:
+            raise RigFault(f"no measurement is recorded yet: --resume goes on with {file.name}")
         raise RigFault(f"no measurement could be recorded: {'; '.join(why_not)}")
     notes = [f"Measurement {r.shot} was refused ({r.reason}): {r.found}" for r in carried.refused]
     notes += [torn] if torn else []

@@ -167,6 +167,23 @@ def test_a_fanuc_is_asked_what_joint_3_is_counted_from(plan: Path, monkeypatch: 
     np.testing.assert_allclose(joints_of(plan)[0], POSTURES[0], rtol=0, atol=1e-9)
 
 
+def test_values_after_an_incomplete_paste_are_not_lost(plan: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    answer = led(plan, monkeypatch, "J1= 1 deg, J2= 3 deg", "J3= 4 deg", "", TYPED[0], "pause")
+    assert "some joints have no value" in answer.err
+    assert "none for joint 4, 5, 6" in answer.err
+    assert joints_of(plan) == {0: POSTURES[0]}
+
+
+def test_a_pause_before_the_first_measurement(plan: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    answer = led(plan, monkeypatch, "pause")
+    assert (answer.status, answer.err.splitlines()[-1]) == (
+        3,
+        "error: no measurement is recorded yet: --resume goes on with run.jsonl",
+    )
+    led(plan, monkeypatch, TYPED[0], asked=("--resume",))
+    assert joints_of(plan) == {0: POSTURES[0]}
+
+
 def test_joint_3_from_the_ground_is_refused_before_there_is_a_run_file(
     plan: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

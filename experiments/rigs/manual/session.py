@@ -128,6 +128,9 @@ class Manual:
                 parts = ""
                 self._command(word, rest, number)
             elif text:
+                if parts and not labelled(text):  # the values by name have ended: what is missing is said
+                    self._read(number, parts)
+                    parts = ""
                 parts = f"{parts} {text}" if parts else text
                 if not self._unfinished(parts):
                     joints, parts = self._read(number, parts), ""
