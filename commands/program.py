@@ -18,6 +18,7 @@ from . import (
     carrying_out,
     exporting,
     exporting_plans,
+    exporting_programs,
     importing,
     importing_points,
     judging,
@@ -48,6 +49,7 @@ class _Commands(TyperGroup):
 for points, importer in importing_points.COMMANDS.items():
     importing.imports.command(points, hidden=points == "kuka")(importer)
 exporting.exports.command("plan")(exporting_plans.export_plan)
+exporting.exports.command("program")(exporting_programs.export_program)
 _COMMANDS = {
     command.__name__: command
     for command in (

@@ -119,7 +119,7 @@ class Robot:
         BadInput
             `q` has another number of joints or is not finite, or the unit is unknown.
         """
-        return self._kinematics(q, unit)[0]
+        return self.pose_and_jacobian(q, unit)[0]
 
     def jacobian(self, q: ArrayLike, unit: Literal["deg", "rad"] = "deg") -> Matrix:
         """The flange's geometric Jacobian in the base frame, exact.
@@ -142,7 +142,7 @@ class Robot:
         BadInput
             As `fk`.
         """
-        return self._kinematics(q, unit)[1]
+        return self.pose_and_jacobian(q, unit)[1]
 
     def with_offsets(self, delta: Matrix) -> Robot:
         """The robot that is at recorded positions where this one is at those plus `delta` (n,), rad or mm.
@@ -155,8 +155,8 @@ class Robot:
         )
         return replace(self, joints=joints)
 
-    def _kinematics(self, q: ArrayLike, unit: str) -> tuple[Matrix, Matrix]:
-        """(..., 4, 4) pose and (..., 6, n) Jacobian."""
+    def pose_and_jacobian(self, q: ArrayLike, unit: str = "deg") -> tuple[Matrix, Matrix]:
+        """What `fk` and `jacobian` return, computed together."""
         if unit not in ("deg", "rad"):
             raise BadInput(
                 "there is no such unit", found=repr(unit), allowed="'deg' or 'rad'", argument="unit"
@@ -178,14 +178,14 @@ class Robot:
         pose, jacobian = np.zeros((len(rows), 4, 4)), np.zeros((len(rows), 6, self.n))
         if len(rows):
             # A matrix of columns in gives matrices side by side out.
-            upper, motion = self._pose_and_jacobian.map(len(rows))(rows.T)
+            upper, motion = self._both.map(len(rows))(rows.T)
             pose[:, :3] = upper.full().reshape(3, -1, 4).transpose(1, 0, 2)
             jacobian[:] = motion.full().reshape(6, -1, self.n).transpose(1, 0, 2)
         pose[:, 3, 3] = 1.0
         return pose.reshape(*batch, 4, 4), jacobian.reshape(*batch, 6, self.n)
 
     @cached_property
-    def _pose_and_jacobian(self) -> ca.Function:
+    def _both(self) -> ca.Function:
         theta = ca.SX.sym("theta", self.n)
         rotation, translation, origins, axes = self._chain(theta)
         columns = [

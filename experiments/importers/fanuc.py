@@ -17,8 +17,8 @@ _POSITION = re.compile(
     r"^\s*P\[\s*(?P<number>\d+)[^\]]*\]\s*\{(?P<block>.*?)\}\s*;", re.MULTILINE | re.DOTALL
 )
 _BEGUN = re.compile(r"^\s*P\[\s*(\d+)", re.M)
-_GROUP_1 = re.compile(r"GP1\s*:(?P<values>.*?)(?=GP\d+\s*:|\Z)", re.DOTALL)
-_JOINT = re.compile(r"\bJ(?P<number>\d)\s*=\s*(?P<value>[-+]?(?:\d+\.?\d*|\.\d+))\s*(?P<unit>deg|mm)\b")
+GROUP_1 = re.compile(r"GP1\s*:(?P<values>.*?)(?=GP\d+\s*:|\Z)", re.DOTALL)
+JOINT = re.compile(r"\bJ(?P<number>\d)\s*=\s*(?P<value>[-+]?(?:\d+\.?\d*|\.\d+))\s*(?P<unit>deg|mm)\b")
 _ANY_JOINT = re.compile(r"\bJ\d\s*=")
 
 # A register: [1,3] = 'comment'   Group: 1, then J1 = 1.000 deg … or X: …; or Uninitialized.
@@ -72,6 +72,15 @@ def import_fanuc(
 
 def fanuc_positions(text: str, path: Path) -> list[Point]:
     """All P[n] of a listing, in its order."""
+    found = []
+    for match in position_blocks(text, path):
+        line = text.count("\n", 0, match.start("number")) + 1
+        found.append(Point(match["number"], _fanuc_joints(match["block"], match["number"], path, line), line))
+    return found
+
+
+def position_blocks(text: str, path: Path | None) -> list[re.Match[str]]:
+    """The `number` and `block` of each P[n] of a listing; BadInput where it is no listing, or not whole."""
     begin = re.search(r"^/POS\b", text, re.MULTILINE)
     if begin is None:
         raise BadInput(
@@ -81,15 +90,11 @@ def fanuc_positions(text: str, path: Path) -> list[Point]:
             remedy="save the program as ASCII, not as .tp",
             file=path,
         )
-    section = text[begin.end() :]
-    if re.search(r"^/END\b", section, re.MULTILINE) is None:
+    if re.compile(r"^/END\b", re.MULTILINE).search(text, begin.end()) is None:
         raise BadInput("the listing is incomplete: its last line, /END, is missing", file=path)
-    found = []
-    for match in _POSITION.finditer(section):
-        line = text.count("\n", 0, begin.end() + match.start("number")) + 1
-        found.append(Point(match["number"], _fanuc_joints(match["block"], match["number"], path, line), line))
-    begun = _BEGUN.findall(section)
-    if begun != [point.name for point in found]:
+    found = list(_POSITION.finditer(text, begin.end()))
+    begun = _BEGUN.findall(text, begin.end())
+    if begun != [match["number"] for match in found]:
         raise BadInput(
             "a position of the listing is incomplete",
             found=f"{len(begun)} begin with P[…], {len(found)} end with }};",
@@ -102,10 +107,10 @@ def fanuc_positions(text: str, path: Path) -> list[Point]:
 def _fanuc_joints(
     block: str, number: str, path: Path, line: int, what: str = "P"
 ) -> tuple[float, ...] | None:
-    group = _GROUP_1.search(block)
+    group = GROUP_1.search(block)
     if group is None:
         return None
-    values = _JOINT.findall(group["values"])
+    values = JOINT.findall(group["values"])
     stated = len(_ANY_JOINT.findall(group["values"]))
     if not stated:
         return None

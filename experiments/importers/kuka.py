@@ -13,14 +13,14 @@ from .taught import Point, import_points
 
 # KUKA: DECL E6AXIS XP1={A1 -90.0,A2 …,E6 0.0}, or P[1]={E6AXIS: A1 …} of an array: an aggregate of KRL that
 # begins with an axis is an axis position, one that begins with X is Cartesian.
-_AGGREGATE = re.compile(
+AGGREGATE = re.compile(
     r"(?P<name>\w+(?:\[\d+\])?)\s*=\s*\{\s*(?:\w+\s*:)?(?P<fields>\s*(?:A\d|X)\s[^{}]*)(?P<closed>\}?)",
     re.IGNORECASE,
 )
 # What the program of a plan records: the axes at posture n, and whether they are.
 _MEASURED_NAME = re.compile(r"\bZB_M(\d+)\b", re.IGNORECASE)
 _DONE = re.compile(r"\bZB_D(\d+)\s*=\s*TRUE\b", re.IGNORECASE)
-_AXIS = re.compile(r"^A(\d)\s+([-+]?(?:\d+\.?\d*|\.\d+)(?:E[-+]?\d+)?)$", re.IGNORECASE)
+AXIS = re.compile(r"^A(\d)\s+([-+]?(?:\d+\.?\d*|\.\d+)(?:E[-+]?\d+)?)$", re.IGNORECASE)
 
 
 def import_kuka(
@@ -47,15 +47,20 @@ def import_kuka(
     )
 
 
+def without_comments(text: str) -> str:
+    """A KRL file with blanks for its strings and comments (;)."""
+    return re.sub(r'"[^"\n]*"|;[^\n]*', lambda found: " " * len(found[0]), text)
+
+
 def kuka_positions(text: str, path: Path) -> list[Point]:
     """All positions of a data list, in its order; comments (;) are skipped."""
-    bare = re.sub(r";[^\n]*", "", text)
+    bare = without_comments(text)
     if re.search(r"^\s*DEFDAT\b", bare, re.MULTILINE | re.IGNORECASE) and not re.search(
         r"^\s*ENDDAT\b", bare, re.MULTILINE | re.IGNORECASE
     ):
         raise BadInput("the data list is incomplete: its last line, ENDDAT, is missing", file=path)
     found = []
-    for match in _AGGREGATE.finditer(bare):
+    for match in AGGREGATE.finditer(bare):
         line = bare.count("\n", 0, match.start("name")) + 1
         cartesian = match["fields"].strip()[0] in "Xx"
         found.append(Point(match["name"], None if cartesian else _axes(match, path, line), line))
@@ -67,7 +72,7 @@ def _positions(text: str, path: Path) -> list[Point]:
     points = kuka_positions(text, path)
     if not _MEASURED_NAME.search(text):
         return points
-    done = {match[1] for match in _DONE.finditer(re.sub(r";[^\n]*", "", text))}
+    done = {match[1] for match in _DONE.finditer(without_comments(text))}
     found = [(point, _MEASURED_NAME.fullmatch(point.name)) for point in points]
     return [
         point._replace(number=int(match[1]))
@@ -79,7 +84,7 @@ def _positions(text: str, path: Path) -> list[Point]:
 def _axes(match: re.Match[str], path: Path, line: int) -> tuple[float, ...]:
     fields = [field.strip() for field in match["fields"].split(",")]
     axes = [field for field in fields if field[:1].upper() == "A"]
-    values = [_AXIS.match(axis) for axis in axes]
+    values = [AXIS.match(axis) for axis in axes]
     numbers = [int(value[1]) for value in values if value is not None]
     if not match["closed"] or not axes or numbers != list(range(1, len(axes) + 1)):
         raise BadInput(

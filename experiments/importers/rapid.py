@@ -13,8 +13,8 @@ from .imported import Imported, Stated
 from .taught import Point, import_points
 
 # CONST jointtarget p1:=[[rax_1,…,rax_6],[eax_a,…,eax_f]]; an array has its size in braces.
-_DECLARED = re.compile(
-    r"\b(?:CONST|PERS|VAR)\s+(?P<kind>jointtarget|robtarget)\s+(?P<name>[A-Za-z]\w*)\s*"
+DECLARED = re.compile(
+    r"\b(?:CONST|PERS|VAR)\s+(?P<kind>jointtarget|robtarget|tooldata|wobjdata)\s+(?P<name>[A-Za-z]\w*)\s*"
     r"(?P<sizes>\{[\d\s,]*\})?\s*:=(?P<value>[^;]*);",
     re.IGNORECASE,
 )
@@ -48,9 +48,11 @@ def import_rapid(
 
 def rapid_positions(text: str, path: Path) -> list[Point]:
     """All declared jointtargets and robtargets of a module, in its order; a robtarget has no joints."""
-    bare = _TEXT.sub(lambda found: " " * len(found[0]), text)
+    bare = without_text(text)
     found: list[Point] = []
-    for match in _DECLARED.finditer(bare):
+    for match in DECLARED.finditer(bare):
+        if match["kind"].lower() not in ("jointtarget", "robtarget"):
+            continue
         line = bare.count("\n", 0, match.start("name")) + 1
         name, cartesian = match["name"], match["kind"].lower() == "robtarget"
         values = _values(match["value"], name, path, line)
@@ -63,6 +65,11 @@ def rapid_positions(text: str, path: Path) -> list[Point]:
             own = f"{name}{{{i}}}"
             found.append(Point(own, None if cartesian else _axes(element, own, path, line), line))
     return found
+
+
+def without_text(text: str) -> str:
+    """The program with blanks for its strings and comments."""
+    return _TEXT.sub(lambda found: " " * len(found[0]), text)
 
 
 def _values(text: str, name: str, path: Path, line: int) -> object:

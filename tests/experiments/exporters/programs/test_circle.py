@@ -1,4 +1,7 @@
-"""Plan → program → an interpreter on a simulated arm → import → offsets, for every language."""
+"""Plan → program → an interpreter on a simulated arm → import → offsets, for every language.
+
+With those offsets a program of a person is corrected, and an interpreter runs it on the true arm.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import fanuc_interpreter
+import numpy as np
 import pytest
 import robodk_interpreter
 import ros_interpreter
@@ -14,14 +18,17 @@ import urscript_interpreter
 from krl_interpreter import KrlController
 from program_arm import TRUTH, PendantArm, plan_for
 from rapid_interpreter import RapidController
+from user_programs import STATED, UserProgram, flange_arm, read, varied, written
 
 from zerobeam.experiments import importers
-from zerobeam.experiments.exporters.calibration import calibration
+from zerobeam.experiments.exporters.calibration import Calibration, calibration
 from zerobeam.experiments.exporters.programs.steps import Motion, steps_of
 from zerobeam.experiments.exporters.programs.written import write_program
+from zerobeam.experiments.exporters.user_programs.filtered import filtered
 from zerobeam.experiments.importers import Imported
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import read_run, write_run
+from zerobeam.model.robot import Matrix
 
 
 def rapid(folder: Path, plan: Plan, arm: PendantArm) -> Imported:
@@ -90,6 +97,43 @@ ARMS: dict[str, tuple[Callable[..., Imported], tuple[float, float, float]]] = {
 }
 
 
+# The arms whose controllers have a language of their own; robodk and ros have no programs of persons.
+LANGUAGES = {rapid: "rapid", urscript: "urscript", krl: "krl", fanuc: "fanuc"}
+
+
+def promised_mm(answer: Calibration, plan: Plan, rows: Matrix) -> Matrix:
+    """(N,) the standard uncertainty of the flange's place at joints (N, n), degrees, by that of the offsets."""
+    names = [offset.name for offset in answer.offsets if offset.exported]
+    own = [answer.covariance.names.index(name) for name in names]
+    columns = [int(name.removeprefix("delta")) - 1 for name in names]
+    jacobian = np.radians(flange_arm(plan.robot).jacobian(rows)[:, :3][:, :, columns])
+    return np.sqrt(np.einsum("kij,jl,kil->k", jacobian, answer.covariance.matrix[np.ix_(own, own)], jacobian))
+
+
+def corrected_program_reaches_what_it_means(
+    folder: Path, plan: Plan, answer: Calibration, language: str
+) -> None:
+    """Joint and Cartesian targets: the plan's postures, and others."""
+    nominal = flange_arm(plan.robot)
+    rows = np.vstack([np.degrees(plan.postures[:4]), varied(plan.robot, 4)]).round(3)
+    program = UserProgram(language, plan.robot, rows)
+    text = program.text()
+    path = written(folder, program, text)
+    done = filtered(plan.robot, answer, path, folder / f"corrected{path.suffix}", STATED.get(language))
+    true = nominal.with_offsets(np.radians([0.0, *TRUTH.values()]))
+    meant = nominal.fk(rows)
+
+    def missed(commanded: Matrix) -> Matrix:
+        return np.asarray(np.linalg.norm((true.fk(commanded) - meant)[:, :3, 3], axis=1))
+
+    listing = 0.05 if language == "fanuc" else 1e-3  # mm: the digits of the program
+    bound = 3 * promised_mm(answer, plan, rows) + listing
+    assert (missed(program.commanded(read(done))) < bound).all()
+    # As it was, it misses by more than that.
+    assert (missed(program.commanded(text)) > bound).all()
+    assert missed(program.commanded(text)).min() > 1.0
+
+
 @pytest.mark.parametrize("robot", ARMS)
 def test_offsets_come_back_through_the_program_of_every_arm(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, robot: str
@@ -114,3 +158,5 @@ def test_offsets_come_back_through_the_program_of_every_arm(
         assert offset.status in ("identified", "weak")
         assert offset.std < 0.3
         assert abs(offset.estimate - true) < 3 * offset.std, (name, offset.estimate, offset.std)
+    if carried_out in LANGUAGES:
+        corrected_program_reaches_what_it_means(tmp_path, plan, answer, LANGUAGES[carried_out])

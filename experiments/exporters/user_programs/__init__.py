@@ -1,0 +1,1 @@
+"""Programs that a person has: their targets corrected, every other byte as it was."""

@@ -1,0 +1,169 @@
+"""What a program of any language consists of here: targets, the motions to them, what cannot be corrected."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from ....model.arms.branches import Branch
+from ....model.arms.orientation import roll_pitch_yaw
+from ....model.robot import Matrix, Robot, shift
+from ..programs.steps import decimal
+
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+NULL = np.eye(4)
+
+
+class Edit(NamedTuple):
+    """Text that takes the place of that from `start` to `end` of a file."""
+
+    start: int
+    end: int
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class JointTarget:
+    """Joints (n,) of the robot file, degrees (mm); `write` turns others into the text for them."""
+
+    name: str
+    line: int
+    joints: Matrix
+    write: Callable[[Matrix], list[Edit]]
+
+
+@dataclass(frozen=True, eq=False)
+class PoseTarget:
+    """A pose (4, 4), mm, of the tool (as seen from the flange) in a frame (as seen from the base).
+
+    `matches` says whether joints, degrees, of a branch have the stated configuration, which `stated` names;
+    None where none is stated: then the joints are those nearest to `near`, or to those of the motion before.
+    `write` turns a pose and the joints it is reached with into the text for them.
+    """
+
+    name: str
+    line: int
+    pose: Matrix
+    tool: Matrix
+    frame: Matrix
+    matches: Callable[[Branch, Matrix], bool] | None
+    stated: str
+    write: Callable[[Matrix, Branch | None, Matrix], list[Edit]]
+    near: Matrix | None = None
+
+
+Target = JointTarget | PoseTarget
+
+
+class Motion(NamedTuple):
+    """To the target `name`, None for one that is left as it is; `linear` if the arm keeps its branch on the
+    way, `first` if it is not known where it comes from."""
+
+    name: str | None
+    line: int
+    linear: bool
+    first: bool
+
+
+@dataclass
+class Parsed:
+    """A program: `targets` by name, motions in the text's order, `problems` (line, sentence) that forbid to
+    write it, and sentences about what it `left` as it was or took for granted."""
+
+    targets: dict[str, Target] = field(default_factory=dict)
+    motions: list[Motion] = field(default_factory=list)
+    problems: list[tuple[int, str]] = field(default_factory=list)
+    left: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What a person states of a program: poses (4, 4) of tools and frames by name ("" for any), names to
+    `leave`, joints (n,) degrees `near` which poses without a configuration are, and from where a FANUC counts
+    joint 3."""
+
+    tools: Mapping[str, Matrix] = field(default_factory=dict)
+    frames: Mapping[str, Matrix] = field(default_factory=dict)
+    leave: frozenset[str] = frozenset()
+    near: Matrix | None = None
+    j3: str | None = None
+
+
+@dataclass(frozen=True)
+class Source:
+    """The text of a program for one robot, and what is stated of it."""
+
+    text: str
+    robot: Robot
+    stated: Stated
+
+    def line(self, place: int) -> int:
+        return self.text.count("\n", 0, place) + 1
+
+
+def new_number(old: str, value: float, decimals: int) -> str:
+    """The text of a number: as it was where it is the same to so many decimals."""
+    if abs(float(old) - value) <= 0.5 * 10.0**-decimals:
+        return old
+    return decimal(round(value, decimals) + 0.0)
+
+
+def number_edits(
+    spans: Sequence[tuple[int, int]], text: str, values: Sequence[float], decimals: Sequence[int]
+) -> list[Edit]:
+    """Numbers at places of the text replaced by `values`."""
+    return [
+        Edit(start, end, new_number(text[start:end], float(value), places))
+        for (start, end), value, places in zip(spans, values, decimals, strict=True)
+    ]
+
+
+def number_spans(text: str, start: int, end: int) -> list[tuple[int, int]]:
+    """The places of all numbers in a part of a text."""
+    return [found.span() for found in re.compile(rf"(?<![\w.]){NUMBER}").finditer(text, start, end)]
+
+
+def from_quaternion(values: Sequence[float]) -> Matrix:
+    """(4, 4) of x, y, z (mm) and (w, x, y, z)."""
+    x, y, z, *turn = values
+    result = shift(x, y, z)
+    w, i, j, k = np.array(turn) / math.hypot(*turn)
+    result[:3, :3] = [
+        [1 - 2 * (j * j + k * k), 2 * (i * j - k * w), 2 * (i * k + j * w)],
+        [2 * (i * j + k * w), 1 - 2 * (i * i + k * k), 2 * (j * k - i * w)],
+        [2 * (i * k - j * w), 2 * (j * k + i * w), 1 - 2 * (i * i + j * j)],
+    ]
+    return result
+
+
+def from_rpy(values: Sequence[float]) -> Matrix:
+    """(4, 4) of x, y, z (mm) and rotations about fixed x, y, z (degrees): FANUC's W, P, R."""
+    x, y, z, *turns = values
+    return np.asarray(shift(x, y, z) @ roll_pitch_yaw(*np.radians(turns)))
+
+
+def from_abc(values: Sequence[float]) -> Matrix:
+    """(4, 4) of KUKA's X, Y, Z, A, B, C."""
+    x, y, z, a, b, c = values
+    return from_rpy((x, y, z, c, b, a))
+
+
+def from_rotation_vector(values: Sequence[float]) -> Matrix:
+    """(4, 4) of a URScript pose: metres, radians."""
+    x, y, z, *vector = values
+    angle = math.hypot(*vector)
+    half = math.sin(angle / 2) / angle if angle else 0.5
+    return from_quaternion(
+        (1000 * x, 1000 * y, 1000 * z, math.cos(angle / 2), *(half * value for value in vector))
+    )
+
+
+def spoken(names: Sequence[str], most: int = 8) -> str:
+    """Names for a message, cut to a length that it can carry."""
+    said = ", ".join(names[:most])
+    return said if len(names) <= most else f"{said} and {len(names) - most} more"

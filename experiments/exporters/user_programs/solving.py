@@ -1,0 +1,247 @@
+"""Where the targets of a program have to be moved, so that the calibrated arm reaches what they mean.
+
+A target means the pose of the flange that the nominal arm has there: the controller computes with nominal
+kinematics. The calibrated arm reaches that pose at other joints, which inverse kinematics finds near the
+nominal ones less the offsets. They are what has to be commanded: as they are, or as the pose that the nominal
+arm has at them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ....model.arms.branches import Branch, Branches
+from ....model.arms.inverse import Solver, reach
+from ....model.arms.orientation import orientation
+from ....model.robot import Matrix, Robot
+from .parts import Edit, JointTarget, Motion, Parsed, PoseTarget, Target, from_rotation_vector
+
+_FAR = 5.0  # deg (mm) from the nominal joints less the offsets: such a solution is another posture
+_CLEAR = 1.2  # a nearest solution is taken if the next one is so many times as far
+_ON_THE_WAY = 24  # poses of a linear motion that are followed
+
+
+class _Unsolved(Exception):
+    """A target that cannot be corrected; the sentence says why."""
+
+
+@dataclass(frozen=True, eq=False)
+class Arms:
+    """The arm that the controller computes with, the calibrated one, the offsets between (n,), rad or mm."""
+
+    nominal: Robot
+    calibrated: Robot
+    offsets: Matrix
+
+    @cached_property
+    def solver(self) -> Solver:
+        return Solver(self.nominal)
+
+    @cached_property
+    def branches(self) -> Branches | None:
+        found = Branches(self.nominal)
+        return found if found.exist else None
+
+    def branch(self, joints: Matrix) -> Branch | None:
+        """Of joints in degrees."""
+        return None if self.branches is None else self.branches.of(joints)
+
+    def commanded(self, joints: Matrix) -> Matrix:
+        """The joints, degrees (mm), at which the calibrated arm has the flange where the nominal one has it
+        at `joints`: those to command."""
+        display = self.nominal.display
+        start = joints / display - self.offsets
+        found, arrived = reach(self.calibrated, self.nominal.fk(joints), start[None])
+        result = np.asarray(found[0] * display)
+        if not arrived[0] or np.abs(result - start * display).max() > _FAR:
+            raise _Unsolved("the calibrated arm does not reach it near the joints that it has there")
+        beyond = [
+            f"joint {i}: {value:.3f} {joint.unit}"
+            for i, (value, joint) in enumerate(
+                zip(result.tolist(), self.nominal.joints, strict=True), start=1
+            )
+            if not joint.lower * joint.display - 1e-6 <= value <= joint.upper * joint.display + 1e-6
+        ]
+        if beyond:
+            raise _Unsolved(f"the corrected joints are beyond their limits ({', '.join(beyond)})")
+        return result
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """The edits of a program, and how far its targets move: degrees (mm) of a joint, mm of a pose.
+
+    `changed` are names of targets whose configuration changes, `nearest` those whose configuration was taken
+    from the joints nearest to known ones.
+    """
+
+    edits: list[Edit]
+    joint_targets: int
+    poses: int
+    most_joint: float
+    most_mm: float
+    changed: list[str]
+    nearest: list[str]
+
+
+def corrected(parsed: Parsed, arms: Arms, near: Matrix | None) -> Corrected:
+    """All targets of a program corrected; what cannot be is added to its problems."""
+    work = _Work(arms, near, parsed)
+    for motion in parsed.motions:
+        work.go(motion)
+    for target in parsed.targets.values():
+        work.solved(target)
+    return Corrected(
+        work.edits,
+        sum(isinstance(target, JointTarget) for target in parsed.targets.values()),
+        sum(isinstance(target, PoseTarget) for target in parsed.targets.values()),
+        work.most_joint,
+        work.most_mm,
+        work.changed,
+        work.nearest,
+    )
+
+
+class _Work:
+    def __init__(self, arms: Arms, near: Matrix | None, parsed: Parsed) -> None:
+        self.arms, self.near, self.parsed = arms, near, parsed
+        self.edits: list[Edit] = []
+        self.most_joint = self.most_mm = 0.0
+        self.changed: list[str] = []
+        self.nearest: list[str] = []
+        self._joints: dict[str, Matrix | None] = {}
+        self._last: Matrix | None = None
+        self._linear = False
+
+    def go(self, motion: Motion) -> None:
+        if motion.first:
+            self._last = None
+        if motion.name is None:
+            self._last = None
+            return
+        target = self.parsed.targets[motion.name]
+        before, self._linear = self._last, motion.linear
+        self._last = self.solved(target)
+        self._linear = False
+        if not motion.linear or before is None or self._last is None or self.arms.branches is None:
+            return
+        if self.arms.branch(before) != self.arms.branch(self._last):
+            self.parsed.problems.append(
+                (
+                    motion.line,
+                    f"the linear motion to {motion.name} would change the arm's configuration, which it"
+                    " cannot: its stated configuration is not the one that the arm has there",
+                )
+            )
+
+    def solved(self, target: Target) -> Matrix | None:
+        """The joints of the target as the program means it, degrees; None where they are not known."""
+        if target.name not in self._joints:
+            try:
+                self._joints[target.name] = self._solve(target)
+            except _Unsolved as error:
+                self._joints[target.name] = None
+                self.parsed.problems.append((target.line, f"{target.name}: {error}"))
+        return self._joints[target.name]
+
+    def _solve(self, target: Target) -> Matrix:
+        arms = self.arms
+        if isinstance(target, JointTarget):
+            commanded = arms.commanded(target.joints)
+            self.most_joint = max(self.most_joint, float(np.abs(commanded - target.joints).max()))
+            self.edits += target.write(commanded)
+            return target.joints
+        flange = target.frame @ target.pose @ np.linalg.inv(target.tool)
+        joints = self._chosen(target, flange)
+        commanded = arms.commanded(joints)
+        pose = np.linalg.inv(target.frame) @ arms.nominal.fk(commanded) @ target.tool
+        self.most_mm = max(self.most_mm, float(np.linalg.norm(pose[:3, 3] - target.pose[:3, 3])))
+        branch = arms.branch(commanded)
+        if branch != arms.branch(joints):
+            self.changed.append(target.name)
+        self.edits += target.write(np.asarray(pose), branch, commanded)
+        return joints
+
+    def _chosen(self, target: PoseTarget, flange: Matrix) -> Matrix:
+        if self.arms.nominal.n != 6:
+            raise _Unsolved(f"a pose does not determine the {self.arms.nominal.n} joints of this arm")
+        display = self.arms.nominal.display
+        if target.matches is not None:
+            if self.arms.branches is None:
+                raise _Unsolved("configurations are known of arms with a spherical wrist only; state --near")
+            for thorough in (False, True):
+                found = self._matching(target, flange, thorough)
+                if len(found):
+                    break
+            if len(found) and all(
+                self.arms.solver.same(found[0] / display, other) for other in found / display
+            ):
+                near = next((each for each in (self._last, self.near) if each is not None), found[0])
+                return np.asarray(found[np.argmin(np.abs(found - near).max(axis=1))])
+            if len(found):
+                raise _Unsolved(f"several sets of joints have the stated configuration {target.stated}")
+            if self.near is None:
+                raise _Unsolved(
+                    f"no joints within the limits reach it with the stated configuration {target.stated}"
+                )
+        return self._nearest(target, flange)
+
+    def _matching(self, target: PoseTarget, flange: Matrix, thorough: bool) -> Matrix:
+        solver, display = self.arms.solver, self.arms.nominal.display
+        rows = [
+            row * display
+            for own in solver.solutions(flange, thorough=thorough)
+            for row in solver.with_turns(own)
+        ]
+        assert target.matches is not None
+        return np.array([row for row in rows if target.matches(self._branch(row), row)]).reshape(
+            -1, self.arms.nominal.n
+        )
+
+    def _branch(self, joints: Matrix) -> Branch:
+        found = self.arms.branch(joints)
+        assert found is not None
+        return found
+
+    def _nearest(self, target: PoseTarget, flange: Matrix) -> Matrix:
+        near = next((each for each in (target.near, self._last, self.near) if each is not None), None)
+        if near is None:
+            raise _Unsolved("nothing says in which configuration the arm reaches it; state --near")
+        solver, display = self.arms.solver, self.arms.nominal.display
+        if self._linear and self._last is not None and near is self._last:
+            return self._followed(flange, near)
+        found, arrived = reach(self.arms.nominal, flange, (near / display)[None])
+        rows = [*found[arrived], *solver.solutions(flange)]
+        unique: list[Matrix] = []
+        for row in rows:
+            turned = solver.nearest_turns(row, near / display)
+            if not any(np.abs(turned - other).max() < 1e-4 for other in unique):
+                unique.append(turned)
+        if not unique:
+            raise _Unsolved("the arm does not reach it")
+        apart = [float(np.linalg.norm(row - near / display)) for row in unique]
+        order = np.argsort(apart)
+        if len(order) > 1 and apart[order[1]] < _CLEAR * apart[order[0]]:
+            raise _Unsolved(
+                "two configurations of the arm are about as near to the joints before it; state --near, or a"
+                " joint target before it"
+            )
+        self.nearest.append(target.name)
+        return np.asarray(unique[order[0]] * display)
+
+    def _followed(self, flange: Matrix, start: Matrix) -> Matrix:
+        """The joints at the end of a linear motion, degrees, from those at its start."""
+        nominal = self.arms.nominal
+        begun, joints = nominal.fk(start), start / nominal.display
+        turn = np.array(orientation(flange[:3, :3] @ begun[:3, :3].T).rotation_vector)
+        for share in np.linspace(0, 1, _ON_THE_WAY + 1)[1:]:
+            pose = from_rotation_vector((0, 0, 0, *(share * turn))) @ begun
+            pose[:3, 3] = (1 - share) * begun[:3, 3] + share * flange[:3, 3]
+            found, arrived = reach(nominal, pose, joints[None])
+            if not arrived[0]:
+                raise _Unsolved("the arm does not reach it in a straight line from the target before")
+            joints = found[0]
+        return np.asarray(joints * nominal.display)
