@@ -102,7 +102,7 @@ LANGUAGES = {rapid: "rapid", urscript: "urscript", krl: "krl", fanuc: "fanuc"}
 
 
 def promised_mm(answer: Calibration, plan: Plan, rows: Matrix) -> Matrix:
-    """(N,) the standard uncertainty of the flange's place at joints (N, n), degrees, by that of the offsets."""
+    """(N,) standard uncertainty of the flange's place at joints (N, n), degrees, by that of the offsets."""
     names = [offset.name for offset in answer.offsets if offset.exported]
     own = [answer.covariance.names.index(name) for name in names]
     columns = [int(name.removeprefix("delta")) - 1 for name in names]
