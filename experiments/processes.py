@@ -17,6 +17,8 @@ from typing import TypeVar
 
 from threadpoolctl import threadpool_limits
 
+from ..model.kernel import compiled_at_once
+
 Job = TypeVar("Job")
 Answer = TypeVar("Answer")
 
@@ -28,12 +30,12 @@ def side_by_side(
 
     `work` is a function of a module, for it is looked up there by name. What ends it early (Ctrl-C, an
     error, its `close`) breaks off the jobs that are under way. Close it: what happens between two answers
-    does not reach it.
+    does not reach it. Kernels are compiled at once, so that no answer depends on what its process did before.
     """
     processes = min(processes or os.cpu_count() or 1, max(len(jobs), 1))
     if processes == 1:
         for number, job in enumerate(jobs):
-            with threadpool_limits(limits=1):
+            with threadpool_limits(limits=1), compiled_at_once():
                 answer = work(job)
             yield number, answer
         return
@@ -45,7 +47,7 @@ def side_by_side(
     try:
         for number, job in enumerate(jobs):
             with _interruptions_put_off():
-                pool.submit(work, job).add_done_callback(partial(_note, done, number))
+                pool.submit(_worked, work, job).add_done_callback(partial(_note, done, number))
         for _ in jobs:
             number, future = done.get()
             yield number, future.result()
@@ -56,6 +58,11 @@ def side_by_side(
         pool.shutdown(cancel_futures=True)
         held.close()
         ended.close()
+
+
+def _worked(work: Callable[[Job], Answer], job: Job) -> Answer:
+    with compiled_at_once():
+        return work(job)
 
 
 def _note(done: SimpleQueue[tuple[int, Future[Answer]]], number: int, future: Future[Answer]) -> None:

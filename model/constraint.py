@@ -15,7 +15,6 @@ by delta is the Jacobian by q as well.
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
@@ -125,8 +124,7 @@ def shot_functions(
     made = _made[key]
     if made.geometry is not geometry:
         # The functions are the same whatever the tolerances, but these are asked of their geometry.
-        made = copy.copy(made)
-        object.__setattr__(made, "geometry", geometry)
+        return ShotFunctions(robot, tool, log_det, geometry, made._functions, made._kernels)
     return made
 
 

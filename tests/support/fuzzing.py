@@ -92,7 +92,9 @@ WHOLE = (
     Whole("run plan.yaml -o made --cell cell.yaml", ("plan.yaml", "cell.yaml"), ("cell.yaml",), 0.6),
     Whole("run plan.yaml -o made --no-camera", ("plan.yaml",), ("plan.yaml",), 0.1),
     Whole("run good.yaml -o made --rig replay --recorded run.jsonl", ("good.yaml", *RUN), RUN, 1),
-    Whole("run good.yaml -o made.jsonl --resume", ("good.yaml", "made.jsonl"), ("made.jsonl",), 0.5),
+    Whole(
+        "run good.yaml -o made.jsonl --no-camera --resume", ("good.yaml", "made.jsonl"), ("made.jsonl",), 0.5
+    ),
     Whole(
         "run plan.yaml -o made --rig abb --host 127.0.0.1 --port 9 --user a --password b --yes"
         " --sensors sensors.yaml",

@@ -230,3 +230,4 @@ def test_tolerances_are_those_of_the_header_whatever_was_made_before() -> None:
         assert closer.parameters.prior_std[closer.parameters.index("link2.a")] == pytest.approx(
             level.length_mm / 3
         )
+        assert (problem.geometry.length == level.length_mm).all()  # whatever is made afterwards
