@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
 from .console import EXIT_STATUS, out, print_json
 from .exporting import AllowDisplaced, AllowWeak, ExportFile, Unvalidated, Without
-from .options import Force, Json, RunFile
+from .options import Force, J3Origin, Json, RunFile
 
 
 def export_program(
@@ -55,8 +55,8 @@ def export_program(
         ),
     ] = None,
     j3: Annotated[
-        Literal["ground", "link"] | None,
-        typer.Option(help="fanuc: joint 3 is counted from; on the pendant: ground.", show_default=False),
+        J3Origin | None,
+        typer.Option(help="fanuc: what joint 3 is counted from; on the pendant: ground.", show_default=False),
     ] = None,
     allow_weak: AllowWeak = False,
     allow_displaced: AllowDisplaced = False,

@@ -12,7 +12,7 @@ from ....model.arms.joint_three import require_coupled
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ..ascii_line import one_line
-from .steps import LOG_PLAN, Motion, decimal, made_for, percents, short_hash, steps_of
+from .steps import LOG_PLAN, Motion, decimal, made_for, percents, require_j3, short_hash, steps_of
 
 AXES = 6
 _COMMENT = 32  # characters of a comment line
@@ -25,11 +25,7 @@ def fanuc_program(plan: Plan, motion: Motion, name: str) -> str:
     link 2, as on the few controllers that are set so."""
     motion.refuse("fanuc", "listener")
     made_for(plan, "fanuc", "a TP program", AXES, "a TP position")
-    if motion.j3 is None:
-        raise BadInput(
-            "the reference of joint 3 is not stated",
-            allowed="--j3 ground (as the pendant and TP programs count it), or --j3 link (from link 2)",
-        )
+    require_j3(motion.j3)
     if motion.j3 == "ground":
         require_coupled(plan.robot)
     if not _NAME.fullmatch(name):

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
+from ....model.arms.joint_three import J3
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ....model.files.robot_file import Vendor
@@ -38,7 +38,7 @@ class Motion:
     speed: float = 10.0
     zone: float = 0.0
     tool: str | None = None
-    j3: Literal["ground", "link"] | None = None
+    j3: J3 | None = None
     register: int | None = None
     listener: str | None = None
 
@@ -60,6 +60,15 @@ class Motion:
         for name in names:
             if getattr(self, name) != getattr(unset, name):
                 raise BadInput(f"--{name} is not for {language}", remedy=f"leave --{name} out")
+
+
+def require_j3(j3: J3 | None) -> None:
+    """BadInput where it is not stated what a FANUC counts joint 3 from."""
+    if j3 is None:
+        raise BadInput(
+            "the reference of joint 3 is not stated",
+            allowed="--j3 ground (as the pendant and TP programs count it), or --j3 link (from link 2)",
+        )
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ import re
 import numpy as np
 
 from ....model.arms.branches import Branch, fanuc_configuration, is_fanuc_configuration
+from ....model.arms.joint_three import from_ground, to_ground
 from ....model.arms.orientation import orientation
 from ....model.robot import Matrix
 from ...importers.fanuc import GROUP_1, JOINT, position_blocks
@@ -73,13 +74,12 @@ def _add_joints(
         parsed.problems.append((line, f"the joints of {name} are not those of the robot"))
         return
     ground = source.stated.j3 == "ground"
-    joints = np.array([float(values[key]["value"]) for key in keys])
-    joints[2] += joints[1] if ground else 0.0
+    shown = np.array([float(values[key]["value"]) for key in keys])
+    joints = from_ground(shown, source.robot) if ground else shown
 
     def write(new: Matrix) -> list[Edit]:
-        shown = new.copy()
-        shown[2] -= shown[1] if ground else 0.0
-        return [_edit(values[key], value) for key, value in zip(keys, shown.tolist(), strict=True)]
+        written = to_ground(new, source.robot) if ground else new
+        return [_edit(values[key], value) for key, value in zip(keys, written.tolist(), strict=True)]
 
     parsed.targets[name] = JointTarget(name, line, joints, write)
 

@@ -13,13 +13,15 @@ from pathlib import Path
 
 import numpy as np
 
+from ....model.arms.joint_three import J3
 from ....model.errors import BadInput
 from ....model.files.reading import read_bytes
 from ....model.files.robot_file import Vendor, load_robot
 from ....model.robot import Matrix, Robot, same_arm, shift
+from ....reports.words.wording import listed
 from ..ascii_line import one_line
 from ..calibration import Calibration
-from ..programs.steps import require_axes
+from ..programs.steps import require_axes, require_j3
 from ..vendors import require_vendor
 from .fanuc_targets import fanuc_head, fanuc_targets
 from .krl_targets import krl_head, krl_targets
@@ -32,7 +34,6 @@ from .parts import (
     from_quaternion,
     from_rotation_vector,
     from_rpy,
-    spoken,
 )
 from .rapid_targets import rapid_head, rapid_targets
 from .solving import Arms, Corrected, corrected
@@ -80,7 +81,7 @@ class Choices:
     frames: Sequence[str] = ()
     leave: Sequence[str] = ()
     near: str | None = None
-    j3: str | None = None
+    j3: J3 | None = None
 
 
 @dataclass(frozen=True)
@@ -181,12 +182,9 @@ def _text(path: Path) -> str:
 
 def _stated(language: Language, robot: Robot, choices: Choices) -> Stated:
     upper = language.name in ("TP", "URScript")
-    if language.name == "TP" and choices.j3 is None:
-        raise BadInput(
-            "the reference of joint 3 is not stated",
-            allowed="--j3 ground (as the pendant and TP programs count it), or --j3 link (from link 2)",
-        )
-    if language.name != "TP" and choices.j3 is not None:
+    if language.name == "TP":
+        require_j3(choices.j3)
+    elif choices.j3 is not None:
         raise BadInput(f"--j3 is not for {language.name}", remedy="leave --j3 out")
     near = None if choices.near is None else np.array(_numbers(choices.near, robot.n, "--near", "J1,J2,…"))
     return Stated(
@@ -254,11 +252,11 @@ def _summary(calibration: Calibration, parsed: Parsed, done: Corrected, choices:
     if gone:
         said.append(f"not corrected, as 0: {', '.join(gone)}")
     if choices.leave:
-        said.append(f"left as they are: {spoken(list(choices.leave))}")
+        said.append(f"left as they are: {listed(list(choices.leave))}")
     if done.changed:
-        said.append(f"another configuration is needed, and written, at {spoken(done.changed)}")
+        said.append(f"another configuration is needed, and written, at {listed(done.changed)}")
     if done.nearest:
-        said.append(f"configuration taken from the joints nearest by, at {spoken(done.nearest)}")
+        said.append(f"configuration taken from the joints nearest by, at {listed(done.nearest)}")
     return [*said, *parsed.left]
 
 

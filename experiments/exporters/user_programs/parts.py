@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ....model.arms.branches import Branch
+from ....model.arms.joint_three import J3
 from ....model.arms.orientation import roll_pitch_yaw
 from ....model.robot import Matrix, Robot, shift
 from ..programs.steps import decimal
@@ -91,7 +92,7 @@ class Stated:
     frames: Mapping[str, Matrix] = field(default_factory=dict)
     leave: frozenset[str] = frozenset()
     near: Matrix | None = None
-    j3: str | None = None
+    j3: J3 | None = None
 
 
 @dataclass(frozen=True)
@@ -161,9 +162,3 @@ def from_rotation_vector(values: Sequence[float]) -> Matrix:
     return from_quaternion(
         (1000 * x, 1000 * y, 1000 * z, math.cos(angle / 2), *(half * value for value in vector))
     )
-
-
-def spoken(names: Sequence[str], most: int = 8) -> str:
-    """Names for a message, cut to a length that it can carry."""
-    said = ", ".join(names[:most])
-    return said if len(names) <= most else f"{said} and {len(names) - most} more"

@@ -128,7 +128,7 @@ class _Module:
         n = self.source.robot.n
         values = [float(self.bare[start:end]) for start, end in spans]
         if any(values[n:6]):
-            self.parsed.problems.append((line, f"{key} has values for joints that the robot has not"))
+            self.parsed.problems.append((line, f"{key} has values for joints that the robot does not have"))
 
         def write(joints: Matrix) -> list[Edit]:
             return number_edits(spans[:n], self.source.text, joints.tolist(), [6] * n)

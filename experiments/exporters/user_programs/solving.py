@@ -16,6 +16,7 @@ import numpy as np
 from ....model.arms.branches import Branch, Branches
 from ....model.arms.inverse import Solver, reach
 from ....model.arms.orientation import orientation
+from ....model.files.limits import beyond_limits
 from ....model.robot import Matrix, Robot
 from .parts import Edit, JointTarget, Motion, Parsed, PoseTarget, Target, from_rotation_vector
 
@@ -60,10 +61,11 @@ class Arms:
             raise _Unsolved("the calibrated arm does not reach it near the joints that it has there")
         beyond = [
             f"joint {i}: {value:.3f} {joint.unit}"
-            for i, (value, joint) in enumerate(
-                zip(result.tolist(), self.nominal.joints, strict=True), start=1
+            for i, (value, joint, outside) in enumerate(
+                zip(result.tolist(), self.nominal.joints, beyond_limits(self.nominal, result), strict=True),
+                start=1,
             )
-            if not joint.lower * joint.display - 1e-6 <= value <= joint.upper * joint.display + 1e-6
+            if outside
         ]
         if beyond:
             raise _Unsolved(f"the corrected joints are beyond their limits ({', '.join(beyond)})")

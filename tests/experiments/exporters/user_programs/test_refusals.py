@@ -151,7 +151,7 @@ def test_a_pose_needs_its_tool_and_joints_do_not(tmp_path: Path) -> None:
 
 def test_a_target_that_is_left_stays(tmp_path: Path) -> None:
     text = tried(tmp_path, ".mod", "MoveL pOther,v100,fine,tool0;", Choices(leave=["pOther", "p1"]))
-    assert "left as they are: pOther, p1" in text
+    assert "left as they are: pOther and p1" in text
     assert RAPID.splitlines()[1] in text
     left = tried(
         tmp_path, ".ls", "J P[2] 100% FINE", Choices(leave=["P[1]"], tools=["5=0,0,100,0,0,0"], j3="link")
