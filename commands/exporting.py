@@ -159,6 +159,34 @@ def export_ur(recorded: Run, calibration: Calibration) -> str:
     return ur_text(recorded.robot, calibration)
 
 
+@exports.command("ur-calibration")
+def export_ur_calibration(
+    run: RunFile,
+    file: ExportFile,
+    against: Annotated[
+        Path | None,
+        typer.Option(
+            help="The arm's present calibration.yaml: its hash is kept, which ROS compares with the robot's.",
+            show_default=False,
+        ),
+    ] = None,
+    allow_weak: AllowWeak = False,
+    allow_displaced: AllowDisplaced = False,
+    unvalidated: Unvalidated = False,
+    without: Without = None,
+    force: Force = False,
+    as_json: Json = False,
+) -> None:
+    """Universal Robots: a corrected calibration.yaml for ROS, of offsets, link lengths and angles."""
+    from ..experiments.exporters.ur_kinematics import ur_calibration_text
+
+    def text(recorded: Run, calibration: Calibration) -> str:
+        return ur_calibration_text(recorded, calibration, against)
+
+    allowed = Allowed(allow_weak, allow_displaced, unvalidated, holds="links")
+    _export(run, file, allowed, without, force, as_json, text, against)
+
+
 @_format("kuka")
 def export_kuka(recorded: Run, calibration: Calibration) -> str:
     """KUKA: a sheet for a person, the mastering offsets of the axes. Nothing is applied."""

@@ -73,6 +73,11 @@ def read_ur_calibration(path: Path, name: str) -> CalibratedArm:
     return CalibratedArm(stated, robot, (rms, most))
 
 
+def ros_chain(nominal: Robot, path: Path) -> Robot:
+    """`nominal` with the transforms of a YAML of ROS's ur_calibration; BadInput where it is none."""
+    return _as_chain(nominal, *_transforms(path))
+
+
 def _deltas(text: str, path: Path, stated: RobotFile) -> tuple[list[Matrix], Matrix]:
     found: dict[str, list[float]] = {}
     for key in DELTAS:

@@ -1,0 +1,94 @@
+"""calibration.yaml of a UR with offsets: read back it is the calibrated arm, in the frames of ROS."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cells import LASER, header, plan_of, simulated, varied_postures
+from command_line import zerobeam
+from export_runs import TRUTH, saved
+
+from zerobeam.experiments.demos import demo_runs
+from zerobeam.model.files.reading import read_yaml
+from zerobeam.model.files.robot_file import load_robot, read_robot
+from zerobeam.model.robot import Robot
+
+JOINTS = np.random.default_rng(5).uniform(-180, 180, (40, 6))
+
+
+def ur_run(folder: Path, robot: Robot, ref: str = "ur5e") -> Path:
+    """A run of a UR with the true offsets TRUTH, as a file."""
+    target = (600.0, 0.0, 100.0)
+    own = header(LASER, target=target, robot=ref)
+    plan = plan_of(own, varied_postures(own, robot, target, 16, 4), robot=robot)
+    return saved(folder, own, simulated(plan, TRUTH, 1)[1]).path
+
+
+def same_flange(one: Robot, other: Robot, mm: float = 1e-5) -> bool:
+    return bool(np.abs(one.fk(JOINTS) - other.fk(JOINTS)).max() < mm)
+
+
+def test_read_back_it_is_the_calibrated_arm(tmp_path: Path) -> None:
+    run = ur_run(tmp_path, load_robot("ur5e"))
+    out = tmp_path / "calibration.yaml"
+    told = zerobeam("export", "ur-calibration", run, "-o", out, "--allow-weak")
+    assert told.status == 0, told.err
+    made = tmp_path / "corrected.yaml"
+    assert zerobeam("export", "robot", run, "-o", made, "--allow-weak").status == 0
+    back = tmp_path / "back.yaml"
+    told = zerobeam("import", "ur-calibration", out, "--robot", "ur5e", "-o", back)
+    assert told.status == 0, told.err
+    assert same_flange(read_robot(back), read_robot(made))
+    assert not same_flange(read_robot(back), load_robot("ur5e"), 1.0)
+
+
+def test_its_frames_are_those_of_ros(tmp_path: Path) -> None:
+    """ur_description's default_kinematics.yaml of the UR5e, but for the offsets about z."""
+    run = ur_run(tmp_path, load_robot("ur5e"))
+    out = tmp_path / "calibration.yaml"
+    assert zerobeam("export", "ur-calibration", run, "-o", out, "--allow-weak").status == 0
+    links = read_yaml(out).data["kinematics"]
+    theirs = {
+        "shoulder": (0, 0, 0.1625),
+        "upper_arm": (0, 0, 0),
+        "forearm": (-0.425, 0, 0),
+        "wrist_1": (-0.3922, 0, 0.1333),
+        "wrist_2": (0, -0.0997, 0),
+        "wrist_3": (0, 0.0996, 0),
+    }
+    for name, place in theirs.items():
+        assert [links[name][key] for key in "xyz"] == pytest.approx(place, abs=1e-12)
+    assert links["hash"] == "zerobeam_corrected"
+
+
+def test_the_hash_of_the_arm_is_kept_and_another_arm_refused(tmp_path: Path) -> None:
+    run = ur_run(tmp_path, load_robot("ur5e"))
+    first = tmp_path / "first.yaml"
+    assert zerobeam("export", "ur-calibration", run, "-o", first, "--allow-weak").status == 0
+    # As if the factory had found that: the arm with its own calibration, and its robot file.
+    factory = tmp_path / "factory.yaml"
+    factory.write_text(first.read_text().replace("zerobeam_corrected", "calib_123"))
+    theirs = tmp_path / "theirs.yaml"
+    assert zerobeam("import", "ur-calibration", factory, "--robot", "ur5e", "-o", theirs).status == 0
+    own = tmp_path / "own"
+    own.mkdir()
+    arm = own / "theirs.yaml"
+    arm.write_text(theirs.read_text())
+    again = ur_run(own, read_robot(arm), "theirs.yaml")
+    out = own / "calibration.yaml"
+    told = zerobeam("export", "ur-calibration", again, "-o", out, "--against", factory, "--allow-weak")
+    assert told.status == 0, told.err
+    assert read_yaml(out).data["kinematics"]["hash"] == "calib_123"
+    wrong = zerobeam(
+        "export", "ur-calibration", run, "-o", tmp_path / "c.yaml", "--against", factory, "--allow-weak"
+    )
+    assert "analysed with another arm" in wrong.refused()
+    kept = zerobeam("export", "ur-calibration", again, "-o", factory, "--against", factory, "--force")
+    assert "it would be lost" in kept.refused()
+
+
+def test_another_vendors_arm_is_refused(tmp_path: Path) -> None:
+    told = zerobeam("export", "ur-calibration", demo_runs()[0].path, "-o", tmp_path / "c.yaml")
+    assert "is for robots of Universal Robots" in told.refused()
