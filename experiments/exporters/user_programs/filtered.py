@@ -98,7 +98,7 @@ def language_of(path: Path) -> Language:
     found = LANGUAGES.get(_SAME.get(suffix, suffix))
     if found is None:
         raise BadInput(
-            "the end of the file's name says no language",
+            "the file ending is of no language that is read here",
             found=path.name,
             allowed=".mod (RAPID), .src and .dat (KRL), .ls (FANUC), .script (URScript)",
             file=path,
@@ -129,7 +129,7 @@ def filtered(
     require_axes(nominal, 6, f"a program in {language.name}")
     if out.suffix.lower() != path.suffix.lower():
         raise BadInput(
-            "the corrected program has another kind of name", found=out.name, allowed=f"*{path.suffix}"
+            "the corrected program has another file ending", found=out.name, allowed=f"*{path.suffix}"
         )
     paths = files_of(path)
     texts = [_text(own) for own in paths]

@@ -171,7 +171,7 @@ def test_a_program_is_corrected_once_only_and_for_its_own_robot(tmp_path: Path) 
     other = load_robot("ur5e")
     with pytest.raises(BadInput, match="is for robots of ABB"):
         filtered(other, judged(other), path, tmp_path / "out.mod")
-    with pytest.raises(BadInput, match="says no language"):
+    with pytest.raises(BadInput, match="of no language that is read here"):
         filtered(robot, judged(robot), path.with_suffix(".txt"), tmp_path / "out.txt")
 
 
