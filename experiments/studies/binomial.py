@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
+from scipy import special, stats
 
 from ...model.robot import Matrix
 from .answer import Share
@@ -38,8 +38,12 @@ def held_share(held: int, of: int, level: float, alarm: float) -> Share:
 
     It agrees unless the p-value of the exact binomial test is below `alarm`.
     """
-    test = stats.binomtest(held, of, level)
-    interval = test.proportion_ci(0.95)
-    return Share(
-        level, held, of, held / of, float(interval.low), float(interval.high), bool(test.pvalue >= alarm)
-    )
+    agrees = bool(stats.binomtest(held, of, level).pvalue >= alarm)
+    return Share(level, held, of, held / of, *share_interval(held, of), agrees)
+
+
+def share_interval(held: int, of: int) -> tuple[float, float]:
+    """The exact 95 % interval of a share (Clopper and Pearson 1934), by quantiles of beta distributions."""
+    low = special.betaincinv(held, of - held + 1, 0.025) if held > 0 else 0.0
+    high = special.betaincinv(held + 1, of - held, 0.975) if held < of else 1.0
+    return float(low), float(high)

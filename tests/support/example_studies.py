@@ -14,6 +14,7 @@ from scipy.special import chdtrc
 from scipy.stats import binomtest, chi2, norm
 
 from zerobeam.experiments.studies.answer import StudyAnswer
+from zerobeam.experiments.studies.binomial import share_interval
 from zerobeam.experiments.studies.cell_answer import CellStudy
 from zerobeam.experiments.studies.coverage import CoverageStudy
 from zerobeam.experiments.studies.table2_answer import Table2Study
@@ -186,15 +187,15 @@ def _coverage(rng: np.random.Generator, level: float, width: float) -> Json:
     """How often intervals `width` times as wide as the right ones hold the truth of a normal error."""
     share = 2 * norm.cdf(norm.ppf((1 + level) / 2) * width) - 1
     held = int(rng.binomial(DATA_SETS, share))
-    low, high = binomtest(held, DATA_SETS).proportion_ci(0.95)
+    low, high = share_interval(held, DATA_SETS)
     apart = abs(held / DATA_SETS - level) / math.sqrt(level * (1 - level) / DATA_SETS)
     return {
         "level": level,
         "held": held,
         "of": DATA_SETS,
         "share": held / DATA_SETS,
-        "low": float(low),
-        "high": float(high),
+        "low": low,
+        "high": high,
         "agrees": bool(apart < 3.7),  # 1 in 20 by chance among some 200 shares
     }
 
@@ -339,7 +340,7 @@ def _cell_parameter(rng: np.random.Generator, name: str, std: float, width: floa
     mcse = rmse / math.sqrt(RUNS)
     share = 2 * norm.cdf(1.959964 * width) - 1
     held = int(rng.binomial(RUNS, share))
-    low, high = binomtest(held, RUNS).proportion_ci(0.95)
+    low, high = share_interval(held, RUNS)
     return {
         "name": name,
         "unit": "deg",
@@ -350,7 +351,7 @@ def _cell_parameter(rng: np.random.Generator, name: str, std: float, width: floa
         "predicted_std": std * width,
         "coverage": {
             "level": 0.95, "held": held, "of": RUNS, "share": held / RUNS,
-            "low": float(low), "high": float(high),
+            "low": low, "high": high,
             "agrees": bool(binomtest(held, RUNS, 0.95).pvalue > 0.01 / 25),
         },
     }  # fmt: skip

@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 from example_results import HOSTILE_NAMES
-from scipy.stats import binomtest
 
+from zerobeam.experiments.studies.binomial import share_interval
 from zerobeam.experiments.studies.sweeps.grid_answer import (
     CaseParameter,
     GridAxis,
@@ -259,8 +259,8 @@ def _parameter(
     if rng is None:
         return one
     held = int(rng.binomial(RUNS, 0.95))
-    low, high = binomtest(held, RUNS).proportion_ci(0.95)
-    likelihood = LikelihoodErrors(*_errors(rng, std), held / RUNS, float(low), float(high), 1.0, True)
+    low, high = share_interval(held, RUNS)
+    likelihood = LikelihoodErrors(*_errors(rng, std), held / RUNS, low, high, 1.0, True)
     other = RunErrors(*_errors(rng, midpoint * std)) if midpoint else None
     return replace(one, likelihood=likelihood, midpoint=other)
 

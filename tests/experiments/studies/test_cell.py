@@ -16,7 +16,7 @@ from scipy import stats
 from zerobeam.analysis.so_far import SoFar
 from zerobeam.experiments.studies import cell as module
 from zerobeam.experiments.studies.answer import to_json
-from zerobeam.experiments.studies.binomial import accuracy, held_share
+from zerobeam.experiments.studies.binomial import accuracy, held_share, share_interval
 from zerobeam.experiments.studies.campaign import CellRun, carried, seeds
 from zerobeam.experiments.studies.cell import StudiedPlan, cell_study, studied_plans
 
@@ -185,6 +185,13 @@ def test_shares_and_errors_in_closed_form() -> None:
     assert share.low == pytest.approx(0.025 ** (1 / 20))
     assert not share.agrees
     assert held_share(20, 20, 0.95, alarm=0.01).agrees
+
+
+@pytest.mark.parametrize(("held", "of"), [(0, 1), (1, 1), (0, 20), (3, 20), (20, 20), (947, 1000)])
+def test_the_interval_of_a_share_against_scipy(held: int, of: int) -> None:
+    """By beta quantiles; SciPy looks for the roots of the binomial distribution."""
+    expected = stats.binomtest(held, of).proportion_ci(0.95)
+    assert share_interval(held, of) == pytest.approx((expected.low, expected.high), abs=1e-10)
 
 
 @pytest.mark.long
