@@ -19,7 +19,7 @@ from ...model.files.robot_file import stated_rows
 from ...model.files.run import Run
 from ...model.files.urdf import MILLIMETRES
 from ...model.robot import Matrix, Robot, shift
-from ..importers.ur_calibration import LINKS, ros_chain
+from ..importers.ur_calibration import LINKS, PLACE, flanges_apart, ros_chain
 from .ascii_line import one_line
 from .calibration import Calibration
 from .vendors import require_vendor
@@ -54,8 +54,7 @@ def ur_calibration_text(run: Run, calibration: Calibration, against: Path | None
         x, y, z = (place[:3, 3] / MILLIMETRES).tolist()
         values = (x, y, z, *angles_of(place[:3, :3]))
         lines.append(f"  {name}:")
-        keys = ("x", "y", "z", "roll", "pitch", "yaw")
-        lines += [f"    {key}: {value + 0.0!r}" for key, value in zip(keys, values, strict=True)]
+        lines += [f"    {key}: {value + 0.0!r}" for key, value in zip(PLACE, values, strict=True)]
     return "\n".join([*lines, f"  hash: {one_line(hashed)}", ""])
 
 
@@ -84,10 +83,7 @@ def _places(run: Run, robot: Robot) -> list[Matrix]:
 
 
 def _hash(run: Run, against: Path) -> str:
-    theirs = ros_chain(run.robot, against)
-    joints = np.random.default_rng(0).uniform(-np.pi, np.pi, (50, run.robot.n))
-    apart = (theirs.fk(joints, "rad") - run.robot.fk(joints, "rad"))[:, :3, 3]
-    most = float(np.linalg.norm(apart, axis=1).max())
+    _, most = flanges_apart(ros_chain(run.robot, against), run.robot)
     if most > _SAME_ARM:
         raise BadInput(
             "the run was analysed with another arm than the one that this calibration describes",

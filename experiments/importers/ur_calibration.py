@@ -30,7 +30,7 @@ from ...model.robot import DHRow, Matrix, Robot, dh_chain, shift
 
 DELTAS = ("delta_theta", "delta_a", "delta_d", "delta_alpha")
 LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
-_PLACE = ("x", "y", "z", "roll", "pitch", "yaw")
+PLACE = ("x", "y", "z", "roll", "pitch", "yaw")
 _POSTURES = 400
 _FARTHEST = 50.0  # mm at the flange: a calibrated arm is nearer to its nominal geometry
 
@@ -59,9 +59,7 @@ def read_ur_calibration(path: Path, name: str) -> CalibratedArm:
     text, _ = read_text(path)
     chain = _deltas(text, path, stated) if "delta_" in text else _transforms(path)
     robot = _along_axes(_as_chain(nominal, *chain), nominal)
-    joints = np.random.default_rng(0).uniform(-np.pi, np.pi, (_POSTURES, nominal.n))
-    apart = np.linalg.norm((robot.fk(joints, "rad") - nominal.fk(joints, "rad"))[:, :3, 3], axis=1)
-    rms, most = float(np.sqrt(np.mean(apart**2))), float(apart.max())
+    rms, most = flanges_apart(robot, nominal)
     if most > _FARTHEST:
         raise BadInput(
             f"this is not the calibration of a {stated.model}",
@@ -71,6 +69,14 @@ def read_ur_calibration(path: Path, name: str) -> CalibratedArm:
             file=path,
         )
     return CalibratedArm(stated, robot, (rms, most))
+
+
+def flanges_apart(one: Robot, other: Robot) -> tuple[float, float]:
+    """mm between the flanges of two arms in the same joints, over random ones: root mean square and
+    largest."""
+    joints = np.random.default_rng(0).uniform(-np.pi, np.pi, (_POSTURES, one.n))
+    apart = np.linalg.norm((one.fk(joints, "rad") - other.fk(joints, "rad"))[:, :3, 3], axis=1)
+    return float(np.sqrt(np.mean(apart**2))), float(apart.max())
 
 
 def ros_chain(nominal: Robot, path: Path) -> Robot:
@@ -121,11 +127,11 @@ def _transforms(path: Path) -> tuple[list[Matrix], Matrix]:
         stated = links.get(name)
         values: list[Any] = [None]
         if isinstance(stated, Mapping):
-            values = [stated.get(key) for key in _PLACE]
+            values = [stated.get(key) for key in PLACE]
         if not all(isinstance(value, int | float) and np.isfinite(value) for value in values):
             raise BadInput(
                 f"the calibration has no {name}, or it is incomplete",
-                allowed=f"{name}: {{{', '.join(_PLACE)}}}, metres and radians",
+                allowed=f"{name}: {{{', '.join(PLACE)}}}, metres and radians",
                 file=path,
                 line=document.line(("kinematics",)),
             )
