@@ -38,9 +38,14 @@ class Branch(NamedTuple):
 
 @dataclass(frozen=True)
 class Branches:
-    """The postures of an arm. Joints are degrees (n,)."""
+    """The postures of an arm. Joints are degrees (n,).
+
+    `up` is 1 where joint 1 turns counterclockwise as seen from above, as those of ABB and FANUC do, -1 where
+    clockwise, as KUKA's, however the arm is mounted.
+    """
 
     robot: Robot
+    up: int
 
     @cached_property
     def exist(self) -> bool:
@@ -65,11 +70,11 @@ class Branches:
     def _signs(self, joints: Matrix) -> tuple[float, float] | None:
         """How far, mm, the wrist's centre is in front of axis 1, and (scaled) of the lower arm.
 
-        The front is where the centre is at zero; the base frame's z is up.
+        The front is where the centre is at zero.
         """
         start_axes, start = self._lines(np.zeros(6))
         axes, points = self._lines(joints)
-        up = start_axes[0] * np.sign(start_axes[0][2])
+        up = start_axes[0] * self.up
         front = np.cross(start_axes[1], up)
         centre = _meeting(start[3], start_axes[3], start[4], start_axes[4])
         ahead = float((centre - start[0]) @ front)

@@ -19,6 +19,7 @@ _LENGTH = 1000.0  # mm that count as one radian
 _EXACT = 1e-9  # rad, and mm over _LENGTH
 _STEPS = 30
 _SAMPLE, _FEW, _MANY = 4000, 32, 400
+_SINGULAR = 5e-3
 _SAME = 1e-4  # rad (mm): two solutions that differ by less are one
 _AT_LIMIT = 1e-9
 
@@ -39,6 +40,13 @@ def reach(robot: Robot, pose: Matrix, starts: Matrix) -> tuple[Matrix, Matrix]:
         if arrived.all():
             break
     return joints, arrived
+
+
+def is_singular(robot: Robot, joints: Matrix) -> bool:
+    """Whether an arm of six joints (n,), rad or mm, is at a singularity, or within about a degree of one."""
+    jacobian = robot.jacobian(joints, "rad")
+    jacobian[:3] /= _LENGTH
+    return bool(np.linalg.svd(jacobian, compute_uv=False)[-1] < _SINGULAR)
 
 
 def _errors(robot: Robot, pose: Matrix, joints: Matrix) -> tuple[Matrix, Matrix]:

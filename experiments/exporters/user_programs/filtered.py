@@ -142,6 +142,7 @@ def filtered(
         _to_flange(nominal, nominal),
         _to_flange(calibration.corrected, nominal),
         np.array([offset.internal for offset in calibration.offsets]),
+        -1 if language.vendor == "kuka" else 1,
     )
     done = corrected(parsed, arms, stated.near)
     if parsed.problems:

@@ -71,6 +71,7 @@ class _Module:
         }
         self.active: dict[str, str] = {}
         self.every: dict[str, set[str]] = {"tool": set(), "base": set()}
+        self.begun: set[str] = set()  # of these, what was set by now
 
     def read(self) -> Parsed:
         self._declarations()
@@ -146,6 +147,7 @@ class _Module:
                 own[word] = _set(found)
         for found in _BY_DATA.finditer(line):
             own["tool"], own["base"] = self._of_data(found)
+        self.begun |= own.keys()
         if motion is None:
             self.active = own
             return
@@ -201,7 +203,8 @@ class _Module:
             ("tool", "--tool", self.source.stated.tools),
             ("base", "--frame", self.source.stated.frames),
         ):
-            number = active.get(word) or (min(self.every[word]) if len(self.every[word]) == 1 else "")
+            one = len(self.every[word]) == 1 and word in self.begun
+            number = active.get(word) or (min(self.every[word]) if one else "")
             frame = stated.get(number, NULL if number == "0" else None)
             if frame is None and number in ("", _UNKNOWN):
                 frame = stated.get("")

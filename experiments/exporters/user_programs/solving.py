@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from ....model.arms.branches import Branch, Branches
-from ....model.arms.inverse import Solver, reach
+from ....model.arms.inverse import Solver, is_singular, reach
 from ....model.arms.orientation import orientation
 from ....model.files.limits import beyond_limits
 from ....model.robot import Matrix, Robot
@@ -31,11 +31,13 @@ class _Unsolved(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Arms:
-    """The arm that the controller computes with, the calibrated one, the offsets between (n,), rad or mm."""
+    """The arm that the controller computes with, the calibrated one, the offsets between (n,), rad or mm;
+    `up` as of `Branches`."""
 
     nominal: Robot
     calibrated: Robot
     offsets: Matrix
+    up: int
 
     @cached_property
     def solver(self) -> Solver:
@@ -43,7 +45,7 @@ class Arms:
 
     @cached_property
     def branches(self) -> Branches | None:
-        found = Branches(self.nominal)
+        found = Branches(self.nominal, self.up)
         return found if found.exist else None
 
     def branch(self, joints: Matrix) -> Branch | None:
@@ -174,10 +176,10 @@ class _Work:
         if target.matches is not None:
             if self.arms.branches is None:
                 raise _Unsolved("configurations are known of arms with a spherical wrist only; state --near")
+            found = self._matching_nearby(target, flange)
             for thorough in (False, True):
-                found = self._matching(target, flange, thorough)
-                if len(found):
-                    break
+                if not len(found):
+                    found = self._matching(target, flange, thorough)
             if len(found) and all(
                 self.arms.solver.same(found[0] / display, other) for other in found / display
             ):
@@ -191,13 +193,23 @@ class _Work:
                 )
         return self._nearest(target, flange)
 
+    def _matching_nearby(self, target: PoseTarget, flange: Matrix) -> Matrix:
+        """Joints near those of the motion before: off singularities a configuration has one solution only."""
+        nominal = self.arms.nominal
+        if self._last is None:
+            return np.empty((0, nominal.n))
+        found, arrived = reach(nominal, flange, (self._last / nominal.display)[None])
+        if not arrived[0] or is_singular(nominal, found[0]):
+            return np.empty((0, nominal.n))
+        return self._with_stated(target, found)
+
     def _matching(self, target: PoseTarget, flange: Matrix, thorough: bool) -> Matrix:
+        return self._with_stated(target, self.arms.solver.solutions(flange, thorough=thorough))
+
+    def _with_stated(self, target: PoseTarget, solutions: Matrix) -> Matrix:
+        """Those of the solutions, and of their whole turns, that have the stated configuration; degrees."""
         solver, display = self.arms.solver, self.arms.nominal.display
-        rows = [
-            row * display
-            for own in solver.solutions(flange, thorough=thorough)
-            for row in solver.with_turns(own)
-        ]
+        rows = [row * display for own in solutions for row in solver.with_turns(own)]
         assert target.matches is not None
         return np.array([row for row in rows if target.matches(self._branch(row), row)]).reshape(
             -1, self.arms.nominal.n

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 from user_programs import OFFSETS, STATED, UserProgram, flange_arm, judged, read, varied, written
 
 from zerobeam.experiments.exporters.user_programs.filtered import filtered
+from zerobeam.model.arms.orientation import orientation
 from zerobeam.model.files.robot_file import load_robot
 
 ARMS = {
@@ -60,3 +63,44 @@ def test_all_else_stays_byte_for_byte(tmp_path: Path, name: str) -> None:
         assert b"zerobeam export program" in head[0]
         assert content.replace(b"".join(head), b"") == old
         assert all(line.endswith(b"\r\n") == (b"\r\n" in old) for line in head)
+
+
+@pytest.mark.parametrize("name", ["irb120", "kr6_r900"])
+def test_links_that_deviate_are_corrected_too(tmp_path: Path, name: str) -> None:
+    robot, language = load_robot(name), ARMS[name]
+    joints = list(robot.joints)
+    moved = joints[3].fixed.copy()
+    moved[:3, 3] += [0.4, -0.7, 0.5]
+    joints[3] = replace(joints[3], fixed=moved)
+    true = replace(robot, joints=tuple(joints)).with_offsets(np.radians(OFFSETS))
+    program = UserProgram(language, robot, varied(robot, 6))
+    path = written(tmp_path, program, program.text())
+    own = judged(robot)
+    own.corrected = true
+    done = filtered(robot, own, path, tmp_path / f"out{path.suffix}", STATED.get(language))
+    reached = true.fk(program.commanded(read(done)))
+    assert np.linalg.norm((reached - robot.fk(program.rows))[:, :3, 3], axis=1).max() < 1e-3
+
+
+def test_linear_motions_follow_the_arm_where_no_configuration_is_stated(tmp_path: Path) -> None:
+    """movel to poses: the joints are those at the end of the way, and so is the correction."""
+    robot = load_robot("ur5e")
+    rows = np.array(
+        [[10.0, -80, 95, -100, -85, 20], [25.0, -70, 80, -95, -95, 10], [-20.0, -60, 90, -120, -80, 40]]
+    )
+    own = UserProgram("urscript", robot, rows)
+    values = [[*(pose[:3, 3] / 1000), *orientation(pose[:3, :3]).rotation_vector] for pose in robot.fk(rows)]
+    begin = ", ".join(f"{value:.9f}" for value in np.radians(rows[0]))
+    moves = [f"  movel(p[{', '.join(f'{v:.9f}' for v in value)}], a=1, v=1)" for value in values[1:]]
+    text = "\n".join(
+        ["def job():", "  set_tcp(p[0, 0, 0, 0, 0, 0])", f"  movej([{begin}])", *moves, "end", ""]
+    )
+    path = written(tmp_path, own, text)
+    done = filtered(robot, judged(robot), path, tmp_path / "out.script")
+    true = robot.with_offsets(np.radians(OFFSETS))
+    for i, found in enumerate(re.findall(r"movel\(p\[(.*?)\]", read(done)), start=1):
+        numbers = np.array([float(each) for each in found.split(",")])
+        # What the nominal arm has at the joints that are right for this one.
+        right = robot.fk(rows[i] - OFFSETS)
+        np.testing.assert_allclose(1000 * numbers[:3], right[:3, 3], atol=1e-4)
+        np.testing.assert_allclose(true.fk(rows[i] - OFFSETS), robot.fk(rows[i]), atol=1e-9)
