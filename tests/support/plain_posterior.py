@@ -1,7 +1,8 @@
 """The posterior of the built-in arm once more, in plain numpy: a second opinion for the tests of the fit.
 
 Nothing here comes from the package: Table 1 and eq. 1 to 7 of the paper and the density of section 1 are
-written out, with a geometric Jacobian. Complex numbers go through, so that derivatives come by complex steps.
+written out, with a geometric Jacobian. Complex numbers go through, so that derivatives come by complex steps,
+and many vectors at once, stacked along leading axes (`...`).
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from plain_model import matrix
 
 # a, alpha, d, theta of Table 1; the point on the beam, which is along the flange's x axis.
 TABLE_1 = [
@@ -23,13 +25,13 @@ POINT = np.array([0.0, 0.0, 65.0])
 
 
 def frames(theta: np.ndarray) -> list[np.ndarray]:
-    """T_0 … T_6 (4, 4) of the standard DH chain (eq. 1) at the true joint positions (6,), rad."""
-    result = [np.eye(4, dtype=complex)]
-    for (a, alpha_deg, d, zero_deg), turn in zip(TABLE_1, theta, strict=True):
+    """T_0 … T_6 (..., 4, 4) of the standard DH chain (eq. 1) at the true joint positions (..., 6), rad."""
+    result = [matrix(np.eye(4), theta.shape[:-1])]
+    for (a, alpha_deg, d, zero_deg), turn in zip(TABLE_1, np.moveaxis(theta, -1, 0), strict=True):
         angle, alpha = turn + np.radians(zero_deg), np.radians(alpha_deg)
         c, s, ca, sa = np.cos(angle), np.sin(angle), np.cos(alpha), np.sin(alpha)
         rows = [[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s], [0, sa, ca, d], [0, 0, 0, 1]]
-        result.append(result[-1] @ np.array(rows))
+        result.append(result[-1] @ matrix(rows, turn.shape))
     return result
 
 
@@ -42,15 +44,15 @@ def beam(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def misses(
     joints: np.ndarray, spots: np.ndarray, delta: np.ndarray, target: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Misses (N, 2) mm and their Jacobians by the joints (N, 2, 6): -R'(z_j x (P - o_j))."""
-    miss, jacobian = [], []
-    for q, spot in zip(joints, spots, strict=True):
-        chain = frames(q + delta)
-        turn, shift = chain[-1][:3, :3], chain[-1][:3, 3]
-        miss.append((turn.T @ (target - shift) - POINT)[1:] - spot)
-        columns = [-turn.T @ np.cross(t[:3, 2], target - t[:3, 3]) for t in chain[:-1]]
-        jacobian.append(np.array(columns).T[1:])
-    return np.array(miss), np.array(jacobian)
+    """Misses (..., N, 2) mm and their Jacobians by the joints (..., N, 2, 6): -R'(z_j x (P - o_j)).
+
+    At offsets (..., 6) and a target (..., 3).
+    """
+    chain, place = frames(joints + delta[..., None, :]), target[..., None, :]
+    back, shift = np.swapaxes(chain[-1][..., :3, :3], -1, -2), chain[-1][..., :3, 3]
+    miss = (back @ (place - shift)[..., None])[..., 1:, 0] - POINT[1:] - spots
+    columns = [np.cross(t[..., :3, 2], place - t[..., :3, 3]) for t in chain[:-1]]
+    return miss, -(back @ np.stack(columns, axis=-1))[..., 1:, :]
 
 
 class PlainPosterior:
@@ -73,16 +75,17 @@ class PlainPosterior:
         self.joint, self.spot = np.radians(joint_deg), spot_mm
 
     def _parts(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Misses (N, 2) and their covariances (N, 2, 2)."""
+        """Misses (..., N, 2) and their covariances (..., N, 2, 2)."""
         x = self.mean + z * self.prior_std
-        miss, by_joints = misses(self.joints, self.spots, np.append(0.0, x[:5]), x[5:])
-        return miss, self.joint**2 * by_joints @ by_joints.transpose(0, 2, 1) + self.spot**2 * np.eye(2)
+        delta = np.concatenate([np.zeros((*z.shape[:-1], 1)), x[..., :5]], axis=-1)
+        miss, by_joints = misses(self.joints, self.spots, delta, x[..., 5:])
+        return miss, self.joint**2 * by_joints @ np.swapaxes(by_joints, -1, -2) + self.spot**2 * np.eye(2)
 
-    def value(self, z: np.ndarray) -> complex:
-        """Up to a constant."""
+    def value(self, z: np.ndarray) -> np.ndarray:
+        """(...) up to a constant."""
         miss, s = self._parts(z)
-        quad = (miss * np.linalg.solve(s, miss[:, :, None])[:, :, 0]).sum()
-        return (quad + (z**2).sum()) / 2
+        quad = (miss * np.linalg.solve(s, miss[..., None])[..., 0]).sum(axis=(-2, -1))
+        return (quad + (z**2).sum(axis=-1)) / 2
 
     def gradient(self, z: np.ndarray) -> np.ndarray:
         return by_complex_steps(self.value, z)
@@ -94,14 +97,14 @@ class PlainPosterior:
         return (hessian + hessian.T) / 2
 
     def residuals(self, z: np.ndarray) -> np.ndarray:
-        """(2 N + f,) whose half sum of squares is the -log posterior; the priors come last."""
+        """(..., 2 N + f) whose half sum of squares is the -log posterior; the priors come last."""
         miss, s = self._parts(z)
-        l11 = np.sqrt(s[:, 0, 0])
-        l21 = s[:, 1, 0] / l11
-        l22 = np.sqrt(s[:, 1, 1] - l21**2)
-        first = miss[:, 0] / l11
-        second = (miss[:, 1] - l21 * first) / l22
-        return np.concatenate([first, second, z])
+        l11 = np.sqrt(s[..., 0, 0])
+        l21 = s[..., 1, 0] / l11
+        l22 = np.sqrt(s[..., 1, 1] - l21**2)
+        first = miss[..., 0] / l11
+        second = (miss[..., 1] - l21 * first) / l22
+        return np.concatenate([first, second, z], axis=-1)
 
     def residual_jacobian(self, z: np.ndarray) -> np.ndarray:
         return by_complex_steps(self.residuals, z).T
@@ -109,4 +112,4 @@ class PlainPosterior:
 
 def by_complex_steps(function: Callable[[np.ndarray], np.ndarray], z: np.ndarray) -> np.ndarray:
     """Derivatives of `function` by each z, exact to rounding: (f,) of a value, (f, M) of a vector."""
-    return np.array([np.imag(function(z + step)) / 1e-30 for step in 1e-30j * np.eye(len(z))])
+    return np.imag(function(z + 1e-30j * np.eye(len(z)))) / 1e-30
