@@ -20,7 +20,7 @@ import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache, lru_cache, partial
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -319,11 +319,18 @@ def cache_folder() -> Path:
 
 def _lower_gram(weight: Matrix, root: Matrix) -> Matrix:
     """(rows, f (f + 1) / 2) of weights (rows, 1) and R' (rows, f, d), the sums in the order of the C code."""
-    rows, others = np.tril_indices(root.shape[1])
+    rows, others = _lower_pairs(root.shape[1])
     total = root[:, rows, 0] * root[:, others, 0]
     for k in range(1, root.shape[2]):
         total += root[:, rows, k] * root[:, others, k]
     return np.asarray(weight * total)
+
+
+@lru_cache(maxsize=64)
+def _lower_pairs(size: int) -> tuple[Index, Index]:
+    """Row and column of each entry of a lower triangle, row by row."""
+    rows, others = np.tril_indices(size)
+    return rows, others
 
 
 def compiled_library(

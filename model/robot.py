@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Literal
 
 import casadi as ca
@@ -310,9 +310,17 @@ def same_arm(one: Robot, other: Robot) -> bool:
 
 def axis_rotation(axis: Matrix, cosine: ca.SX, sine: ca.SX) -> ca.SX:
     """Rotation (3, 3) about the unit `axis` (3,) by an angle given by its cosine and sine (Rodrigues)."""
-    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    along = np.outer(axis, axis)
-    return ca.sparsify(ca.SX(along) + cosine * ca.SX(np.eye(3) - along) + sine * ca.SX(cross))
+    along, across, cross = _about(*axis.tolist())
+    return ca.sparsify(along + cosine * across + sine * cross)
+
+
+@lru_cache(maxsize=64)
+def _about(x: float, y: float, z: float) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """uu', 1 - uu' and the matrix of u x of a unit axis u: few arms have others than z, and CasADi takes its
+    time to read an array."""
+    along = np.outer([x, y, z], [x, y, z])
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return ca.SX(along), ca.SX(np.eye(3) - along), ca.SX(cross)
 
 
 def _motion(joint: Joint, value: float) -> Matrix:
