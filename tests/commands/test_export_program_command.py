@@ -23,7 +23,7 @@ def test_a_program_is_written_and_what_was_done_is_said(tmp_path: Path) -> None:
     path, out = program(tmp_path), tmp_path / "out.mod"
     told = zerobeam("export", "program", GOOD, path, "-o", out)
     assert told.status == 0
-    assert "2 joint targets moved by up to" in told.out
+    assert "joint targets: 2, moved by up to" in told.out
     assert "not corrected, as 0: delta1" in told.out
     content = out.read_bytes()
     assert b"! not corrected, as 0: delta1" in content

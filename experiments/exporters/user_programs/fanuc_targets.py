@@ -155,8 +155,12 @@ def _statements(source: Source, parsed: Parsed) -> None:
     if begun is None or end is None:
         parsed.problems.append((1, "the listing has no part /MN"))
         return
-    left = {f"P[{number}]" for number in source.stated.leave}
+    left = {f"P[{name}]" if name.isdecimal() else name.upper() for name in source.stated.leave}
     first = True
+    apart = _STATEMENT.sub(lambda found: "\n" * found[0].count("\n"), source.text[begun.end() : end.start()])
+    if lost := re.search(r"(?<![A-Z])P\[", apart):
+        line = source.line(begun.end()) + apart.count("\n", 0, lost.start())
+        parsed.problems.append((line, "this line is not understood"))
     for statement in _STATEMENT.finditer(source.text, begun.end(), end.start()):
         body, line = statement["body"], source.line(statement.start("body"))
         if body.lstrip().startswith(("!", "//", "--")):
@@ -171,11 +175,16 @@ def _statements(source: Source, parsed: Parsed) -> None:
                 parsed.problems.append((line, f"{body.strip()}: this motion is not understood"))
             first = first or bool(re.match(r"\s*(?:LBL\[|CALL\b)", body))
             continue
+        register = re.match(r"PR\[\s*(\d+)\s*(?::[^\]]*)?\]", motion["rest"])
+        kept = register is not None and f"PR[{register[1]}]" in left
+        if register is not None and kept and not re.search(r"P(?:R)?\[", motion["rest"][register.end() :]):
+            parsed.motions.append(Motion(None, line, False, True))
+            continue
         points = [f"P[{found['number']}]" for found in _POINT.finditer(motion["rest"])]
         shifted = _SHIFTED.search(motion["rest"])
         if not points or "PR[" in motion["rest"] or re.search(r"(?<![A-Z])P\[\s*[A-Z]", motion["rest"]):
             parsed.problems.append(
-                (line, f"{body.strip()}: its target or shift is computed when the program runs")
+                (line, f"{body.strip()}: its target or shift is computed when the program runs (--leave?)")
             )
         elif shifted is not None:
             parsed.problems.append((line, f"{body.strip()}: {shifted[0]} is not understood"))

@@ -247,8 +247,8 @@ def _not_understood(parsed: Parsed, texts: Sequence[str], paths: Sequence[Path])
 def _summary(calibration: Calibration, parsed: Parsed, done: Corrected, choices: Choices) -> list[str]:
     gone = [offset.name for offset in calibration.offsets if not offset.exported]
     said = [
-        f"{done.joint_targets} joint targets moved by up to {done.most_joint:.3f} deg, {done.poses} Cartesian"
-        f" targets by up to {done.most_mm:.3f} mm"
+        f"joint targets: {done.joint_targets}, moved by up to {done.most_joint:.3f} deg; Cartesian targets:"
+        f" {done.poses}, moved by up to {done.most_mm:.3f} mm"
     ]
     if gone:
         said.append(f"not corrected, as 0: {', '.join(gone)}")

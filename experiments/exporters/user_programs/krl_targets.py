@@ -280,12 +280,12 @@ class _Module:
         }
         for found in re.finditer(r"(?<![$\w#])[A-Za-z_]\w*(?:\[\d+\])?", self.bare):
             if found[0].lower() in self.places and found.span() not in self.allowed:
-                self._problem(found.start(), f"{found[0]} is used or changed when the program runs")
+                self.parsed.changed(self.source.line(found.start()), found[0])
 
     def _unused(self) -> None:
         for key, (place, _) in self.places.items():
             line = self.source.line(place)
-            if key not in self.parsed.targets and not any(own == line for own, _ in self.parsed.problems):
+            if key not in self.parsed.targets and not self.parsed.speaks_of(line, self.names.get(key, key)):
                 said = "is not the target of a motion here, so that its tool is not known (--leave?)"
                 self.parsed.problems.append((line, f"{self.names.get(key, key)} {said}"))
 

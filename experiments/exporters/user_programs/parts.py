@@ -81,6 +81,16 @@ class Parsed:
     problems: list[tuple[int, str]] = field(default_factory=list)
     left: list[str] = field(default_factory=list)
 
+    def changed(self, line: int, name: str) -> None:
+        """A target's name where it is neither declared nor the target of a motion."""
+        if not self.speaks_of(line):
+            self.problems.append((line, f"{name} is used or changed when the program runs"))
+
+    def speaks_of(self, line: int, name: str = "") -> bool:
+        """Whether a problem is in this line, or names this name."""
+        word = re.compile(rf"(?<!\w){re.escape(name)}(?!\w)", re.IGNORECASE)
+        return any(own == line or (name and word.search(said)) for own, said in self.problems)
+
 
 @dataclass(frozen=True)
 class Stated:
@@ -111,7 +121,7 @@ def new_number(old: str, value: float, decimals: int) -> str:
     """The text of a number: as it was where it is the same to so many decimals."""
     if abs(float(old) - value) <= 0.5 * 10.0**-decimals:
         return old
-    return decimal(round(value, decimals) + 0.0)
+    return decimal(round(value, decimals) + 0.0) if decimals else str(round(value))
 
 
 def number_edits(

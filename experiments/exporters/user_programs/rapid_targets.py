@@ -258,13 +258,13 @@ class _Module:
             low = found[0].lower()
             assigned = low in self.poses and re.match(r"[\w.]*\s*:=", self.bare[found.end() :])
             if (low in names or assigned) and found.span() not in allowed:
-                self._problem(found.start(), f"{found[0]} is used or changed when the program runs")
+                self.parsed.changed(self.source.line(found.start()), found[0])
 
     def _unused(self) -> None:
         for name, (kind, _, line) in self.spans.items():
             if kind == "robtarget" and name not in self.parsed.targets:
                 said = f"{name} is not the target of a motion here, so that its tool is not known (--leave?)"
-                if not any(own == line for own, _ in self.parsed.problems):
+                if not self.parsed.speaks_of(line, name):
                     self.parsed.problems.append((line, said))
 
 

@@ -237,7 +237,7 @@ class _Script:
         for found in re.finditer(r"\b[A-Za-z_]\w*", self.bare):
             again = found[0] in self.twice or found.span() not in self.allowed
             if found[0] in self.used and again:
-                self._problem(found.start(), f"{found[0]} is used or changed when the program runs")
+                self.parsed.changed(self.source.line(found.start()), found[0])
 
 
 def _near_turn(turn: Matrix, old: Matrix) -> Matrix:

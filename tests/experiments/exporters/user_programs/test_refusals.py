@@ -113,6 +113,7 @@ def test_each_is_written_without_the_line_that_is_refused(tmp_path: Path, suffix
         (".ls", "J P[R[1]] 100% FINE", "computed when the program runs"),
         (".ls", "P[2]=LPOS", "a position is used when the program runs"),
         (".ls", "UTOOL[5]=PR[1]", "frames are changed"),
+        (".ls", "WAIT 1 ;\nJ P[2] 100% FINE", "line 5: this line is not understood"),
         (".ls", "J P[7] 100% FINE", "P[7] is not in the listing"),
         (".script", "movel(pose_trans(q1, q2), a=1, v=1)", "is computed when the program runs"),
         (".script", "q1[0] = 1", "q1 is used or changed"),
@@ -127,6 +128,12 @@ def test_motions_that_are_not_understood(tmp_path: Path, suffix: str, line: str,
         tried(tmp_path, suffix, line)
     assert said in " ".join(str(refused.value).split())
     assert "nothing is written" in str(refused.value)
+
+
+def test_each_line_is_named_once(tmp_path: Path) -> None:
+    with pytest.raises(BadInput) as refused:
+        tried(tmp_path, ".mod", "MoveL Offs(p1,0,0,50),v100,fine,tool0;")
+    assert str(refused.value).count("in.mod line") == 1
 
 
 def test_a_configuration_that_the_arm_has_not_there_is_refused_but_for_near(tmp_path: Path) -> None:
@@ -157,6 +164,10 @@ def test_a_target_that_is_left_stays(tmp_path: Path) -> None:
         tmp_path, ".ls", "J P[2] 100% FINE", Choices(leave=["P[1]"], tools=["5=0,0,100,0,0,0"], j3="link")
     )
     assert "J5= -30.000 deg" in left
+    home = Choices(leave=["PR[2]"], tools=["5=0,0,100,0,0,0"], j3="link")
+    assert "J2=" in tried(tmp_path, ".ls", "J PR[2:HOME] 10% CNT10", home)
+    with pytest.raises(BadInput, match="computed when the program runs"):
+        tried(tmp_path, ".ls", "J PR[2] 10% CNT10 Offset,PR[2]", home)
 
 
 def test_a_program_is_corrected_once_only_and_for_its_own_robot(tmp_path: Path) -> None:
