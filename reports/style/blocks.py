@@ -59,6 +59,14 @@ class Paragraph:
 
 
 @dataclass(frozen=True)
+class Commands:
+    """Lines to be typed or copied, as they are."""
+
+    lines: Sequence[str]
+    kind: ClassVar[str] = "commands"
+
+
+@dataclass(frozen=True)
 class Facts:
     """Rows of a name and a text."""
 
@@ -126,7 +134,7 @@ class Directions:
     kind: ClassVar[str] = "directions"
 
 
-Block = Table | Paragraph | Facts | Legend | FigureBlock | SceneBlock | Directions
+Block = Table | Paragraph | Commands | Facts | Legend | FigureBlock | SceneBlock | Directions
 
 
 @dataclass(frozen=True)

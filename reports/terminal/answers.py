@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from textwrap import wrap
 
 from rich.console import Console
 from rich.table import Table
@@ -225,11 +226,17 @@ def _print_section(console: Console, section: blocks.Section) -> None:
 
 
 def _print_steps(console: Console, section: blocks.Section) -> None:
-    """What to do: a line a step; the values are in the table of offsets."""
+    """What to do: a line a step, commands as they are to be typed; values are in the table of offsets."""
     console.print(Text(section.title, style="italic"))
     for block in section.all:
         if isinstance(block, blocks.Paragraph):
             console.print(Text(block.text))
+        elif isinstance(block, blocks.Commands):
+            for line in block.lines:
+                width = max(console.width - 8, 20)
+                wrapped = wrap(line, width, break_long_words=False, break_on_hyphens=False)
+                for part in " \\\n     ".join(wrapped).splitlines():
+                    console.print(Text(f"   {part}"), soft_wrap=True)
 
 
 def _print_table(console: Console, table: blocks.Table) -> None:

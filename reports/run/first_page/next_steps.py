@@ -12,7 +12,7 @@ from ....analysis.diagnostics.displacement import Displacement
 from ....analysis.findings import HeldOutMisfit, OtherBasins
 from ....analysis.result import Result
 from ....analysis.solution import ParameterResult
-from ...style.blocks import Paragraph, Section, Table, row_of, section_of, table_of
+from ...style.blocks import Block, Commands, Paragraph, Section, Table, row_of, section_of, table_of
 from ...words import numbers
 from ...words.wording import label, listed
 from ..parameters import unit_of
@@ -41,38 +41,51 @@ def next_steps_section(result: Result) -> Section:
     """The section of the report, of any answer."""
     against = [_AGAINST[type(own)] for own in result.findings if type(own) in _AGAINST]
     if result.verdict != "pass" or against:
-        return section_of("What to do", *map(Paragraph, against[:1] or _not_yet(result)))
-    return section_of("What to do", _values(result), *map(Paragraph, _steps(result)))
+        return section_of("What to do", *(map(Paragraph, against[:1]) if against else _not_yet(result)))
+    return section_of("What to do", _values(result), *_steps(result))
 
 
-def _not_yet(result: Result) -> list[str]:
+def _not_yet(result: Result) -> list[Block]:
     """Nothing is offered: why, and what to do first."""
     run = _run(result)
     if not result.likelihood.converged:
-        return ["Enter nothing: the fit did not converge. Look at the measurements, or record more of them."]
+        return [
+            Paragraph(
+                "Enter nothing: the fit did not converge. Look at the measurements, or record more of them."
+            )
+        ]
     if result.misfit is not None:
         return [
-            "Enter nothing: the model does not describe the measurements. Look for the cause first (joint"
-            " columns, signs, units, a moved target, geometry), then measure again."
+            Paragraph(
+                "Enter nothing: the model does not describe the measurements. Look for the cause first (joint"
+                " columns, signs, units, a moved target, geometry), then measure again."
+            )
         ]
     offsets = [row for row in result.parameters if row.group == "offset"]
     open_ = [row.name for row in offsets if row.status in ("unidentifiable", "weak")]
     known = any(row.status == "identified" for row in offsets)
     named = open_ or [row.name for row in result.parameters if row.status in ("unidentifiable", "weak")]
     which = listed([label(name) for name in named]) if named else "the parameters together"
-    said = [
-        f"Enter nothing yet: {which}"
-        f" {'is' if len(named) == 1 else 'are'} not determined well enough. Record more measurements, in"
-        " postures that a plan chooses: zerobeam plan optimal --header HEADER --target X,Y,Z -o plan.yaml,"
-        " and zerobeam check plan.yaml before you measure."
+    said: list[Block] = [
+        Paragraph(
+            f"Enter nothing yet: {which}"
+            f" {'is' if len(named) == 1 else 'are'} not determined well enough. Record more measurements, in"
+            " postures that a plan chooses and a check approves:"
+        ),
+        Commands(
+            (
+                "zerobeam plan optimal --header HEADER --target X,Y,Z -o plan.yaml",
+                "zerobeam check plan.yaml",
+            )
+        ),
     ]
     if known and open_:
         command, file = _command(result)
         without = " ".join(f"--without {name}" for name in open_)
-        said.append(
-            "If the identified offsets are to be applied alone, at your decision:"
-            f" zerobeam {command} {run} {without} -o {file}."
-        )
+        said += [
+            Paragraph("If the identified offsets are to be applied alone, at your decision:"),
+            Commands((f"zerobeam {command} {run} {without} -o {file}",)),
+        ]
     return said
 
 
@@ -92,25 +105,29 @@ def _values(result: Result) -> Table:
     return table_of("Values to enter: true position = recorded position + value", columns, rows)
 
 
-def _steps(result: Result) -> list[str]:
+def _steps(result: Result) -> list[Block]:
     run, (command, file) = _run(result), _command(result)
-    said = [f"1. Write the file for this robot: zerobeam {command} {run} -o {file}. It says how it is used."]
+    gain = "2. What it gains at the TCP is not claimed: it depends on what is not determined."
     accuracy = result.accuracy
     if accuracy is not None and accuracy.workspace is not None:
         now, then = accuracy.workspace.before_mm.median, accuracy.workspace.after95_mm.median
-        said.append(
+        gain = (
             f"2. What it gains: the TCP is off by {numbers.significant(now, 2, 'mm')} now in the median"
             f" posture, and by at most {numbers.significant(then, 2, 'mm')} with the values (95 %, nominal"
             " geometry taken as exact)."
         )
-    else:
-        said.append("2. What it gains at the TCP is not claimed: it depends on what is not determined.")
-    said.append(
-        "3. Verify with the corrected robot. A few postures of this run, chosen for the purpose:"
-        f" zerobeam plan verify {run} -o verify.yaml. Measure them as before, then"
-        f" zerobeam verify {run} NEW.jsonl says pass, fail or inconclusive."
-    )
-    return said
+    return [
+        Paragraph("1. Write the file for this robot. It says how it is used."),
+        Commands((f"zerobeam {command} {run} -o {file}",)),
+        Paragraph(gain),
+        Paragraph(
+            "3. Verify: measure a few postures of this run, chosen for the purpose, with the corrected robot."
+            " The answer is pass, fail or inconclusive."
+        ),
+        Commands(
+            (f"zerobeam plan verify {run} -o verify.yaml", f"zerobeam verify {run} NEW.jsonl"),
+        ),
+    ]
 
 
 def _command(result: Result) -> tuple[str, str]:
