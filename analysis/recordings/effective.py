@@ -98,8 +98,9 @@ def _kappa(rho: float) -> float:
 class RecordingLag(NamedTuple):
     """Of a recording: `product` the sum over its neighbours of the products of their residuals, `square` the
     sum of squares; `products` and `squares` (grid,) what they are expected to be for the correlations of the
-    grid; `size` n d; `white` (n d, n d) the covariance of the residuals without correlation, None of a long
-    recording, and `left` its trace, `bias` that of neighbours as a share of it."""
+    grid; `size` n d. Of the covariance of the residuals without correlation: its trace `left`, that of
+    neighbours as a share of it `bias`, and `forms`: `square` as a sum of chi-squares by its weights (n d,),
+    `product` in the same errors by its matrix (n d, n d); None of a long recording."""
 
     shots: int
     product: float
@@ -109,7 +110,7 @@ class RecordingLag(NamedTuple):
     size: int
     left: float
     bias: float
-    white: Matrix | None
+    forms: tuple[Matrix, Matrix] | None
 
 
 def lags(recorded: Recorded) -> dict[int, RecordingLag]:
@@ -133,9 +134,19 @@ def lags(recorded: Recorded) -> dict[int, RecordingLag]:
             own.shots * d,
             left,
             neighbours / left,
-            covariance(own, *by_rho[none]) if own.shots * d <= LARGE else None,
+            _forms(covariance(own, *by_rho[none]), d) if own.shots * d <= LARGE else None,
         )
     return result
+
+
+def _forms(white: Matrix, d: int) -> tuple[Matrix, Matrix]:
+    """Sum of squares and sum of products of neighbours (d apart) of normal residuals with that covariance, in
+    independent errors: the weights of their squares, and a matrix."""
+    values, vectors = np.linalg.eigh(white)
+    values = np.maximum(values, 0.0)
+    root = vectors * np.sqrt(values)
+    half = root[d:].T @ root[:-d] / 2
+    return values, np.asarray(half + half.T)
 
 
 def equalised(found: Sequence[RecordingLag]) -> list[RecordingLag]:
@@ -161,23 +172,28 @@ def correlation(found: Sequence[RecordingLag]) -> tuple[float, float]:
     quadratic forms of normal errors, by the saddle point (Kuonen, Biometrika 86, 1999, eq. 3), and does not
     depend on the size of the noise.
     """
-    ratio = sum(own.product for own in found) / max(sum(own.square for own in found), 1e-300)
+    ratio = _ratio(found)
+    return rho_of(found), _chance(np.concatenate([_values(own, ratio) for own in found]))
+
+
+def rho_of(found: Sequence[RecordingLag]) -> float:
+    """`correlation` without its p-value."""
     expected = sum(own.products for own in found) / sum(own.squares for own in found)
-    rho = float(np.interp(ratio, expected, _GRID))
-    return rho, _chance(np.concatenate([_values(own, ratio) for own in found]))
+    return float(np.interp(_ratio(found), expected, _GRID))
+
+
+def _ratio(found: Sequence[RecordingLag]) -> float:
+    return sum(own.product for own in found) / max(sum(own.square for own in found), 1e-300)
 
 
 def _values(own: RecordingLag, ratio: float) -> Matrix:
     """Weights of the chi-squares of which product - ratio * square is the sum."""
-    d = own.size // own.shots
-    if own.white is None:
+    if own.forms is None:
         # Of a long recording: those of independent errors, shifted by the bias.
         angles = np.pi * np.arange(1, own.shots + 1) / (own.shots + 1)
-        return np.repeat(np.cos(angles) - (ratio - own.bias), d)
-    form = (np.eye(own.size, k=d) + np.eye(own.size, k=-d)) / 2 - ratio * np.eye(own.size)
-    values, vectors = np.linalg.eigh(own.white)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    return np.asarray(np.linalg.eigvalsh(root.T @ form @ root))
+        return np.repeat(np.cos(angles) - (ratio - own.bias), own.size // own.shots)
+    squares, products = own.forms
+    return np.asarray(np.linalg.eigvalsh(products - ratio * np.diag(squares)))
 
 
 def _chance(weights: Matrix) -> float:

@@ -21,7 +21,7 @@ from ...model.robot import Matrix
 from ..estimation.fit import LikelihoodFit
 from ..holm import holm
 from ..solution import Solution
-from .effective import CHANCE, LARGE, correlation, equalised, lags
+from .effective import CHANCE, LARGE, correlation, equalised, lags, rho_of
 from .recordings import Recording, covariance, drawn, drawn_by_covariance, recordings, white_times
 
 _FEWEST = 6  # measurements of a recording that is tested
@@ -106,7 +106,7 @@ def all_steps(fit: LikelihoodFit, rival: Matrix | None = None, seed: int = 0) ->
         moved = white_times(own, by_rho[0.0], design.reshape(-1, 3) @ size_mm)
         left = own.residual + moved.reshape(own.residual.shape)
         alone = lag[i]._replace(product=float((left[1:] * left[:-1]).sum()), square=float((left**2).sum()))
-        rho = max(0.0, shared, correlation([alone])[0])
+        rho = max(0.0, shared, rho_of([alone]))
         rho = min(0.95, round(rho / _RHO_STEP) * _RHO_STEP)
         if rho not in by_rho:
             by_rho[rho] = recorded.shared(rho)

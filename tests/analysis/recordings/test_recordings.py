@@ -12,7 +12,15 @@ from scipy import stats
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
 from zerobeam.analysis.misfit import LACK_OF_FIT
 from zerobeam.analysis.observability.consider import link_columns
-from zerobeam.analysis.recordings.effective import CHANCE, RecordingLag, _chance, correlation, effective, lags
+from zerobeam.analysis.recordings.effective import (
+    CHANCE,
+    RecordingLag,
+    _chance,
+    correlation,
+    effective,
+    lags,
+    rho_of,
+)
 from zerobeam.analysis.recordings.recordings import (
     covariance,
     drawn,
@@ -92,10 +100,10 @@ def lagged(solution: Solution, rho: float, runs: int, seed: int) -> list[list[Re
 def test_the_correlation_is_unbiased(solution: Solution, rho: float) -> None:
     runs = 200
     found = lagged(solution, rho, runs, 1)
-    pooled = np.array([correlation(own)[0] for own in found])
+    pooled = np.array([rho_of(own) for own in found])
     # 3.3 standard errors, and a hundredth for the ratio of expectations.
     assert abs(pooled.mean() - rho) < 3.3 * pooled.std() / np.sqrt(runs) + 0.01
-    own = np.array([correlation([row])[0] for one in found for row in one])
+    own = np.array([rho_of([row]) for one in found for row in one])
     assert abs(own.mean() - rho) < 3.3 * own.std() / np.sqrt(len(own)) + 0.03
     # Negative control: the plain correlation of the residuals of a fit is too small.
     plain = np.array([sum(row.product for row in one) / sum(row.square for row in one) for one in found])
