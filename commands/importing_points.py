@@ -31,25 +31,36 @@ _PointNames = Annotated[
 def import_rapid(
     files: Annotated[
         list[Path],
-        typer.Argument(
-            help="Log of a plan's program, or modules with jointtargets (.mod).", show_default=False
-        ),
+        typer.Argument(help="Log of a plan's program, or modules with targets (.mod).", show_default=False),
     ],
     file: NewRunFile,
     header: SharedHeader = None,
     plan: MeasuredPlan = None,
     target: Targets = None,
     points: _PointNames = None,
+    tool: Annotated[
+        str | None,
+        typer.Option(
+            help="Read robtargets too, of this tool as seen from the flange: X,Y,Z,Q1,Q2,Q3,Q4.",
+            show_default=False,
+        ),
+    ] = None,
+    frame: Annotated[
+        str | None,
+        typer.Option(help="Their work object, if not wobj0: X,Y,Z,Q1,Q2,Q3,Q4.", show_default=False),
+    ] = None,
     force: Force = False,
 ) -> None:
-    """ABB: what a plan's program has recorded, or taught jointtargets."""
+    """ABB: what a plan's program has recorded, or taught jointtargets and robtargets."""
     from ..experiments import importers
 
     known, names = stated(header, plan), target or []
     if points is None and importers.is_program_log(files):
         imported = importers.import_program_log(files, names, known, file, source="RAPID")
     else:
-        imported = importers.import_rapid(files, names, known, file, points=as_names(points))
+        imported = importers.import_rapid(
+            files, names, known, file, points=as_names(points), tool=tool, frame=frame
+        )
     write_imported(imported, file, force, read_of(header, plan, files))
 
 

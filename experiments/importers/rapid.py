@@ -1,15 +1,20 @@
-"""ABB: jointtargets that are declared in a RAPID module."""
+"""ABB: jointtargets and robtargets that are declared in a RAPID module."""
 
 from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
+
+from ...model.arms.poses import from_quaternion, stated_numbers
 from ...model.errors import BadInput
 from ...model.files.reading import shown
-from .imported import Imported, Stated
+from ...model.robot import Matrix
+from .imported import Imported, Job, Stated
+from .robtargets import Robtargets
 from .taught import Point, import_points
 
 # CONST jointtarget p1:=[[rax_1,…,rax_6],[eax_a,…,eax_f]]; an array has its size in braces.
@@ -22,6 +27,9 @@ _TEXT = re.compile(r'"[^"\n]*"|![^\n]*')  # strings and comments
 _NUMBERS = re.compile(r"[\[\]\s,0-9eE+.\-]*")
 _AXES = 6
 
+# From the numbers of a robtarget, its name, file and line to its joints, degrees.
+Posed = Callable[[Sequence[float], str, Path, int], tuple[float, ...]]
+
 
 def import_rapid(
     files: Sequence[Path | str],
@@ -30,24 +38,59 @@ def import_rapid(
     out: Path | str,
     *,
     points: Sequence[str] | None = None,
+    tool: str | None = None,
+    frame: str | None = None,
 ) -> Imported:
     """Measurements at the jointtargets of RAPID modules; `points` are the names of those to use.
 
-    An element of an array has the name `name{2}`. External axes are ignored.
+    An element of an array has the name `name{2}`. External axes are ignored. Where the `tool` is stated, as
+    seen from the flange (X,Y,Z,Q1,Q2,Q3,Q4), robtargets have the joints by which the nominal arm reaches them
+    with their configuration, in the work object `frame` or wobj0.
     """
+    note = "RAPID jointtargets, angles in degrees, rax_1 first, external axes ignored"
+    posed: Posed | None = None
+    if tool is not None:
+        solver = Robtargets(
+            Job.begin(files, stated).robot,
+            _pose(tool, "--tool"),
+            np.eye(4) if frame is None else _pose(frame, "--frame"),
+        )
+        note += (
+            f"; robtargets by inverse kinematics of the nominal arm, tool {tool}, frame {frame or 'wobj0'}"
+        )
+        posed = solver.joints
+    elif frame is not None:
+        raise BadInput("--frame is of robtargets, and these need their tool", remedy="state --tool too")
     return import_points(
         files,
         target_names,
-        rapid_positions,
+        lambda text, path: rapid_positions(text, path, posed, points),
         stated,
         out,
         names=points,
-        note="RAPID jointtargets, angles in degrees, rax_1 first, external axes ignored",
+        note=note,
     )
 
 
-def rapid_positions(text: str, path: Path) -> list[Point]:
-    """All declared jointtargets and robtargets of a module, in its order; a robtarget has no joints."""
+def _pose(text: str, option: str) -> Matrix:
+    return from_quaternion(stated_numbers(text, 7, option, "X,Y,Z,Q1,Q2,Q3,Q4"))
+
+
+def rapid_positions(
+    text: str, path: Path, posed: Posed | None = None, names: Sequence[str] | None = None
+) -> list[Point]:
+    """All declared jointtargets and robtargets of a module, in its order.
+
+    A robtarget has the joints that `posed` gives, if its name is among `names` (None: any), else none.
+    """
+
+    def joints(value: object, name: str, line: int) -> tuple[float, ...] | None:
+        if not cartesian:
+            return _axes(value, name, path, line)
+        if posed is None or (names is not None and name not in names):
+            return None
+        return posed(_robtarget(value, name, path, line), name, path, line)
+
     bare = without_text(text)
     found: list[Point] = []
     for match in DECLARED.finditer(bare):
@@ -57,13 +100,13 @@ def rapid_positions(text: str, path: Path) -> list[Point]:
         name, cartesian = match["name"], match["kind"].lower() == "robtarget"
         values = _values(match["value"], name, path, line)
         if match["sizes"] is None:
-            found.append(Point(name, None if cartesian else _axes(values, name, path, line), line))
+            found.append(Point(name, joints(values, name, line), line))
             continue
         if "," in match["sizes"] or not isinstance(values, list):
             raise _unreadable(name, match["value"], path, line)
         for i, element in enumerate(values, start=1):
             own = f"{name}{{{i}}}"
-            found.append(Point(own, None if cartesian else _axes(element, own, path, line), line))
+            found.append(Point(own, joints(element, own, line), line))
     return found
 
 
@@ -91,11 +134,24 @@ def _axes(value: object, name: str, path: Path, line: int) -> tuple[float, ...]:
     raise _unreadable(name, str(value), path, line)
 
 
-def _unreadable(name: str, text: str, path: Path, line: int) -> BadInput:
+def _robtarget(value: object, name: str, path: Path, line: int) -> list[float]:
+    """The numbers of [[x,y,z],[q1,…,q4],[cf1,cf4,cf6,cfx],[eax_a,…,eax_f]]."""
+    if isinstance(value, list) and [len(part) for part in value if isinstance(part, list)] == [3, 4, 4, 6]:
+        numbers = [number for part in value for number in part]
+        if all(isinstance(number, int | float) for number in numbers) and any(numbers[3:7]):
+            return [float(number) for number in numbers]
+    raise _unreadable(
+        name, str(value), path, line, "[[x,y,z],[q1,…,q4],[cf1,cf4,cf6,cfx],[eax_a,…,eax_f]], in numbers"
+    )
+
+
+def _unreadable(
+    name: str, text: str, path: Path, line: int, form: str = "[[rax_1,…,rax_6],[eax_a,…,eax_f]], in numbers"
+) -> BadInput:
     return BadInput(
         f"the axes of {name} cannot be read",
         found=shown(" ".join(text.split())[:80]),
-        allowed="[[rax_1,…,rax_6],[eax_a,…,eax_f]], in numbers",
+        allowed=form,
         file=path,
         line=line,
     )

@@ -94,10 +94,8 @@ class UserProgram:
         lines, moves = [], []
         for i, row in enumerate(self.rows):
             if self.cartesian(i):
-                conf = [int(np.floor(row[k] / 90)) for k in (0, 3, 5)]
-                cfx = self._cfx(row)
                 unused = ",".join(["9E+09"] * 6)
-                text = f"[{pose(self.poses[i])},[{conf[0]},{conf[1]}, {conf[2]},{cfx}],[{unused}]]"
+                text = f"[{pose(self.poses[i])},[{', '.join(map(str, self.confdata(row)))}],[{unused}]]"
                 lines.append(f"  CONST robtarget p{i}:={text};  ! p{i} caf\xe9")
                 moves.append(f"    MoveJ p{i},v100,fine,tGrip\\WObj:=wTable;")
             else:
@@ -119,6 +117,9 @@ class UserProgram:
                 "",
             ]
         )
+
+    def confdata(self, row: Matrix) -> list[int]:
+        return [*(int(np.floor(row[k] / 90)) for k in (0, 3, 5)), self._cfx(row)]
 
     def _cfx(self, row: Matrix) -> int:
         """By the wrist's centre of an ABB arm, from the geometry of its data sheet's side view."""
@@ -152,7 +153,7 @@ class UserProgram:
             assert abs(np.linalg.norm(numbers[3:7]) - 1) < 1e-7
             pose[:3, :3] = Rotation.from_quat([x, y, z, w]).as_matrix()
             row = self.solved(pose, self.rows[i])
-            assert [*(np.floor(row[[0, 3, 5]] / 90)), self._cfx(row)] == numbers[7:11]
+            assert self.confdata(row) == numbers[7:11]
             found.append(row)
         return found
 

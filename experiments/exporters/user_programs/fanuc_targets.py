@@ -9,9 +9,10 @@ import numpy as np
 from ....model.arms.branches import Branch, fanuc_configuration, is_fanuc_configuration
 from ....model.arms.joint_three import from_ground, to_ground
 from ....model.arms.orientation import orientation
+from ....model.arms.poses import from_rpy
 from ....model.robot import Matrix
 from ...importers.fanuc import GROUP_1, JOINT, position_blocks
-from .parts import NULL, NUMBER, Edit, JointTarget, Motion, Parsed, PoseTarget, Source, from_rpy
+from .parts import NULL, NUMBER, Edit, JointTarget, Motion, Parsed, PoseTarget, Source
 
 _DECIMALS = 3  # of the controller's own listings
 _STATEMENT = re.compile(r"^[ \t]*\d*[ \t]*:(?P<body>[^;]*);", re.MULTILINE)

@@ -8,39 +8,31 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from ....model.arms.joint_three import J3
+from ....model.arms.poses import from_abc, from_quaternion, from_rotation_vector, from_rpy, stated_numbers
 from ....model.errors import BadInput
 from ....model.files.reading import read_bytes
-from ....model.files.robot_file import Vendor, load_robot
-from ....model.robot import Matrix, Robot, same_arm, shift
+from ....model.files.robot_file import Vendor
+from ....model.robot import Matrix, Robot
 from ....reports.words.wording import listed
+from ...importers.robtargets import up_to_flange
 from ..ascii_line import one_line
 from ..calibration import Calibration
 from ..programs.steps import require_axes, require_j3
 from ..vendors import require_vendor
 from .fanuc_targets import fanuc_head, fanuc_targets
 from .krl_targets import krl_head, krl_targets
-from .parts import (
-    Edit,
-    Parsed,
-    Source,
-    Stated,
-    from_abc,
-    from_quaternion,
-    from_rotation_vector,
-    from_rpy,
-)
+from .parts import Edit, Parsed, Source, Stated
 from .rapid_targets import rapid_head, rapid_targets
 from .solving import Arms, Corrected, corrected
 from .urscript_targets import urscript_head, urscript_targets
 
 MARK = "zerobeam export program"  # in the head of what was corrected once
-_FLANGE_OF_IRB1600 = 65.0  # mm
 _SHOWN = 8  # problems of a program that are named
 _REMARK = 32  # characters of a FANUC remark
 
@@ -139,8 +131,8 @@ def filtered(
     source = Source("".join(parts), nominal, stated)
     parsed = language.targets(source)
     arms = Arms(
-        _to_flange(nominal, nominal),
-        _to_flange(calibration.corrected, nominal),
+        up_to_flange(nominal, nominal),
+        up_to_flange(calibration.corrected, nominal),
         np.array([offset.internal for offset in calibration.offsets]),
         -1 if language.vendor == "kuka" else 1,
     )
@@ -187,7 +179,9 @@ def _stated(language: Language, robot: Robot, choices: Choices) -> Stated:
         require_j3(choices.j3)
     elif choices.j3 is not None:
         raise BadInput(f"--j3 is not for {language.name}", remedy="leave --j3 out")
-    near = None if choices.near is None else np.array(_numbers(choices.near, robot.n, "--near", "J1,J2,…"))
+    near = (
+        None if choices.near is None else np.array(stated_numbers(choices.near, robot.n, "--near", "J1,J2,…"))
+    )
     return Stated(
         dict(_frame(text, "--tool", language) for text in choices.tools),
         dict(_frame(text, "--frame", language) for text in choices.frames),
@@ -206,24 +200,9 @@ def _bare(name: str) -> str:
 def _frame(text: str, option: str, language: Language) -> tuple[str, Matrix]:
     name, _, values = text.rpartition("=")
     count = language.form.split(" ")[0].count(",") + 1
-    return name.strip().lower(), language.pose(_numbers(values, count, option, f"[NAME=]{language.form}"))
-
-
-def _numbers(text: str, count: int, option: str, form: str) -> list[float]:
-    try:
-        values = [float(part) for part in re.sub(r"[\[\]()p{}]", " ", text).split(",")]
-    except ValueError:
-        values = []
-    if len(values) != count or not np.isfinite(values).all() or (count == 7 and not any(values[3:])):
-        raise BadInput(f"{option} is not understood", found=text, allowed=form)
-    return values
-
-
-def _to_flange(robot: Robot, nominal: Robot) -> Robot:
-    """The arm up to what its controller calls the flange: that of the paper ends at the wrist's centre."""
-    if not same_arm(nominal, load_robot("irb1600")):
-        return robot
-    return replace(robot, flange=robot.flange @ shift(z=_FLANGE_OF_IRB1600))
+    return name.strip().lower(), language.pose(
+        stated_numbers(values, count, option, f"[NAME=]{language.form}")
+    )
 
 
 def _not_understood(parsed: Parsed, texts: Sequence[str], paths: Sequence[Path]) -> BadInput:

@@ -12,9 +12,10 @@ import numpy as np
 
 from ....model.arms.branches import Branch, is_kuka_turn, kuka_status, kuka_turn
 from ....model.arms.orientation import orientation
+from ....model.arms.poses import from_abc
 from ....model.robot import Matrix
 from ...importers.kuka import AGGREGATE, without_comments
-from .parts import NULL, NUMBER, Edit, JointTarget, Motion, Parsed, PoseTarget, Source, from_abc, number_edits
+from .parts import NULL, NUMBER, Edit, JointTarget, Motion, Parsed, PoseTarget, Source, number_edits
 
 _FIELD = re.compile(
     rf"\b(?P<name>A[1-6]|E[1-6]|[XYZABCST])\s+(?P<value>{NUMBER}|'B[01]+'|'H[0-9A-F]+')", re.IGNORECASE

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,8 +11,7 @@ import numpy as np
 
 from ....model.arms.branches import Branch
 from ....model.arms.joint_three import J3
-from ....model.arms.orientation import roll_pitch_yaw
-from ....model.robot import Matrix, Robot, shift
+from ....model.robot import Matrix, Robot
 from ..programs.steps import decimal
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -137,38 +135,3 @@ def number_edits(
 def number_spans(text: str, start: int, end: int) -> list[tuple[int, int]]:
     """The places of all numbers in a part of a text."""
     return [found.span() for found in re.compile(rf"(?<![\w.]){NUMBER}").finditer(text, start, end)]
-
-
-def from_quaternion(values: Sequence[float]) -> Matrix:
-    """(4, 4) of x, y, z (mm) and (w, x, y, z)."""
-    x, y, z, *turn = values
-    result = shift(x, y, z)
-    w, i, j, k = np.array(turn) / math.hypot(*turn)
-    result[:3, :3] = [
-        [1 - 2 * (j * j + k * k), 2 * (i * j - k * w), 2 * (i * k + j * w)],
-        [2 * (i * j + k * w), 1 - 2 * (i * i + k * k), 2 * (j * k - i * w)],
-        [2 * (i * k - j * w), 2 * (j * k + i * w), 1 - 2 * (i * i + j * j)],
-    ]
-    return result
-
-
-def from_rpy(values: Sequence[float]) -> Matrix:
-    """(4, 4) of x, y, z (mm) and rotations about fixed x, y, z (degrees): FANUC's W, P, R."""
-    x, y, z, *turns = values
-    return np.asarray(shift(x, y, z) @ roll_pitch_yaw(*np.radians(turns)))
-
-
-def from_abc(values: Sequence[float]) -> Matrix:
-    """(4, 4) of KUKA's X, Y, Z, A, B, C."""
-    x, y, z, a, b, c = values
-    return from_rpy((x, y, z, c, b, a))
-
-
-def from_rotation_vector(values: Sequence[float]) -> Matrix:
-    """(4, 4) of a URScript pose: metres, radians."""
-    x, y, z, *vector = values
-    angle = math.hypot(*vector)
-    half = math.sin(angle / 2) / angle if angle else 0.5
-    return from_quaternion(
-        (1000 * x, 1000 * y, 1000 * z, math.cos(angle / 2), *(half * value for value in vector))
-    )

@@ -10,20 +10,10 @@ import numpy as np
 
 from ....model.arms.branches import Branch, abb_configuration, is_abb_configuration
 from ....model.arms.orientation import orientation
+from ....model.arms.poses import from_quaternion
 from ....model.robot import Matrix
 from ...importers.rapid import DECLARED, without_text
-from .parts import (
-    NULL,
-    Edit,
-    JointTarget,
-    Motion,
-    Parsed,
-    PoseTarget,
-    Source,
-    from_quaternion,
-    number_edits,
-    number_spans,
-)
+from .parts import NULL, Edit, JointTarget, Motion, Parsed, PoseTarget, Source, number_edits, number_spans
 
 # Of a literal: jointtarget [[6],[6]], robtarget [[3],[4],[4],[6]].
 _SIZES = {"jointtarget": 12, "robtarget": 17}

@@ -16,9 +16,10 @@ import numpy as np
 from ....model.arms.branches import Branch, Branches
 from ....model.arms.inverse import Solver, is_singular, reach
 from ....model.arms.orientation import orientation
+from ....model.arms.poses import from_rotation_vector
 from ....model.files.limits import beyond_limits
 from ....model.robot import Matrix, Robot
-from .parts import Edit, JointTarget, Motion, Parsed, PoseTarget, Target, from_rotation_vector
+from .parts import Edit, JointTarget, Motion, Parsed, PoseTarget, Target
 
 _FAR = 5.0  # deg (mm) from the nominal joints less the offsets: such a solution is another posture
 _CLEAR = 1.2  # a nearest solution is taken if the next one is so many times as far

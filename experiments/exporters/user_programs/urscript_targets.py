@@ -11,19 +11,9 @@ import numpy as np
 
 from ....model.arms.branches import Branch
 from ....model.arms.orientation import orientation
+from ....model.arms.poses import from_rotation_vector
 from ....model.robot import Matrix
-from .parts import (
-    NULL,
-    NUMBER,
-    Edit,
-    JointTarget,
-    Motion,
-    Parsed,
-    PoseTarget,
-    Source,
-    from_rotation_vector,
-    new_number,
-)
+from .parts import NULL, NUMBER, Edit, JointTarget, Motion, Parsed, PoseTarget, Source, new_number
 
 _JOINT_DECIMALS, _POSE_DECIMALS = {"rad": 8, "deg": 6}, 8
 _TEXT = re.compile(r'"[^"\n]*"|#[^\n]*')

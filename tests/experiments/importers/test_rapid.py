@@ -7,9 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from recorded_logs import HEADER, POSTURES
+from scipy.spatial.transform import Rotation
+from user_programs import TABLE, TOOL, UserProgram, flange_arm, varied
 
 from zerobeam.experiments.importers import import_rapid
 from zerobeam.experiments.importers.rapid import rapid_positions
+from zerobeam.model.files.robot_file import load_robot
 
 EXTERNAL = "[9E+09,9E9,9E9,9E9,9E9,9E9]"
 
@@ -65,3 +68,37 @@ def test_targets_that_cannot_be_read(tmp_path, header, refused, value):
     error = refused(read, tmp_path, header, f"MODULE a\nCONST jointtarget p1:={value};\nENDMODULE\n")
     assert error.what == "the axes of p1 cannot be read"
     assert error.line == 2
+
+
+def robtargets(rows, tool, frame, conf=None) -> str:
+    """A module whose robtargets are where the arm has the tool at the joints (rows, degrees)."""
+    arm = flange_arm(load_robot("irb1600"))
+    lines = []
+    for i, row in enumerate(rows):
+        pose = np.linalg.inv(frame) @ arm.fk(row) @ tool
+        x, y, z, w = Rotation.from_matrix(pose[:3, :3]).as_quat()
+        place = ",".join(f"{value:.3f}" for value in pose[:3, 3])
+        turn = ",".join(f"{value:.7f}" for value in (w, x, y, z))
+        own = conf or UserProgram("rapid", arm, np.array([row])).confdata(row)
+        lines.append(f"  CONST robtarget p{i}:=[[{place}],[{turn}],[{','.join(map(str, own))}],{EXTERNAL}];")
+    return "\n".join(["MODULE a", *lines, "ENDMODULE"])
+
+
+def test_robtargets_of_a_stated_tool_have_the_joints_of_their_configuration(tmp_path, header, refused):
+    rows = varied(load_robot("irb1600"), 6, seed=8)
+    file = tmp_path / "points.mod"
+    file.write_text(robtargets(rows, TOOL, TABLE))
+    tool = "10,-5,120," + ",".join(map(str, np.roll(Rotation.from_matrix(TOOL[:3, :3]).as_quat(), 1)))
+    frame = "300,-100,50," + ",".join(map(str, np.roll(Rotation.from_matrix(TABLE[:3, :3]).as_quat(), 1)))
+
+    def run(**stated):
+        return import_rapid([file], ["a"], header, tmp_path / "run.jsonl", **stated)
+
+    found = run(tool=tool, frame=frame)
+    np.testing.assert_allclose([shot.joints_deg for shot in found.shots], rows, atol=2e-3)
+    assert any("by inverse kinematics of the nominal arm" in line for line in found.understood)
+    assert refused(run).what == "point p0 has no joint values"
+    assert "need their tool" in refused(run, frame=frame).what
+    assert "--tool is not understood" in refused(run, tool="1,2").what
+    file.write_text(robtargets(rows[:1], TOOL, TABLE, conf=(3, 3, 3, 7)))
+    assert refused(run, tool=tool, frame=frame).what == "p0 does not say what the joints are"
