@@ -1,14 +1,7 @@
-"""What a plan's program has written (zerobeam export plan): lines with a posture's number and its joints.
-
-    zerobeam posture 3 deg -69.348 -18.862 49.270 136.545 -39.529 -82.750
-
-Anything may precede it on the line: the time that a controller prints. Lists of URScript have brackets and
-commas, and whole millionths of a degree.
-"""
+"""Logs that a plan's program has written (zerobeam export plan): lines as of `typed.program_line`."""
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,19 +10,18 @@ import numpy as np
 
 from ...model.errors import BadInput
 from ...model.files.limits import require_joint_count
-from ...model.files.reading import read_text, shown
-from ...model.robot import Robot
+from ...model.files.reading import read_text
 from .imported import Found, Imported, Job, Stated, matching
 from .taught import without_unused
+from .typed import PROGRAM_LINE, program_line
 
-_LINE = re.compile(r"zerobeam (?P<what>posture|rehearsal) (?P<number>\d{1,9}) (?P<unit>\w+)(?P<values>.*)")
 _PLAN = re.compile(r"zerobeam plan (?P<hash>[0-9a-f]{12})\b")
-_UNITS = {"deg": 1.0, "microdegrees": 1e-6}
 
 
 def is_program_log(files: Sequence[Path | str]) -> bool:
     """Whether the first of the files has lines of a plan's program."""
-    return any(_LINE.search(read_text(path)[0]) for file in files[:1] for path in matching(Path(file))[:1])
+    paths = [path for file in files[:1] for path in matching(Path(file))[:1]]
+    return any(PROGRAM_LINE.search(read_text(path)[0]) for path in paths)
 
 
 def import_program_log(
@@ -60,23 +52,18 @@ def _found(path: Path, target: str, job: Job) -> Found:
     notes: list[str] = []
     for line, content in enumerate(lines, start=1):
         _require_same_plan(content, job, path, line)
-        match = _LINE.search(content)
-        if match is None:
-            continue
-        if match["what"] == "rehearsal":
-            raise BadInput(
-                "the log is of a rehearsal: the joints are commanded ones, not measured ones",
-                found=shown(content.strip()[:60]),
-                remedy="run the program on the robot",
-                file=path,
-                line=line,
-            )
-        if line == len(lines):
+        if line == len(lines) and PROGRAM_LINE.search(content):
             # Without the end of the line its last number may be incomplete.
             notes.append(f"  line {line} has no end and is ignored")
             continue
-        joints = _joints(match, job.robot, path, line)
-        number = int(match["number"])
+        try:
+            logged = program_line(content, job.robot.n)
+        except BadInput as error:
+            raise error.at(path, line) from None
+        if logged is None or logged.number is None:
+            continue
+        number, joints = logged.number, without_unused(logged.values, job.robot)
+        require_joint_count(joints, job.robot, f"posture {number}", path, line)
         if rows.pop(number, None) is not None:
             again.append(number)
         rows[number] = joints, line
@@ -112,24 +99,3 @@ def _require_same_plan(content: str, job: Job, path: Path, line: int) -> None:
             file=path,
             line=line,
         )
-
-
-def _joints(match: re.Match[str], robot: Robot, path: Path, line: int) -> tuple[float, ...]:
-    """Degrees (mm)."""
-    scale = _UNITS.get(match["unit"])
-    try:
-        values = [float(part) for part in re.split(r"[\s,\[\]]+", match["values"]) if part]
-    except ValueError:
-        values = [math.nan]
-    if scale is None or not all(map(math.isfinite, values)) or len(values) < robot.n:
-        raise BadInput(
-            "the joints of a posture cannot be read",
-            found=shown(match[0][:120]),
-            allowed=f"zerobeam posture NUMBER deg, and {robot.n} numbers",
-            remedy="remove the line, and record the posture again",
-            file=path,
-            line=line,
-        )
-    joints = without_unused(tuple(value * scale for value in values), robot)
-    require_joint_count(joints, robot, f"posture {match['number']}", path, line)
-    return joints

@@ -1,10 +1,18 @@
-"""Joint values as people type them, or paste them from a pendant, a program or a spreadsheet."""
+"""Joint values as people type them, or paste them from a pendant, a program or a spreadsheet; and the lines
+that a plan's program writes (zerobeam export plan).
+
+    zerobeam posture 3 deg -69.348 -18.862 49.270 136.545 -39.529 -82.750
+
+Anything may precede those on the line: the time that a controller prints. Lists of URScript have brackets and
+commas, and whole millionths of a degree.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import isfinite
 from typing import Literal
 
 from ...model.errors import BadInput
@@ -21,15 +29,51 @@ _INNERMOST = re.compile(r"[\[{(]([^\[\](){}]*)[\])}]")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+(,\d+)?")
 _MINUS = str.maketrans({"−": "-", "–": "-", "\u00a0": " ", "\u202f": " ", "°": " deg "})
 
+PROGRAM_LINE = re.compile(
+    r"zerobeam (?P<what>posture|rehearsal) (?P<number>\d{1,9}) (?P<unit>\w+)(?P<values>.*)"
+)
+_PROGRAM_UNITS = {"deg": 1.0, "microdegrees": 1e-6}
+
 Unit = Literal["deg", "rad"]
 
 
 @dataclass(frozen=True)
 class Typed:
-    """Joint values as a text has them, and the unit if the text states it."""
+    """Joint values as a text has them, the unit if the text states it, and the posture's number if it is the
+    line of a plan's program."""
 
     values: tuple[float, ...]
     unit: Unit | None
+    number: int | None = None
+
+
+def program_line(text: str, n: int) -> Typed | None:
+    """The joints in a line of a plan's program, degrees (mm), `n` or all that it has; None in any other line.
+
+    BadInput for a line that cannot be read, or that a rehearsal wrote.
+    """
+    match = PROGRAM_LINE.search(text)
+    if match is None:
+        return None
+    if match["what"] == "rehearsal":
+        raise BadInput(
+            "the log is of a rehearsal: the joints are commanded ones, not measured ones",
+            found=shown(text.strip()[:60]),
+            remedy="run the program on the robot",
+        )
+    scale = _PROGRAM_UNITS.get(match["unit"])
+    try:
+        values = [float(part) for part in re.split(r"[\s,\[\]]+", match["values"]) if part]
+    except ValueError:
+        values = []
+    if scale is None or len(values) < n or not all(map(isfinite, values)):
+        raise BadInput(
+            "the joints of a posture cannot be read",
+            found=shown(match[0][:120]),
+            allowed=f"zerobeam posture NUMBER deg, and {n} numbers",
+            remedy="remove the line, and record the posture again",
+        )
+    return Typed(tuple(value * scale for value in values), "deg", int(match["number"]))
 
 
 def labelled(text: str) -> dict[int, float]:
@@ -50,8 +94,12 @@ def typed_joints(text: str, n: int) -> Typed:
 
     Read are numbers with blanks, tabs, commas or semicolons between them, lists in brackets (`[…]`, RAPID's
     `[[…], […]]`, KRL's `{A1 …, A2 …}`), values with the joints' names (`J1= 10.5 deg`), decimal commas where
-    nothing else can be meant. BadInput for anything else, a Cartesian position included.
+    nothing else can be meant, and lines of a plan's program. BadInput for anything else, a Cartesian position
+    included.
     """
+    logged = program_line(text, n)
+    if logged is not None and not any(logged.values[n:]):
+        return Typed(logged.values[:n], logged.unit, logged.number)
     plain = text.translate(_MINUS)
     unit = _unit(plain)
     by_name = labelled(text)

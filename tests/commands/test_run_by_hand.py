@@ -240,3 +240,25 @@ def test_a_resumed_watch_takes_nothing_twice(plan: Path) -> None:
     again = RunRequest("manual", resume=True, answers=Answers(WatchedLines(log, lambda seconds: False)))
     record(read_plan(plan), file, again, lambda event: None)
     assert {shot.shot: list(shot.joints_deg) for shot in read_run(file).shots} == WHOLE
+
+
+@pytest.mark.parametrize(
+    "form", ["zerobeam posture {} deg {}", "14:02:07 zerobeam posture {} microdegrees [{}]"]
+)
+def test_the_log_of_a_plan_s_program_is_watched(plan: Path, form: str) -> None:
+    """Lines of `zerobeam export plan`, which name their posture; those of a rehearsal are not recorded."""
+    log, file = plan.parent / "zb_plan.log", plan.parent / "run.jsonl"
+    micro = "micro" in form
+    rows = [
+        form.format(
+            shot, (", " if micro else " ").join(str(round(v * 1e6)) if micro else str(v) for v in row)
+        )
+        for shot, row in reversed(WHOLE.items())
+    ]
+    rehearsed = rows[0].replace("posture", "rehearsal")
+    log.write_text("\n".join(["zerobeam plan 0123456789ab", rehearsed, *rows]) + "\n", encoding="utf-8")
+    events = []
+    request = RunRequest("manual", answers=Answers(WatchedLines(log, lambda seconds: False)))
+    record(read_plan(plan), file, request, events.append)
+    assert {shot.shot: list(shot.joints_deg) for shot in read_run(file).shots} == WHOLE
+    assert [event.kind for event in events if event.event == "doubt"] == ["unreadable", "unreadable"]

@@ -133,7 +133,9 @@ class Manual:
                     parts = ""
                 parts = f"{parts} {text}" if parts else text
                 if not self._unfinished(parts):
-                    joints, parts = self._read(number, parts), ""
+                    logged = self._read(number, parts)
+                    number, joints = (number, None) if logged is None else logged
+                    parts = ""
             if joints is None:
                 continue
             number, doubt = self._judged(number, joints)
@@ -146,8 +148,9 @@ class Manual:
         named = labelled(text).keys()
         return self.lines.confirms and 0 < len(named) < self.plan.robot.n
 
-    def _read(self, number: int, text: str) -> Matrix | None:
-        """(n,) the values of a text in degrees (mm), joint 3 from link 2; None where it cannot be read."""
+    def _read(self, number: int, text: str) -> tuple[int, Matrix] | None:
+        """The measurement and (n,) its values in degrees (mm), joint 3 from link 2; None where a text cannot
+        be read. The line of a plan's program says which posture it is of."""
         try:
             typed = typed_joints(text, self.plan.robot.n)
         except BadInput as error:
@@ -156,7 +159,9 @@ class Manual:
         joints = np.array(typed.values)
         if (typed.unit or self.units) == "rad":
             joints = joints * self.plan.robot.display
-        return self._from_link(joints)
+        if typed.number is not None and typed.number in self._left():
+            number = typed.number
+        return number, self._from_link(joints)
 
     def _judged(self, number: int, joints: Matrix) -> tuple[int, Doubt | None]:
         """The measurement that these values are, and what speaks against them, which is said.
