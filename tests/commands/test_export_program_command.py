@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 from command_line import zerobeam
+from export_runs import arm_run
 from user_programs import UserProgram, varied, written
 
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.robot_file import load_robot
+from zerobeam.model.files.run import write_run
 
 GOOD, X_PATTERN = demo_runs()[0].path, demo_runs()[1].path
 
@@ -47,3 +50,22 @@ def test_both_files_of_a_krl_program_are_written_and_other_robots_refused(tmp_pa
     assert "is for robots of KUKA" in told
     assert "--tool" in zerobeam("export", "program", "--help").out
     assert not (tmp_path / "out.dat").exists()
+
+
+def test_a_misfit_is_not_applied_unless_asked_for(tmp_path: Path) -> None:
+    run = arm_run(tmp_path)
+    rng = np.random.default_rng(0)
+    shots = [
+        shot.model_copy(update={"joints_deg": tuple(np.array(shot.joints_deg) + rng.normal(0, 0.1, 6))})
+        for shot in run.shots
+    ]
+    bad = tmp_path / "bad.jsonl"
+    write_run(bad, run.header, shots)
+    path, out = program(tmp_path), tmp_path / "out.mod"
+    told = zerobeam("export", "program", bad, path, "-o", out)
+    assert told.status == 1
+    assert "(misfit)" in told.err
+    assert not out.exists()
+    told = zerobeam("export", "program", bad, path, "-o", out, "--unvalidated")
+    assert told.status == 1
+    assert "UNVALIDATED" in out.read_text(encoding="latin-1")

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ....model.arms.joint_three import J3
+from ....model.arms.joint_three import J3, from_ground
 from ....model.arms.poses import from_abc, from_quaternion, from_rotation_vector, from_rpy, stated_numbers
 from ....model.errors import BadInput
 from ....model.files.reading import read_bytes
@@ -179,9 +179,10 @@ def _stated(language: Language, robot: Robot, choices: Choices) -> Stated:
         require_j3(choices.j3)
     elif choices.j3 is not None:
         raise BadInput(f"--j3 is not for {language.name}", remedy="leave --j3 out")
-    near = (
-        None if choices.near is None else np.array(stated_numbers(choices.near, robot.n, "--near", "J1,J2,…"))
-    )
+    near = None
+    if choices.near is not None:
+        near = np.array(stated_numbers(choices.near, robot.n, "--near", "J1,J2,…"))
+        near = from_ground(near, robot) if choices.j3 == "ground" else near
     return Stated(
         dict(_frame(text, "--tool", language) for text in choices.tools),
         dict(_frame(text, "--frame", language) for text in choices.frames),

@@ -65,7 +65,6 @@ class _Module:
     def __init__(self, source: Source) -> None:
         self.source, self.bare, self.parsed = source, without_comments(source.text), Parsed()
         self.places: dict[str, tuple[int, int]] = {}  # of the aggregates of names
-        self.names: dict[str, str] = {}  # as written
         self.allowed: set[tuple[int, int]] = set()
         self.data = {
             found["name"].lower(): (found["tool"], found["base"]) for found in _DATA.finditer(self.bare)
@@ -103,7 +102,6 @@ class _Module:
             if name in self.places:
                 self._problem(match.start(), f"{match['name']} has two values")
             self.places[name] = match.span("fields")
-            self.names[name] = match["name"]
             if match["fields"].strip()[0] in "Aa":
                 self._add_joints(name, match["name"])
 
@@ -125,7 +123,9 @@ class _Module:
             return number_edits(spans, self.source.text, joints.tolist(), [6] * n)
 
         joints = np.array([float(self.bare[start:end]) for start, end in spans])
-        self.parsed.targets[key] = JointTarget(key, self.source.line(place), joints, write)
+        self.parsed.targets[key] = JointTarget(
+            self.source.written(key), self.source.line(place), joints, write
+        )
         return True
 
     def _settings(self) -> None:
@@ -219,7 +219,7 @@ class _Module:
         if isinstance(before, PoseTarget):
             if np.allclose(before.tool, frames[0]) and np.allclose(before.frame, frames[1]):
                 return linear or self._add_pose(key, frames, linear)
-            self._problem(place, f"{key} is used with different tools or bases")
+            self._problem(place, f"{self.source.written(key)} is used with different tools or bases")
             return False
         return self._add_pose(key, frames, linear)
 
@@ -227,11 +227,11 @@ class _Module:
         fields, (place, _) = self._fields(key), self.places[key]
         text, line = self.source.text, self.source.line(place)
         if any(name not in fields for name in _POSE):
-            self._problem(place, f"{key} does not state X, Y, Z, A, B and C in numbers")
+            self._problem(place, f"{self.source.written(key)} does not state X, Y, Z, A, B and C in numbers")
             return False
         if any(name[0] == "E" and float(found["value"]) for name, found in fields.items()):
             self._problem(
-                place, f"{key} has positions of external axes, which may carry the robot or the work"
+                place, f"{self.source.written(key)} has positions of external axes, which may carry the robot"
             )
             return False
         spans = [fields[name].span("value") for name in _POSE]
@@ -256,7 +256,7 @@ class _Module:
             return edits
 
         self.parsed.targets[key] = PoseTarget(
-            key,
+            self.source.written(key),
             line,
             from_abc(values),
             frames[0],
@@ -286,9 +286,9 @@ class _Module:
     def _unused(self) -> None:
         for key, (place, _) in self.places.items():
             line = self.source.line(place)
-            if key not in self.parsed.targets and not self.parsed.speaks_of(line, self.names.get(key, key)):
+            if key not in self.parsed.targets and not self.parsed.speaks_of(line, self.source.written(key)):
                 said = "is not the target of a motion here, so that its tool is not known (--leave?)"
-                self.parsed.problems.append((line, f"{self.names.get(key, key)} {said}"))
+                self.parsed.problems.append((line, f"{self.source.written(key)} {said}"))
 
 
 def _set(found: re.Match[str]) -> str:

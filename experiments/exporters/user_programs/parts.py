@@ -111,6 +111,12 @@ class Source:
     robot: Robot
     stated: Stated
 
+    def written(self, key: str) -> str:
+        """A name, known in small letters (an element of an array as `name{1}`), as the program writes it."""
+        word, brace, rest = key.partition("{")
+        found = re.search(rf"(?<!\w){re.escape(word)}(?!\w)", self.text, re.IGNORECASE)
+        return (word if found is None else found[0]) + brace + rest
+
     def line(self, place: int) -> int:
         return self.text.count("\n", 0, place) + 1
 

@@ -118,12 +118,14 @@ class _Module:
         n = self.source.robot.n
         values = [float(self.bare[start:end]) for start, end in spans]
         if any(values[n:6]):
-            self.parsed.problems.append((line, f"{key} has values for joints that the robot does not have"))
+            self.parsed.problems.append(
+                (line, f"{self.source.written(key)} has values for joints that the robot does not have")
+            )
 
         def write(joints: Matrix) -> list[Edit]:
             return number_edits(spans[:n], self.source.text, joints.tolist(), [6] * n)
 
-        self.parsed.targets[key] = JointTarget(key, line, np.array(values[:n]), write)
+        self.parsed.targets[key] = JointTarget(self.source.written(key), line, np.array(values[:n]), write)
 
     def _move(self, move: re.Match[str], first: bool) -> None:
         word, linear = move["word"].lower(), move["word"].lower() in ("movel", "movec")
@@ -170,7 +172,7 @@ class _Module:
                 return [own] if own in self.spans else self.arrays[low]
             if low in self.spans and self.spans[low][0] == kind:
                 return [low]
-            self._problem(place, f"{name['name']} is not declared in this file with a value (--leave {low}?)")
+            self._problem(place, f"{name['name']} is not declared in this file with a value (--leave?)")
             return None
         self._problem(place, f"the target {' '.join(text.split())[:60]} is computed when the program runs")
         return None
@@ -196,7 +198,7 @@ class _Module:
         if isinstance(known, PoseTarget):
             if np.allclose(known.tool, frames[0]) and np.allclose(known.frame, frames[1]):
                 return True
-            self._problem(place, f"{name} is used with different tools or work objects")
+            self._problem(place, f"{self.source.written(name)} is used with different tools or work objects")
             return False
         return self._add_pose(name, *frames)
 
@@ -206,11 +208,16 @@ class _Module:
         values = [float(text[start:end]) for start, end in spans]
         turn, stated = values[3:7], tuple(values[7:11])
         if abs(math.hypot(*turn) - 1) > 0.01:
-            self.parsed.problems.append((line, f"the orientation of {name} is not a unit quaternion"))
+            self.parsed.problems.append(
+                (line, f"the orientation of {self.source.written(name)} is not a unit quaternion")
+            )
             return False
         if any(value not in (0.0, _UNUSED) for value in values[11:]):
             self.parsed.problems.append(
-                (line, f"{name} has positions of external axes, which may carry the robot or the work")
+                (
+                    line,
+                    f"{self.source.written(name)} has positions of external axes, which may carry the robot",
+                )
             )
             return False
 
@@ -223,7 +230,7 @@ class _Module:
             return edits + number_edits(spans[7:11], text, abb_configuration(branch, joints), [0] * 4)
 
         self.parsed.targets[name] = PoseTarget(
-            name,
+            self.source.written(name),
             line,
             from_quaternion(values[:7]),
             tool,
@@ -253,9 +260,9 @@ class _Module:
     def _unused(self) -> None:
         for name, (kind, _, line) in self.spans.items():
             if kind == "robtarget" and name not in self.parsed.targets:
-                said = f"{name} is not the target of a motion here, so that its tool is not known (--leave?)"
+                said = "is not the target of a motion here, so that its tool is not known (--leave?)"
                 if not self.parsed.speaks_of(line, name):
-                    self.parsed.problems.append((line, said))
+                    self.parsed.problems.append((line, f"{self.source.written(name)} {said}"))
 
 
 def _arguments(text: str, place: int) -> Iterator[tuple[str, int]]:

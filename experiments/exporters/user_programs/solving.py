@@ -8,6 +8,7 @@ arm has at them.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -192,7 +193,8 @@ class _Work:
                 raise _Unsolved(
                     f"no joints within the limits reach it with the stated configuration {target.stated}"
                 )
-        return self._nearest(target, flange)
+            return self._nearest(target, flange, (self.near,))
+        return self._nearest(target, flange, (target.near, self._last, self.near))
 
     def _matching_nearby(self, target: PoseTarget, flange: Matrix) -> Matrix:
         """Joints near those of the motion before: off singularities a configuration has one solution only."""
@@ -221,8 +223,9 @@ class _Work:
         assert found is not None
         return found
 
-    def _nearest(self, target: PoseTarget, flange: Matrix) -> Matrix:
-        near = next((each for each in (target.near, self._last, self.near) if each is not None), None)
+    def _nearest(self, target: PoseTarget, flange: Matrix, known: Sequence[Matrix | None]) -> Matrix:
+        """The joints nearest to the first that are `known`, degrees."""
+        near = next((each for each in known if each is not None), None)
         if near is None:
             raise _Unsolved("nothing says in which configuration the arm reaches it; state --near")
         solver, display = self.arms.solver, self.arms.nominal.display

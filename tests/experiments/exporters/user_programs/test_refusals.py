@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from user_programs import STATED, UserProgram, judged, read, varied, written
+from user_programs import OFFSETS, STATED, UserProgram, judged, read, varied, written
 
 from zerobeam.experiments.exporters.user_programs.filtered import Choices, filtered
 from zerobeam.model.errors import BadInput
@@ -128,6 +128,20 @@ def test_motions_that_are_not_understood(tmp_path: Path, suffix: str, line: str,
         tried(tmp_path, suffix, line)
     assert said in " ".join(str(refused.value).split())
     assert "nothing is written" in str(refused.value)
+
+
+def test_joints_near_by_are_those_of_the_pendant(tmp_path: Path) -> None:
+    """A configuration that a FANUC cannot have there, and J3 counted from the ground."""
+    robot = load_robot("lrmate_200id")
+    rows = np.array([[10.0, 20, 10, 5, -80, 30], [12.0, 40, 20, 5, -70, 30]])
+    program = UserProgram("fanuc", robot, rows)
+    path = written(tmp_path, program, program.text().replace("'N U T", "'N D T"))
+    tools, frames = STATED["fanuc"].tools, STATED["fanuc"].frames
+    with pytest.raises(BadInput, match="with the stated configuration N D T"):
+        filtered(robot, judged(robot), path, tmp_path / "out.ls", STATED["fanuc"])
+    near = Choices(tools=tools, frames=frames, near="12,40,-20,5,-70,30", j3="ground")
+    done = filtered(robot, judged(robot), path, tmp_path / "out.ls", near)
+    np.testing.assert_allclose(program.commanded(read(done)), rows - OFFSETS, atol=5e-3)
 
 
 def test_each_line_is_named_once(tmp_path: Path) -> None:
