@@ -582,6 +582,7 @@ def test_the_cache_is_the_users_own_whatever_the_umask(tmp_path, monkeypatch):
 def test_a_cache_that_others_can_write_is_not_used(empty_cache, monkeypatch, how):
     Kernel(small(), compile=True)
     (name,) = libraries(empty_cache)
+    (empty_cache / name).unlink()  # written into, the one in use would end this process by a bus error
     (empty_cache / name).write_bytes(b"planted")
     if how == "writable":
         empty_cache.chmod(0o777)
