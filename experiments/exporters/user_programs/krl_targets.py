@@ -38,7 +38,12 @@ _SETS = {
         re.IGNORECASE,
     ),
 }
-_BY_DATA = re.compile(r"\bFDAT_ACT\s*=\s*(\w+)|\bSTOOL2?\s*\(\s*(\w+)\s*\)", re.IGNORECASE)
+_BY_DATA = re.compile(
+    r"\bFDAT_ACT\s*=\s*(\w+)|\bSTOOL2?\s*\(\s*(\w+)\s*\)"
+    r"|\bFDAT_ACT\s*=\s*\{[^}]*?TOOL_NO\s+(\d+)\s*,\s*BASE_NO\s+(\d+)",
+    re.IGNORECASE,
+)
+_FRAME = re.compile(r"(?P<word>tool|base)_data\[(?P<number>\d+)\]")
 _CONTROL = re.compile(
     r"\s*(?:IF|ELSE|ENDIF|FOR|ENDFOR|WHILE|ENDWHILE|LOOP|ENDLOOP|REPEAT|UNTIL|SWITCH|CASE|DEFAULT|ENDSWITCH"
     r"|GOTO|\w+\s*:\s*$)\b|\s*\w+\s*:\s*$",
@@ -65,6 +70,7 @@ class _Module:
     def __init__(self, source: Source) -> None:
         self.source, self.bare, self.parsed = source, without_comments(source.text), Parsed()
         self.places: dict[str, tuple[int, int]] = {}  # of the aggregates of names
+        self.defined: dict[tuple[str, str], tuple[int, Matrix]] = {}  # of tools and bases: where, and what
         self.allowed: set[tuple[int, int]] = set()
         self.data = {
             found["name"].lower(): (found["tool"], found["base"]) for found in _DATA.finditer(self.bare)
@@ -99,11 +105,25 @@ class _Module:
                 continue
             if name in self.source.stated.leave:
                 continue
+            frame = _FRAME.fullmatch(name)
+            if frame is not None:
+                self._define(frame, match)
+                continue
             if name in self.places:
                 self._problem(match.start(), f"{match['name']} has two values")
             self.places[name] = match.span("fields")
             if match["fields"].strip()[0] in "Aa":
                 self._add_joints(name, match["name"])
+
+    def _define(self, frame: re.Match[str], match: re.Match[str]) -> None:
+        """A tool or base that the program itself defines."""
+        fields = {found["name"].upper(): found for found in _FIELD.finditer(self.bare, *match.span("fields"))}
+        values = [float(fields[name]["value"]) for name in _POSE if name in fields]
+        key = frame["word"], frame["number"]
+        if len(values) != len(_POSE) or key in self.defined:
+            self._problem(match.start(), f"{match['name']} has two values, or is not stated in numbers")
+            return
+        self.defined[key] = match.start(), from_abc(values)
 
     def _fields(self, name: str) -> dict[str, re.Match[str]]:
         return {found["name"].upper(): found for found in _FIELD.finditer(self.bare, *self.places[name])}
@@ -136,6 +156,8 @@ class _Module:
                 self.every[word].add(number)
 
     def _of_data(self, found: re.Match[str]) -> tuple[str, str]:
+        if found[3]:
+            return found[3], found[4]
         return self.data.get((found[1] or found[2]).lower(), (_UNKNOWN, _UNKNOWN))
 
     def _line(self, line: str, place: int, first: bool) -> None:
@@ -207,6 +229,12 @@ class _Module:
             one = len(self.every[word]) == 1 and word in self.begun
             number = active.get(word) or (min(self.every[word]) if one else "")
             frame = stated.get(number, NULL if number == "0" else None)
+            begun, own = self.defined.get((word, number), (place, None))
+            if own is not None and begun < place:
+                if frame is not None and not np.allclose(frame, own):
+                    self._problem(place, f"{word} {number} is defined in the program, and stated otherwise")
+                    return False
+                frame = own
             if frame is None and number in ("", _UNKNOWN):
                 frame = stated.get("")
             if frame is None:

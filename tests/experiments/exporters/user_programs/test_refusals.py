@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
-from user_programs import OFFSETS, STATED, UserProgram, judged, read, varied, written
+from user_programs import OFFSETS, STATED, UserProgram, frame, judged, read, varied, written
 
 from zerobeam.experiments.exporters.user_programs.filtered import Choices, filtered
+from zerobeam.model.arms.inverse import Solver
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot
 
@@ -107,6 +109,12 @@ def test_each_is_written_without_the_line_that_is_refused(tmp_path: Path, suffix
         (".src", "BAS(#TOOL,4)\nLIN {X 600,Y 0,Z 700,A 0,B 90,C 0}", "tool 4 is not known; state --tool 4="),
         (".src", "$TOOL=mine\nLIN {X 600,Y 0,Z 700,A 0,B 90,C 0}", "the active tool is not known"),
         (".src", "LIN {X 600,Y 0,Z 700,A 0,B 90,C 0,E1 100}", "external axes"),
+        (
+            ".src",
+            "BAS(#TOOL,4)\nLIN {X 1,Y 0,Z 7,A 0,B 90,C 0}\nTOOL_DATA[4]={X 1,Y 0,Z 0,A 0,B 0,C 0}",
+            "tool 4 is not",
+        ),
+        (".src", "TOOL_DATA[4]={X 0}", "is not stated in numbers"),
         (".ls", "J PR[2] 100% FINE", "computed when the program runs"),
         (".ls", "L P[2] 100mm/sec FINE Offset,PR[3]", "computed when the program runs"),
         (".ls", "L P[2] 100mm/sec FINE INC", "INC is not understood"),
@@ -142,6 +150,31 @@ def test_joints_near_by_are_those_of_the_pendant(tmp_path: Path) -> None:
     near = Choices(tools=tools, frames=frames, near="12,40,-20,5,-70,30", j3="ground")
     done = filtered(robot, judged(robot), path, tmp_path / "out.ls", near)
     np.testing.assert_allclose(program.commanded(read(done)), rows - OFFSETS, atol=5e-3)
+
+
+def test_a_tool_and_a_base_that_a_krl_program_defines(tmp_path: Path) -> None:
+    """As RoboDK writes them; linear motions without S and T follow the arm."""
+    lines = [
+        "BASE_DATA[2] = {FRAME: X 100,Y 50,Z 10,A 0,B 0,C 0}",
+        "TOOL_DATA[1] = {X 0,Y 0,Z 100,A 0,B 0,C 0}",
+        "FDAT_ACT = {TOOL_NO 1,BASE_NO 2,IPO_FRAME #BASE}",
+        "BAS(#FRAMES)",
+        "LIN {X 500,Y -50,Z 600,A 0,B 120,C 0} C_DIS",
+    ]
+    text = tried(tmp_path, ".src", "\n".join(lines))
+    said = re.search(r"LIN \{(.*?)\}", text)
+    assert said is not None
+    values = {key: float(value) for key, value in (part.split() for part in said[1].split(","))}
+    robot = load_robot("kr6_r900")
+    tool, base = frame(0, 0, 100, 0, 0, 0), frame(100, 50, 10, 0, 0, 0)
+
+    def flange(x: float, y: float, z: float, a: float, b: float, c: float) -> np.ndarray:
+        return np.asarray(base @ frame(x, y, z, c, b, a) @ np.linalg.inv(tool))
+
+    solver = Solver(robot)
+    joints = np.degrees(solver.solutions(flange(*(values[key] for key in "XYZABC"))))
+    true = robot.with_offsets(np.radians(OFFSETS)).fk(joints)
+    assert np.abs(true - flange(500, -50, 600, 0, 120, 0)).max(axis=(1, 2)).min() < 1e-3
 
 
 def test_each_line_is_named_once(tmp_path: Path) -> None:
