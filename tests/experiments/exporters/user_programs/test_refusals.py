@@ -46,6 +46,9 @@ P[2]{{
    GP1:
 \tUF : 0, UT : 5,\tCONFIG : 'N U T, 0, 0, 0',
 \tX = 400.000 mm, Y = 0.000 mm, Z = 300.000 mm, W = 180.000 deg, P = 0.000 deg, R = 0.000 deg
+   GP2:
+\tUF : 0, UT : 5,
+\tJ1=     0.000  mm
 }};
 /END
 """
