@@ -161,17 +161,18 @@ def measured(folder: Path, shots: Iterable[int], joints: Iterable[int], runs: Se
 
 
 def drawn(rows: Sequence[Spent]) -> str:
-    """The figure: seconds and memory over the measurements, seconds over the joints."""
+    """The figure: seconds and memory over the measurements, seconds over the joints and the runs."""
     from zerobeam.reports.style.canvas import new_figure, style, to_svg
     from zerobeam.reports.style.palette import light
 
     with style():
-        figure = new_figure(2.6)
-        left, middle, right = figure.subplots(1, 3)
-        for axes, what, of, words in (
-            (left, "report", lambda own: own.cores, "report, core seconds"),
-            (middle, "report", lambda own: own.memory, "memory, MB"),
-            (right, "analyse", lambda own: own.cores, "analyse, core seconds"),
+        figure = new_figure(5.0)
+        (left, middle), (right, last) = figure.subplots(2, 2)
+        for axes, what, of, words, along in (
+            (left, "report", lambda own: own.cores, "report, core seconds", "measurements"),
+            (middle, "report", lambda own: own.memory, "report, memory in MB", "measurements"),
+            (right, "analyse", lambda own: own.cores, "analyse, core seconds", "joints"),
+            (last, "compare", lambda own: own.cores, "compare, core seconds", "runs"),
         ):
             own = [row for row in rows if row.what == what]
             axes.plot(
@@ -183,10 +184,11 @@ def drawn(rows: Sequence[Spent]) -> str:
                 linewidth=1.2,
             )
             axes.set_title(words, fontsize=9.5, loc="left")
-            axes.set_xlabel("joints" if what == "analyse" else "measurements")
-            if what == "report":
+            axes.set_xlabel(along)
+            if along != "joints":
+                ticks = [10, 100, 1000, 10_000][: 4 if along == "measurements" else 3]
                 axes.set_xscale("log")
-                axes.set_xticks([10, 100, 1000, 10_000], ["10", "100", "1000", "10000"], fontsize=7.5)
+                axes.set_xticks(ticks, list(map(str, ticks)), fontsize=7.5)
                 axes.set_xticks([], minor=True)
         first = [row for row in rows if row.what == "analyse, first"]
         right.plot(
@@ -199,8 +201,8 @@ def drawn(rows: Sequence[Spent]) -> str:
             markerfacecolor="none",
             label="first time",
         )
-        for axes in (left, middle, right):
-            axes.set_ylim(bottom=0)
+        for axes in (left, middle, right, last):
+            axes.set_ylim(0, 1.05 * axes.get_ylim()[1])
         if first:
             right.legend(loc="upper left", fontsize=8.5)
         return to_svg(figure, "growth")
