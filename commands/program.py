@@ -14,6 +14,7 @@ from typer.core import TyperGroup
 
 from ..interruption import answered, requested
 from ..model.errors import RigFault, ZerobeamError
+from . import app as app_started
 from . import (
     carrying_out,
     exporting,
@@ -63,6 +64,7 @@ _COMMANDS = {
         robots.robot,
         carrying_out.run,
         carrying_out.controller,
+        app_started.app,
         judging.schema,
     )
 }

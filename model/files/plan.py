@@ -21,7 +21,7 @@ from ..robot import Matrix, Robot
 from .arrays import Laser, Noise, Probe, RobotArgument, joint_positions, stated_header, target_of_each
 from .header import PLAN_SCHEMA, Header, check_header, header_content
 from .limits import check_limits, require_joint_count
-from .reading import read_yaml, require_schema
+from .reading import Document, read_yaml, require_schema
 from .robot_file import load_robot
 from .shot import JointValues, check_distances, unknown_targets
 from .validation import FileModel, TargetName, as_tuple, validate
@@ -232,7 +232,11 @@ def read_plan(path: Path | str) -> Plan:
     Traceback (most recent call last):
     zerobeam.model.errors.BadInput: nowhere.yaml: there is no such file
     """
-    document = read_yaml(Path(path))
+    return plan_of(read_yaml(Path(path)))
+
+
+def plan_of(document: Document) -> Plan:
+    """The plan that a document states, paths in it relative to its file's folder; BadInput as `read_plan`."""
     file = document.file
     require_schema(document.data, PLAN_SCHEMA, file=file, line=document.line(("schema",)))
     content = validate(PlanFile, document.data, file=file, line=document.line)
@@ -242,7 +246,7 @@ def read_plan(path: Path | str) -> Plan:
     )
     robot = load_robot(header.robot, file.parent, file=file, line=document.line(("robot",)))
     check_header(header, robot, file=file, line=document.line)
-    lines = tuple(document.line(("postures_deg", i)) or 1 for i in range(len(content.postures_deg)))
+    lines = tuple(document.line(("postures_deg", i)) for i in range(len(content.postures_deg)))
     rows: list[tuple[float, ...]] = []
     targets: list[str] = []
     via: list[Matrix] = []
@@ -325,9 +329,11 @@ def write_plan(
     postures_deg: Sequence[Sequence[float]] | Matrix,
     targets: Sequence[str],
     *,
+    via_deg: Sequence[Matrix] = (),
     force: bool = False,
 ) -> None:
-    """Write a plan: `postures_deg` (N, n) degrees or mm, `targets` the target of each.
+    """Write a plan: `postures_deg` (N, n) degrees or mm, `targets` the target of each, `via_deg` the (k, n)
+    intermediate postures on the way to each, if there are any.
 
     Written to another name, then renamed; BadInput if the path exists (unless `force`) or if the plan could
     not be read again. Paths in the header are taken relative to `path`.
@@ -343,17 +349,22 @@ def write_plan(
     check_header(header, robot, file=None, line=lambda _: None)
     _check_postures(header, robot, rows, targets, [0] * len(rows), None)
     check_distances(header, tuple(dict.fromkeys(targets)), file=None, line=None)
-    write_whole(path, _plan_text(header, rows, targets), force=force)
+    write_whole(path, _plan_text(header, rows, targets, via_deg), force=force)
 
 
-def _plan_text(header: Header, rows: Sequence[Sequence[float]], targets: Sequence[str]) -> str:
+def _plan_text(
+    header: Header, rows: Sequence[Sequence[float]], targets: Sequence[str], via: Sequence[Matrix] = ()
+) -> str:
     """The text of a plan file: `rows` (N, n) degrees or mm."""
     content = CommentedMap(_short_in_one_line(header_content(header, PLAN_SCHEMA)))
-    plain = len(header.targets) < 2 and set(targets) == {header.only_target}
+    plain = len(header.targets) < 2 and set(targets) == {header.only_target} and not via
     content["postures_deg"] = CommentedSeq(
         _flow(row) if plain else _flow({"joints_deg": _flow(row), "target": target})
         for row, target in zip(rows, targets, strict=True)
     )
+    for posture, between in zip(content["postures_deg"], via, strict=False):
+        if len(between):
+            posture["via_deg"] = _flow([_flow(row) for row in between.tolist()])
     yaml = YAML()
     yaml.width = 4096
     yaml.indent(mapping=2, sequence=4, offset=2)

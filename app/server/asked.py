@@ -1,0 +1,118 @@
+"""What the page sends, as pydantic models, and how a refusal is said to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+from pydantic import BeforeValidator, Field
+
+from ...model.errors import BadInput, ZerobeamError
+from ...model.files.header import RobotRef
+from ...model.files.reading import Place
+from ...model.files.validation import FileModel, Model, as_tuple, validate
+
+Answer = TypeVar("Answer")
+
+
+class AskedRobot(FileModel):
+    """A robot to show."""
+
+    robot: RobotRef = Field(
+        description="a built-in name, a robot file below the folder, or {urdf, base, tip}"
+    )
+    joints_deg: Annotated[tuple[float, ...], BeforeValidator(as_tuple)] | None = Field(
+        default=None, description="joint positions, degrees (millimetres for a prismatic joint); default: 0"
+    )
+    j3: Literal["link", "ground"] = Field(default="link", description="what joint 3 is counted from")
+
+
+class AskedCheck(FileModel):
+    """A plan to check."""
+
+    plan: dict[str, Any] = Field(description="the content of a plan file (zerobeam/plan/1)")
+    file: str | None = Field(
+        default=None, description="the file that it is from: paths in the plan are relative to its folder"
+    )
+    scene: bool = Field(default=False, description="whether to say where arm, beam and target are")
+
+
+class AskedPlan(FileModel):
+    """A plan to write."""
+
+    file: str = Field(description="path below the folder (.yaml): a new file, or a plan to be replaced")
+    plan: dict[str, Any] = Field(description="the content of a plan file (zerobeam/plan/1)")
+
+
+class AskedJob(FileModel):
+    """A command to carry out."""
+
+    command: Annotated[tuple[str, ...], BeforeValidator(as_tuple), Field(min_length=1, max_length=100)] = (
+        Field(description="a command as it is typed after `zerobeam`, word by word")
+    )
+
+
+class Refused(BadInput):
+    """Bad input of which the key is known: `key` leads to the value in what was sent."""
+
+    key: Place = ()
+
+
+def asked(model: type[Model], data: Any) -> Model:
+    """What was sent, as the model; Refused with the key of what is wrong."""
+    return keyed(data, lambda line: validate(model, data, file=None, line=line))
+
+
+def keyed(data: Any, use: Callable[[Callable[[Place], int | None]], Answer], before: Place = ()) -> Answer:
+    """What `use` makes of `data`; it is given what finds the line of a place, as if each had one of its own.
+
+    A BadInput with a line is raised again as Refused, with the place that the line stands for.
+    """
+    places: list[Place] = []
+
+    def enter(value: Any, place: Place) -> None:
+        places.append(place)
+        inner = (
+            value.items() if isinstance(value, dict) else enumerate(value if isinstance(value, list) else ())
+        )
+        for key, item in inner:
+            enter(item, (*place, key))
+
+    enter(data, ())
+    lines = {place: number for number, place in enumerate(places, start=1)}
+
+    def line(place: Place) -> int | None:
+        return next((lines[place[:n]] for n in range(len(place), -1, -1) if place[:n] in lines), None)
+
+    try:
+        return use(line)
+    except BadInput as error:
+        raise refused(error, (*before, *places[error.line - 1]) if error.line else before) from error
+
+
+def refused(error: BadInput, key: Place) -> Refused:
+    """The same error with the key of what is wrong, and without the line that stood for it."""
+    same = Refused(error.what, found=error.found, allowed=error.allowed, remedy=error.remedy, file=error.file)
+    same.key = key
+    return same
+
+
+def error_json(error: ZerobeamError, say: Callable[[str], str] = str) -> dict[str, Any]:
+    """An error as the page gets it; `say` has the last word on every text."""
+    if not isinstance(error, BadInput):
+        return {"error": {"what": say(str(error)), **dict.fromkeys(("found", "allowed", "to_do", "key"))}}
+    file = None if error.file is None or Path(error.file).name == NOWHERE else error.file
+    place = "" if file is None else f"{file}: " if error.line is None else f"{file}, line {error.line}: "
+    key = error.key if isinstance(error, Refused) else ()
+    facts = {"found": error.found, "allowed": error.allowed, "to_do": error.remedy}
+    return {
+        "error": {
+            "what": say(f"{place}{error.what}"),
+            **{name: None if fact is None else say(str(fact)) for name, fact in facts.items()},
+            "key": list(key) or None,
+        }
+    }
+
+
+NOWHERE = "plan"  # what a plan that is in no file is called

@@ -1,0 +1,116 @@
+"""The one folder that the app reads and writes: names from outside never lead out of it."""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from ...model.errors import BadInput
+
+MOST_FILES = 2000  # listed
+MOST_SEEN = 20_000  # looked at for them
+_HEAD = 4096  # bytes: where the schema of a file is
+_SCHEMA = re.compile(rb"""["']?schema["']?\s*:\s*["']?zerobeam/(run|plan|robot|result)/""")
+
+
+class Folder:
+    """A folder, and paths that are relative to it.
+
+    Attributes
+    ----------
+    root : Path
+        The folder, symbolic links resolved.
+    """
+
+    def __init__(self, root: Path) -> None:
+        if not root.is_dir():
+            raise BadInput(
+                "the folder of the app does not exist", found=root, remedy="name a folder that does: --dir"
+            )
+        self.root = Path(os.path.realpath(root))
+
+    def inside(self, name: str, start: Path | None = None) -> Path:
+        """The resolved path of a name that is relative to `start` (the folder itself); it need not exist.
+
+        BadInput where it is not below the folder, once symbolic links are followed.
+        """
+        allowed = "a path below the app's folder, relative to it"
+        if not name or "\0" in name or len(name) > 1000 or os.path.isabs(name) or ":" in name or "\\" in name:
+            raise BadInput("this path cannot be used here", found=name[:100], allowed=allowed)
+        path = Path(os.path.realpath((start or self.root) / name))
+        if not path.is_relative_to(self.root) or path == self.root:
+            raise BadInput("this path is not below the app's folder", found=name[:100], allowed=allowed)
+        return path
+
+    def called(self, path: Path) -> str:
+        """A path below the folder as the page calls it."""
+        return path.relative_to(self.root).as_posix()
+
+    def without(self, text: str) -> str:
+        """A message in which the folder's own place is left out."""
+        return text.replace(f"{self.root}{os.sep}", "").replace(str(self.root), ".")
+
+    def files(self) -> list[dict[str, Any]]:
+        """The files below the folder, newest first: path, kind, bytes, modified (ISO 8601, UTC).
+
+        Neither hidden files nor what symbolic links lead to, `MOST_FILES` at the most.
+        """
+        found = []
+        for path, facts in self._regular():
+            modified = datetime.fromtimestamp(facts.st_mtime, UTC).isoformat(timespec="seconds")
+            found.append((facts.st_mtime_ns, path, facts.st_size, modified))
+        found.sort(key=lambda row: (-row[0], row[1]))
+        return [
+            {"path": path, "kind": kind_of(self.root / path), "bytes": size, "modified": modified}
+            for _, path, size, modified in found[:MOST_FILES]
+        ]
+
+    def _regular(self) -> Iterator[tuple[str, os.stat_result]]:
+        seen = 0
+        for where, folders, names in os.walk(self.root):
+            folders[:] = sorted(name for name in folders if not name.startswith("."))
+            for name in sorted(names):
+                if name.startswith("."):
+                    continue
+                seen += 1
+                if seen > MOST_SEEN:
+                    return
+                path = Path(where) / name
+                try:
+                    facts = path.lstat()
+                except OSError:
+                    continue  # gone meanwhile
+                if stat.S_ISREG(facts.st_mode) and _writable_name(path.name):
+                    yield self.called(path), facts
+
+
+def _writable_name(name: str) -> bool:
+    """Whether JSON in UTF-8 can carry it."""
+    try:
+        name.encode("utf-8")
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def kind_of(path: Path) -> str:
+    """What a file is by its first bytes: run, plan, header, robot, result or other."""
+    if path.suffix.lower() not in {".yaml", ".yml", ".json", ".jsonl", ".urdf"}:
+        return "other"
+    if path.suffix.lower() == ".urdf":
+        return "robot"
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD)
+    except OSError:
+        return "other"
+    if (schema := _SCHEMA.search(head)) is not None:
+        return schema[1].decode()
+    yaml = path.suffix.lower() in {".yaml", ".yml"}
+    keys = (b"robot:", b"tool:", b"noise:")
+    return "header" if yaml and all(re.search(rb"^" + key, head, re.M) for key in keys) else "other"

@@ -1,0 +1,158 @@
+"""The end points of the app, and how errors are said: what is asked for goes to `answers`, one at a time."""
+
+from __future__ import annotations
+
+import asyncio
+import functools
+import json
+import traceback
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, TypeVar
+
+from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
+from starlette.middleware import Middleware
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.routing import Route
+
+from ...model.errors import BadInput, ZerobeamError
+from ...model.files.reading import LARGEST_YAML, parse_json
+from ...reports.style import typeface
+from . import answers
+from .asked import AskedCheck, AskedPlan, AskedRobot, asked, error_json
+from .folder import Folder
+from .guard import Access, Guard, refusal
+
+Answer = TypeVar("Answer")
+
+_PAGE = Path(__file__).parents[1] / "page"
+_TYPES = {
+    ".css": "text/css",
+    ".html": "text/html",
+    ".js": "text/javascript",
+    ".json": "application/json",
+    ".svg": "image/svg+xml",
+    ".png": "image/png",
+    ".woff2": "font/woff2",
+}
+
+
+def application(folder: Folder, access: Access) -> Starlette:
+    """The server of one folder."""
+    server = _Server(folder)
+    routes = [
+        Route("/", server.page),
+        Route("/page/{path:path}", server.page),
+        Route("/api/robots", server.robots),
+        Route("/api/robot", server.robot, methods=["POST"]),
+        Route("/api/files", server.files),
+        Route("/api/plan", server.plan),
+        Route("/api/plan", server.write_plan, methods=["PUT"]),
+        Route("/api/check", server.check, methods=["POST"]),
+    ]
+    return Starlette(
+        routes=routes,
+        middleware=[Middleware(Guard, access=access)],
+        exception_handlers={
+            ZerobeamError: server.refuse,
+            HTTPException: _no_answer,
+            ClientDisconnect: _gone,
+            Exception: _fault,
+        },
+    )
+
+
+def page_files() -> dict[str, Path]:
+    """What the page consists of, by its name below /page: nothing else is ever sent from there."""
+    found = {
+        path.relative_to(_PAGE).as_posix(): path
+        for path in _PAGE.rglob("*")
+        if path.is_file() and path.suffix in _TYPES
+    }
+    fonts = {f"fonts/{path.name}": path for path in typeface.FOLDER.glob("*.woff2")}
+    return fonts | found
+
+
+class _Server:
+    """The end points. The calculations have one thread: two at a time would take each twice as long."""
+
+    def __init__(self, folder: Folder) -> None:
+        self.folder = folder
+        self.page_files = page_files()
+        self.thread = ThreadPoolExecutor(1, "calculation")
+
+    async def page(self, request: Request) -> Response:
+        name = request.path_params.get("path", "index.html")
+        path = self.page_files.get(name)
+        if path is None:
+            return refusal(404, "the page has no such file")
+        return FileResponse(path, media_type=_TYPES[path.suffix])
+
+    async def robots(self, request: Request) -> Response:
+        return JSONResponse(await self._calculated(answers.robots))
+
+    async def robot(self, request: Request) -> Response:
+        wanted = asked(AskedRobot, await _content(request))
+        return JSONResponse(await self._calculated(answers.robot, self.folder, wanted))
+
+    async def files(self, request: Request) -> Response:
+        return JSONResponse(await asyncio.to_thread(self.folder.files))
+
+    async def plan(self, request: Request) -> Response:
+        name = request.query_params.get("file", "")
+        return JSONResponse(await self._calculated(answers.plan, self.folder, name))
+
+    async def write_plan(self, request: Request) -> Response:
+        wanted = asked(AskedPlan, await _content(request))
+        return JSONResponse(await self._calculated(answers.write, self.folder, wanted))
+
+    async def check(self, request: Request) -> Response:
+        wanted = asked(AskedCheck, await _content(request))
+        return JSONResponse(await self._calculated(answers.check, self.folder, wanted))
+
+    async def refuse(self, request: Request, error: Exception) -> Response:
+        assert isinstance(error, ZerobeamError)
+        status = 400 if isinstance(error, BadInput) else 422
+        return JSONResponse(error_json(error, self.folder.without), status_code=status)
+
+    async def _calculated(self, what: Callable[..., Answer], *of: Any) -> Answer:
+        loop = asyncio.get_running_loop()
+        return await loop.run_in_executor(self.thread, functools.partial(what, *of))
+
+
+async def _content(request: Request) -> Any:
+    """The JSON that was sent: at most as long as a file of ours, numbers finite, each key once."""
+    parts, size = [], 0
+    async for part in request.stream():
+        size += len(part)
+        if size > LARGEST_YAML:
+            raise BadInput(
+                "what was sent is too large", allowed=f"at most {LARGEST_YAML // 10**6} MB of JSON"
+            )
+        parts.append(part)
+    try:
+        return parse_json(b"".join(parts).decode("utf-8"), file=Path(), line=1)
+    except BadInput as error:
+        raise BadInput(error.what, found=error.found, allowed=error.allowed, remedy=error.remedy) from None
+    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise BadInput(f"what was sent is no JSON: {error}", allowed="JSON in UTF-8") from None
+
+
+async def _no_answer(request: Request, error: Exception) -> Response:
+    status = error.status_code if isinstance(error, HTTPException) else 400
+    said = {404: "there is nothing of this name", 405: "this cannot be done here"}
+    return refusal(status, said.get(status, "the request is not understood"))
+
+
+async def _gone(request: Request, error: Exception) -> Response:
+    return refusal(400, "the connection was closed")
+
+
+async def _fault(request: Request, error: Exception) -> Response:
+    traceback.print_exception(error)
+    return refusal(
+        500, "this is a fault of zerobeam itself", to_do="please report it, with what the terminal says"
+    )

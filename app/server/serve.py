@@ -1,0 +1,82 @@
+"""The server as a process: it listens, says where, and ends with Ctrl-C."""
+
+from __future__ import annotations
+
+import ipaddress
+import secrets
+import socket
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import uvicorn
+
+from ...model.errors import BadInput
+from .folder import Folder
+from .guard import Access
+from .routes import application
+
+MOST_CONNECTIONS = 500  # more are told to come later
+
+
+def serve(root: Path, host: str | None, port: int, told: Callable[[str], None]) -> None:
+    """Serve the app of a folder until the process is asked to end; then KeyboardInterrupt.
+
+    `told` is given the address as soon as it answers. `host` None: this machine alone, without a token.
+    """
+    folder = Folder(root)
+    access = Access() if host is None else Access(host, secrets.token_urlsafe(16))
+    with _listening(access.host, port) as open_socket:
+        number = open_socket.getsockname()[1]
+        shown = f"[{access.host}]" if ":" in access.host else access.host
+        token = "" if access.token is None else f"?token={access.token}"
+        config = uvicorn.Config(
+            application(folder, access),
+            http="h11",
+            ws="none",
+            loop="asyncio",
+            log_level="error",
+            access_log=False,
+            server_header=False,
+            proxy_headers=False,
+            limit_concurrency=MOST_CONNECTIONS,
+            timeout_graceful_shutdown=1,
+        )
+        _Server(config, lambda: told(f"http://{shown}:{number}/{token}")).run([open_socket])
+
+
+class _Server(uvicorn.Server):
+    """Says when it answers."""
+
+    def __init__(self, config: uvicorn.Config, told: Callable[[], None]) -> None:
+        super().__init__(config)
+        self._told = told
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        if self.started:
+            self._told()
+
+
+def _listening(host: str, port: int) -> Any:
+    try:
+        family = socket.AF_INET6 if ipaddress.ip_address(host).version == 6 else socket.AF_INET
+    except ValueError:
+        family = socket.AF_INET
+    opened = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        if (
+            hasattr(socket, "SO_REUSEADDR")
+            and socket.SO_REUSEADDR
+            and not hasattr(socket, "SO_EXCLUSIVEADDRUSE")
+        ):
+            opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        opened.bind((host, port))
+    except OSError as error:
+        opened.close()
+        raise BadInput(
+            f"the app cannot listen at {host}, port {port}",
+            found=error.strerror or str(error),
+            remedy="another --port, or --port 0 for any that is free",
+        ) from None
+    return opened

@@ -1,0 +1,43 @@
+"""The command that starts the app; what it needs is loaded here alone."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..model.errors import missing_extra
+from .console import out
+
+
+def app(
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen at (0: any).")] = 8800,
+    folder: Annotated[
+        Path, typer.Option("--dir", help="Folder of plans and runs: nothing else is read or written.")
+    ] = Path(),
+    browser: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in the browser.")] = True,
+    host: Annotated[
+        str | None,
+        typer.Option(
+            help="Address to listen at, for other machines; then a token is needed. Default: this one alone.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
+    """Look at robots and plans in the browser, offline. Ctrl-C ends it."""
+    if any(find_spec(needed) is None for needed in ("starlette", "uvicorn")):
+        raise missing_extra("the app", "app")
+    from ..app.server.serve import serve
+
+    def told(address: str) -> None:
+        out.print(f"The app: {address}", soft_wrap=True, markup=False, highlight=False)
+        out.print("Ctrl-C ends it.")
+        if browser:
+            import threading
+            import webbrowser
+
+            threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+
+    serve(folder, host, port, told)

@@ -1,0 +1,54 @@
+"""A folder with a plan and a run, and the app's server for it, asked within the test's own process."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cells import good_plan
+from command_line import plan_file
+from starlette.testclient import TestClient
+
+from zerobeam.app.server.folder import Folder
+from zerobeam.app.server.guard import Access
+from zerobeam.app.server.routes import application
+from zerobeam.experiments.demos import demo_runs
+
+OURS = {"X-Zerobeam": "1"}
+BASE = "http://127.0.0.1:8800"
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    """plan.yaml, run.jsonl, a folder `sub`, and beside the folder a file that nobody is to see."""
+    folder = tmp_path / "dir"
+    (folder / "sub").mkdir(parents=True)
+    plan_file(folder / "plan.yaml", good_plan(7))
+    shutil.copy(next(run.path for run in demo_runs() if run.name == "good"), folder / "run.jsonl")
+    (tmp_path / "outside.yaml").write_text("secret: swordfish\n")
+    return folder
+
+
+@pytest.fixture
+def client(root: Path) -> Iterator[TestClient]:
+    with TestClient(application(Folder(root), Access()), base_url=BASE, headers=OURS) as opened:
+        yield opened
+
+
+@pytest.fixture
+def content(client: TestClient) -> dict[str, Any]:
+    """plan.yaml as the page gets it."""
+    answer: dict[str, Any] = client.get("/api/plan", params={"file": "plan.yaml"}).json()["plan"]
+    return answer
+
+
+@pytest.fixture
+def printed(root: Path) -> Callable[..., Any]:
+    """What a command prints with --json."""
+    from command_line import zerobeam
+
+    return lambda *words: json.loads(zerobeam(*words).out)

@@ -1,0 +1,194 @@
+"""What the page is told is what the commands print."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cells import pattern_plan
+from command_line import plan_file
+from ruamel.yaml import YAML
+from starlette.testclient import TestClient
+
+from zerobeam.model.files.plan import read_plan
+from zerobeam.model.files.robot_file import built_in_robots, load_robot
+
+
+def test_the_robots_are_those_that_are_built_in(client: TestClient) -> None:
+    found = client.get("/api/robots").json()
+    assert [row["name"] for row in found] == list(built_in_robots())
+    assert {"name": "ur5e", "vendor": "universal-robots", "model": "UR5e"} in found
+
+
+def test_a_robot_is_what_the_command_prints(client: TestClient, printed: Callable[..., Any]) -> None:
+    joints = [10, -20.5, 30, 5, 40, 0]
+    answer = client.post("/api/robot", json={"robot": "ur5e", "joints_deg": joints}).json()
+    same = printed("robot", "ur5e", "--joints", ", ".join(map(str, joints)), "--json")
+    assert {key: answer[key] for key in same} == same
+    assert answer["notes"] == []
+    arm = load_robot("ur5e")
+    assert len(answer["skeleton"]) == arm.n + 2
+    np.testing.assert_allclose(answer["skeleton"][-1], arm.fk(joints)[:3, 3], atol=1e-3)
+    # A turn about an axis moves the flange by axis x (flange - origin): the Jacobian's columns.
+    points, axes = np.array(answer["skeleton"]), np.array(answer["axes"])
+    turned = np.cross(axes, points[-1] - points[1:-1])
+    np.testing.assert_allclose(turned, arm.jacobian(joints)[:3].T, atol=1e-2)
+
+
+def test_joint_3_may_be_counted_from_the_ground(client: TestClient, printed: Callable[..., Any]) -> None:
+    wanted = {"robot": "fanuc_m10id", "joints_deg": [0, 30, 0, 0, 0, 0], "j3": "ground"}
+    if wanted["robot"] not in built_in_robots():
+        wanted["robot"] = next(name for name in built_in_robots() if "fanuc" in name or "lr" in name)
+    answer = client.post("/api/robot", json=wanted).json()
+    same = printed("robot", wanted["robot"], "--joints", "0,30,0,0,0,0", "--j3", "ground", "--json")
+    assert answer["poses"] == same["poses"]
+
+
+def test_a_check_is_what_the_command_prints(
+    client: TestClient, content: dict[str, Any], root: Path, printed: Callable[..., Any]
+) -> None:
+    answer = client.post("/api/check", json={"plan": content, "file": "plan.yaml"}).json()
+    same = printed("check", root / "plan.yaml", "--json")
+    sha256 = answer["inputs"].pop("sha256"), same["inputs"].pop("sha256")
+    assert all(len(each) == 64 for each in sha256)
+    assert {key: answer[key] for key in same} == same
+
+
+def test_the_scene_has_arm_beam_and_target_of_each_posture(
+    client: TestClient, content: dict[str, Any]
+) -> None:
+    answer = client.post("/api/check", json={"plan": content, "scene": True}).json()
+    assert len(answer["scene"]) == 7
+    arm = load_robot("irb1600")
+    for posed in answer["scene"]:
+        assert posed["reaches"]
+        np.testing.assert_allclose(posed["skeleton"][-1], arm.fk(posed["joints_deg"])[:3, 3], atol=2e-3)
+        np.testing.assert_allclose(posed["beam"][1], posed["target"], atol=1e-2)
+        assert posed["target_name"] == "psd"
+    assert len(answer["null_motion"]) == len(answer["identifiability"]["null_space"])
+
+
+def test_along_the_null_motion_the_beam_stays_on_the_target(client: TestClient, root: Path) -> None:
+    plan_file(root / "x.yaml", pattern_plan("x", aside=0.0))
+    content = client.get("/api/plan", params={"file": "x.yaml"}).json()["plan"]
+    answer = client.post("/api/check", json={"plan": content, "scene": True}).json()
+    assert answer["verdict"] == "degenerate"
+    exact = [way for way in answer["null_motion"] if way["kind"] == "exact"]
+    assert len(exact) == len([d for d in answer["identifiability"]["null_space"] if d["kind"] == "exact"]) > 0
+    tool = content["tool"]
+    arm = load_robot("irb1600")
+    for way in exact:
+        assert set(way["others"]) <= {"psd.x", "psd.y", "psd.z"}
+        step = 1e-3 / max(map(abs, way["joints_deg"]))  # the largest turn is a thousandth of a degree
+        moved = np.array([way["others"].get(f"psd.{axis}", 0.0) for axis in "xyz"]) * step
+        misses = []
+        for posed in answer["scene"]:
+            joints = np.array(posed["joints_deg"])
+            for along, at in ((0.0, 0.0), (step, moved)):
+                pose = arm.fk(joints + along * np.array(way["joints_deg"]))
+                origin = pose[:3, :3] @ np.array(tool["point_mm"]) + pose[:3, 3]
+                line = pose[:3, :3] @ np.array(tool["direction"])
+                aside = np.cross(line, np.array(posed["target"]) + at - origin)
+                misses.append(np.linalg.norm(aside) / np.linalg.norm(line))
+        assert max(misses) < 2e-3, misses  # mm; coordinates of the scene are rounded to 0.001 mm
+
+
+def test_a_plan_is_read_and_written_back(client: TestClient, content: dict[str, Any], root: Path) -> None:
+    before = read_plan(root / "plan.yaml")
+    content["postures_deg"][0][0] += 1.5
+    content["postures_deg"][1] = {
+        "joints_deg": content["postures_deg"][1],
+        "target": "psd",
+        "via_deg": [[0, 0, 0, 0, 10, 0]],
+    }
+    for file in ("plan.yaml", "sub/new.yaml"):
+        answer = client.put("/api/plan", json={"file": file, "plan": content})
+        assert (answer.status_code, answer.json()["file"]) == (200, file)
+        after = read_plan(root / file)
+        turned = np.degrees(after.postures - before.postures)
+        assert turned[0, 0] == pytest.approx(1.5)
+        np.testing.assert_allclose(np.delete(turned.ravel(), 0), 0, atol=1e-8)
+        np.testing.assert_allclose(after.via_of(1) * after.robot.display, [[0, 0, 0, 0, 10, 0]], atol=1e-8)
+        assert len(after.via_of(2)) == 0
+    assert client.get("/api/plan", params={"file": "sub/new.yaml"}).json()["targets"] == ["psd"] * 7
+
+
+def test_nothing_but_a_plan_is_replaced(client: TestClient, content: dict[str, Any], root: Path) -> None:
+    (root / "header.yaml").write_text("schema: zerobeam/robot/1\n")
+    for file in ("run.jsonl", "header.yaml", "page.html", ".hidden.yaml", "sub", "no/folder.yaml"):
+        before = (root / file).read_bytes() if (root / file).is_file() else None
+        answer = client.put("/api/plan", json={"file": file, "plan": content})
+        assert answer.status_code == 400, file
+        assert answer.json()["error"]["what"]
+        assert before is None or (root / file).read_bytes() == before
+    before = (root / "plan.yaml").read_bytes()
+    content["postures_deg"] = []
+    assert client.put("/api/plan", json={"file": "plan.yaml", "plan": content}).status_code == 400
+    assert (root / "plan.yaml").read_bytes() == before
+
+
+def test_files_are_told_with_their_kind(client: TestClient, root: Path) -> None:
+    header = {"robot": "ur5e", "tool": {"kind": "laser"}, "noise": {"joint_deg": 0.01}}
+    with (root / "sub" / "header.yaml").open("w") as file:
+        YAML().dump(header, file)
+    (root / "sub" / "arm.yaml").write_text("schema: zerobeam/robot/1\n")
+    (root / "result.json").write_text('{\n "schema": "zerobeam/result/1"}')
+    (root / "note.txt").write_text("robot: tool: noise:")
+    (root / ".hidden.yaml").touch()
+    kinds = {row["path"]: row["kind"] for row in client.get("/api/files").json()}
+    assert kinds == {
+        "plan.yaml": "plan",
+        "run.jsonl": "run",
+        "sub/header.yaml": "header",
+        "sub/arm.yaml": "robot",
+        "result.json": "result",
+        "note.txt": "other",
+    }
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        ({"postures_deg": [[0, 0, 0, 0, 10, 0], [1, 2]]}, ["plan", "postures_deg", 1]),
+        ({"noise": {"joint_deg": -1, "spot_mm": 0.1}}, ["plan", "noise", "joint_deg"]),
+        ({"robot": "irb1601"}, ["plan", "robot"]),
+        ({"tolerence": 1}, ["plan", "tolerence"]),
+        ({"schema": "zerobeam/run/1"}, ["plan", "schema"]),
+    ],
+)
+def test_a_refusal_names_the_key(
+    client: TestClient, content: dict[str, Any], change: dict[str, Any], key: list[Any]
+) -> None:
+    answer = client.post("/api/check", json={"plan": content | change})
+    error = answer.json()["error"]
+    assert (answer.status_code, error["key"]) == (400, key)
+    assert set(error) == {"what", "found", "allowed", "to_do", "key"}
+    assert "line" not in error["what"]
+
+
+@pytest.mark.parametrize(
+    ("path", "sent", "said"),
+    [
+        ("robot", {"robot": "ur5e", "joints_deg": [1, "2"]}, "item 2 of joints_deg is not a number"),
+        ("robot", {"robot": "ur5e", "joints_deg": [1, 2]}, "joint"),
+        ("robot", {"robot": "ur55"}, "no robot of this name"),
+        ("robot", {"robot": "ur5e", "j4": 1}, "unknown key 'j4'"),
+        ("robot", [1], "the content is not"),
+        ("check", {}, "the key 'plan' is missing"),
+        ("check", {"plan": {"postures_deg": [[0]] * 1001}}, "too long"),
+    ],
+)
+def test_what_cannot_be_used_is_refused_in_words(client: TestClient, path: str, sent: Any, said: str) -> None:
+    answer = client.post(f"/api/{path}", json=sent)
+    assert answer.status_code == 400
+    assert said in answer.json()["error"]["what"]
+
+
+@pytest.mark.parametrize("text", [b"{", b'{"robot": NaN}', b'{"a": 1, "a": 2}', b"\xff", b"[" * 100_000, b""])
+def test_what_is_no_json_is_refused(client: TestClient, text: bytes) -> None:
+    answer = client.post("/api/robot", content=text)
+    assert answer.status_code == 400
+    assert answer.json()["error"]["what"]

@@ -1,0 +1,203 @@
+"""Who may ask what of the app: no other site, no other folder, nothing without end."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from starlette.testclient import TestClient
+
+from zerobeam.app.server import guard
+from zerobeam.app.server.folder import Folder
+from zerobeam.app.server.guard import Access
+from zerobeam.app.server.routes import application
+
+OUTSIDE = [
+    "../outside.yaml",
+    "sub/../../outside.yaml",
+    "/etc/passwd",
+    "link.yaml",
+    "way/outside.yaml",
+    "sub\\..\\..\\outside.yaml",
+    "C:outside.yaml",
+    "plan.yaml\0",
+    "",
+    ".",
+    "x" * 5000,
+]
+
+
+@pytest.fixture
+def linked(root: Path) -> Path:
+    """The folder with symbolic links that lead out of it."""
+    (root / "link.yaml").symlink_to(root.parent / "outside.yaml")
+    (root / "way").symlink_to(root.parent)
+    return root
+
+
+@pytest.mark.parametrize("name", OUTSIDE)
+def test_no_name_leads_out_of_the_folder(
+    client: TestClient, content: dict[str, Any], linked: Path, name: str
+) -> None:
+    before = (linked.parent / "outside.yaml").read_bytes()
+    answers = [
+        client.get("/api/plan", params={"file": name}),
+        client.put("/api/plan", json={"file": name, "plan": content}),
+        client.post("/api/check", json={"plan": content, "file": name}),
+        client.post("/api/robot", json={"robot": {"urdf": name, "base": "a", "tip": "b"}}),
+        client.post(
+            "/api/check", json={"plan": content | {"robot": {"urdf": name, "base": "a", "tip": "b"}}}
+        ),
+    ]
+    if name.endswith(".yaml"):
+        answers += [
+            client.post("/api/robot", json={"robot": name}),
+            client.put("/api/plan", json={"file": "new.yaml", "plan": content | {"robot": name}}),
+        ]
+    for answer in answers:
+        assert answer.status_code == 400, answer.url
+        assert "swordfish" not in answer.text
+        assert str(linked) not in answer.text
+    assert (linked.parent / "outside.yaml").read_bytes() == before
+    assert not (linked / "new.yaml").exists()
+
+
+def test_what_links_lead_to_is_not_listed(client: TestClient, linked: Path) -> None:
+    assert {row["path"] for row in client.get("/api/files").json()} == {"plan.yaml", "run.jsonl"}
+
+
+def test_messages_do_not_say_where_the_folder_is(client: TestClient, root: Path) -> None:
+    answer = client.get("/api/plan", params={"file": "sub/nowhere.yaml"})
+    assert answer.json()["error"]["what"] == "sub/nowhere.yaml: there is no such file"
+    assert str(root) not in answer.text
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["/page/../server/guard.py", "/page/%2e%2e/server/guard.py", "/page//etc/passwd", "/page/", "/page/x"],
+)
+def test_of_the_page_only_its_own_files_are_sent(client: TestClient, path: str) -> None:
+    assert client.get(path).status_code == 404
+
+
+@pytest.mark.parametrize(
+    ("host", "status"),
+    [
+        ("127.0.0.1:8800", 200),
+        ("localhost", 200),
+        ("[::1]:8800", 200),
+        ("evil.example", 403),
+        ("evil.example:8800", 403),
+        ("localhost.evil.example", 403),
+        ("127.0.0.1.evil.example:8800", 403),
+        ("192.168.0.7:8800", 403),
+        ("", 403),
+    ],
+)
+def test_another_host_is_refused(client: TestClient, host: str, status: int) -> None:
+    assert client.get("/api/files", headers={"host": host}).status_code == status
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({}, 200),
+        ({"origin": "http://127.0.0.1:8800"}, 200),
+        ({"origin": "http://127.0.0.1:9999"}, 403),
+        ({"origin": "https://evil.example"}, 403),
+        ({"origin": "null"}, 403),
+        ({"x-zerobeam": "0"}, 403),
+        ({"sec-fetch-site": "cross-site"}, 403),
+    ],
+)
+def test_a_post_of_another_site_is_refused(client: TestClient, headers: dict[str, str], status: int) -> None:
+    assert client.post("/api/robot", json={"robot": "ur5e"}, headers=headers).status_code == status
+
+
+def test_every_end_point_that_is_no_get_needs_the_header(root: Path) -> None:
+    app = application(Folder(root), Access())
+    with TestClient(app, base_url="http://localhost") as client:
+        for route in app.routes:
+            for method in set(getattr(route, "methods", ())) - {"GET", "HEAD"}:
+                path = getattr(route, "path", "").replace("{id}", "1")
+                assert client.request(method, path, json={}).status_code == 403, (method, path)
+
+
+@pytest.mark.parametrize("path", ["/", "/page/x", "/api/robots", "/api/nothing", "/../x"])
+def test_every_answer_has_the_headers(client: TestClient, path: str) -> None:
+    headers = client.get(path).headers
+    assert headers["content-security-policy"].startswith("default-src 'self';")
+    assert "unsafe" not in headers["content-security-policy"]
+    assert "frame-ancestors 'self'" in headers["content-security-policy"]
+    assert headers["x-content-type-options"] == "nosniff"
+    assert headers["referrer-policy"] == "no-referrer"
+    assert "access-control-allow-origin" not in headers
+
+
+def test_a_body_that_states_to_be_large_is_refused_unread(client: TestClient) -> None:
+    answer = client.post("/api/check", headers={"content-length": str(10**10)}, content=b"{}")
+    assert answer.status_code == 413
+
+
+def test_a_body_without_end_is_cut_off(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    sent = 0
+
+    def body() -> Iterator[bytes]:
+        nonlocal sent
+        while sent < 2000:
+            sent += 1
+            yield b" " * 10_000
+
+    answer = client.post("/api/check", content=body())
+    assert answer.status_code == 400
+    assert "too large" in answer.json()["error"]["what"]
+    monkeypatch.setattr(guard, "LARGEST_BODY", 10**6)
+    sent = 0
+    assert client.post("/api/check", content=body()).status_code == 413
+
+
+def test_script_in_a_name_comes_back_as_text(client: TestClient, root: Path) -> None:
+    name = "<script>alert(1)<script>.yaml"
+    os.rename(root / "plan.yaml", root / name)
+    for answer in (
+        client.get("/api/files"),
+        client.get("/api/plan", params={"file": "<script>"}),
+        client.post("/api/robot", json={"robot": "<script>"}),
+    ):
+        assert answer.headers["content-type"] == "application/json"
+        assert "<script>" in answer.text
+    assert client.get("/api/plan", params={"file": name}).status_code == 200
+
+
+def test_from_other_machines_a_token_is_needed(root: Path) -> None:
+    app = application(Folder(root), Access("0.0.0.0", "secret"))
+    with TestClient(app, base_url="http://192.168.0.7:8800", follow_redirects=False) as client:
+        for path in ("/", "/api/robots", "/openapi.json", "/?token=wrong", "/api/robots?token=secret"):
+            assert client.get(path).status_code == 401, path
+        assert client.get("/api/robots", headers={"cookie": "zerobeam-token=wrong"}).status_code == 401
+        let_in = client.get("/?token=secret")
+        assert (let_in.status_code, let_in.headers["location"]) == (303, "/")
+        cookie = let_in.headers["set-cookie"].lower()
+        assert "httponly" in cookie
+        assert "samesite=strict" in cookie
+        assert client.get("/api/files").status_code == 200
+        assert client.get("/api/files", headers={"host": "evil.example"}).status_code == 403
+
+
+def test_a_fault_of_ours_says_nothing_of_itself(
+    root: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def broken() -> None:
+        raise RuntimeError("swordfish")
+
+    monkeypatch.setattr("zerobeam.app.server.answers.robots", broken)
+    app = application(Folder(root), Access())
+    with TestClient(app, base_url="http://localhost", raise_server_exceptions=False) as client:
+        answer = client.get("/api/robots")
+    assert answer.status_code == 500
+    assert "swordfish" not in answer.text
+    assert answer.json()["error"]["what"] == "this is a fault of zerobeam itself"
+    assert "swordfish" in capsys.readouterr().err

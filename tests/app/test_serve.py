@@ -1,0 +1,71 @@
+"""The app as a process of its own: it starts, answers, bears many connections, and Ctrl-C ends it."""
+
+from __future__ import annotations
+
+import json
+import signal
+import socket
+import subprocess
+import sys
+import urllib.request
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+from child import ZEROBEAM, child
+from command_line import zerobeam
+
+APP = [*ZEROBEAM, "app", "--port", "0", "--no-open", "--dir"]
+
+
+@pytest.fixture
+def started(root: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    with child([*APP, str(root)], stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        yield process, process.stdout.readline().removeprefix("The app: ").strip()
+
+
+def test_it_answers_many_and_ends_with_ctrl_c(started: tuple[subprocess.Popen[str], str]) -> None:
+    process, address = started
+    port = int(address.removesuffix("/").rpartition(":")[2])
+    with ExitStack() as opened:
+        for _ in range(700):
+            opened.enter_context(socket.create_connection(("127.0.0.1", port)))
+        assert process.poll() is None
+    with urllib.request.urlopen(f"{address}api/files") as answer:
+        assert {row["path"] for row in json.load(answer)} == {"plan.yaml", "run.jsonl"}
+        assert "server" not in answer.headers
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=30)
+    assert (process.returncode, err) == (130, "stopped\n")
+
+
+def test_a_port_that_is_taken_and_a_folder_that_is_not_there_are_said(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        said = zerobeam("app", "--no-open", "--port", port, "--dir", tmp_path).refused()
+    assert f"the app cannot listen at 127.0.0.1, port {port}" in said
+    assert "--port 0" in said
+    assert "does not exist" in zerobeam("app", "--no-open", "--dir", tmp_path / "nowhere").refused()
+
+
+def test_without_the_extra_one_message_says_how_to_install_it(tmp_path: Path) -> None:
+    for missing in ("starlette", "uvicorn"):
+        hidden = "import sys, zerobeam.commands.app as app; find = app.find_spec\n"
+        hidden += f"app.find_spec = lambda name: None if name == {missing!r} else find(name)\n"
+        hidden += "from zerobeam.cli import main; main()"
+        command = [sys.executable, "-c", hidden, "app", "--no-open", "--dir", str(tmp_path)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode == 2
+        assert done.stderr.count("error:") == 1
+        assert 'pip install "zerobeam[app]"' in done.stderr
+
+
+def test_other_commands_load_nothing_of_it(root: Path) -> None:
+    told = "import sys; from zerobeam.cli import run; sys.argv[0] = 'zerobeam'; run(); print(*sys.modules)"
+    command = [sys.executable, "-c", told, "check", str(root / "plan.yaml")]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    names = set(done.stdout.splitlines()[-1].split())
+    assert "zerobeam.commands.app" in names
+    assert names & {"starlette", "uvicorn", "anyio", "zerobeam.app", "zerobeam.app.server"} == set()
