@@ -123,16 +123,40 @@ def progress(title: str, stages: Mapping[str, float] | None = None) -> Iterator[
     is no terminal.
 
     The share that is told is that of the whole, or with `stages` (their parts of the time, in order) that of
-    the stage. The bar never goes back.
+    the stage. The bar never goes back. A program that sets `ZEROBEAM_PROGRESS=lines` is told in
+    lines of JSON.
     """
-    if not err.is_terminal:
+    lines = os.environ.get("ZEROBEAM_PROGRESS") == "lines"
+    if not err.is_terminal and not lines:
         yield lambda stage, share: obey()
+        return
+    parts = stages or {}
+    total, far = sum(parts.values()), 0.0
+
+    def whole(stage: str, share: float) -> float:
+        nonlocal far
+        obey()
+        if stage in parts:
+            before = list(parts)[: list(parts).index(stage)]
+            share = (sum(parts[name] for name in before) + parts[stage] * share) / total
+        far = max(far, share)
+        return far
+
+    if lines:
+        said = -1.0
+
+        def say(stage: str, share: float) -> None:
+            nonlocal said
+            if (now := whole(stage, share)) >= said + 0.01 or now >= 1.0 > said:
+                said = now
+                told = {"progress": round(now, 4), "stage": stage}
+                err.print(json.dumps(told), markup=False, soft_wrap=True, highlight=False)
+
+        yield say
         return
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
     from rich.progress import TimeRemainingColumn as Left
 
-    parts = stages or {}
-    total = sum(parts.values())
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -142,15 +166,7 @@ def progress(title: str, stages: Mapping[str, float] | None = None) -> Iterator[
         Left(),
     )
     with Progress(*columns, console=err, transient=True) as bar:
-        task, far = bar.add_task(title, total=1.0), 0.0
-
-        def tell(stage: str, share: float) -> None:
-            nonlocal far
-            obey()
-            if stage in parts:
-                before = list(parts)[: list(parts).index(stage)]
-                share = (sum(parts[name] for name in before) + parts[stage] * share) / total
-            far = max(far, share)
-            bar.update(task, description=f"{title}: {stage}", completed=far)
-
-        yield tell
+        task = bar.add_task(title, total=1.0)
+        yield lambda stage, share: bar.update(
+            task, completed=whole(stage, share), description=f"{title}: {stage}"
+        )

@@ -6,8 +6,9 @@ import asyncio
 import functools
 import json
 import traceback
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -15,16 +16,19 @@ from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from ...model.errors import BadInput, ZerobeamError
 from ...model.files.reading import LARGEST_YAML, parse_json
 from ...reports.style import typeface
 from . import answers
-from .asked import AskedCheck, AskedPlan, AskedRobot, asked, error_json
+from .asked import AskedCheck, AskedJob, AskedPlan, AskedRobot, asked, error_json
 from .folder import Folder
 from .guard import Access, Guard, refusal
+from .job_commands import job_command
+from .jobs import Job, Jobs
+from .openapi import description
 
 Answer = TypeVar("Answer")
 
@@ -52,9 +56,16 @@ def application(folder: Folder, access: Access) -> Starlette:
         Route("/api/plan", server.plan),
         Route("/api/plan", server.write_plan, methods=["PUT"]),
         Route("/api/check", server.check, methods=["POST"]),
+        Route("/api/jobs", server.jobs_told),
+        Route("/api/jobs", server.begin_job, methods=["POST"]),
+        Route("/api/jobs/{id}", server.job),
+        Route("/api/jobs/{id}", server.end_job, methods=["DELETE"]),
+        Route("/api/jobs/{id}/events", server.job_events),
+        Route("/openapi.json", server.described),
     ]
     return Starlette(
         routes=routes,
+        lifespan=server.lifespan,
         middleware=[Middleware(Guard, access=access)],
         exception_handlers={
             ZerobeamError: server.refuse,
@@ -82,6 +93,7 @@ class _Server:
     def __init__(self, folder: Folder) -> None:
         self.folder = folder
         self.page_files = page_files()
+        self.jobs = Jobs(folder)
         self.thread = ThreadPoolExecutor(1, "calculation")
 
     async def page(self, request: Request) -> Response:
@@ -112,6 +124,44 @@ class _Server:
     async def check(self, request: Request) -> Response:
         wanted = asked(AskedCheck, await _content(request))
         return JSONResponse(await self._calculated(answers.check, self.folder, wanted))
+
+    async def jobs_told(self, request: Request) -> Response:
+        return JSONResponse([job.brief() for job in self.jobs.all()])
+
+    async def begin_job(self, request: Request) -> Response:
+        wanted = asked(AskedJob, await _content(request))
+        job = self.jobs.begin(job_command(self.folder, wanted.command))
+        return JSONResponse({"id": str(job.number)}, status_code=201)
+
+    async def job(self, request: Request) -> Response:
+        return JSONResponse(self._job(request).whole())
+
+    async def end_job(self, request: Request) -> Response:
+        job = self._job(request)
+        self.jobs.cancel(job)
+        return JSONResponse(job.brief())
+
+    async def job_events(self, request: Request) -> Response:
+        last = request.headers.get("last-event-id", "")
+        after = int(last) if last.isdecimal() and len(last) < 12 else 0
+        return StreamingResponse(self._job(request).events(after), media_type="text/event-stream")
+
+    async def described(self, request: Request) -> Response:
+        return JSONResponse(description())
+
+    def _job(self, request: Request) -> Job:
+        job = self.jobs.of(request.path_params["id"])
+        if job is None:
+            raise HTTPException(404)
+        return job
+
+    @asynccontextmanager
+    async def lifespan(self, app: Starlette) -> AsyncIterator[None]:
+        try:
+            yield
+        finally:
+            await self.jobs.end_all()
+            self.thread.shutdown(wait=False, cancel_futures=True)
 
     async def refuse(self, request: Request, error: Exception) -> Response:
         assert isinstance(error, ZerobeamError)

@@ -35,7 +35,7 @@ def serve(root: Path, host: str | None, port: int, told: Callable[[str], None]) 
             http="h11",
             ws="none",
             loop="asyncio",
-            log_level="error",
+            log_level="critical",
             access_log=False,
             server_header=False,
             proxy_headers=False,

@@ -41,6 +41,19 @@ def test_it_answers_many_and_ends_with_ctrl_c(started: tuple[subprocess.Popen[st
     assert (process.returncode, err) == (130, "stopped\n")
 
 
+def test_ctrl_c_ends_jobs_and_those_who_follow_them(started: tuple[subprocess.Popen[str], str]) -> None:
+    process, address = started
+    body = json.dumps({"command": ["analyse", "run.jsonl", "--ess", "100000"]}).encode()
+    wanted = urllib.request.Request(f"{address}api/jobs", body, {"X-Zerobeam": "1"})
+    with urllib.request.urlopen(wanted) as answer:
+        job = json.load(answer)["id"]
+    with urllib.request.urlopen(f"{address}api/jobs/{job}/events") as following:
+        assert following.readline() == b"id: 1\n"  # it has begun
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=30)  # the job would take longer
+    assert (process.returncode, err) == (130, "stopped\n")
+
+
 def test_a_port_that_is_taken_and_a_folder_that_is_not_there_are_said(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]

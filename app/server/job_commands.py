@@ -1,0 +1,151 @@
+"""Which commands the page may have carried out, and with which options: paths stay below the folder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Literal
+
+from ...model.errors import BadInput
+from .folder import Folder
+
+Kind = Literal["read", "write", "value", "flag"]
+
+_ANALYSE: dict[str, Kind] = {"--seed": "value", "--ess": "value", "--robust": "value", "--hold-out": "value"}
+_EXPORT: dict[str, Kind] = {
+    "--out": "write",
+    "--allow-weak": "flag",
+    "--allow-displaced": "flag",
+    "--unvalidated": "flag",
+    "--without": "value",
+}
+_PLAN: dict[str, Kind] = {
+    "--out": "write",
+    "--header": "read",
+    "--obstacles": "read",
+    **dict.fromkeys(
+        (
+            "--target",
+            "--shots",
+            "--candidates",
+            "--criterion",
+            "--tolerance",
+            "--max-shots",
+            "--facing",
+            "--acceptance",
+            "--beam",
+            "--margin",
+            "--seed",
+        ),
+        "value",
+    ),
+}
+# By the words of a command: how many files it reads, and its options. `--force` is none of them: a job
+# replaces nothing.
+ALLOWED: Mapping[tuple[str, ...], tuple[int, Mapping[str, Kind]]] = {
+    ("plan", "x"): (0, _PLAN),
+    ("plan", "y"): (0, _PLAN),
+    ("plan", "optimal"): (0, _PLAN),
+    ("plan", "verify"): (
+        1,
+        {"--out": "write", "--shots": "value", "--tolerance": "value", "--seed": "value"},
+    ),
+    ("analyse",): (1, _ANALYSE),
+    ("report",): (1, {"--out": "write", **_ANALYSE}),
+    ("run",): (
+        1,
+        {
+            "--out": "write",
+            "--rig": "value",
+            "--cell": "read",
+            "--camera": "flag",
+            "--no-camera": "flag",
+            "--resume": "flag",
+            "--adaptive": "flag",
+            "--tolerance": "value",
+            "--closing": "flag",
+            "--seed": "value",
+        },
+    ),
+    **{("export", form): (1, _EXPORT) for form in ("robot", "urdf", "rapid", "ur", "kuka", "json", "csv")},
+    **{
+        ("export", "plan", form): (
+            1,
+            {
+                "--out": "write",
+                **dict.fromkeys(("--speed", "--zone", "--tool", "--j3", "--register"), "value"),
+            },
+        )
+        for form in ("rapid", "urscript", "krl", "fanuc", "robodk", "ros", "csv", "pdf")
+    },
+}
+_SHORT = {"-o": "--out"}
+
+
+def job_command(folder: Folder, words: Sequence[str]) -> list[str]:
+    """The words of a command as they are to be carried out in the folder; BadInput for what may not be.
+
+    Options are written as one word, files that are read come last, and the answer is asked for as JSON.
+    """
+    if any("\0" in word or len(word) > 1000 for word in words):
+        raise BadInput("a word of the command cannot be used")
+    for name, (files, options) in ALLOWED.items():
+        if tuple(words[: len(name)]) == name:
+            return _checked(folder, name, files, options, list(words[len(name) :]))
+    raise BadInput(
+        "the app does not carry out this command",
+        found=" ".join(words)[:100],
+        allowed="; ".join(" ".join(name) for name in ALLOWED),
+        remedy="use the command line",
+    )
+
+
+def _checked(
+    folder: Folder, name: tuple[str, ...], files: int, options: Mapping[str, Kind], rest: list[str]
+) -> list[str]:
+    called, stated = " ".join(name), list(name)
+    read: list[str] = []
+    rig = "simulated"
+    while rest:
+        word = rest.pop(0)
+        if not word.startswith("-"):
+            read.append(_file(folder, word))
+            continue
+        key, joined, value = word.partition("=")
+        key = _SHORT.get(key, key)
+        kind = options.get(key)
+        if kind is None:
+            allowed = ", ".join(options)
+            raise BadInput(f"{called} has no such option in the app", found=key, allowed=allowed)
+        if kind == "flag":
+            if joined:
+                raise BadInput(f"{key} takes no value", found=value)
+            stated.append(key)
+            continue
+        if not joined:
+            if not rest:
+                raise BadInput(f"{key} takes a value")
+            value = rest.pop(0)
+        if kind in ("read", "write"):
+            value = _file(folder, value)
+        if key == "--rig":
+            rig = value
+        stated.append(f"{key}={value}")
+    if rig != "simulated":
+        raise BadInput(
+            "the app does not carry out this command",
+            found=f"--rig {rig}",
+            allowed="--rig simulated",
+            remedy="use the command line",
+        )
+    if len(read) != files:
+        raise BadInput(f"{called} reads another number of files", found=len(read), allowed=files)
+    if "--out" in options and not any(word.startswith("--out=") for word in stated):
+        raise BadInput(f"{called} writes a file, and none is named", remedy="add --out")
+    if name[:2] != ("export", "plan"):
+        stated.append("--json-lines" if name == ("run",) else "--json")
+    return [*stated, "--", *read] if read else stated
+
+
+def _file(folder: Folder, name: str) -> str:
+    """The file as it is called from the folder, symbolic links followed."""
+    return folder.called(folder.inside(name))

@@ -1,0 +1,254 @@
+"""Commands under way, each in a process of its own: progress, log, answer, and the end at any time."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import deque
+from collections.abc import AsyncIterator, Sequence
+from typing import Any
+
+from ...model.errors import BadInput
+from .folder import Folder
+
+AT_ONCE = 2  # jobs under way; others wait
+MOST_JOBS = 50  # kept; the oldest that have ended are forgotten
+MOST_EVENTS = 5000  # of one job that can be told again
+MOST_LOG = 500  # lines
+LARGEST_ANSWER = 64 * 10**6  # bytes
+_LONGEST_LINE = 2**24  # bytes
+_PATIENCE_S = 10.0  # from a request to end until the process is killed
+_PROGRAM = "import sys; from zerobeam.cli import main; sys.argv[0] = 'zerobeam'; main()"
+_COMMAND = [sys.executable, "-P", "-c", _PROGRAM]  # nothing is imported from the folder
+PROGRESS = "ZEROBEAM_PROGRESS"  # what makes a command tell its progress in lines (`commands/console.py`)
+
+
+class Job:
+    """One command: `state` is waiting, running, done (it gave its answer), stopped or failed."""
+
+    def __init__(self, number: int, command: Sequence[str]) -> None:
+        self.number, self.command = number, list(command)
+        self.state = "waiting"
+        self.share, self.stage = 0.0, ""
+        self.begun: float | None = None
+        self.took_s: float | None = None
+        self.log: deque[str] = deque(maxlen=MOST_LOG)
+        self.status: int | None = None
+        self.answer: Any = None
+        self.process: asyncio.subprocess.Process | None = None
+        self.cancelled = False
+        self.task: asyncio.Task[None] | None = None
+        self._events: deque[tuple[int, str, Any]] = deque(maxlen=MOST_EVENTS)
+        self._last = 0
+        self._news = asyncio.Condition()
+
+    @property
+    def ended(self) -> bool:
+        return self.state not in ("waiting", "running")
+
+    def brief(self) -> dict[str, Any]:
+        """Without log and answer."""
+        passed = self.took_s
+        if passed is None and self.begun is not None:
+            passed = time.monotonic() - self.begun
+        left = None
+        if self.state == "running" and passed is not None and self.share > 0.02:
+            left = round(passed * (1 - self.share) / self.share, 1)
+        return {
+            "id": str(self.number),
+            "command": self.command,
+            "state": self.state,
+            "share": round(self.share, 4),
+            "stage": self.stage,
+            "passed_s": None if passed is None else round(passed, 1),
+            "left_s": left,
+            "status": self.status,
+        }
+
+    def whole(self) -> dict[str, Any]:
+        return self.brief() | {"log": list(self.log), "answer": self.answer}
+
+    async def tell(self, kind: str, data: Any) -> None:
+        """Add an event, for all who follow."""
+        async with self._news:
+            self._last += 1
+            self._events.append((self._last, kind, data))
+            self._news.notify_all()
+
+    async def events(self, after: int, every_s: float = 15.0) -> AsyncIterator[bytes]:
+        """Server-sent events, from behind number `after` until the end; a comment where all is still."""
+        while True:
+            fresh = [event for event in self._events if event[0] > after]
+            for number, kind, data in fresh:
+                yield f"id: {number}\nevent: {kind}\ndata: {json.dumps(data, allow_nan=False)}\n\n".encode()
+                after = number
+            if fresh:
+                continue
+            if self.ended:
+                return
+            async with self._news:
+                if self._last <= after and not self.ended:
+                    try:
+                        await asyncio.wait_for(self._news.wait(), every_s)
+                    except TimeoutError:
+                        pass
+                    else:
+                        continue
+            if self._last <= after and not self.ended:
+                yield b": still under way\n\n"
+
+
+class Jobs:
+    """All jobs of a server, `AT_ONCE` of them under way."""
+
+    def __init__(self, folder: Folder) -> None:
+        self._folder = folder
+        self._jobs: dict[str, Job] = {}
+        self._number = 0
+        self._places = asyncio.Semaphore(AT_ONCE)
+
+    def all(self) -> list[Job]:
+        """The newest first."""
+        return list(reversed(self._jobs.values()))
+
+    def of(self, number: str) -> Job | None:
+        return self._jobs.get(number)
+
+    def begin(self, command: Sequence[str]) -> Job:
+        """A new job; `command` is as `job_command` gives it."""
+        if len(self._jobs) >= MOST_JOBS:
+            oldest = next((number for number, job in self._jobs.items() if job.ended), None)
+            if oldest is None:
+                raise BadInput("too many jobs are waiting", allowed=MOST_JOBS, remedy="wait, or end some")
+            del self._jobs[oldest]
+        self._number += 1
+        job = Job(self._number, command)
+        self._jobs[str(job.number)] = job
+        job.task = asyncio.get_running_loop().create_task(self._carry_out(job))
+        return job
+
+    async def end_all(self) -> None:
+        """End every job, and wait for it."""
+        under_way = [job for job in self._jobs.values() if not job.ended]
+        for job in under_way:
+            self.cancel(job)
+        await asyncio.gather(*(job.task for job in under_way if job.task is not None), return_exceptions=True)
+
+    def cancel(self, job: Job) -> None:
+        """Ask a job to end as Ctrl-C does; what it has recorded stays. It is killed where it does not."""
+        if job.ended or job.cancelled:
+            return
+        job.cancelled = True
+        if job.process is None:
+            return
+        _interrupt(job.process)
+        process = job.process
+        asyncio.get_running_loop().call_later(_PATIENCE_S, lambda: _kill(process))
+
+    async def _carry_out(self, job: Job) -> None:
+        try:
+            async with self._places:
+                if not job.cancelled:
+                    await self._run(job)
+        except Exception as error:
+            job.log.append(f"the command could not be carried out: {error}")
+            job.state = "failed"
+            raise
+        finally:
+            if not job.ended:
+                job.state = "stopped" if job.cancelled else "failed"
+            job.took_s = None if job.begun is None else time.monotonic() - job.begun
+            await job.tell("end", job.whole())
+
+    async def _run(self, job: Job) -> None:
+        job.state, job.begun = "running", time.monotonic()
+        job.process = process = await asyncio.create_subprocess_exec(
+            *_COMMAND,
+            *job.command,
+            cwd=self._folder.root,
+            env=os.environ | {PROGRESS: "lines"},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            limit=_LONGEST_LINE,
+            start_new_session=True,  # Ctrl-C in the terminal is for the server, which tells its jobs
+        )
+        assert process.stdout is not None
+        assert process.stderr is not None
+        if job.cancelled:  # meanwhile
+            _interrupt(process)
+        answers = (
+            self._events(job, process.stdout) if job.command[0] == "run" else _answer(job, process.stdout)
+        )
+        try:
+            await asyncio.gather(answers, self._log(job, process.stderr))
+            job.status = await process.wait()
+        finally:
+            _kill(process)
+        if job.status in (0, 1):
+            job.state, job.share = "done", 1.0
+        else:
+            job.state = "stopped" if job.cancelled else "failed"
+
+    async def _events(self, job: Job, stream: asyncio.StreamReader) -> None:
+        """The events of a run, a line each; the last is its answer."""
+        async for line in stream:
+            with contextlib.suppress(ValueError):
+                job.answer = json.loads(line)
+                await job.tell("run", job.answer)
+
+    async def _log(self, job: Job, stream: asyncio.StreamReader) -> None:
+        """What a command says on standard error: progress, or a line for the log."""
+        async for raw in stream:
+            line = self._folder.without(raw.decode("utf-8", "replace").rstrip("\n"))
+            told = _progress(line)
+            if told is None:
+                job.log.append(line[:2000])
+                await job.tell("log", line[:2000])
+            else:
+                job.share, job.stage = max(job.share, told[0]), told[1]
+                await job.tell("progress", job.brief())
+
+
+async def _answer(job: Job, stream: asyncio.StreamReader) -> None:
+    """What a command prints: JSON, or lines for the log."""
+    parts, size = [], 0
+    while part := await stream.read(2**16):
+        size += len(part)
+        if size <= LARGEST_ANSWER:
+            parts.append(part)
+    text = b"".join(parts).decode("utf-8", "replace")
+    try:
+        job.answer = json.loads(text) if text.strip() and size <= LARGEST_ANSWER else None
+    except ValueError:
+        job.log.extend(text.splitlines())
+
+
+def _progress(line: str) -> tuple[float, str] | None:
+    if not line.startswith('{"progress": '):
+        return None
+    try:
+        told = json.loads(line)
+        return float(told["progress"]), str(told["stage"])
+    except (ValueError, KeyError, TypeError):
+        return None
+
+
+def _interrupt(process: asyncio.subprocess.Process) -> None:
+    with contextlib.suppress(ProcessLookupError):
+        if sys.platform == "win32":
+            process.terminate()
+        else:
+            process.send_signal(signal.SIGINT)
+
+
+def _kill(process: asyncio.subprocess.Process) -> None:
+    if process.returncode is None:
+        with contextlib.suppress(ProcessLookupError):
+            process.kill()

@@ -1,0 +1,169 @@
+"""Commands that the page has carried out: in the folder, with their progress, and ended at any time."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer.main
+from command_line import zerobeam
+from starlette.testclient import TestClient
+
+from zerobeam.app.server.folder import Folder
+from zerobeam.app.server.job_commands import ALLOWED, job_command
+from zerobeam.commands.program import app
+from zerobeam.model.errors import BadInput
+
+
+def begun(client: TestClient, *command: str) -> str:
+    answer = client.post("/api/jobs", json={"command": list(command)})
+    assert answer.status_code == 201, answer.text
+    return str(answer.json()["id"])
+
+
+def ended(client: TestClient, job: str) -> Any:
+    """The job once it has ended; its events are what tells."""
+    events(client, job)
+    return client.get(f"/api/jobs/{job}").json()
+
+
+def events(client: TestClient, job: str, after: int | None = None) -> list[tuple[int, str, Any]]:
+    headers = {} if after is None else {"last-event-id": str(after)}
+    answer = client.get(f"/api/jobs/{job}/events", headers=headers)
+    assert answer.headers["content-type"].startswith("text/event-stream")
+    found = []
+    for block in answer.text.strip().split("\n\n"):
+        if block.startswith("id: "):
+            number, kind, data = (line.partition(": ")[2] for line in block.split("\n"))
+            found.append((int(number), kind, json.loads(data)))
+    return found
+
+
+def test_a_run_is_carried_out_followed_and_followed_again(client: TestClient, root: Path) -> None:
+    command = ("run", "plan.yaml", "-o", "sub/new.jsonl", "--rig", "simulated", "--seed", "3")
+    job = begun(client, *command)
+    told = events(client, job)
+    assert [number for number, _, _ in told] == list(range(1, len(told) + 1))
+    assert {kind for _, kind, _ in told} >= {"run", "end"}
+    done = client.get(f"/api/jobs/{job}").json()
+    assert (done["state"], done["share"], done["left_s"]) == ("done", 1.0, None)
+    assert told[-1][1:] == ("end", done)
+    assert done["answer"] == [data for _, kind, data in told if kind == "run"][-1]
+    assert events(client, job, after=3) == told[3:]
+    assert events(client, job, after=10**6) == []
+    assert client.get("/api/jobs").json()[0] == {k: v for k, v in done.items() if k not in ("log", "answer")}
+    same = zerobeam(command[0], root / "plan.yaml", "-o", root / "same.jsonl", *command[4:])
+    assert same.status == done["status"]
+    measured = [(root / name).read_text().splitlines()[1:] for name in ("sub/new.jsonl", "same.jsonl")]
+    assert len(measured[0]) == len(measured[1]) > 0
+
+
+def test_an_analysis_tells_its_progress_and_can_be_ended(client: TestClient) -> None:
+    job = begun(client, "analyse", "run.jsonl", "--ess", "100000")
+    other = begun(client, "analyse", "nowhere.jsonl")
+    while (now := client.get(f"/api/jobs/{job}").json())["share"] == 0:
+        assert now["state"] in ("waiting", "running")
+        time.sleep(0.05)
+    assert now["stage"] in ("fit", "identifiability", "posterior")
+    assert client.delete(f"/api/jobs/{job}").status_code == 200
+    stopped = ended(client, job)
+    assert (stopped["state"], stopped["status"], stopped["answer"]) == ("stopped", 130, None)
+    assert stopped["log"][-1] == "stopped"
+    refused = ended(client, other)
+    assert (refused["state"], refused["status"]) == ("failed", 2)
+    assert refused["log"][0] == "error: nowhere.jsonl: there is no such file"
+
+
+def test_a_job_that_is_not_there_is_not_found(client: TestClient) -> None:
+    for path in ("/api/jobs/7", "/api/jobs/x", "/api/jobs/7/events"):
+        assert client.get(path).status_code == 404
+    assert client.delete("/api/jobs/7").status_code == 404
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["demo"],
+        ["controller"],
+        ["app"],
+        ["import", "csv", "run.jsonl"],
+        ["run", "plan.yaml", "-o", "new.jsonl", "--rig", "abb"],
+        ["run", "plan.yaml", "-o", "new.jsonl", "--host", "10.0.0.1"],
+        ["run", "plan.yaml", "-o", "new.jsonl", "--rig=simulated", "--rig=manual"],
+        ["run", "plan.yaml", "-o", "../new.jsonl"],
+        ["run", "../outside.yaml", "-o", "new.jsonl"],
+        ["run", "plan.yaml", "-o", "new.jsonl", "--cell=/etc/passwd"],
+        ["run", "plan.yaml"],
+        ["run", "-o", "new.jsonl"],
+        ["run", "plan.yaml", "plan.yaml", "-o", "new.jsonl"],
+        ["run", "plan.yaml", "--force", "-o", "new.jsonl"],
+        ["run", "plan.yaml", "-o"],
+        ["run", "plan.yaml", "--resume=yes", "-o", "new.jsonl"],
+        ["analyse", "way/run.jsonl"],
+        ["analyse", "--", "run.jsonl"],
+        ["plan", "optimal", "--header", "../outside.yaml", "-o", "new.yaml"],
+        ["export", "plan", "rapid", "plan.yaml", "-o", "/tmp/x.mod"],
+        ["analyse", "run.jsonl\0"],
+    ],
+)
+def test_what_the_page_may_not_ask_for_is_refused(client: TestClient, root: Path, command: list[str]) -> None:
+    (root / "way").symlink_to(root.parent)
+    (root.parent / "run.jsonl").touch()
+    before = sorted(root.rglob("*"))
+    answer = client.post("/api/jobs", json={"command": command})
+    assert answer.status_code == 400
+    assert answer.json()["error"]["what"]
+    assert client.get("/api/jobs").json() == []
+    assert sorted(root.rglob("*")) == before
+
+
+def test_every_allowed_command_and_option_exists(root: Path) -> None:
+    for name, (files, options) in ALLOWED.items():
+        command: Any = typer.main.get_command(app)
+        words = list(name)
+        while hasattr(command, "commands"):
+            command = command.commands[words.pop(0)]
+        known = {text for own in command.params for text in (*own.opts, *own.secondary_opts)}
+        assert set(options) <= known, name
+        asked = [own for own in command.params if own.param_type_name == "argument"]
+        assert len(words) + files <= len(asked), name
+        assert ("--out" in options) == ("--out" in known), name
+
+
+def test_options_cannot_be_taken_for_files(root: Path) -> None:
+    folder = Folder(root)
+    made = job_command(folder, ["plan", "x", "--header=h.yaml", "--target", "-1,2,3", "-o", "n.yaml"])
+    assert made == ["plan", "x", "--header=h.yaml", "--target=-1,2,3", "--out=n.yaml", "--json"]
+    made = job_command(folder, ["analyse", "./sub/../run.jsonl", "--seed", "--json"])
+    assert made == ["analyse", "--seed=--json", "--json", "--", "run.jsonl"]
+    with pytest.raises(BadInput, match="no such option"):
+        job_command(folder, ["analyse", "-h", "run.jsonl"])
+
+
+def test_the_description_has_every_end_point(client: TestClient) -> None:
+    described = client.get("/openapi.json").json()
+    told = {(path, method.upper()) for path, own in described["paths"].items() for method in own}
+    served = {
+        (route.path, method)
+        for route in client.app.routes  # type: ignore[attr-defined]
+        for method in route.methods - {"HEAD"}
+        if route.path.startswith("/api/")
+    }
+    assert told == served
+    schemas = described["components"]["schemas"]
+    references = set()
+
+    def walk(value: Any) -> None:
+        if isinstance(value, dict):
+            if "$ref" in value:
+                references.add(value["$ref"].rpartition("/")[2])
+            value = list(value.values())
+        for inner in value if isinstance(value, list) else ():
+            walk(inner)
+
+    walk(described)
+    assert references <= set(schemas)
+    assert "postures_deg" in schemas["Plan"]["properties"]
