@@ -1,7 +1,7 @@
 // The turnable picture of a plan or a run. Base frame in mm, z up; the camera goes round the scene's centre.
 "use strict";
 (() => {
-  const scene = JSON.parse(document.getElementById("scene-data").textContent);
+  let scene = JSON.parse(document.getElementById("scene-data").textContent);
   const figure = document.getElementById("scene");
   const canvas = figure.querySelector("canvas");
   const pen = canvas.getContext("2d");
@@ -232,6 +232,7 @@
       steps.setAttribute("aria-valuetext", said.textContent);
     }
     figure.querySelector("[data-do=all]").setAttribute("aria-pressed", String(chosen === null));
+    figure.dispatchEvent(new CustomEvent("chosen", { detail: chosen }));
     redraw();
   }
 
@@ -296,6 +297,13 @@
   });
   for (const end of ["pointerup", "pointercancel"])
     canvas.addEventListener(end, (event) => held.delete(event.pointerId));
+
+  // A page whose scene changes (the app) says so: the new scene, which posture is chosen, whether to fit it in anew.
+  figure.addEventListener("scene", (event) => {
+    scene = event.detail.scene;
+    if (event.detail.fit) fit();
+    choose(scene.postures.length ? event.detail.chosen : null);
+  });
 
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", recolour);
   new ResizeObserver(resize).observe(canvas);

@@ -1,0 +1,66 @@
+// What the server is asked: JSON, and errors as {what, found, allowed, to_do, key}.
+
+export class Refused extends Error {
+  constructor(facts) {
+    super(facts.what);
+    this.facts = facts;
+    this.key = facts.key || [];
+  }
+  get text() {
+    const { what, found, allowed, to_do } = this.facts;
+    return [what, found && `found: ${found}`, allowed && `allowed: ${allowed}`, to_do && `to do: ${to_do}`].filter(Boolean).join("; ");
+  }
+}
+
+async function asked(method, path, body) {
+  let answer;
+  try {
+    answer = await fetch(path, {
+      method,
+      headers: body === undefined ? {} : { "Content-Type": "application/json", "X-Zerobeam": "1" },
+      body: body === undefined ? undefined : JSON.stringify(body),
+    });
+  } catch {
+    throw new Refused({ what: "the server does not answer", to_do: "is zerobeam app still running? What is shown may be outdated" });
+  }
+  let content = null;
+  try {
+    content = await answer.json();
+  } catch { /* an answer that is no JSON is said below */ }
+  if (answer.ok && content !== null) return content;
+  throw new Refused((content && content.error) || { what: `the server answered ${answer.status}` });
+}
+
+export const get = (path) => asked("GET", path);
+export const post = (path, body) => asked("POST", path, body);
+export const put = (path, body) => asked("PUT", path, body);
+
+// Asks for the newest state only: at most once a frame, one request under way, what came meanwhile is left out.
+export function latest(ask, shown, refused) {
+  let wanted = false, waiting = false, busy = false;
+  async function go() {
+    waiting = false;
+    if (busy || !wanted) return;
+    wanted = false;
+    busy = true;
+    try {
+      const answer = await ask();
+      // An answer to a state that has changed since then is shown while dragging, and soon replaced.
+      if (answer !== null) shown(answer);
+    } catch (error) {
+      if (!(error instanceof Refused)) throw error;
+      refused(error);
+    } finally {
+      busy = false;
+      if (wanted) soon();
+    }
+  }
+  function soon() {
+    if (!waiting) requestAnimationFrame(go);
+    waiting = true;
+  }
+  return () => {
+    wanted = true;
+    if (!busy) soon();
+  };
+}

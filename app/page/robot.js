@@ -1,0 +1,93 @@
+// The place Robot: an arm of the library or of a file, its joints, and the flange's pose to hold against the pendant.
+import { latest, post } from "/page/api.js";
+import { by, fill, fixed, make, named, options, say, withUnit } from "/page/dom.js";
+import { jointRows } from "/page/joints.js";
+import { posed, show } from "/page/picture.js";
+
+let values = [], shape = "", setRows = null, visible = false, arm = null;
+
+function stated() {
+  const name = by("robot-name").value;
+  if (!name.endsWith(".urdf")) return name;
+  return { urdf: name, base: by("robot-base").value, tip: by("robot-tip").value };
+}
+
+const ask = latest(
+  () => post("/api/robot", { robot: stated(), j3: by("robot-j3").value, ...(values.length ? { joints_deg: values } : {}) }),
+  shown,
+  (error) => {
+    by("fault").textContent = error.text;
+    by("fault").hidden = false;
+    arm = null;
+    by("robot-facts").textContent = "";
+    fill(by("robot-pose").tBodies[0], []);
+  },
+);
+
+const cells = (digits, unit, of) => of.map((v) => withUnit(fixed(v, digits), unit)).join(", ");
+
+// The rows that `zerobeam robot` prints.
+const forms = (pose) => [
+  ["X, Y, Z", cells(2, "mm", pose.xyz_mm), "all"],
+  ["q1, q2, q3, q4", cells(5, "", pose.quaternion_wxyz), "ABB"],
+  ["A, B, C", cells(3, "deg", pose.abc_deg), "KUKA"],
+  ["W, P, R", cells(3, "deg", pose.rpy_deg), "FANUC, roll pitch yaw"],
+  ["rx, ry, rz", cells(4, "rad", pose.rotation_vector_rad), "UR"],
+  ["Rx, Ry, Rz", cells(3, "deg", pose.rx_ry_rz_deg), "Stäubli"],
+];
+
+function shown(answer) {
+  arm = answer;
+  by("fault").hidden = true;
+  const pose = answer.poses[0];
+  const now = JSON.stringify([by("robot-name").value, answer.joints]);
+  if (now !== shape) {
+    shape = now;
+    values = [...pose.joints_deg];
+    setRows = jointRows(by("robot-joints"), answer.joints, (i, value) => { values[i] = value; ask(); });
+    setRows(values);
+    fill(by("robot-table").tBodies[0], answer.joints.map((joint, i) => make("tr", {},
+      make("th", { scope: "row" }, `J${i + 1}`), make("td", {}, joint.name), make("td", {}, joint.kind),
+      ...[joint.lower, joint.upper].map((v) => make("td", { class: "right" }, withUnit(String(Number(v.toFixed(2))), joint.unit))),
+      make("td", { class: "right" }, joint.speed === null ? "not stated" : `${withUnit(String(Number(joint.speed.toFixed(2))), joint.unit)}/s`))));
+    by("robot-facts").textContent = `${[answer.vendor, answer.model || answer.name].filter(Boolean).join(", ")}: ${answer.joints.length} joints. The flange gets up to ${fixed(answer.reach_mm, 0)} mm from the axis of joint 1.`;
+  } else setRows(values);
+  const beyond = pose.outside.map((j) => `J${j}`);
+  const notes = [...answer.notes, ...(beyond.length ? [`Beyond the limits: ${beyond.join(", ")}`] : [])];
+  fill(by("robot-notes"), notes.map((note) => make("li", {}, named(note))));
+  fill(by("robot-pose").tBodies[0], forms(pose).map(([name, text, used]) => make("tr", {},
+    make("th", { scope: "row" }, name), make("td", { class: "copy" }, text), make("td", { class: "muted" }, used))));
+  say(`Flange at ${cells(1, "mm", pose.xyz_mm)}`);
+  draw();
+}
+
+function draw() {
+  if (!visible || arm === null) return;
+  show(`robot ${shape}`, [posed(arm.name, arm.skeleton)], [], 0, arm.reach_mm, "The line ends at the flange.");
+}
+
+export function robotGroups(robots, files) {
+  const vendors = [...new Set(robots.map((r) => r.vendor || "other"))].sort();
+  const groups = vendors.map((vendor) => [vendor, robots.filter((r) => (r.vendor || "other") === vendor).map((r) => [r.name, r.model || r.name])]);
+  return [...groups, ["files of this folder", files.filter((f) => f.kind === "robot").map((f) => [f.path, f.path])]];
+}
+
+export const robot = {
+  async begin(robots, files) {
+    options(by("robot-name"), robotGroups(robots, files));
+    if (robots.some((r) => r.name === "ur5e")) by("robot-name").value = "ur5e";
+    const changed = () => {
+      for (const label of document.querySelectorAll(".urdf")) label.hidden = !by("robot-name").value.endsWith(".urdf");
+      values = [];
+      shape = "";
+      const urdf = stated();
+      if (typeof urdf === "string" || (urdf.base && urdf.tip)) ask();
+    };
+    for (const id of ["robot-name", "robot-j3", "robot-base", "robot-tip"]) by(id).addEventListener("change", changed);
+    by("robot-zero").addEventListener("click", () => { values = values.map(() => 0); ask(); });
+    changed();
+  },
+  open() { visible = true; draw(); },
+  close() { visible = false; },
+  chosen() {},
+};
