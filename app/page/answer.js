@@ -1,5 +1,5 @@
 // What /api/check says of a plan: verdict, uncertainties, null-space directions. What is not determined has no number.
-import { by, fill, fixed, make, named, say, spread } from "/page/dom.js";
+import { by, fill, fixed, make, named, spread } from "/page/dom.js";
 
 const WORDS = { pass: "Pass", weak: "Weak", degenerate: "Degenerate", misfit: "Misfit" };
 const SHAPES = { identified: "●", weak: "◆", unidentifiable: "✕", held: "■", unvalidated: "▲" };
@@ -28,6 +28,12 @@ function row(own) {
     make("td", { class: "status" }, `${SHAPES[own.status] || ""} ${own.status}`));
 }
 
+// The same beside the picture, where it is seen while a joint is dragged.
+function glance(parameters) {
+  fill(by("glance"), parameters.filter((p) => p.group === "offset" && !p.held).map((own) => make("span", { class: own.status },
+    `${SHAPES[own.status] || ""} ${own.name.replace("delta", "J")} ${own.std !== null && own.status !== "unidentifiable" ? spread(own.std, own.unit) : "not determined"}`)));
+}
+
 function combination(weights) {
   const terms = Object.entries(weights).sort((a, b) => Math.abs(b[1]) - Math.abs(a[1]));
   const said = terms.slice(0, MOST_TERMS).map(([name, weight], i) => {
@@ -50,6 +56,7 @@ export function showAnswer(answer, move, moving) {
   const geometry = new Set(answer.parameters.filter((p) => p.group === "geometry").map((p) => p.name));
   fill(by("plan-table").tBodies[0], answer.parameters.filter((p) => p.group !== "geometry").map(row));
   by("plan-table").classList.remove("outdated");
+  glance(answer.parameters);
   fill(by("plan-notes"), [...answer.notes, ...(answer.warnings || [])].map((note) => make("li", {}, sentence(note))));
   const shown = answer.identifiability.null_space.map((direction, i) => [direction, i])
     .filter(([d]) => !Object.keys(d.combination).every((name) => geometry.has(name)));
@@ -70,6 +77,7 @@ export function showAnswer(answer, move, moving) {
 // What was shown no longer holds: no number stays beside a plan that it was not computed for.
 export function showRefusal(text) {
   verdict("misfit", "Not checked", text);
+  fill(by("glance"), []);
   for (const cell of by("plan-table").querySelectorAll("tbody td")) cell.textContent = "—";
   by("plan-table").classList.add("outdated");
   fill(by("plan-directions"), []);
@@ -77,4 +85,3 @@ export function showRefusal(text) {
 }
 
 export const offBy = (posture) => (!posture.hit ? "the target cannot be hit" : posture.off_mm < 0.05 ? "on the target" : `${fixed(posture.off_mm, 1)} mm beside the target before aiming`);
-export { say };

@@ -24,7 +24,7 @@ function number(label, value, unit, key, changed) {
 // A vector of three, or one number; a list of another length is left to the file.
 function fieldsOf(plan, label, key, unit, change) {
   const value = at(plan, key);
-  if (typeof value === "number") return [number(`${label}, ${unit || "no unit"}`, value, unit, key.join("/"), (given) => change(key.join("/"), (p) => put(p, key, given)))];
+  if (typeof value === "number") return [number(label, value, unit, key.join("/"), (given) => change(key.join("/"), (p) => put(p, key, given)))];
   if (!Array.isArray(value)) return [];
   if (value.length !== 3) return [make("p", { class: "muted" }, `${label}: stated for each joint in the file.`)];
   return ["x", "y", "z"].map((axis, i) => number(`${label} ${axis}`, value[i], unit, key.join("/"), (given) => change(`${key.join("/")}/${i}`, (p) => { at(p, key)[i] = given; })));
@@ -32,9 +32,9 @@ function fieldsOf(plan, label, key, unit, change) {
 
 export function headerFields(parent, plan, change) {
   const rows = [
-    ...fieldsOf(plan, "Laser or tip at", ["tool", "point_mm"], "mm", change),
-    ...fieldsOf(plan, "Beam direction", ["tool", "direction"], "", change),
-    ...fieldsOf(plan, "Noise of a joint reading", ["noise", "joint_deg"], "°", change),
+    ...fieldsOf(plan, plan.tool && plan.tool.kind === "probe" ? "Tip" : "Laser", ["tool", "point_mm"], "mm", change),
+    ...fieldsOf(plan, "Beam", ["tool", "direction"], "", change),
+    ...fieldsOf(plan, "Noise of a joint", ["noise", "joint_deg"], "°", change),
     ...fieldsOf(plan, "Noise of the spot", ["noise", "spot_mm"], "mm", change),
   ];
   if (plan.tool && "calibrated" in plan.tool) {

@@ -36,10 +36,13 @@ function frame(postures, targets, reach) {
 
 let kept = null, keptOf = null;
 
-// `of` says what is shown: as long as it is the same, the view stays as the reader turned it.
-export function show(of, postures, targets, chosen, reach, caption) {
+// Where an arm of some reach can get to, for a picture in which it is moved about.
+export const within = (reach) => [-0.65, 0.65].flatMap((x) => [[x * reach, 0, 0], [0, x * reach, 0]]).concat([[0, 0, reach]]);
+
+// `of` says what is shown: as long as it is the same, the view stays as the reader turned it. `extent`: points to fit in.
+export function show(of, postures, targets, chosen, reach, caption, extent = []) {
   const fit = of !== keptOf;
-  if (fit) kept = frame(postures, targets, reach);
+  if (fit) kept = { ...frame(postures, targets, reach), extent };
   keptOf = of;
   by("scene-caption").textContent = `${caption} Grid of ${kept.grid.step} mm at z = 0; x, y and z are the base frame.`;
   by("scene").classList.toggle("single", postures.length < 2);

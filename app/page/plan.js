@@ -276,8 +276,8 @@ export const plan = {
       if (history !== null && history.before.length && JSON.stringify(history.plan) !== saved) event.preventDefault();
     });
   },
-  open() { visible = true; draw(); },
-  close() { visible = false; halt(); },
+  open() { visible = true; by("glance").hidden = false; draw(); },
+  close() { visible = false; by("glance").hidden = true; halt(); },
   chosen(which) {
     if (history === null || answer === null || moving !== null) return;
     if (which === null) { all = true; return; }

@@ -2,7 +2,7 @@
 import { latest, post } from "/page/api.js";
 import { by, fill, fixed, make, named, options, say, withUnit } from "/page/dom.js";
 import { jointRows } from "/page/joints.js";
-import { posed, show } from "/page/picture.js";
+import { posed, show, within } from "/page/picture.js";
 
 let values = [], shape = "", setRows = null, visible = false, arm = null;
 
@@ -63,7 +63,7 @@ function shown(answer) {
 
 function draw() {
   if (!visible || arm === null) return;
-  show(`robot ${shape}`, [posed(arm.name, arm.skeleton)], [], 0, arm.reach_mm, "The line ends at the flange.");
+  show(`robot ${shape}`, [posed(arm.name, arm.skeleton)], [], 0, arm.reach_mm, "The line ends at the flange.", within(arm.reach_mm));
 }
 
 export function robotGroups(robots, files) {

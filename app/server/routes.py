@@ -16,11 +16,12 @@ from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
+from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from ...model.errors import BadInput, ZerobeamError
 from ...model.files.reading import LARGEST_YAML, parse_json
+from ...reports.output.template import TEMPLATES, sheet
 from ...reports.style import typeface
 from . import answers
 from .asked import AskedCheck, AskedJob, AskedPlan, AskedRobot, asked, error_json
@@ -76,15 +77,20 @@ def application(folder: Folder, access: Access) -> Starlette:
     )
 
 
-def page_files() -> dict[str, Path]:
-    """What the page consists of, by its name below /page: nothing else is ever sent from there."""
-    found = {
+def page_files() -> dict[str, bytes]:
+    """What the page consists of, by its name below /page: nothing else is ever sent from there.
+
+    Its own files, and of the reports the typeface, the style sheet and the scene that can be turned.
+    """
+    own = {
         path.relative_to(_PAGE).as_posix(): path
         for path in _PAGE.rglob("*")
         if path.is_file() and path.suffix in _TYPES
     }
     fonts = {f"fonts/{path.name}": path for path in typeface.FOLDER.glob("*.woff2")}
-    return fonts | found
+    scene = {name: TEMPLATES / name for name in ("scene.js", "scene.css")}
+    read = {name: path.read_bytes() for name, path in (own | fonts | scene).items()}
+    return read | {"report.css": sheet().encode()}
 
 
 class _Server:
@@ -98,10 +104,10 @@ class _Server:
 
     async def page(self, request: Request) -> Response:
         name = request.path_params.get("path", "index.html")
-        path = self.page_files.get(name)
-        if path is None:
+        content = self.page_files.get(name)
+        if content is None:
             return refusal(404, "the page has no such file")
-        return FileResponse(path, media_type=_TYPES[path.suffix])
+        return Response(content, media_type=_TYPES[Path(name).suffix])
 
     async def robots(self, request: Request) -> Response:
         return JSONResponse(await self._calculated(answers.robots))

@@ -40,9 +40,13 @@ def template(name: str) -> Template:
 def style() -> str:
     """The style sheet of every page: the typeface, embedded, and the palette in both themes."""
     faces = "\n".join(font_face(cut) for cut in _WEIGHTS)
-    sheet = (TEMPLATES / "page.css").read_text(encoding="utf-8")
-    sheet = sheet.replace("/* LIGHT */", css_variables("light")).replace("/* DARK */", css_variables("dark"))
-    return f"{faces}\n{sheet}"
+    return f"{faces}\n{sheet()}"
+
+
+def sheet() -> str:
+    """The same without the typeface."""
+    text = (TEMPLATES / "page.css").read_text(encoding="utf-8")
+    return text.replace("/* LIGHT */", css_variables("light")).replace("/* DARK */", css_variables("dark"))
 
 
 def font_face(cut: Cut) -> str:

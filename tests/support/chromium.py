@@ -117,12 +117,12 @@ class Chromium:
         self._profile.cleanup()
 
     @contextlib.contextmanager
-    def opened(self, file: Path, size: Size = LAPTOP, script: bool = True) -> Iterator[Tab]:
-        """A file, loaded, in a tab of its own."""
+    def opened(self, file: Path | str, size: Size = LAPTOP, script: bool = True) -> Iterator[Tab]:
+        """A file, or what is at an address, loaded, in a tab of its own."""
         target = self.call("Target.createTarget", {"url": "about:blank"})["targetId"]
         session = self.call("Target.attachToTarget", {"targetId": target, "flatten": True})["sessionId"]
         self.events.clear()
-        tab = Tab(self, session, file.resolve().as_uri())
+        tab = Tab(self, session, file if isinstance(file, str) else file.resolve().as_uri())
         for domain in ("Page", "Runtime", "Log", "Network"):
             tab.call(f"{domain}.enable")
         tab.call("Emulation.setScriptExecutionDisabled", value=not script)
