@@ -1,4 +1,4 @@
-"""The page as a browser shows it: it loads from its server alone, and what it says follows what is done to it."""
+"""The page as a browser shows it: loaded from its server alone; what it says follows what is done to it."""
 
 from __future__ import annotations
 
