@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, Field
 
 from ...model.errors import BadInput, ZerobeamError
 from ...model.files.header import RobotRef
-from ...model.files.reading import Place
+from ...model.files.reading import DEEPEST, MOST_VALUES, Place
 from ...model.files.validation import FileModel, Model, as_tuple, validate
 
 Answer = TypeVar("Answer")
@@ -57,6 +57,35 @@ class Refused(BadInput):
     """Bad input of which the key is known: `key` leads to the value in what was sent."""
 
     key: Place = ()
+
+
+def require_plain(content: Any) -> None:
+    """BadInput where what was sent is deeper or has more values than a file may, or text that is no UTF-8."""
+    level, count = [content], 0
+    for _ in range(DEEPEST):
+        below: list[Any] = []
+        for value in level:
+            below += value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+            for text in value if isinstance(value, dict) else (value,):
+                if isinstance(text, str) and not _in_utf8(text):
+                    raise BadInput(
+                        "a text holds half a letter (a lone surrogate)",
+                        found=ascii(text[:50]),
+                        allowed="text that can be written in UTF-8",
+                    )
+        level, count = below, count + len(below)
+        if count > MOST_VALUES:
+            raise BadInput(f"what was sent holds more than {MOST_VALUES} values")
+    if level:
+        raise BadInput("the values are nested too deeply")
+
+
+def _in_utf8(text: str) -> bool:
+    try:
+        text.encode("utf-8")
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def asked(model: type[Model], data: Any) -> Model:

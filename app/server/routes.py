@@ -24,7 +24,7 @@ from ...model.files.reading import LARGEST_YAML, parse_json
 from ...reports.output.template import TEMPLATES, sheet
 from ...reports.style import typeface
 from . import answers
-from .asked import AskedCheck, AskedJob, AskedPlan, AskedRobot, asked, error_json
+from .asked import AskedCheck, AskedJob, AskedPlan, AskedRobot, asked, error_json, require_plain
 from .folder import Folder
 from .guard import Access, Guard, refusal
 from .job_commands import job_command
@@ -100,6 +100,7 @@ class _Server:
         self.folder = folder
         self.page_files = page_files()
         self.jobs = Jobs(folder)
+        self.turn = asyncio.Lock()
         self.thread = ThreadPoolExecutor(1, "calculation")
 
     async def page(self, request: Request) -> Response:
@@ -110,26 +111,26 @@ class _Server:
         return Response(content, media_type=_TYPES[Path(name).suffix])
 
     async def robots(self, request: Request) -> Response:
-        return JSONResponse(await self._calculated(answers.robots))
+        return JSONResponse(await self._calculated(request, answers.robots))
 
     async def robot(self, request: Request) -> Response:
         wanted = asked(AskedRobot, await _content(request))
-        return JSONResponse(await self._calculated(answers.robot, self.folder, wanted))
+        return JSONResponse(await self._calculated(request, answers.robot, self.folder, wanted))
 
     async def files(self, request: Request) -> Response:
         return JSONResponse(await asyncio.to_thread(self.folder.files))
 
     async def plan(self, request: Request) -> Response:
         name = request.query_params.get("file", "")
-        return JSONResponse(await self._calculated(answers.plan, self.folder, name))
+        return JSONResponse(await self._calculated(request, answers.plan, self.folder, name))
 
     async def write_plan(self, request: Request) -> Response:
         wanted = asked(AskedPlan, await _content(request))
-        return JSONResponse(await self._calculated(answers.write, self.folder, wanted))
+        return JSONResponse(await self._calculated(request, answers.write, self.folder, wanted))
 
     async def check(self, request: Request) -> Response:
         wanted = asked(AskedCheck, await _content(request))
-        return JSONResponse(await self._calculated(answers.check, self.folder, wanted))
+        return JSONResponse(await self._calculated(request, answers.check, self.folder, wanted))
 
     async def jobs_told(self, request: Request) -> Response:
         return JSONResponse([job.brief() for job in self.jobs.all()])
@@ -174,9 +175,12 @@ class _Server:
         status = 400 if isinstance(error, BadInput) else 422
         return JSONResponse(error_json(error, self.folder.without), status_code=status)
 
-    async def _calculated(self, what: Callable[..., Answer], *of: Any) -> Answer:
-        loop = asyncio.get_running_loop()
-        return await loop.run_in_executor(self.thread, functools.partial(what, *of))
+    async def _calculated(self, request: Request, what: Callable[..., Answer], *of: Any) -> Answer:
+        async with self.turn:
+            if await request.is_disconnected():  # while others were answered: a page asks anew at every move
+                raise ClientDisconnect
+            loop = asyncio.get_running_loop()
+            return await loop.run_in_executor(self.thread, functools.partial(what, *of))
 
 
 async def _content(request: Request) -> Any:
@@ -190,7 +194,9 @@ async def _content(request: Request) -> Any:
             )
         parts.append(part)
     try:
-        return parse_json(b"".join(parts).decode("utf-8"), file=Path(), line=1)
+        content = parse_json(b"".join(parts).decode("utf-8"), file=Path(), line=1)
+        require_plain(content)
+        return content
     except BadInput as error:
         raise BadInput(error.what, found=error.found, allowed=error.allowed, remedy=error.remedy) from None
     except (UnicodeDecodeError, json.JSONDecodeError) as error:

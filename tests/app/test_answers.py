@@ -187,7 +187,21 @@ def test_what_cannot_be_used_is_refused_in_words(client: TestClient, path: str, 
     assert said in answer.json()["error"]["what"]
 
 
-@pytest.mark.parametrize("text", [b"{", b'{"robot": NaN}', b'{"a": 1, "a": 2}', b"\xff", b"[" * 100_000, b""])
+@pytest.mark.parametrize(
+    "text",
+    [
+        b"{",
+        b'{"robot": NaN}',
+        b'{"a": 1, "a": 2}',
+        b"\xff",
+        b"[" * 100_000,
+        b"[" * 60 + b"]" * 60,
+        b"[" + b"1," * 200_000 + b"1]",
+        b'{"robot": "\\ud800"}',
+        b'{"\\ud800": 1}',
+        b"",
+    ],
+)
 def test_what_is_no_json_is_refused(client: TestClient, text: bytes) -> None:
     answer = client.post("/api/robot", content=text)
     assert answer.status_code == 400

@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 import typer.main
-from command_line import zerobeam
+from cells import good_plan
+from command_line import plan_file, zerobeam
 from starlette.testclient import TestClient
 
 from zerobeam.app.server.folder import Folder
@@ -43,7 +44,8 @@ def events(client: TestClient, job: str, after: int | None = None) -> list[tuple
 
 
 def test_a_run_is_carried_out_followed_and_followed_again(client: TestClient, root: Path) -> None:
-    command = ("run", "plan.yaml", "-o", "sub/new.jsonl", "--rig", "simulated", "--seed", "3")
+    plan_file(root / "short.yaml", good_plan(2))
+    command = ("run", "short.yaml", "-o", "sub/new.jsonl", "--rig", "simulated", "--seed", "3")
     job = begun(client, *command)
     told = events(client, job)
     assert [number for number, _, _ in told] == list(range(1, len(told) + 1))
@@ -55,7 +57,7 @@ def test_a_run_is_carried_out_followed_and_followed_again(client: TestClient, ro
     assert events(client, job, after=3) == told[3:]
     assert events(client, job, after=10**6) == []
     assert client.get("/api/jobs").json()[0] == {k: v for k, v in done.items() if k not in ("log", "answer")}
-    same = zerobeam(command[0], root / "plan.yaml", "-o", root / "same.jsonl", *command[4:])
+    same = zerobeam(command[0], root / "short.yaml", "-o", root / "same.jsonl", *command[4:])
     assert same.status == done["status"]
     measured = [(root / name).read_text().splitlines()[1:] for name in ("sub/new.jsonl", "same.jsonl")]
     assert len(measured[0]) == len(measured[1]) > 0

@@ -36,6 +36,18 @@ def test_it_answers_many_and_ends_with_ctrl_c(started: tuple[subprocess.Popen[st
     with urllib.request.urlopen(f"{address}api/files") as answer:
         assert {row["path"] for row in json.load(answer)} == {"plan.yaml", "run.jsonl"}
         assert "server" not in answer.headers
+    # Who has gone is not calculated for: that would take minutes.
+    with urllib.request.urlopen(f"{address}api/plan?file=plan.yaml") as answer:
+        plan = json.load(answer)["plan"]
+    long = json.dumps({"plan": plan | {"postures_deg": plan["postures_deg"] * 100}}).encode()
+    head = (
+        f"POST /api/check HTTP/1.1\r\nHost: localhost\r\nX-Zerobeam: 1\r\nContent-Length: {len(long)}\r\n\r\n"
+    )
+    for _ in range(40):
+        with socket.create_connection(("127.0.0.1", port)) as gone:
+            gone.sendall(head.encode() + long)
+    with urllib.request.urlopen(f"{address}api/plan?file=plan.yaml", timeout=60) as answer:
+        assert json.load(answer)["plan"] == plan
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=30)
     assert (process.returncode, err) == (130, "stopped\n")
