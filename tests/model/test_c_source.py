@@ -58,6 +58,8 @@ def test_every_operation_is_tried_below():
 @needs_compiler
 @pytest.mark.parametrize("name", [*TWO, *ONE])
 def test_an_operation_against_numpy_and_the_virtual_machine(name):
+    if name == "TWICE" and ca.__version__ < "3.8":
+        pytest.skip("CasADi 3.7 writes it as a product")
     a, b = ca.SX.sym("a", 1), ca.SX.sym("b", 1)
     code = getattr(ca, f"OP_{name}")
     value = ca.SX.binary(code, a, b) if name in TWO else ca.SX.unary(code, a)
