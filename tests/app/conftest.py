@@ -22,12 +22,17 @@ OURS = {"X-Zerobeam": "1"}
 BASE = "http://127.0.0.1:8800"
 
 
+@pytest.fixture(scope="session")
+def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return plan_file(tmp_path_factory.mktemp("planned") / "plan.yaml", good_plan(7))
+
+
 @pytest.fixture
-def root(tmp_path: Path) -> Path:
+def root(tmp_path: Path, planned: Path) -> Path:
     """plan.yaml, run.jsonl, a folder `sub`, and beside the folder a file that nobody is to see."""
     folder = tmp_path / "dir"
     (folder / "sub").mkdir(parents=True)
-    plan_file(folder / "plan.yaml", good_plan(7))
+    shutil.copy(planned, folder)
     shutil.copy(next(run.path for run in demo_runs() if run.name == "good"), folder / "run.jsonl")
     (tmp_path / "outside.yaml").write_text("secret: swordfish\n")
     return folder

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -201,3 +202,14 @@ def test_a_fault_of_ours_says_nothing_of_itself(
     assert "swordfish" not in answer.text
     assert answer.json()["error"]["what"] == "this is a fault of zerobeam itself"
     assert "swordfish" in capsys.readouterr().err
+
+
+def test_the_page_and_its_files_are_sent(client: TestClient) -> None:
+    page = client.get("/")
+    assert page.headers["content-type"].startswith("text/html")
+    names = re.findall(r'(?:src|href)="(?:/page/|page/)([^"]+)"', page.text)
+    assert names
+    for name in [*names, "fonts/IBMPlexSans-Regular.woff2"]:
+        answer = client.get(f"/page/{name}")
+        assert answer.status_code == 200, name
+        assert answer.content
