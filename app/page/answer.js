@@ -12,7 +12,7 @@ function verdict(tone, word, text) {
   const said = `${word}. ${text}`;
   if (box.dataset.said === said) return;
   box.dataset.said = said;
-  box.className = `verdict ${tone}`;
+  box.className = `verdict ${tone}${box.classList.contains("pending") ? " pending" : ""}`;
   fill(box, [make("p", {}, make("span", { class: "word" }, `${word}.`), ` ${text}`)]);
 }
 

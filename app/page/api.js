@@ -35,7 +35,7 @@ export const get = (path) => asked("GET", path);
 export const post = (path, body) => asked("POST", path, body);
 export const put = (path, body) => asked("PUT", path, body);
 
-// Asks for the newest state only: at most once a frame, one request under way, what came meanwhile is left out.
+// Asks for the newest state only, and says with an answer whether it is still the newest: at most once a frame, one request under way, what came meanwhile is left out.
 export function latest(ask, shown, refused) {
   let wanted = false, waiting = false, busy = false;
   async function go() {
@@ -46,7 +46,7 @@ export function latest(ask, shown, refused) {
     try {
       const answer = await ask();
       // An answer to a state that has changed since then is shown while dragging, and soon replaced.
-      if (answer !== null) shown(answer);
+      if (answer !== null) shown(answer, !wanted);
     } catch (error) {
       if (!(error instanceof Refused)) throw error;
       refused(error);

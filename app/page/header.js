@@ -75,7 +75,10 @@ export function targetFields(parent, plan, nominal, change) {
   fill(parent, Object.keys(nominal).map((name) => {
     const stated = at(plan, ["targets", name, "guess_mm"]);
     const place = stated || nominal[name];
+    const said = (own) => (own ? `${name}: nominal place, as stated in the plan` : `${name}: nominal place, taken from the postures; the plan states none`);
+    const legend = make("legend", {}, said(stated));
     const move = (i, value) => change(`target/${name}/${i}`, (p) => {
+      legend.textContent = said(true);
       const guess = [...(at(p, ["targets", name, "guess_mm"]) || place)];
       guess[i] = value;
       put(p, ["targets", name, "guess_mm"], guess);
@@ -94,7 +97,6 @@ export function targetFields(parent, plan, nominal, change) {
       });
       return make("div", { class: "joint" }, make("span", { class: "name" }, axis), slider, field, make("span", { "aria-hidden": "true" }, "mm"));
     });
-    const said = stated ? `${name}: nominal place, as stated in the plan` : `${name}: nominal place, taken from the postures; the plan states none`;
-    return make("fieldset", { "data-key": `targets/${name}` }, make("legend", {}, said), ...rows);
+    return make("fieldset", { "data-key": `targets/${name}` }, legend, ...rows);
   }));
 }

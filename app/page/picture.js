@@ -20,8 +20,8 @@ export const posed = (name, arm, tool = null, beam = null, reaches = true) => ({
   name, arm, tool: [arm.at(-1), tool || arm.at(-1)], beam, reaches, numbers: numbers(arm),
 });
 
-function frame(postures, targets, reach) {
-  const points = [[0, 0, 0], ...targets.map((t) => t.at)];
+function frame(postures, targets, reach, extent) {
+  const points = [[0, 0, 0], ...extent, ...targets.map((t) => t.at)];
   for (const p of postures) points.push(...p.arm, ...p.tool, ...(p.beam || []));
   const low = [0, 1, 2].map((i) => Math.min(...points.map((p) => p[i])));
   const high = [0, 1, 2].map((i) => Math.max(...points.map((p) => p[i])));
@@ -42,7 +42,7 @@ export const within = (reach) => [-0.65, 0.65].flatMap((x) => [[x * reach, 0, 0]
 // `of` says what is shown: as long as it is the same, the view stays as the reader turned it. `extent`: points to fit in.
 export function show(of, postures, targets, chosen, reach, caption, extent = []) {
   const fit = of !== keptOf;
-  if (fit) kept = { ...frame(postures, targets, reach), extent };
+  if (fit) kept = { ...frame(postures, targets, reach, extent), extent };
   keptOf = of;
   by("scene-caption").textContent = `${caption} Grid of ${kept.grid.step} mm at z = 0; x, y and z are the base frame.`;
   by("scene").classList.toggle("single", postures.length < 2);

@@ -33,17 +33,20 @@ const ask = latest(
     const found = await post("/api/check", { plan: asked, scene: true, ...(opened && folderOf(opened) === folderOf(file) ? { file: opened } : {}) });
     return number === shown ? found : null;
   },
-  (found) => {
+  (found, newest) => {
     const first = answer === null;
     answer = found;
+    if (newest) pending(false);
     wrong(null);
     showAnswer(found, move, moving);
     if (first) renderAll();
     else renderPlaces();
+    if (!first && !by("plan-targets").contains(document.activeElement)) renderTargets();
     draw();
   },
   (error) => {
     answer = null;
+    pending(false);
     halt();
     wrong(error);
     showRefusal(error.text);
@@ -67,10 +70,17 @@ function wrong(error) {
 function change(key, edit) {
   history.change(key, edit);
   halt();
+  pending(true);
   renderButtons();
   if (key === null) renderAll();
   else renderPlaces();
   ask();
+}
+
+// Numbers that the plan has outrun are pale until those of the plan as it is now are there.
+function pending(on) {
+  for (const id of ["plan-table", "plan-verdict", "glance"]) by(id).classList.toggle("pending", on);
+  by("plan-table").setAttribute("aria-busy", String(on));
 }
 
 function renderButtons() {
@@ -106,11 +116,15 @@ function renderAll() {
   setRows = jointRows(by("plan-joints"), arm.joints, (j, value) => change(`joint/${chosen}/${j}`, (plan) => { row(plan.postures_deg[chosen])[j] = value; }));
   renderPlaces();
   headerFields(by("plan-header"), history.plan, change);
+  renderTargets();
+  renderButtons();
+}
+
+function renderTargets() {
   const nominal = {};
   for (const place of answer ? answer.scene : []) nominal[place.target_name] ??= place.target;
   for (const [name, target] of Object.entries(history.plan.targets || {})) if (Array.isArray(target.guess_mm)) nominal[name] ??= target.guess_mm;
   targetFields(by("plan-targets"), history.plan, nominal, change);
-  renderButtons();
 }
 
 function draw(step = null) {
@@ -217,6 +231,7 @@ async function save() {
 function step(which) {
   if (history === null || !history[which]()) return;
   halt();
+  pending(true);
   renderAll();
   ask();
 }

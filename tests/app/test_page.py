@@ -103,6 +103,21 @@ def test_u_follows_a_joint_and_undo_takes_it_back(address: str) -> None:
         assert tab.console == []
 
 
+def test_u_follows_the_target_and_the_tolerance_of_the_geometry(address: str) -> None:
+    target = "document.querySelector('#plan-targets input')"
+    with plan(address, "plan.yaml") as tab:
+        before = tab.value(U2)
+        give(tab, target, float(tab.value(f"{target}.value")) + 300)
+        wait(tab, f"{U2} !== {before!r} && !document.querySelector('.pending')")
+        moved = tab.value(U2)
+        tab.value("document.getElementById('plan-geometry').click()")
+        wait(tab, f"{U2} !== {moved!r} && !document.querySelector('.pending')")
+        usual = tab.value(U2)
+        give(tab, "document.querySelector('[data-tolerance=length_mm]')", 0.3)
+        wait(tab, f"{U2} !== {usual!r}")
+        assert tab.console == []
+
+
 def test_a_slider_is_moved_by_keys(address: str) -> None:
     with plan(address, "plan.yaml") as tab:
         before = tab.value(f"{joint(3, 'number')}.value")
