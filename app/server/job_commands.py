@@ -40,7 +40,7 @@ _PLAN: dict[str, Kind] = {
     ),
 }
 # By the words of a command: how many files it reads, and its options. `--force` is none of them: a job
-# replaces nothing.
+# replaces nothing but an earlier report.
 ALLOWED: Mapping[tuple[str, ...], tuple[int, Mapping[str, Kind]]] = {
     ("plan", "x"): (0, _PLAN),
     ("plan", "y"): (0, _PLAN),
