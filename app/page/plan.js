@@ -133,7 +133,7 @@ function draw(step = null) {
   const targets = new Map(answer.scene.map((place) => [place.target_name, { name: place.target_name, at: place.target, state: "nominal" }]));
   if (step) targets.set(step.target.name, step.target);
   show(`plan ${shown}`, postures, [...targets.values()], all ? null : chosen, arm.reach_mm,
-    step ? "The arm moves along the null-space direction, with the target: the measurements stay the same, to first order." : "Postures as the servo will leave them, turned onto their targets.");
+    step ? "The arm moves along the null-space direction, with the target: the measurements hardly change." : "Postures as the servo will leave them, turned onto their targets.");
 }
 let all = false;
 
