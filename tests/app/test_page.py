@@ -75,9 +75,8 @@ def joint(number: int, kind: str = "range", place: str = "plan") -> str:
     return f"document.querySelector('#{place}-joints [data-joint=\"{number - 1}\"] input[type={kind}]')"
 
 
-@pytest.mark.parametrize(
-    "size", [name if name == "phone" else pytest.param(name, marks=pytest.mark.long) for name in SIZES]
-)
+@pytest.mark.long
+@pytest.mark.parametrize("size", SIZES)
 def test_both_places_load_from_the_server_alone_and_leave_nobody_out(address: str, size: str) -> None:
     with plan(address, "plan.yaml", SIZES[size]) as tab:
         for place in ("plan", "robot"):
@@ -103,6 +102,7 @@ def test_u_follows_a_joint_and_undo_takes_it_back(address: str) -> None:
         assert tab.console == []
 
 
+@pytest.mark.long
 def test_u_follows_the_target_and_the_tolerance_of_the_geometry(address: str) -> None:
     target = "document.querySelector('#plan-targets input')"
     with plan(address, "plan.yaml") as tab:
@@ -118,6 +118,7 @@ def test_u_follows_the_target_and_the_tolerance_of_the_geometry(address: str) ->
         assert tab.console == []
 
 
+@pytest.mark.long
 def test_a_slider_is_moved_by_keys(address: str) -> None:
     with plan(address, "plan.yaml") as tab:
         before = tab.value(f"{joint(3, 'number')}.value")
@@ -150,6 +151,7 @@ def test_an_error_stands_at_its_posture_and_takes_the_numbers_away(address: str)
         assert tab.value("document.querySelectorAll('.error').length") == 0
 
 
+@pytest.mark.long
 def test_postures_are_added_removed_and_saved(address: str, folder: Path) -> None:
     with plan(address, "plan.yaml") as tab:
         postures = "document.querySelectorAll('#postures li').length"
@@ -165,6 +167,7 @@ def test_postures_are_added_removed_and_saved(address: str, folder: Path) -> Non
     assert len(read_plan(folder / "plan.yaml").postures) == 7
 
 
+@pytest.mark.long
 def test_a_plan_is_begun_with_a_robot(address: str) -> None:
     with chromium().opened(f"{address}#plan") as tab:
         wait(tab, "document.querySelector('#plan-begin optgroup')")
@@ -181,6 +184,7 @@ def test_a_name_is_shown_as_it_is(address: str) -> None:
         assert tab.dialogs == []
 
 
+@pytest.mark.long
 def test_the_pose_follows_the_joints_of_a_robot(address: str) -> None:
     with chromium().opened(f"{address}#robot") as tab:
         wait(tab, "document.querySelector('#robot-pose td')")
