@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -48,6 +48,7 @@ Without = Annotated[
 
 
 Text = Callable[["Run", "Calibration"], str]
+Made = tuple[Mapping[Path, str | bytes], Sequence[str]]  # the files, and what is said of them
 
 
 @dataclass(frozen=True)
@@ -254,16 +255,35 @@ def _export(
     text: Text,
     against: Path | None = None,
 ) -> None:
-    """Judge a run, write what may be applied, say what was written; never over a file that is read."""
+    """One file of the text that is made of a run and its calibration."""
+
+    def made(recorded: Run, judged: Calibration) -> Made:
+        return {file: text(recorded, judged)}, ()
+
+    export_made(run, file, allowed, without, force, as_json, made, [against])
+
+
+def export_made(
+    run: Path,
+    file: Path,
+    allowed: Allowed,
+    without: list[str] | None,
+    force: bool,
+    as_json: bool,
+    made: Callable[[Run, Calibration], Made],
+    read: Sequence[Path | None],
+) -> None:
+    """Judge a run, write what may be applied, say what was written; never over a file that is `read`."""
     from ..experiments.exporters.calibration import calibration
     from ..experiments.exporters.offsets_data import document
     from ..model.files.robot_file import robot_path
     from ..model.files.run import read_run
     from ..model.files.whole_file import refuse_existing, write_whole
 
-    refuse_existing(file, force=force, keep=[run, against])
+    refuse_existing(file, force=force, keep=[run, *read])
     recorded = read_run(run)
-    refuse_existing(file, force=force, keep=[robot_path(recorded.header.robot, run.parent)])
+    keep = [run, *read, robot_path(recorded.header.robot, run.parent)]
+    refuse_existing(file, force=force, keep=keep)
     judged = calibration(
         recorded,
         allow_weak=allowed.weak,
@@ -273,12 +293,15 @@ def _export(
         without=without or (),
         holds=allowed.holds,
     )
-    write_whole(file, text(recorded, judged), force=force)
+    files, said = made(recorded, judged)
+    for path in files:
+        refuse_existing(path, force=force, keep=keep)
+    for path, content in files.items():
+        write_whole(path, content, force=force)
     if as_json:
         print_json(document(judged))
     else:
-        for line in judged.head:
+        for line in [*judged.head, *said, *(f"Written to {path}" for path in files)]:
             out.print(line, markup=False, soft_wrap=True)
-        out.print(f"Written to {file}", markup=False, soft_wrap=True)
     if judged.misfit:
         raise typer.Exit(EXIT_STATUS["misfit"])

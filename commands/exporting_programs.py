@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .console import EXIT_STATUS, out, print_json
-from .exporting import AllowDisplaced, AllowWeak, ExportFile, Unvalidated, Without
+from .exporting import AllowDisplaced, Allowed, AllowWeak, ExportFile, Made, Unvalidated, Without, export_made
 from .options import Force, J3Origin, Json, RunFile
+
+if TYPE_CHECKING:
+    from ..experiments.exporters.calibration import Calibration
+    from ..model.files.run import Run
 
 
 def export_program(
@@ -70,37 +73,14 @@ def export_program(
     A program with motions that are not understood is refused, by line. Targets that were taught on this very
     arm hold its offsets already: do not correct them.
     """
-    from ..experiments.exporters.calibration import calibration
-    from ..experiments.exporters.offsets_data import document
     from ..experiments.exporters.user_programs.filtered import Choices, files_of, filtered, language_of
-    from ..model.files.robot_file import robot_path
-    from ..model.files.run import read_run
-    from ..model.files.whole_file import refuse_existing, write_whole
 
     language_of(program)
-    recorded = read_run(run)
-    read = [run, *files_of(program), robot_path(recorded.header.robot, run.parent)]
-    refuse_existing(file, force=force, keep=read)
-    judged = calibration(
-        recorded,
-        allow_weak=allow_weak,
-        allow_displaced=allow_displaced,
-        unvalidated=unvalidated,
-        without=without or (),
-        holds="links",
-    )
     choices = Choices(tool or (), frame or (), leave or (), near, j3)
-    done = filtered(recorded.robot, judged, program, file, choices)
-    for path in done.files:
-        refuse_existing(path, force=force, keep=read)
-    for path, content in done.files.items():
-        write_whole(path, content, force=force)
-    if as_json:
-        print_json(document(judged))
-    else:
-        for line in [*judged.head, *done.said]:
-            out.print(line, markup=False, soft_wrap=True)
-        for path in done.files:
-            out.print(f"Written to {path}", markup=False, soft_wrap=True)
-    if judged.misfit:
-        raise typer.Exit(EXIT_STATUS["misfit"])
+
+    def made(recorded: Run, judged: Calibration) -> Made:
+        done = filtered(recorded.robot, judged, program, file, choices)
+        return done.files, done.said
+
+    allowed = Allowed(allow_weak, allow_displaced, unvalidated, holds="links")
+    export_made(run, file, allowed, without, force, as_json, made, files_of(program))

@@ -35,8 +35,8 @@ def side_by_side(
     processes = min(processes or os.cpu_count() or 1, max(len(jobs), 1))
     if processes == 1:
         for number, job in enumerate(jobs):
-            with threadpool_limits(limits=1), compiled_at_once():
-                answer = work(job)
+            with threadpool_limits(limits=1):
+                answer = _worked(work, job)
             yield number, answer
         return
     # Spawned, not forked: a fork takes the locks of threads along, but not the threads.
