@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,7 @@ from zerobeam.experiments.exporters.robot_rows import robot_text
 from zerobeam.experiments.exporters.urdf_origins import urdf_text
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import Run
+from zerobeam.model.kernel import compiled_at_once
 
 TEXTS: dict[str, Callable[[Run, Calibration], str]] = {
     "urdf": urdf_text,
@@ -33,6 +34,13 @@ TEXTS: dict[str, Callable[[Run, Calibration], str]] = {
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     return urdf_run(tmp_path_factory.mktemp("arm"))
+
+
+@pytest.fixture(autouse=True)
+def same_kernels() -> Iterator[None]:
+    """A kernel that is compiled between a command and what it is compared with changes the last digits."""
+    with compiled_at_once():
+        yield
 
 
 @pytest.fixture(scope="module")
