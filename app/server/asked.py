@@ -1,56 +1,16 @@
-"""What the page sends, as pydantic models, and how a refusal is said to it."""
+"""What the page sends, held to a model, and how a refusal is said to it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
-
-from pydantic import BeforeValidator, Field
+from typing import Any, TypeVar
 
 from ...model.errors import BadInput, ZerobeamError
-from ...model.files.header import RobotRef
 from ...model.files.reading import DEEPEST, MOST_VALUES, Place
-from ...model.files.validation import FileModel, Model, as_tuple, validate
+from ...model.files.validation import Model, validate
 
 Answer = TypeVar("Answer")
-
-
-class AskedRobot(FileModel):
-    """A robot to show."""
-
-    robot: RobotRef = Field(
-        description="a built-in name, a robot file below the folder, or {urdf, base, tip}"
-    )
-    joints_deg: Annotated[tuple[float, ...], BeforeValidator(as_tuple)] | None = Field(
-        default=None, description="joint positions, degrees (millimetres for a prismatic joint); default: 0"
-    )
-    j3: Literal["link", "ground"] = Field(default="link", description="what joint 3 is counted from")
-
-
-class AskedCheck(FileModel):
-    """A plan to check."""
-
-    plan: dict[str, Any] = Field(description="the content of a plan file (zerobeam/plan/1)")
-    file: str | None = Field(
-        default=None, description="the file that it is from: paths in the plan are relative to its folder"
-    )
-    scene: bool = Field(default=False, description="whether to say where arm, beam and target are")
-
-
-class AskedPlan(FileModel):
-    """A plan to write."""
-
-    file: str = Field(description="path below the folder (.yaml): a new file, or a plan to be replaced")
-    plan: dict[str, Any] = Field(description="the content of a plan file (zerobeam/plan/1)")
-
-
-class AskedJob(FileModel):
-    """A command to carry out."""
-
-    command: Annotated[tuple[str, ...], BeforeValidator(as_tuple), Field(min_length=1, max_length=100)] = (
-        Field(description="a command as it is typed after `zerobeam`, word by word")
-    )
 
 
 class Refused(BadInput):

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ...model.errors import BadInput
+from ...model.files.whole_file import refuse_existing
 
 MOST_FILES = 2000  # listed
 MOST_SEEN = 20_000  # looked at for them
@@ -45,6 +46,22 @@ class Folder:
         path = Path(os.path.realpath((start or self.root) / name))
         if not path.is_relative_to(self.root) or path == self.root:
             raise BadInput("this path is not below the app's folder", found=name[:100], allowed=allowed)
+        return path
+
+    def file(self, name: str) -> Path:
+        """The path of a regular file below the folder that is not hidden; BadInput where there is none."""
+        path = self.inside(name)
+        if not path.is_file() or _hidden(self.called(path)):
+            raise BadInput("there is no such file in the app's folder", found=name[:100])
+        return path
+
+    def new(self, name: str) -> Path:
+        """The path of a file that is to be made: in a folder that is there, not hidden, no other's name."""
+        path = self.inside(name)
+        if _hidden(self.called(path)):
+            allowed = "a name that does not begin with a dot"
+            raise BadInput("a file cannot have this name", found=name[:100], allowed=allowed)
+        refuse_existing(path)
         return path
 
     def called(self, path: Path) -> str:
@@ -87,6 +104,10 @@ class Folder:
                     continue  # gone meanwhile
                 if stat.S_ISREG(facts.st_mode) and _writable_name(path.name):
                     yield self.called(path), facts
+
+
+def _hidden(name: str) -> bool:
+    return any(part.startswith(".") for part in name.split("/"))
 
 
 def _writable_name(name: str) -> bool:

@@ -3,10 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Literal
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Field
 
 from ...model.errors import BadInput
+from ...model.files.validation import FileModel, as_tuple
 from .folder import Folder
+
+
+class AskedJob(FileModel):
+    """A command to carry out."""
+
+    command: Annotated[tuple[str, ...], BeforeValidator(as_tuple), Field(min_length=1, max_length=100)] = (
+        Field(description="a command as it is typed after `zerobeam`, word by word")
+    )
+
 
 Kind = Literal["read", "write", "value", "flag"]
 

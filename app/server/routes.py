@@ -6,34 +6,39 @@ import asyncio
 import functools
 import json
 import traceback
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import JSONResponse, Response, StreamingResponse
+from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from ...model.errors import BadInput, ZerobeamError
 from ...model.files.reading import LARGEST_YAML, parse_json
+from ...model.files.whole_file import write_whole
 from ...reports.output.template import TEMPLATES, sheet
 from ...reports.style import typeface
-from . import answers
-from .asked import AskedCheck, AskedJob, AskedPlan, AskedRobot, asked, error_json, require_plain
+from .asked import asked, error_json, require_plain
+from .end_point import EndPoint
+from .end_points import END_POINTS
 from .folder import Folder
 from .guard import Access, Guard, refusal
-from .job_commands import job_command
+from .job_commands import AskedJob, job_command
 from .jobs import Job, Jobs
 from .openapi import description
 
-Answer = TypeVar("Answer")
-
 _PAGE = Path(__file__).parents[1] / "page"
+_PLACES = ("import", "robot", "plan", "measure", "result")  # in the order in which they are shown
+_ALONE = (
+    "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline';"
+    " img-src data:; font-src data:; frame-ancestors 'self'"
+)
 _TYPES = {
     ".css": "text/css",
     ".html": "text/html",
@@ -51,12 +56,11 @@ def application(folder: Folder, access: Access) -> Starlette:
     routes = [
         Route("/", server.page),
         Route("/page/{path:path}", server.page),
-        Route("/api/robots", server.robots),
-        Route("/api/robot", server.robot, methods=["POST"]),
+        *(Route(point.path, server.calculation(point), methods=[point.method]) for point in END_POINTS),
         Route("/api/files", server.files),
-        Route("/api/plan", server.plan),
-        Route("/api/plan", server.write_plan, methods=["PUT"]),
-        Route("/api/check", server.check, methods=["POST"]),
+        Route("/api/file", server.download),
+        Route("/api/file", server.upload, methods=["PUT"]),
+        Route("/report/{path:path}", server.report),
         Route("/api/jobs", server.jobs_told),
         Route("/api/jobs", server.begin_job, methods=["POST"]),
         Route("/api/jobs/{id}", server.job),
@@ -80,7 +84,8 @@ def application(folder: Folder, access: Access) -> Starlette:
 def page_files() -> dict[str, bytes]:
     """What the page consists of, by its name below /page: nothing else is ever sent from there.
 
-    Its own files, and of the reports the typeface, the style sheet and the scene that can be turned.
+    Its own files, with the places of the page in one; of the reports the typeface, the style sheet and the
+    scene that can be turned.
     """
     own = {
         path.relative_to(_PAGE).as_posix(): path
@@ -90,7 +95,9 @@ def page_files() -> dict[str, bytes]:
     fonts = {f"fonts/{path.name}": path for path in typeface.FOLDER.glob("*.woff2")}
     scene = {name: TEMPLATES / name for name in ("scene.js", "scene.css")}
     read = {name: path.read_bytes() for name, path in (own | fonts | scene).items()}
-    return read | {"report.css": sheet().encode()}
+    parts = b"".join(read.pop(f"places/{place}/place.html", b"") for place in _PLACES)
+    index = read["index.html"].replace(b"<!-- places -->\n", parts)
+    return read | {"index.html": index, "report.css": sheet().encode()}
 
 
 class _Server:
@@ -101,6 +108,7 @@ class _Server:
         self.page_files = page_files()
         self.jobs = Jobs(folder)
         self.turn = asyncio.Lock()
+        self.uploads = asyncio.Semaphore(2)
         self.thread = ThreadPoolExecutor(1, "calculation")
 
     async def page(self, request: Request) -> Response:
@@ -110,27 +118,36 @@ class _Server:
             return refusal(404, "the page has no such file")
         return Response(content, media_type=_TYPES[Path(name).suffix])
 
-    async def robots(self, request: Request) -> Response:
-        return JSONResponse(await self._calculated(request, answers.robots))
+    def calculation(self, point: EndPoint) -> Callable[[Request], Awaitable[Response]]:
+        async def answered(request: Request) -> Response:
+            if point.sent is not None:
+                return await self._calculated(request, point, asked(point.sent, await _content(request)))
+            texts = [request.query_params.get(name, "") for name in point.asked]
+            return await self._calculated(request, point, *texts)
 
-    async def robot(self, request: Request) -> Response:
-        wanted = asked(AskedRobot, await _content(request))
-        return JSONResponse(await self._calculated(request, answers.robot, self.folder, wanted))
+        return answered
 
     async def files(self, request: Request) -> Response:
         return JSONResponse(await asyncio.to_thread(self.folder.files))
 
-    async def plan(self, request: Request) -> Response:
-        name = request.query_params.get("file", "")
-        return JSONResponse(await self._calculated(request, answers.plan, self.folder, name))
+    async def download(self, request: Request) -> Response:
+        path = self.folder.file(request.query_params.get("file", ""))
+        return FileResponse(path, media_type="application/octet-stream", filename=path.name)
 
-    async def write_plan(self, request: Request) -> Response:
-        wanted = asked(AskedPlan, await _content(request))
-        return JSONResponse(await self._calculated(request, answers.write, self.folder, wanted))
+    async def upload(self, request: Request) -> Response:
+        """A new file; who comes while two are under way waits, for each is in memory until it is whole."""
+        path = self.folder.new(request.query_params.get("file", ""))
+        async with self.uploads:
+            content = b"".join([part async for part in request.stream()])
+            await asyncio.to_thread(write_whole, path, content)
+        return JSONResponse({"file": self.folder.called(path), "bytes": len(content)}, status_code=201)
 
-    async def check(self, request: Request) -> Response:
-        wanted = asked(AskedCheck, await _content(request))
-        return JSONResponse(await self._calculated(request, answers.check, self.folder, wanted))
+    async def report(self, request: Request) -> Response:
+        """A page of the folder, alone in a sandbox: its scripts reach neither this page nor the server."""
+        path = self.folder.file(request.path_params["path"])
+        if path.suffix.lower() != ".html":
+            return FileResponse(path, media_type="application/octet-stream", filename=path.name)
+        return FileResponse(path, media_type="text/html", headers={"content-security-policy": _ALONE})
 
     async def jobs_told(self, request: Request) -> Response:
         return JSONResponse([job.brief() for job in self.jobs.all()])
@@ -175,12 +192,13 @@ class _Server:
         status = 400 if isinstance(error, BadInput) else 422
         return JSONResponse(error_json(error, self.folder.without), status_code=status)
 
-    async def _calculated(self, request: Request, what: Callable[..., Answer], *of: Any) -> Answer:
+    async def _calculated(self, request: Request, point: EndPoint, *of: Any) -> Response:
         async with self.turn:
             if await request.is_disconnected():  # while others were answered: a page asks anew at every move
                 raise ClientDisconnect
             loop = asyncio.get_running_loop()
-            return await loop.run_in_executor(self.thread, functools.partial(what, *of))
+            work = functools.partial(point.answer, self.folder, *of)
+            return JSONResponse(await loop.run_in_executor(self.thread, work))
 
 
 async def _content(request: Request) -> Any:

@@ -12,6 +12,7 @@ import pytest
 from starlette.testclient import TestClient
 
 from zerobeam.app.server import guard
+from zerobeam.app.server.end_point import EndPoint
 from zerobeam.app.server.folder import Folder
 from zerobeam.app.server.guard import Access
 from zerobeam.app.server.routes import application
@@ -191,10 +192,10 @@ def test_from_other_machines_a_token_is_needed(root: Path) -> None:
 def test_a_fault_of_ours_says_nothing_of_itself(
     root: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def broken() -> None:
+    def broken(_: Folder) -> None:
         raise RuntimeError("swordfish")
 
-    monkeypatch.setattr("zerobeam.app.server.answers.robots", broken)
+    monkeypatch.setattr("zerobeam.app.server.routes.END_POINTS", [EndPoint("/api/robots", "GET", "", broken)])
     app = application(Folder(root), Access())
     with TestClient(app, base_url="http://localhost", raise_server_exceptions=False) as client:
         answer = client.get("/api/robots")

@@ -168,4 +168,4 @@ def test_the_description_has_every_end_point(client: TestClient) -> None:
 
     walk(described)
     assert references <= set(schemas)
-    assert "postures_deg" in schemas["Plan"]["properties"]
+    assert "postures_deg" in schemas["PlanFile"]["properties"]

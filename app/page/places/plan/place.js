@@ -1,13 +1,13 @@
 // The place Plan: postures, targets and tolerances of a plan file, and what the plan will determine as they change.
-import { offBy, showAnswer, showRefusal } from "/page/answer.js";
-import { get, latest, post, put, Refused } from "/page/api.js";
-import { by, fill, fixed, make, options, say } from "/page/dom.js";
-import { headerFields, targetFields } from "/page/header.js";
-import { History } from "/page/history.js";
-import { jointRows } from "/page/joints.js";
-import { animate } from "/page/motion.js";
-import { posed, show } from "/page/picture.js";
-import { robotGroups } from "/page/robot.js";
+import { offBy, showAnswer, showRefusal } from "/page/places/plan/answer.js";
+import { get, latest, post, put, Refused } from "/page/parts/api.js";
+import { by, fill, fixed, make, options, say } from "/page/parts/dom.js";
+import { headerFields, targetFields } from "/page/places/plan/header.js";
+import { History } from "/page/places/plan/history.js";
+import { jointRows } from "/page/parts/joints.js";
+import { animate } from "/page/places/plan/motion.js";
+import { posed, show } from "/page/parts/picture.js";
+import { robotGroups } from "/page/places/robot/place.js";
 
 const SPREAD = [[0, 0, 0], [18, -6, 8], [-18, 8, -6], [9, 10, 4], [-9, -10, 10], [25, 4, -12], [-25, -3, 5]]; // degrees, of the first postures
 let visible = false, history = null, arm = null, chosen = 0, answer = null, setRows = null, stop = null, moving = null;
@@ -256,7 +256,7 @@ const another = (turn) => change(null, (plan) => {
   chosen += 1;
 });
 
-export const plan = {
+export const place = {
   async begin(robots, files) {
     await listFiles(files);
     options(by("plan-begin"), robotGroups(robots, files.filter((f) => !f.path.endsWith(".urdf"))), "choose a robot");

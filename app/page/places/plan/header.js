@@ -1,5 +1,5 @@
 // Target, laser, noise and geometry of a plan, as fields.
-import { fill, make } from "/page/dom.js";
+import { fill, make } from "/page/parts/dom.js";
 
 const SPAN = 1000; // mm: how far a target's slider goes to each side
 const at = (plan, key) => key.reduce((value, part) => (value === undefined || value === null ? undefined : value[part]), plan);

@@ -1,64 +1,63 @@
-"""What the page asks of the calculations: by the same functions as the commands, the same JSON."""
+"""Plans: reading, writing, and what one will determine."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
-import casadi as ca
 import numpy as np
+from pydantic import Field
 
-from ...analysis.observability.aim import aim_plan
-from ...analysis.observability.check import Check
-from ...analysis.observability.check import check as judge
-from ...experiments.arm_shown import ShownArm, arm_json, shown_arm
-from ...model.errors import BadInput
-from ...model.files.header import PLAN_SCHEMA, UrdfRef
-from ...model.files.plan import Plan, plan_of, write_plan
-from ...model.files.reading import Document, Place, read_yaml, require_schema
-from ...model.files.robot_file import built_in_robots, stated_rows
-from ...model.robot import Matrix
-from ...reports.plan.plan_scene import Postures, postures_of
-from ...reports.words.result_json import check_json
-from .asked import NOWHERE, AskedCheck, AskedPlan, AskedRobot, keyed
-from .folder import Folder
+from ....analysis.observability.aim import aim_plan
+from ....analysis.observability.check import Check
+from ....analysis.observability.check import check as judge
+from ....experiments.arm_shown import shown_arm
+from ....model.errors import BadInput
+from ....model.files.header import PLAN_SCHEMA
+from ....model.files.plan import Plan, plan_of, write_plan
+from ....model.files.reading import Document, Place, read_yaml, require_schema
+from ....model.files.validation import FileModel
+from ....reports.plan.plan_scene import Postures, postures_of
+from ....reports.words.result_json import check_json
+from ..asked import NOWHERE, keyed
+from ..end_point import EndPoint
+from ..folder import Folder
+from .notes import noted
+from .robots import arm_of, require_robot_inside, rounded, whole_ref
 
 MOST_POSTURES = 1000  # of a plan that is checked while somebody waits
 
 
-@cache
-def robots() -> list[dict[str, Any]]:
-    """The built-in robots: name, vendor and model (null where they are not stated)."""
-    stated = [(name, stated_rows(name, Path())) for name in built_in_robots()]
-    return [{"name": name, "vendor": rows.vendor, "model": rows.model} for name, rows in stated]
+class AskedCheck(FileModel):
+    """A plan to check."""
+
+    plan: dict[str, Any] = Field(description="the content of a plan file (zerobeam/plan/1)")
+    file: str | None = Field(
+        default=None, description="the file that it is from: paths in the plan are relative to its folder"
+    )
+    scene: bool = Field(default=False, description="whether to say where arm, beam and target are")
 
 
-def robot(folder: Folder, wanted: AskedRobot) -> dict[str, Any]:
-    """`zerobeam/arm/1`, and in the first posture `skeleton` (n + 2 points, mm: base, joints, flange), `axes`
-    (n unit vectors, of the joints) in the base frame; `notes` where numbers look wrong."""
-    texts = [] if wanted.joints_deg is None else [", ".join(map(repr, map(float, wanted.joints_deg)))]
-    with _noted() as notes:
-        ref = _whole_ref(folder, wanted.robot, folder.root)
-        arm = shown_arm(ref, texts, units="deg", j3=wanted.j3)
-    return _arm(arm) | {"notes": notes}
+class AskedPlan(FileModel):
+    """A plan to write."""
+
+    file: str = Field(description="path below the folder (.yaml): a new file, or a plan to be replaced")
+    plan: dict[str, Any] = Field(description="the content of a plan file (zerobeam/plan/1)")
 
 
 def plan(folder: Folder, name: str) -> dict[str, Any]:
     """A plan file: its content (`plan`), the `targets` of its postures, its `robot`, and `notes`."""
     path = folder.inside(name)
-    with _noted() as notes:
+    with noted() as notes:
         document = read_yaml(path)
         require_schema(document.data, PLAN_SCHEMA, file=path, line=document.line(("schema",)))
-        _require_robot_inside(folder, document.data, path.parent)
+        require_robot_inside(folder, document.data, path.parent)
         read = plan_of(document)
-        ref = _whole_ref(folder, read.header.robot, path.parent)
+        ref = whole_ref(folder, read.header.robot, path.parent)
         arm = shown_arm(
             ref,
             [", ".join(map(repr, (read.postures[0] * read.robot.display).tolist()))],
@@ -69,7 +68,7 @@ def plan(folder: Folder, name: str) -> dict[str, Any]:
         "file": folder.called(path),
         "plan": document.data,
         "targets": list(read.targets),
-        "robot": _arm(arm),
+        "robot": arm_of(arm),
         "notes": [*notes, *read.warnings],
     }
 
@@ -82,7 +81,7 @@ def write(folder: Folder, wanted: AskedPlan) -> dict[str, Any]:
     if path.exists():
         document = read_yaml(path)
         require_schema(document.data, PLAN_SCHEMA, file=path, line=None)
-    with _noted() as notes:
+    with noted() as notes:
         stated = _stated(folder, wanted.plan, path)
     rows = stated.postures * stated.robot.display
     via = [between * stated.robot.display for between in stated.via]
@@ -102,7 +101,7 @@ def check(folder: Folder, wanted: AskedCheck) -> dict[str, Any]:
             allowed=f"at most {MOST_POSTURES}",
             remedy="use zerobeam check",
         )
-    with _noted() as notes:
+    with noted() as notes:
         stated = _stated(folder, wanted.plan, path)
         turned = aim_plan(stated)
         found = judge(stated, turned)
@@ -114,7 +113,7 @@ def check(folder: Folder, wanted: AskedCheck) -> dict[str, Any]:
 
 def _stated(folder: Folder, content: dict[str, Any], path: Path) -> Plan:
     """The plan that a file with this content would be; Refused with the key of what is wrong."""
-    _require_robot_inside(folder, content, path.parent)
+    require_robot_inside(folder, content, path.parent)
     sha256 = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
     try:
         return plan_of(Document(content, path, sha256, {}))
@@ -136,32 +135,6 @@ class _Placed(Document):
         return self.finder(place)
 
 
-def _require_robot_inside(folder: Folder, content: Any, start: Path) -> None:
-    stated = content.get("robot") if isinstance(content, dict) else None
-    name = stated.get("urdf") if isinstance(stated, dict) else stated
-    if isinstance(name, str) and name not in built_in_robots() and (isinstance(stated, dict) or "." in name):
-        folder.inside(name, start)
-
-
-def _whole_ref(folder: Folder, ref: str | UrdfRef, start: Path) -> str | UrdfRef:
-    """The same robot, its file with its whole path."""
-    if isinstance(ref, UrdfRef):
-        return ref.model_copy(update={"urdf": str(folder.inside(ref.urdf, start))})
-    if ref in built_in_robots() or "." not in ref:
-        return ref
-    return str(folder.inside(ref, start))
-
-
-def _arm(arm: ShownArm) -> dict[str, Any]:
-    theta = ca.SX.sym("theta", arm.robot.n)
-    both = [ca.densify(arm.robot.skeleton(theta)), ca.densify(arm.robot.axes(theta))]
-    points, axes = ca.Function("arm", [theta], both)(arm.poses[0].joints)
-    return arm_json(arm) | {
-        "skeleton": _rounded(np.array(points).T, 3),
-        "axes": _rounded(np.array(axes).T, 9),
-    }
-
-
 def _scene(stated: Plan, seen: Postures) -> list[dict[str, Any]]:
     """Per posture, as the servo will leave it: joints, the arm's points, the beam from the laser to its end
     (null for a probe), the target's place and name, and whether beam or probe comes to it."""
@@ -169,11 +142,11 @@ def _scene(stated: Plan, seen: Postures) -> list[dict[str, Any]]:
     joints = seen.joints * stated.robot.display
     return [
         {
-            "joints_deg": _rounded(joints[i], 9),
-            "skeleton": _rounded(seen.arm[i], 3),
-            "tool": _rounded(seen.origin[i], 3),
-            "beam": _rounded(np.array([seen.origin[i], seen.end[i]]), 3) if laser else None,
-            "target": _rounded(seen.targets[stated.target_index[i]], 3),
+            "joints_deg": rounded(joints[i], 9),
+            "skeleton": rounded(seen.arm[i], 3),
+            "tool": rounded(seen.origin[i], 3),
+            "beam": rounded(np.array([seen.origin[i], seen.end[i]]), 3) if laser else None,
+            "target": rounded(seen.targets[stated.target_index[i]], 3),
             "target_name": stated.targets[i],
             "reaches": bool(seen.reaches[i]),
         }
@@ -202,16 +175,8 @@ def _null_motion(found: Check) -> list[dict[str, Any]]:
     return motions
 
 
-def _rounded(values: Matrix, digits: int) -> list[Any]:
-    return (np.round(values, digits) + 0.0).tolist()  # type: ignore[no-any-return]
-
-
-@contextmanager
-def _noted() -> Iterator[list[str]]:
-    """The notes of our own that are given within, for the page instead of the terminal."""
-    notes: list[str] = []
-    ours = __package__.partition(".")[0]
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        yield notes
-    notes += [str(note.message) for note in caught if note.category.__module__.startswith(ours)]
+END_POINTS = [
+    EndPoint("/api/plan", "GET", "A plan: its content, targets, robot and notes.", plan, asked=("file",)),
+    EndPoint("/api/plan", "PUT", "Writes a plan: a new file, or in place of a plan.", write, AskedPlan),
+    EndPoint("/api/check", "POST", "A check (zerobeam/check/1); with `scene` more.", check, AskedCheck),
+]

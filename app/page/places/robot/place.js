@@ -1,8 +1,8 @@
 // The place Robot: an arm of the library or of a file, its joints, and the flange's pose to hold against the pendant.
-import { latest, post } from "/page/api.js";
-import { by, fill, fixed, make, named, options, say, withUnit } from "/page/dom.js";
-import { jointRows } from "/page/joints.js";
-import { posed, show, within } from "/page/picture.js";
+import { latest, post } from "/page/parts/api.js";
+import { by, fill, fixed, make, named, options, say, withUnit } from "/page/parts/dom.js";
+import { jointRows } from "/page/parts/joints.js";
+import { posed, show, within } from "/page/parts/picture.js";
 
 let values = [], shape = "", setRows = null, visible = false, arm = null;
 
@@ -72,7 +72,7 @@ export function robotGroups(robots, files) {
   return [...groups, ["files of this folder", files.filter((f) => f.kind === "robot").map((f) => [f.path, f.path])]];
 }
 
-export const robot = {
+export const place = {
   async begin(robots, files) {
     options(by("robot-name"), robotGroups(robots, files));
     if (robots.some((r) => r.name === "ur5e")) by("robot-name").value = "ur5e";

@@ -1,5 +1,5 @@
 // What /api/check says of a plan: verdict, uncertainties, null-space directions. What is not determined has no number.
-import { by, fill, fixed, make, named, spread } from "/page/dom.js";
+import { by, fill, fixed, make, named, spread } from "/page/parts/dom.js";
 
 const WORDS = { pass: "Pass", weak: "Weak", degenerate: "Degenerate", misfit: "Misfit" };
 const SHAPES = { identified: "●", weak: "◆", unidentifiable: "✕", held: "■", unvalidated: "▲" };

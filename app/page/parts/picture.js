@@ -1,5 +1,5 @@
 // What scene.js draws: arms as the server places them, in a frame that only changes when it has to.
-import { by } from "/page/dom.js";
+import { by } from "/page/parts/dom.js";
 
 const VIEW = [-62, 20]; // degrees: from where a scene is first seen
 const ONE_PLACE = 15; // mm: joints nearer to each other than this share one number

@@ -1,6 +1,6 @@
 // The arm moves along a null-space direction: how it can be off without any measurement showing it.
-import { post } from "/page/api.js";
-import { posed } from "/page/picture.js";
+import { post } from "/page/parts/api.js";
+import { posed } from "/page/parts/picture.js";
 
 const STEPS = 6; // poses to each side
 const PERIOD = 2400; // ms, there and back

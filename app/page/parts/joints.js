@@ -1,5 +1,5 @@
 // Joint positions as sliders within the limits, each with a numeric field.
-import { fill, make } from "/page/dom.js";
+import { fill, make } from "/page/parts/dom.js";
 
 // `moved(index, value)` is called with degrees (mm of a prismatic joint). Returns a function that shows other values.
 export function jointRows(parent, joints, moved) {
