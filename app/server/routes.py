@@ -28,12 +28,13 @@ from .asked import asked, error_json, require_plain
 from .end_point import EndPoint
 from .end_points import END_POINTS
 from .folder import Folder
-from .guard import Access, Guard, refusal
+from .guard import LARGEST_BODY, Access, Guard, refusal
 from .job_commands import AskedJob, job_command
 from .jobs import Job, Jobs
 from .openapi import description
 
 _PAGE = Path(__file__).parents[1] / "page"
+PATIENCE_S = 120.0  # for the body of a request
 _PLACES = ("import", "robot", "plan", "measure", "result")  # in the order in which they are shown
 _ALONE = (
     "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline';"
@@ -109,6 +110,7 @@ class _Server:
         self.jobs = Jobs(folder)
         self.turn = asyncio.Lock()
         self.uploads = asyncio.Semaphore(2)
+        self.places = asyncio.Semaphore(16)  # of requests that are in memory whole
         self.thread = ThreadPoolExecutor(1, "calculation")
 
     async def page(self, request: Request) -> Response:
@@ -120,10 +122,11 @@ class _Server:
 
     def calculation(self, point: EndPoint) -> Callable[[Request], Awaitable[Response]]:
         async def answered(request: Request) -> Response:
-            if point.sent is not None:
-                return await self._calculated(request, point, asked(point.sent, await _content(request)))
-            texts = [request.query_params.get(name, "") for name in point.asked]
-            return await self._calculated(request, point, *texts)
+            async with self.places:
+                if point.sent is not None:
+                    return await self._calculated(request, point, asked(point.sent, await _content(request)))
+                texts = [request.query_params.get(name, "") for name in point.asked]
+                return await self._calculated(request, point, *texts)
 
         return answered
 
@@ -138,7 +141,7 @@ class _Server:
         """A new file; who comes while two are under way waits, for each is in memory until it is whole."""
         path = self.folder.new(request.query_params.get("file", ""))
         async with self.uploads:
-            content = b"".join([part async for part in request.stream()])
+            content = await _body(request, LARGEST_BODY)
             await asyncio.to_thread(write_whole, path, content)
         return JSONResponse({"file": self.folder.called(path), "bytes": len(content)}, status_code=201)
 
@@ -201,18 +204,25 @@ class _Server:
             return JSONResponse(await loop.run_in_executor(self.thread, work))
 
 
+async def _body(request: Request, largest: int) -> bytes:
+    parts, size = [], 0
+    try:
+        async with asyncio.timeout(PATIENCE_S):
+            async for part in request.stream():
+                size += len(part)
+                if size > largest:
+                    raise BadInput("what was sent is too large", allowed=f"at most {largest // 10**6} MB")
+                parts.append(part)
+    except TimeoutError:
+        raise BadInput("what was sent did not come to an end", allowed=f"{PATIENCE_S:.0f} s") from None
+    return b"".join(parts)
+
+
 async def _content(request: Request) -> Any:
     """The JSON that was sent: at most as long as a file of ours, numbers finite, each key once."""
-    parts, size = [], 0
-    async for part in request.stream():
-        size += len(part)
-        if size > LARGEST_YAML:
-            raise BadInput(
-                "what was sent is too large", allowed=f"at most {LARGEST_YAML // 10**6} MB of JSON"
-            )
-        parts.append(part)
+    body = await _body(request, LARGEST_YAML)
     try:
-        content = parse_json(b"".join(parts).decode("utf-8"), file=Path(), line=1)
+        content = parse_json(body.decode("utf-8"), file=Path(), line=1)
         require_plain(content)
         return content
     except BadInput as error:

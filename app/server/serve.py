@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import ipaddress
 import secrets
 import socket
@@ -9,7 +10,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import h11
 import uvicorn
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from ...model.errors import BadInput
 from .folder import Folder
@@ -17,6 +20,7 @@ from .guard import Access
 from .routes import application
 
 MOST_CONNECTIONS = 500  # more are told to come later
+PATIENCE_S = 10.0  # for the head of a request
 
 
 def serve(root: Path, host: str | None, port: int, told: Callable[[str], None]) -> None:
@@ -32,7 +36,7 @@ def serve(root: Path, host: str | None, port: int, told: Callable[[str], None]) 
         token = "" if access.token is None else f"?token={access.token}"
         config = uvicorn.Config(
             application(folder, access),
-            http="h11",
+            http=_Impatient,
             ws="none",
             loop="asyncio",
             log_level="critical",
@@ -43,6 +47,35 @@ def serve(root: Path, host: str | None, port: int, told: Callable[[str], None]) 
             timeout_graceful_shutdown=1,
         )
         _Server(config, lambda: told(f"http://{shown}:{number}/{token}")).run([open_socket])
+
+
+class _Impatient(H11Protocol):
+    """Hangs up where the head of a request does not come soon: who stays silent would keep others out."""
+
+    _waiting: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        super().connection_made(transport)
+        self._wait()
+
+    def data_received(self, data: bytes) -> None:
+        super().data_received(data)
+        if self.conn.their_state is not h11.IDLE:
+            self._forget()
+        elif self._waiting is None:
+            self._wait()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._forget()
+        super().connection_lost(exc)
+
+    def _wait(self) -> None:
+        self._waiting = self.loop.call_later(PATIENCE_S, self.transport.close)
+
+    def _forget(self) -> None:
+        if self._waiting is not None:
+            self._waiting.cancel()
+        self._waiting = None
 
 
 class _Server(uvicorn.Server):
