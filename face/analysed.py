@@ -25,6 +25,7 @@ from ..reports.words.result_json import to_json
 from ..reports.words.verdict import VERDICT_WORDS
 from ..reports.words.wording import NOT_DETERMINED, clipped, counted, label, person, sentence
 from .arguments import require_choice, require_kind, require_number
+from .in_app import AppView, app_of, write_run_beside
 from .pictures import Figure, SceneView
 
 if TYPE_CHECKING:
@@ -117,6 +118,23 @@ class Analysed(Analysis):
             `folder` is a file, is not ours, or cannot be written.
         """
         return write_report(folder, self.result, self.draws)
+
+    def app(self) -> AppView:
+        """The app's page on this answer, in the notebook: report, posterior, leave-one-out, comparison.
+
+        It is served by this process to this machine alone, until the process ends; the report is written
+        into a temporary folder.
+
+        Raises
+        ------
+        BadInput
+            The extra `app` is not installed.
+        """
+        return app_of(self, "result", self._write_files)
+
+    def _write_files(self, folder: Path) -> str:
+        write_run_beside(self.run, folder)
+        return self.report(folder / "report").result.relative_to(folder).as_posix()
 
     def to_json(self) -> dict[str, Any]:
         """The content of `result.json` (docs/files.md) as plain dicts, lists, numbers and text."""

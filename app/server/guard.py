@@ -17,9 +17,13 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 LARGEST_BODY = 64 * 10**6  # bytes
 COOKIE = "zerobeam-token"
+_ALONE = "frame-ancestors 'self'"
+_IN_NOTEBOOKS = (
+    f"{_ALONE} http://localhost:* https://localhost:* http://127.0.0.1:* https://127.0.0.1:* vscode-webview:"
+)
 _HEADERS = {
     "content-security-policy": "default-src 'self'; base-uri 'none'; form-action 'self'; object-src 'none';"
-    " frame-ancestors 'self'",
+    f" {_ALONE}",
     "x-content-type-options": "nosniff",
     "referrer-policy": "no-referrer",
     "cross-origin-opener-policy": "same-origin",
@@ -34,10 +38,12 @@ class TooLarge(Exception):
 
 @dataclass(frozen=True)
 class Access:
-    """`host`: the address that is listened at; `token`: what a browser has to know, None on loopback."""
+    """`host`: the address that is listened at; `token`: what a browser has to know, None on loopback;
+    `framed`: whether a notebook of this machine may show the page within its own."""
 
     host: str = "127.0.0.1"
     token: str | None = None
+    framed: bool = False
 
     def named(self, host: str) -> bool:
         """Whether a page of ours can have been asked for by this Host header.
@@ -84,6 +90,9 @@ class Guard:
                 headers = MutableHeaders(scope=message)
                 for name, value in _HEADERS.items():
                     headers.setdefault(name, value)
+                if self.access.framed:
+                    policy = "content-security-policy"
+                    headers[policy] = headers[policy].replace(_ALONE, _IN_NOTEBOOKS)
             await send(message)
 
         answer = self._refused(scope) or self._let_in(scope)

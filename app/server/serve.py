@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import atexit
 import ipaddress
 import secrets
 import socket
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,13 +16,14 @@ import h11
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from ...model.errors import BadInput
+from ...model.errors import BadInput, ZerobeamError
 from .folder import Folder
 from .guard import Access
 from .routes import application
 
 MOST_CONNECTIONS = 500  # more are told to come later
 PATIENCE_S = 10.0  # for the head of a request
+_BESIDE_S = 30.0  # until a server of a notebook answers, or has ended
 
 
 def serve(root: Path, host: str | None, port: int, told: Callable[[str], None]) -> None:
@@ -34,19 +37,45 @@ def serve(root: Path, host: str | None, port: int, told: Callable[[str], None]) 
         number = open_socket.getsockname()[1]
         shown = f"[{access.host}]" if ":" in access.host else access.host
         token = "" if access.token is None else f"?token={access.token}"
-        config = uvicorn.Config(
-            application(folder, access),
-            http=_Impatient,
-            ws="none",
-            loop="asyncio",
-            log_level="critical",
-            access_log=False,
-            server_header=False,
-            proxy_headers=False,
-            limit_concurrency=MOST_CONNECTIONS,
-            timeout_graceful_shutdown=1,
-        )
-        _Server(config, lambda: told(f"http://{shown}:{number}/{token}")).run([open_socket])
+        address = f"http://{shown}:{number}/{token}"
+        _Server(_config(folder, access), lambda: told(address)).run([open_socket])
+
+
+def serve_beside(root: Path) -> str:
+    """Serve the app of a folder from a thread of this process, for its notebook: the address.
+
+    It ends with the process, and its jobs with it.
+    """
+    folder, answers = Folder(root), threading.Event()
+    open_socket = _listening("127.0.0.1", 0)
+    server = _Server(_config(folder, Access(framed=True)), answers.set)
+    thread = threading.Thread(target=server.run, args=([open_socket],), name="zerobeam app", daemon=True)
+    thread.start()
+
+    def end() -> None:
+        server.should_exit = True
+        thread.join(_BESIDE_S)
+        open_socket.close()
+
+    atexit.register(end)
+    if not answers.wait(_BESIDE_S):
+        raise ZerobeamError("the server of the app did not start")
+    return f"http://127.0.0.1:{open_socket.getsockname()[1]}/"
+
+
+def _config(folder: Folder, access: Access) -> uvicorn.Config:
+    return uvicorn.Config(
+        application(folder, access),
+        http=_Impatient,
+        ws="none",
+        loop="asyncio",
+        log_level="critical",
+        access_log=False,
+        server_header=False,
+        proxy_headers=False,
+        limit_concurrency=MOST_CONNECTIONS,
+        timeout_graceful_shutdown=1,
+    )
 
 
 class _Impatient(H11Protocol):

@@ -1,0 +1,103 @@
+"""The app on one object, in a notebook: a server of this process on a temporary folder with its files."""
+
+from __future__ import annotations
+
+import html
+import os
+import shutil
+import tempfile
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path, PurePath
+from typing import Any
+from urllib.parse import quote
+from weakref import WeakKeyDictionary
+
+from ..model.errors import BadInput, missing_extra
+from ..model.files.header import UrdfRef
+from ..model.files.robot_file import built_in_robots
+from ..model.files.run import Run, header_text, shot_text
+
+_HEIGHT = 820  # pixels
+
+
+@dataclass(frozen=True, repr=False)
+class AppView:
+    """The app's page on one object: shows itself in a notebook of this machine.
+
+    Attributes
+    ----------
+    address : str
+        Of the page, for a browser of this machine, while the process runs.
+    """
+
+    address: str
+
+    def __repr__(self) -> str:
+        return f"<AppView at {self.address}>"
+
+    def _repr_html_(self) -> str:
+        place = html.escape(self.address, quote=True)
+        size = f'width="100%" height="{_HEIGHT}" style="border:0"'
+        return f'<iframe title="zerobeam" src="{place}" {size}></iframe>'
+
+
+_written: WeakKeyDictionary[Any, str] = WeakKeyDictionary()
+
+
+def app_of(thing: object, place: str, write: Callable[[Path], str]) -> AppView:
+    """The app at a place of its page ("plan", "result"), opened on the file of `thing`.
+
+    `write` writes the files of `thing` into a folder that is there and empty, and returns the name of the
+    one to open. It is called once for each object; all objects of a process share a server and a folder,
+    which end with the process.
+
+    Raises
+    ------
+    BadInput
+        The extra `app` is not installed.
+    """
+    if any(find_spec(needed) is None for needed in ("starlette", "uvicorn")):
+        raise missing_extra("the app", "app")
+    folder, address = _served(os.getpid())
+    if thing not in _written or not (Path(folder.name) / _written[thing]).exists():
+        own = Path(tempfile.mkdtemp(prefix=f"{type(thing).__name__.lower()}-", dir=folder.name))
+        _written[thing] = f"{own.name}/{write(own)}"
+    return AppView(f"{address}#{place}/{quote(_written[thing])}")
+
+
+@cache
+def _served(process: int) -> tuple[tempfile.TemporaryDirectory[str], str]:
+    """The folder and address of the server of a process: one that was forked off has none yet."""
+    from ..app.server.serve import serve_beside
+
+    folder = tempfile.TemporaryDirectory(prefix="zerobeam-app-", ignore_cleanup_errors=True)
+    return folder, serve_beside(Path(folder.name))
+
+
+def write_run_beside(run: Run, folder: Path) -> None:
+    """The run as a file of `folder`, byte by byte as it was read or would be written, with its robot's file.
+
+    Not where its robot is in no file, or in none that can be named from `folder`: the run cannot be fitted
+    again then.
+    """
+    ref = run.header.robot
+    name = ref.urdf if isinstance(ref, UrdfRef) else ref
+    if name not in built_in_robots():
+        path = PurePath(name)
+        if path.is_absolute() or ".." in path.parts or not (run.path.parent / name).is_file():
+            return
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(run.path.parent / name, folder / name)
+    file = folder / f"{run.path.stem or 'run'}.jsonl"
+    with suppress(BadInput, OSError):
+        file.write_bytes(_content(run))
+
+
+def _content(run: Run) -> bytes:
+    if run.header_line is not None and run.path.is_file():
+        return run.path.read_bytes()
+    return (header_text(run.header) + "".join(map(shot_text, run.shots))).encode()

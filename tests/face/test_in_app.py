@@ -1,0 +1,120 @@
+"""The app in a notebook: one server of the process, the files of the object, and the page on them."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import json
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import pytest
+
+import zerobeam as zb
+from zerobeam.experiments.demos import demo_runs
+from zerobeam.face import in_app
+from zerobeam.face.in_app import AppView, app_of, write_run_beside
+
+NAME = 'a b#"<i>.txt'
+
+
+class Thing:
+    """What a notebook may hold."""
+
+
+def _write(folder: Path) -> str:
+    (folder / NAME).write_text("here")
+    return NAME
+
+
+def _get(address: str) -> Any:
+    return urllib.request.urlopen(address, timeout=30)
+
+
+def test_the_page_is_served_on_the_files_of_the_object() -> None:
+    thing, other = Thing(), Thing()
+    view = app_of(thing, "plan", _write)
+    assert isinstance(view, AppView)
+    root, _, place = view.address.partition("#")
+    assert root.startswith("http://127.0.0.1:")
+    name = unquote(place.removeprefix("plan/"))
+    assert name.endswith(f"/{NAME}")
+    listed = [row["path"] for row in json.load(_get(f"{root}api/files"))]
+    assert name in listed
+    assert app_of(thing, "plan", _write) == view  # nothing is written twice
+    again = app_of(other, "plan", _write)
+    assert again.address.startswith(root)
+    assert again != view
+    assert "<i>" not in view._repr_html_()
+    assert view._repr_html_().startswith("<iframe ")
+
+
+def test_a_notebook_of_this_machine_alone_may_frame_it() -> None:
+    root = app_of(Thing(), "plan", _write).address.partition("#")[0]
+    for path in ("", f"report/{json.load(_get(f'{root}api/files'))[0]['path'].partition('/')[0]}/none.html"):
+        try:
+            headers = _get(root + path).headers
+        except urllib.error.HTTPError as error:
+            headers = error.headers
+        ancestors = headers["content-security-policy"].partition("frame-ancestors ")[2].partition(";")[0]
+        assert ancestors.split()[:3] == ["'self'", "http://localhost:*", "https://localhost:*"]
+        assert all("localhost" in one or "127.0.0.1" in one for one in ancestors.split()[1:-1])
+
+
+def test_the_run_is_the_same_file_and_has_its_robot_beside_it(tmp_path: Path) -> None:
+    run = zb.read_run(demo_runs()[0].path)
+    write_run_beside(run, tmp_path)
+    assert hashlib.sha256((tmp_path / "good.jsonl").read_bytes()).hexdigest() == run.sha256
+    made = zb.Run.from_arrays(
+        robot="irb1600",
+        tool=zb.Laser(point_mm=(0, 0, 65), direction=(1, 0, 0)),
+        joints=run.joints,
+        unit="rad",
+        noise=zb.Noise(joint_deg=0.01, spot_mm=0.05),
+        name="made",
+    )
+    write_run_beside(made, tmp_path)
+    assert zb.read_run(tmp_path / "made.jsonl").sha256 == made.sha256
+
+
+def test_without_the_extra_it_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = importlib.util.find_spec
+    monkeypatch.setattr(in_app, "find_spec", lambda name: None if name == "uvicorn" else found(name))
+    with pytest.raises(zb.BadInput, match=r"zerobeam\[app\]"):
+        app_of(Thing(), "plan", _write)
+
+
+_PROGRAM = """
+import sys
+import zerobeam as zb
+from zerobeam.experiments.demos import demo_runs
+sol = zb.analyse(zb.read_run(demo_runs()[0].path), ess=100)
+print(sol.app().address, flush=True)
+sys.stdin.readline()
+"""
+
+
+@pytest.mark.long
+def test_a_solution_opens_its_result_and_the_server_ends_with_the_process() -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", _PROGRAM], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        root, _, place = process.stdout.readline().strip().partition("#")
+        assert place.startswith("result/")
+        file = unquote(place.removeprefix("result/"))
+        answer = json.load(_get(f"{root}api/file?file={file}"))
+        assert answer["schema"] == "zerobeam/result/1"
+        kinds = {row["path"]: row["kind"] for row in json.load(_get(f"{root}api/files"))}
+        assert "run" in kinds.values()
+        process.stdin.write("\n")
+        process.stdin.flush()
+        assert process.wait(timeout=60) == 0
+    with pytest.raises(urllib.error.URLError):
+        _get(root)
