@@ -52,7 +52,7 @@ _PLAN: dict[str, Kind] = {
     ),
 }
 # By the words of a command: how many files it reads, and its options. `--force` is none of them: a job
-# replaces nothing but an earlier report.
+# replaces nothing but an earlier report or comparison.
 ALLOWED: Mapping[tuple[str, ...], tuple[int, Mapping[str, Kind]]] = {
     ("plan", "x"): (0, _PLAN),
     ("plan", "y"): (0, _PLAN),
@@ -63,6 +63,7 @@ ALLOWED: Mapping[tuple[str, ...], tuple[int, Mapping[str, Kind]]] = {
     ),
     ("analyse",): (1, _ANALYSE),
     ("report",): (1, {"--out": "write", **_ANALYSE}),
+    ("compare",): (2, {"--out": "write", "--seed": "value"}),
     ("run",): (
         1,
         {
@@ -91,6 +92,7 @@ ALLOWED: Mapping[tuple[str, ...], tuple[int, Mapping[str, Kind]]] = {
     },
 }
 _SHORT = {"-o": "--out"}
+_SEVERAL = {("compare",)}  # read that many files or more
 
 
 def job_command(folder: Folder, words: Sequence[str]) -> list[str]:
@@ -149,7 +151,7 @@ def _checked(
             allowed="--rig simulated",
             remedy="use the command line",
         )
-    if len(read) != files:
+    if len(read) < files or (len(read) > files and name not in _SEVERAL):
         raise BadInput(f"{called} reads another number of files", found=len(read), allowed=files)
     if "--out" in options and not any(word.startswith("--out=") for word in stated):
         raise BadInput(f"{called} writes a file, and none is named", remedy="add --out")

@@ -24,6 +24,7 @@ _Row = tuple[str, str, str, type[BaseModel] | None, list[dict[str, Any]]]
 _OTHERS: list[_Row] = [
     ("/api/files", "get", "The files below the folder: path, kind, bytes, modified.", None, []),
     ("/api/file", "get", "A file, as it is.", None, [_named("file")]),
+    ("/api/archive", "get", "A zip archive of the report that a result belongs to.", None, [_named("file")]),
     ("/api/file", "put", "Writes a new file: what is sent, as it is.", None, [_named("file")]),
     ("/api/jobs", "get", "The jobs, the newest first, without log and answer.", None, []),
     ("/api/jobs", "post", "Begins a job: its id.", AskedJob, []),

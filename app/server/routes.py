@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
@@ -24,6 +25,8 @@ from ...model.files.reading import LARGEST_YAML, parse_json
 from ...model.files.whole_file import write_whole
 from ...reports.output.template import TEMPLATES, sheet
 from ...reports.style import typeface
+from .answers.results import read_result, report_files
+from .archive import archive
 from .asked import asked, error_json, require_plain
 from .end_point import EndPoint
 from .end_points import END_POINTS
@@ -61,6 +64,7 @@ def application(folder: Folder, access: Access) -> Starlette:
         Route("/api/files", server.files),
         Route("/api/file", server.download),
         Route("/api/file", server.upload, methods=["PUT"]),
+        Route("/api/archive", server.archive),
         Route("/report/{path:path}", server.report),
         Route("/api/jobs", server.jobs_told),
         Route("/api/jobs", server.begin_job, methods=["POST"]),
@@ -136,6 +140,16 @@ class _Server:
     async def download(self, request: Request) -> Response:
         path = self.folder.file(request.query_params.get("file", ""))
         return FileResponse(path, media_type="application/octet-stream", filename=path.name)
+
+    async def archive(self, request: Request) -> Response:
+        """The files of a result's report as a zip archive."""
+        path = self.folder.file(request.query_params.get("file", ""))
+        await asyncio.to_thread(read_result, path)
+        start, name = path.parent, path.parent.name if path.parent != self.folder.root else "report"
+        files = [(own, f"{name}/{own.relative_to(start).as_posix()}") for own in report_files(path)]
+        disposition = f"attachment; filename*=utf-8''{quote(name)}.zip"
+        headers = {"content-disposition": disposition}
+        return StreamingResponse(archive(files), media_type="application/zip", headers=headers)
 
     async def upload(self, request: Request) -> Response:
         """A new file; who comes while two are under way waits, for each is in memory until it is whole."""

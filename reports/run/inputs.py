@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
+from typing import Any
 
 from ...analysis.result import Inputs, Result
 from ..style.blocks import Facts, Paragraph, Section, row_of, section_of, table_of
@@ -87,6 +88,24 @@ def traceability_section(result: Result) -> Section:
         said += " These measurements were simulated: no instrument took part, and nothing here is traceable."
     columns = [("field", "left"), ("entry", "left")]
     return section_of("Traceability", Paragraph(said), table_of("For a person", columns, rows))
+
+
+def origin_of(header: Mapping[str, Any]) -> dict[str, str]:
+    """What a run's header says of its origin: robot's serial number, date, operator and instruments; and
+    the rig; an empty text where it says nothing."""
+    stated = header.get("provenance")
+    provenance = {_plain(key): own for key, own in (stated if isinstance(stated, dict) else {}).items()}
+    tool = header.get("tool")
+    kind = "probe" if isinstance(tool, dict) and tool.get("kind") == "probe" else "laser"
+    fields = _INSTRUMENTS[kind]
+    instruments = [_stated(provenance, keys) for name, keys in fields if "certificate" not in name]
+    return {
+        "serial": _stated(provenance, _KEYS["Robot, serial number"]),
+        "when": _stated(provenance, _KEYS["Date of the measurements"]),
+        "who": _stated(provenance, _KEYS["Calibrated by"]),
+        "instrument": ", ".join(filter(None, instruments)),
+        "origin": _stated(provenance, ("origin",)),
+    }
 
 
 def _stated(provenance: Mapping[str, object], keys: tuple[str, ...]) -> str:

@@ -12,9 +12,10 @@ from ..output.whole_folder import Kind, write_folder
 from ..words.result_json import dumps, to_json
 
 RESULT = "result.json"
+REPORT_NAMES = frozenset({"report.html", "report.pdf", RESULT, "posterior.nc", "figures"})
 _REPORT = Kind(
     noun="report",
-    names=frozenset({"report.html", "report.pdf", RESULT, "posterior.nc", "figures"}),
+    names=REPORT_NAMES,
     mark=RESULT,
     schema=RESULT_SCHEMA,
 )

@@ -18,11 +18,12 @@ from ...analysis.findings import (
     Outlying,
     RobustNotConverged,
 )
-from ...analysis.misfit import BeyondPrior, ImplausibleNoise, LackOfFit, PlacementsDisagree
-from ...analysis.observability.causes import Cause
+from ...analysis.misfit import BeyondPrior, ImplausibleNoise, LackOfFit, Misfit, PlacementsDisagree
+from ...analysis.observability.causes import Cause, NullDirection
 from ...analysis.posterior.posterior import PosteriorSummary
 from ...analysis.result import LikelihoodSummary, Result
 from ...analysis.so_far import SoFar
+from ...analysis.solution import ParameterTable, Solution
 from .causes import reason
 from .misfit import criterion_sentence, misfit_headline
 from .verdict import verdict_sentence
@@ -38,14 +39,29 @@ def headline(answer: Result | SoFar, name: Namer = str) -> str:
     if isinstance(answer, SoFar):
         if not answer.judged:
             return "These measurements determine no offset yet."
-        sentence = verdict_sentence(answer.offsets, answer.null_space, name)
-    else:
-        sentence = verdict_sentence(answer.parameters, answer.identifiability.null_space, name)
-    if isinstance(answer, Result) and not answer.likelihood.converged:
-        return f"The fit did not converge ({answer.likelihood.reason}): no offset is reported."
-    if answer.misfit is not None:
-        return f"{misfit_headline(answer.misfit, name)} {sentence}".rstrip()
-    return sentence
+        return _headline(answer.offsets, answer.null_space, answer.misfit, name)
+    if not answer.likelihood.converged:
+        return _no_fit(answer.likelihood.reason)
+    return _headline(answer.parameters, answer.identifiability.null_space, answer.misfit, name)
+
+
+def solution_headline(solution: Solution, name: Namer = str) -> str:
+    """The same of a fit alone."""
+    if not solution.converged:
+        return _no_fit(solution.fit.reason)
+    null_space = solution.identified.facts.null_space
+    return _headline(solution.parameters, null_space, solution.misfit, name)
+
+
+def _no_fit(why: str) -> str:
+    return f"The fit did not converge ({why}): no offset is reported."
+
+
+def _headline(
+    parameters: ParameterTable, null_space: Sequence[NullDirection], misfit: Misfit | None, name: Namer
+) -> str:
+    sentence = verdict_sentence(parameters, null_space, name)
+    return sentence if misfit is None else f"{misfit_headline(misfit, name)} {sentence}".rstrip()
 
 
 def notes(result: Result) -> tuple[str, ...]:

@@ -39,6 +39,7 @@ from .findings import (
     robust_message,
 )
 from .misfit import criterion_sentence
+from .next_steps import next_steps
 from .verdict import check_headline, check_notes
 
 CHECK_SCHEMA = "zerobeam/check/1"
@@ -53,7 +54,7 @@ def to_json(result: Result) -> dict[str, Any]:
         "schema": RESULT_SCHEMA,
         "verdict": result.verdict,
         "headline": headline(result),
-        "parameters": [_parameter(parameter) for parameter in result.parameters],
+        "parameters": [parameter_json(parameter) for parameter in result.parameters],
         "identifiability": _identifiability(result.identifiability),
         "fits": {"likelihood": _likelihood(result.likelihood), "midpoint": _midpoint(result.midpoint)},
         "geometry": geometry_json(result.geometry),
@@ -70,6 +71,7 @@ def to_json(result: Result) -> dict[str, Any]:
         "misfit": _misfit(result.misfit),
         "diagnosis": [_explanation(found) for found in result.diagnosis],
         "notes": list(notes(result)),
+        "next_steps": _plain(next_steps(result), "next_steps"),
         "inputs": _plain(result.inputs, "inputs"),
     }
 
@@ -102,7 +104,8 @@ def dumps(answer: dict[str, Any]) -> str:
     return re.sub("[\ud800-\udfff]", lambda found: f"\\u{ord(found.group()):04x}", text) + "\n"
 
 
-def _parameter(row: ParameterResult) -> dict[str, Any]:
+def parameter_json(row: ParameterResult) -> dict[str, Any]:
+    """A row of `parameters`."""
     order = ("name", "unit", "status", "held", "estimate", "std", "data_std", "interval95", "prior_std")
     where = f"parameter {row.name!r}"
     plain = {key: _plain(getattr(row, key), f"{where}, {key}") for key in (*order, "midpoint", "group")}
@@ -128,11 +131,12 @@ def geometry_json(own: GeometryResult) -> dict[str, Any]:
 def _identifiability(facts: Identifiability) -> dict[str, Any]:
     return {
         **_without(facts, "identifiability", "null_space"),
-        "null_space": [_direction(direction) for direction in facts.null_space],
+        "null_space": [direction_json(direction) for direction in facts.null_space],
     }
 
 
-def _direction(direction: NullDirection) -> dict[str, Any]:
+def direction_json(direction: NullDirection) -> dict[str, Any]:
+    """A null-space direction in words."""
     return {
         "combination": _plain(direction.combination, "combination"),
         "kind": direction.kind,

@@ -1,0 +1,89 @@
+"""The runs of the folder by the serial number of their robot, with what their results say."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from ....model.errors import BadInput
+from ....model.files.header import RUN_SCHEMA
+from ....reports.words.wording import clipped
+from ..end_point import EndPoint
+from ..folder import Folder
+from .results import Kept, ResultFile, read_result, sha256_of
+
+MOST_RUNS = 300  # the newest
+MOST_RESULTS = 300
+_LONGEST_HEADER = 10**6  # bytes
+_WIDTH = 80  # letters of a text that a header states
+_HEADERS, _BRIEFS = Kept(2000), Kept(2000)
+
+
+def history(folder: Folder) -> dict[str, Any]:
+    """`runs`: `file`, `robot`, `serial`, `when`, `who`, `instrument`, `origin`, and its `results`, newest
+    first: `file`, `verdict`, `offsets`. `results` are those of no run here. What cannot be read has `error`.
+    """
+    files = folder.files()
+    runs = [row["path"] for row in files if row["kind"] == "run"]
+    results = [row["path"] for row in files if row["kind"] == "result"]
+    by_sum: dict[str, list[dict[str, Any]]] = {}
+    loose = []
+    for name in results[:MOST_RESULTS]:
+        brief = _brief(folder, name)
+        if brief.get("sha256"):
+            by_sum.setdefault(brief.pop("sha256"), []).append(brief)
+        else:
+            loose.append(brief)
+    rows = []
+    for name in runs[:MOST_RUNS]:
+        path = folder.root / name
+        own = by_sum.pop(sha256_of(path) or "", [])
+        rows.append({"file": name, **_header(folder, path), "results": own})
+    loose += [brief for briefs in by_sum.values() for brief in briefs]
+    left_out = max(0, len(runs) - MOST_RUNS) + max(0, len(results) - MOST_RESULTS)
+    return {"runs": rows, "results": loose, "left_out": left_out}
+
+
+def _header(folder: Folder, path: Path) -> dict[str, Any]:
+    try:
+        return dict(_HEADERS.of(path, _read_header))
+    except (OSError, ValueError, RecursionError):
+        return {"error": "the header of this run cannot be read"}
+
+
+def _read_header(path: Path) -> dict[str, Any]:
+    from ....reports.run.inputs import origin_of
+
+    with path.open("rb") as file:
+        header = json.loads(file.readline(_LONGEST_HEADER))
+    if not isinstance(header, dict) or header.get("schema") != RUN_SCHEMA:
+        raise ValueError("no header of a run")
+    robot = header.get("robot")
+    called = robot.get("urdf") if isinstance(robot, dict) else robot
+    stated = {key: clipped(text, _WIDTH) for key, text in origin_of(header).items()}
+    return {"robot": clipped(str(called), _WIDTH), **stated}
+
+
+def _brief(folder: Folder, name: str) -> dict[str, Any]:
+    try:
+        return {"file": name, **_BRIEFS.of(folder.root / name, _in_brief)}
+    except BadInput as error:
+        return {"file": name, "error": folder.without(error.what)}
+    except OSError:
+        return {"file": name, "error": "the file cannot be read"}
+
+
+def _in_brief(path: Path) -> dict[str, Any]:
+    found: ResultFile = read_result(path)
+    offsets = [
+        {"name": own.name, "unit": own.unit, "status": own.status, "estimate": own.estimate, "std": own.std}
+        for own in found.parameters
+        if own.group == "offset" and not own.held
+    ]
+    return {"sha256": found.inputs.sha256, "verdict": found.verdict, "offsets": offsets}
+
+
+END_POINTS = [
+    EndPoint("/api/history", "GET", "The folder's runs by serial number, and their results.", history),
+]

@@ -1,0 +1,184 @@
+"""Posterior draws for a figure, and what choosing some of them does to the residuals."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BeforeValidator, Field
+
+from ....model.errors import BadInput
+from ....model.files.validation import FileModel, as_tuple
+from ....model.problem import Problem
+from ....model.robot import Matrix
+from ....reports.words.wording import shown
+from ..end_point import EndPoint
+from ..folder import Folder
+from .refits import FittedRun, fitted
+from .results import Kept
+
+MOST_DRAWS = 2000  # shown
+MOST_RESIDUALS = 600_000  # draws times measurements, computed for them
+MOST_STORED = 10**8  # draws of one parameter in a file
+MOST_VARIABLES = 5000
+_OFFSET = re.compile(r"delta\d{1,2}")
+
+
+class AskedBrush(FileModel):
+    """Draws that are chosen by ranges of some parameters."""
+
+    posterior: str = Field(description="a posterior.nc below the folder")
+    run: str = Field(description="the run file that it was made of")
+    ranges: dict[str, Annotated[tuple[float, float], BeforeValidator(as_tuple)]] = Field(
+        description="by parameter: least and largest value of the draws that are chosen", max_length=12
+    )
+
+
+@dataclass(frozen=True)
+class Draws:
+    """(draws, m) thinned draws of the m parameters that the data determine, as people read them; `prior`
+    names the others. Of a posterior that did not converge there are none."""
+
+    converged: bool
+    sha256: str
+    total: int
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Matrix
+    prior: tuple[str, ...]
+
+
+_DRAWS = Kept(4)
+_RESIDUALS = Kept(4)
+
+
+def _drawn(path: Path) -> Draws:
+    return _DRAWS.of(path, _read)
+
+
+def _read(path: Path) -> Draws:
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            group = file["posterior"]
+            converged = str(group.attrs["converged"]) == "yes"
+            chains, steps = len(group["chain"]), len(group["draw"])
+            if chains * steps > MOST_STORED or len(group) > MOST_VARIABLES:
+                raise ValueError(f"{chains * steps} draws of {len(group)} parameters")
+            columns, names, units, prior = [], [], [], []
+            # Walkers wander slowly: every k-th step of all of them.
+            step = max(1, -(-chains * steps // MOST_DRAWS))
+            for variable in group.values():
+                if variable.shape != (chains, steps) or "source" not in variable.attrs:
+                    continue
+                name = str(variable.attrs["long_name"])
+                unit = {"degree": "deg"}.get(str(variable.attrs["units"]), str(variable.attrs["units"]))
+                if variable.attrs["source"] == "data":
+                    columns.append(np.asarray(variable, dtype=np.float32).reshape(-1)[::step])
+                    names.append(name)
+                    units.append(unit)
+                elif variable.attrs["source"] == "prior":
+                    prior.append(name)
+            values = np.array(columns, dtype=float).T if columns else np.zeros((0, 0))
+            if not np.isfinite(values).all():
+                raise ValueError("a draw is no number")
+            sha256 = str(group.attrs["sha256"])
+    except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
+        raise BadInput(
+            "this is not a whole posterior of zerobeam",
+            found=str(error)[:200],
+            allowed="a posterior.nc of a report",
+            remedy="make it again with zerobeam report",
+            file=path,
+        ) from None
+    return Draws(converged, sha256, chains * steps, tuple(names), tuple(units), values, tuple(prior))
+
+
+def posterior(folder: Folder, name: str) -> dict[str, Any]:
+    """Thinned draws of the offsets that the data determine, and the names of those that they do not."""
+    found = _drawn(folder.file(name))
+    offsets = [i for i, own in enumerate(found.names) if _OFFSET.fullmatch(own)] if found.converged else []
+    offsets.sort(key=lambda i: int(found.names[i][5:]))
+    return {
+        "file": name,
+        "converged": found.converged,
+        "total": found.total,
+        "names": [found.names[i] for i in offsets],
+        "units": [found.units[i] for i in offsets],
+        "draws": [np.round(found.values[:, i], 7).tolist() for i in offsets],
+        "prior_only": [own for own in found.prior if _OFFSET.fullmatch(own)],
+    }
+
+
+def brush(folder: Folder, wanted: AskedBrush) -> dict[str, Any]:
+    """Per measurement the mean length of its normalised residual over all draws, and over the chosen ones.
+
+    `reason` says why there is none: a parameter that the data do not determine has draws of its prior alone,
+    which say nothing of the residuals.
+    """
+    path = folder.file(wanted.posterior)
+    found = _drawn(path)
+    for name in wanted.ranges:
+        if name not in found.names:
+            raise BadInput("there are no draws of this parameter", found=name, allowed=", ".join(found.names))
+    chosen = np.ones(len(found.values), dtype=bool)
+    for name, (low, high) in wanted.ranges.items():
+        own = found.values[:, found.names.index(name)]
+        chosen &= (own >= low) & (own <= high)
+    answer: dict[str, Any] = {
+        "draws": len(chosen),
+        "chosen": int(chosen.sum()),
+        "shots": [],
+        "reason": None,
+    }
+    if found.prior:
+        few = ", ".join(found.prior[:6]) + (" …" if len(found.prior) > 6 else "")
+        said = "their draws are of the prior alone and say nothing of the residuals"
+        return answer | {"reason": f"{few}: unidentifiable; {said}"}
+    own_run = fitted(folder.file(wanted.run))
+    if own_run.run.sha256 != found.sha256:
+        raise BadInput("these draws are not of this run", found=f"SHA-256 {found.sha256[:12]}…")
+    lengths, every = _RESIDUALS.of(path, lambda _: _lengths(own_run, found))
+    among = chosen[::every]
+    if not among.any():
+        return answer | {"reason": "no draw is in this region"}
+    whole, part = lengths.mean(axis=0), lengths[among].mean(axis=0)
+    rows = zip(own_run.problem.shot_numbers, whole, part, strict=True)
+    shots = [{"shot": shot, "all": float(one), "chosen": float(other)} for shot, one, other in rows]
+    return answer | {"shots": shots}
+
+
+def _lengths(own: FittedRun, found: Draws) -> tuple[Matrix, int]:
+    """(draws, N) lengths of the normalised residuals of every k-th draw, and k."""
+    fit = own.solved.solution.fit
+    problem: Problem = fit.problem
+    every = max(1, -(-len(found.values) * problem.shots // MOST_RESIDUALS))
+    rows = np.tile(fit.x, (len(found.values[::every]), 1))
+    by_name = {shown(name): i for i, name in enumerate(problem.parameters.names)}
+    for k, name in enumerate(found.names):
+        if name not in by_name:
+            raise BadInput(
+                "these draws are of another model than the run's fit",
+                found=f"a parameter {name}",
+                remedy="make the report again",
+            )
+        item = problem.parameters.items[by_name[name]]
+        values = found.values[::every, k]
+        rows[:, by_name[name]] = np.log(values) if item.group == "noise" else values / item.display
+    factor = fit.whitened.factor
+    lengths = np.empty((len(rows), problem.shots))
+    scale = np.sqrt(fit.weight)
+    for k, x in enumerate(rows):
+        residual, _ = problem.linearise(x)
+        lengths[k] = np.linalg.norm(np.linalg.solve(factor, residual[:, :, None])[:, :, 0], axis=1) * scale
+    return lengths, every
+
+
+END_POINTS = [
+    EndPoint("/api/posterior", "GET", "Thinned posterior draws of the offsets.", posterior, asked=("file",)),
+    EndPoint("/api/brush", "POST", "Normalised residuals of some draws, and of all.", brush, AskedBrush),
+]

@@ -1,0 +1,159 @@
+"""A run fitted again without some of its measurements, by what `analyse` fits with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BeforeValidator, Field
+from threadpoolctl import threadpool_limits
+
+from ....analysis.estimation.fit import fit_from
+from ....analysis.solution import Solution, judge, require_noise_data
+from ....analysis.solved import Solved, solved
+from ....analysis.status import known
+from ....model.errors import BadInput
+from ....model.files.run import Run, read_run
+from ....model.files.validation import FileModel, as_tuple
+from ....model.problem import Problem
+from ....model.robot import Matrix
+from ....reports.words.findings import solution_headline
+from ....reports.words.misfit import criterion_sentence
+from ....reports.words.result_json import direction_json, parameter_json
+from ..asked import Refused
+from ..end_point import EndPoint
+from ..folder import Folder
+from .results import Kept
+
+MOST_MEASUREMENTS = 2000  # of a run that is fitted while somebody waits
+_WHOLE = 100  # measurements up to which a fit begins anew, from all its starts
+
+
+class AskedRefit(FileModel):
+    """A run to fit again."""
+
+    run: str = Field(description="a run file below the folder")
+    without: Annotated[tuple[int, ...], BeforeValidator(as_tuple), Field(max_length=MOST_MEASUREMENTS)] = (
+        Field(default=(), description="numbers of the measurements to leave out")
+    )
+
+
+@dataclass(frozen=True)
+class FittedRun:
+    """A run, its problem as the file states it, and the fit of all measurements."""
+
+    run: Run
+    problem: Problem
+    solved: Solved
+
+
+_FITTED = Kept(4)
+
+
+def fitted(path: Path) -> FittedRun:
+    """The run fitted as `analyse` does; BadInput where it cannot be, or is too long to wait for."""
+    return _FITTED.of(path, _fitted)
+
+
+def _fitted(path: Path) -> FittedRun:
+    run = read_run(path)
+    if len(run.shots) > MOST_MEASUREMENTS:
+        raise BadInput(
+            "the run is too long to be fitted while you wait",
+            found=f"{len(run.shots)} measurements",
+            allowed=f"at most {MOST_MEASUREMENTS}",
+            remedy="use zerobeam analyse; its leave-one-out residuals are in the report",
+        )
+    run.require_analysable()
+    problem = Problem.from_run(run)
+    require_noise_data(problem)
+    with threadpool_limits(limits=1, user_api="blas"):
+        return FittedRun(run, problem, solved(problem, run.header))
+
+
+def refit(folder: Folder, wanted: AskedRefit) -> dict[str, Any]:
+    """The answer `without` some measurements: verdict, headline, offsets (as in result.json, with `before`:
+    their rows by all measurements), null-space directions, misfit; `lost` are the parameters that are
+    unidentifiable without them, and were not."""
+    own = fitted(folder.file(wanted.run))
+    whole = own.solved.solution
+    solution = whole
+    if wanted.without:
+        with threadpool_limits(limits=1, user_api="blas"):
+            solution = _without(own, wanted.without)
+    before = {row.name: row for row in whole.parameters}
+    offsets = [
+        parameter_json(row) | {"before": parameter_json(before[row.name])}
+        for row in solution.parameters
+        if row.group in ("offset", "tool")
+    ]
+    lost = [
+        row.name
+        for row in solution.parameters
+        if row.status == "unidentifiable" and known(before[row.name].status)
+    ]
+    return {
+        "without": sorted(set(wanted.without)),
+        "measurements": solution.problem.shots,
+        "of": own.problem.shots,
+        "verdict": solution.verdict,
+        "verdict_before": whole.verdict,
+        "headline": solution_headline(solution),
+        "parameters": offsets,
+        "lost": lost,
+        "null_space": [direction_json(one) for one in solution.identified.facts.null_space],
+        "misfit": []
+        if solution.misfit is None
+        else [criterion_sentence(one) for one in solution.misfit.criteria],
+    }
+
+
+def _without(own: FittedRun, without: tuple[int, ...]) -> Solution:
+    numbers = np.array(own.problem.shot_numbers)
+    for k, number in enumerate(without):
+        if number not in own.problem.shot_numbers:
+            error = Refused("the run has no measurement of this number", found=number)
+            error.key = ("without", k)
+            raise error
+    left = np.flatnonzero(~np.isin(numbers, without))
+    if len(left) < 2:
+        raise BadInput(
+            "so few measurements cannot determine any offset",
+            found=f"{len(left)} left",
+            allowed="at least 2",
+            remedy="leave out fewer",
+        )
+    if own.problem.shots <= _WHOLE and own.run.header.geometry is None:
+        seen = _selected(own.problem, left)
+        require_noise_data(seen)
+        return solved(seen, own.run.header).solution
+    # The model that all measurements chose, from their mode: one of many moves it by little.
+    whole = own.solved.solution
+    seen = _selected(whole.problem, left)
+    require_noise_data(seen)
+    return judge(fit_from(seen, _start(whole, seen)))
+
+
+def _selected(problem: Problem, rows: np.ndarray[Any, np.dtype[np.intp]]) -> Problem:
+    """The problem with some of its measurements; a target that has none left goes with them."""
+    seen = problem.select(rows)
+    kept = {seen.targets[k] for k in seen.target_index.tolist()}
+    gone = set(seen.targets) - kept
+    return seen.without_targets(gone) if gone else seen
+
+
+def _start(whole: Solution, seen: Problem) -> Matrix:
+    return whole.fit.x[[whole.problem.parameters.index(name) for name in seen.parameters.names]]
+
+
+END_POINTS = [
+    EndPoint(
+        "/api/refit",
+        "POST",
+        "A run fitted again without some measurements: verdict, offsets before and after.",
+        refit,
+        AskedRefit,
+    ),
+]
