@@ -15,7 +15,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import NoReturn
 
-from .interruption import INTERRUPTED, answered, interruptible, leave, stoppable
+from .interruption import ATTENDED, INTERRUPTED, answered, attend, interruptible, leave, stoppable
 
 
 def main() -> NoReturn:
@@ -47,6 +47,8 @@ def run(ended: Callable[[int], None] = lambda status: None) -> int:
     # Else pydantic looks through all that is installed for what might want to watch it.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     with stoppable():
+        if os.environ.pop(ATTENDED, ""):  # not for what this process starts
+            attend()
         try:
             with interruptible():
                 from .commands.program import carried_out  # imports, heard already

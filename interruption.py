@@ -18,9 +18,11 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 
 INTERRUPTED = 130  # exit status
+ATTENDED = "ZEROBEAM_ATTENDED"  # in the environment: end as by Ctrl-C once standard input ends
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _SAME_S = 1.0  # `timeout` sends its signal twice, to the process and to its group: that is one request
 _AGAIN_S = 0.05
+_PATIENCE_S = 10.0  # from the end of an attendance until the process ends, whatever it does
 
 
 class _Request:
@@ -55,10 +57,14 @@ class _Request:
                 if self.since is None:
                     return
                 self.reminded = True
-                if sys.platform == "win32":
-                    _thread.interrupt_main()
-                else:
-                    signal.pthread_kill(self.main, signal.SIGINT)  # wakes what waits, too
+                self.wake()
+
+    def wake(self) -> None:
+        """Let the main thread hear, from another one."""
+        if sys.platform == "win32":
+            _thread.interrupt_main()
+        else:
+            signal.pthread_kill(self.main, signal.SIGINT)  # wakes what waits, too
 
     def answer(self) -> None:
         before, self.put_off = self.put_off, True  # the lock must not be left locked
@@ -140,6 +146,30 @@ def _putting_off(asked: bool) -> Iterator[None]:
         yield
     finally:
         _request.put_off = before
+
+
+def attend() -> None:
+    """Ask this process to end once standard input ends: who started it, and held the other end, is no more.
+
+    What comes before is passed on: standard input reads the same lines as without.
+    """
+    inner, passed = os.pipe()
+    outer = os.dup(0)
+    os.dup2(inner, 0)
+    os.close(inner)
+
+    def read() -> None:
+        try:
+            while part := os.read(outer, 2**16):
+                while part:
+                    part = part[os.write(passed, part) :]
+        except OSError:
+            pass  # as good as an end
+        _request.wake()
+        time.sleep(_PATIENCE_S)
+        os._exit(INTERRUPTED)
+
+    _thread.start_new_thread(read, ())
 
 
 def leave(status: int) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from contextlib import ExitStack
 from enum import StrEnum
 from pathlib import Path
@@ -111,9 +112,13 @@ def run(
     json_lines: Annotated[
         bool, typer.Option("--json-lines", help="Print every event as a line of JSON as it happens.")
     ] = False,
+    scene: Annotated[
+        bool,
+        typer.Option("--scene", help="With --json-lines: also where the arm is sent, what the camera sees."),
+    ] = False,
 ) -> None:
     """Carry a plan out: bring the beam to the target from each posture, record, identify."""
-    from ..experiments.procedure.events import Event, event_json
+    from ..experiments.procedure.events import ConfirmationAsked, Event, event_json
     from ..experiments.recording import Answers, RunRequest, record
     from ..experiments.rigs.manual.lines import TypedLines, WatchedLines
     from ..model.files.plan import read_plan
@@ -132,10 +137,28 @@ def run(
     planned = read_plan(plan)
     enough = tolerance if tolerance is not None else planned.header.tolerance.offset_deg
     with ExitStack() as opened:
+        seen: Callable[[Event], None] = led_view(err)
+
+        def told(event: Event) -> None:
+            seen(event)
+            if json_lines:
+                try:
+                    sys.stdout.write(json_text(event_json(event)) + "\n")
+                    sys.stdout.flush()
+                except OutputLost:
+                    said = f"note: the events are no longer read; the run goes on, into {file}"
+                    err.print(said, markup=False, soft_wrap=True)
+
+        def confirm(text: str) -> bool:
+            if yes:
+                return True
+            told(ConfirmationAsked(text))
+            return typer.confirm(text, err=True)
+
         reached: Controller | None = None
         if rig is RigName.ABB:
             # Access, then caution, then sensors: errors are reported before a port is opened.
-            access, caution = _access(host, port, user, password), _caution(speed, egm_port, laser, yes)
+            access, caution = _access(host, port, user, password), _caution(speed, egm_port, laser, confirm)
             reached = _controller(opened, planned, access, sensors, sensor_port, caution)
         answers: Answers | None = None
         if rig is RigName.MANUAL:
@@ -151,21 +174,12 @@ def run(
             tolerance=enough if adaptive else None,
             closing=closing,
             force=force,
+            scene=scene and json_lines,
             controller=reached,
             answers=answers,
         )
-        seen = led_view(err) if answers is not None else opened.enter_context(live_view(err))
-
-        def told(event: Event) -> None:
-            seen(event)
-            if json_lines:
-                try:
-                    sys.stdout.write(json_text(event_json(event)) + "\n")
-                    sys.stdout.flush()
-                except OutputLost:
-                    said = f"note: the events are no longer read; the run goes on, into {file}"
-                    err.print(said, markup=False, soft_wrap=True)
-
+        if answers is None:
+            seen = opened.enter_context(live_view(err))
         try:
             answer = record(planned, file, request, told)
         except KeyboardInterrupt:
@@ -265,12 +279,9 @@ def _access(host: str | None, port: int, user: str | None, password: str | None)
     return find_access(os.environ, host=host, port=port, user=user, password=password)
 
 
-def _caution(speed: float, egm_port: int, laser: str, yes: bool) -> Caution:
-    """A person is asked before the first motion."""
+def _caution(speed: float, egm_port: int, laser: str, confirm: Callable[[str], bool]) -> Caution:
+    """`confirm` asks a person before the first motion."""
     from ..experiments.rigs.abb.caution import Caution, Signal
-
-    def confirm(text: str) -> bool:
-        return yes or typer.confirm(text, err=True)
 
     return Caution(confirm, speed, egm_port, Signal.stated(laser))
 

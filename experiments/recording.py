@@ -61,7 +61,7 @@ class RunRequest:
     """How a plan is to be carried out. `tolerance` (deg; mm) asks for an adaptive run, `closing` for closing
     measurements; `cell` and `camera` are of the simulated rig, `recording` of the replay, `controller` of
     ABB's, `answers` of the rig that is a person. `force` lets a simulated run take the place of another
-    simulated one."""
+    simulated one; `scene` asks for the events that a picture needs."""
 
     rig: RigName
     seed: int = 0
@@ -72,6 +72,7 @@ class RunRequest:
     tolerance: float | None = None
     closing: bool = False
     force: bool = False
+    scene: bool = False
     controller: Controller | None = None
     answers: Answers | None = None
 
@@ -97,7 +98,7 @@ def record(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
     order, adaptive = _order(plan, request)
     with _journal(plan, file, header, request) as journal:
         told(_begin(plan, journal, request))
-        carried = Procedure(plan, rig, journal, order, told).carry_out()
+        carried = Procedure(plan, rig, journal, order, told, request.scene).carry_out()
         torn = journal.torn
     answer = _answer(plan, file, header, carried, torn, None if adaptive is None else adaptive.reason)
     told(answer)
@@ -123,7 +124,16 @@ def _led(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
     header = _header(plan, file, {"origin": "by hand", "plan sha256": plan.sha256})
     with _journal(plan, file, header, request) as journal:
         told(_begin(plan, journal, request))
-        led = Manual(plan, journal, order, told, answers.lines, answers.units, answers.j3 or "link")
+        led = Manual(
+            plan,
+            journal,
+            order,
+            told,
+            answers.lines,
+            answers.units,
+            answers.j3 or "link",
+            request.scene,
+        )
         carried = led.carry_out()
         torn = journal.torn
     answer = _answer(plan, file, header, carried, torn, None if adaptive is None else adaptive.reason)

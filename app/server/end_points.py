@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from .answers import history, plans, posteriors, refits, results, robots
+from .answers import history, plans, posteriors, recordings, refits, results, robots
 from .end_point import EndPoint
 
 END_POINTS: list[EndPoint] = [
     *robots.END_POINTS,
     *plans.END_POINTS,
+    *recordings.END_POINTS,
     *results.END_POINTS,
     *refits.END_POINTS,
     *posteriors.END_POINTS,

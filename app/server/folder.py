@@ -16,7 +16,7 @@ from ...model.files.whole_file import refuse_existing
 MOST_FILES = 2000  # listed
 MOST_SEEN = 20_000  # looked at for them
 _HEAD = 4096  # bytes: where the schema of a file is
-_SCHEMA = re.compile(rb"""["']?schema["']?\s*:\s*["']?zerobeam/(run|plan|robot|result)/""")
+_SCHEMA = re.compile(rb"""["']?schema["']?\s*:\s*["']?zerobeam/(run|plan|robot|result|cell|sensors)/""")
 
 
 class Folder:
@@ -120,7 +120,7 @@ def _writable_name(name: str) -> bool:
 
 
 def kind_of(path: Path) -> str:
-    """What a file is by its first bytes: run, plan, header, robot, result or other."""
+    """What a file is by its first bytes: run, plan, header, robot, result, cell, sensors or other."""
     if path.suffix.lower() not in {".yaml", ".yml", ".json", ".jsonl", ".urdf"}:
         return "other"
     if path.suffix.lower() == ".urdf":

@@ -9,7 +9,9 @@ from pydantic import BeforeValidator, Field
 
 from ...model.errors import BadInput
 from ...model.files.validation import FileModel, as_tuple
+from .begun import run_file
 from .folder import Folder
+from .named_files import require_named_inside
 
 
 class AskedJob(FileModel):
@@ -18,6 +20,15 @@ class AskedJob(FileModel):
     command: Annotated[tuple[str, ...], BeforeValidator(as_tuple), Field(min_length=1, max_length=100)] = (
         Field(description="a command as it is typed after `zerobeam`, word by word")
     )
+    password: str | None = Field(
+        default=None, max_length=1000, repr=False, description="of an ABB controller; it is kept nowhere"
+    )
+
+
+class AskedLine(FileModel):
+    """A line for a job that asks: joint values or a word of a run by hand, or yes or no."""
+
+    text: str = Field(max_length=10_000, description="one line, or several")
 
 
 Kind = Literal["read", "write", "value", "flag"]
@@ -51,8 +62,10 @@ _PLAN: dict[str, Kind] = {
         "value",
     ),
 }
+RIGS = ("simulated", "manual", "abb")
 # By the words of a command: how many files it reads, and its options. `--force` is none of them: a job
-# replaces nothing but an earlier report or comparison.
+# replaces nothing but an earlier report or comparison; nor is `--yes`: a person answers before a real arm
+# moves.
 ALLOWED: Mapping[tuple[str, ...], tuple[int, Mapping[str, Kind]]] = {
     ("plan", "x"): (0, _PLAN),
     ("plan", "y"): (0, _PLAN),
@@ -77,6 +90,21 @@ ALLOWED: Mapping[tuple[str, ...], tuple[int, Mapping[str, Kind]]] = {
             "--tolerance": "value",
             "--closing": "flag",
             "--seed": "value",
+            "--sensors": "read",
+            **dict.fromkeys(
+                (
+                    "--host",
+                    "--port",
+                    "--egm-port",
+                    "--sensor-port",
+                    "--user",
+                    "--speed",
+                    "--laser",
+                    "--units",
+                    "--j3",
+                ),
+                "value",
+            ),
         },
     ),
     **{("export", form): (1, _EXPORT) for form in ("robot", "urdf", "rapid", "ur", "kuka", "json", "csv")},
@@ -118,6 +146,7 @@ def _checked(
 ) -> list[str]:
     called, stated = " ".join(name), list(name)
     read: list[str] = []
+    named: list[str] = []
     rig = "simulated"
     while rest:
         word = rest.pop(0)
@@ -141,22 +170,30 @@ def _checked(
             value = rest.pop(0)
         if kind in ("read", "write"):
             value = _file(folder, value)
+        if kind == "read":
+            named.append(value)
         if key == "--rig":
             rig = value
         stated.append(f"{key}={value}")
-    if rig != "simulated":
+    if rig not in RIGS:
         raise BadInput(
             "the app does not carry out this command",
             found=f"--rig {rig}",
-            allowed="--rig simulated",
+            allowed=", ".join(f"--rig {name}" for name in RIGS),
             remedy="use the command line",
         )
     if len(read) < files or (len(read) > files and name not in _SEVERAL):
         raise BadInput(f"{called} reads another number of files", found=len(read), allowed=files)
     if "--out" in options and not any(word.startswith("--out=") for word in stated):
         raise BadInput(f"{called} writes a file, and none is named", remedy="add --out")
-    if name[:2] != ("export", "plan"):
-        stated.append("--json-lines" if name == ("run",) else "--json")
+    for file in (*read, *named):
+        require_named_inside(folder, folder.inside(file))
+    if "--resume" in stated:
+        require_named_inside(folder, folder.inside(run_file(stated)))
+    if name == ("run",):
+        stated += ["--json-lines", "--scene"]
+    elif name[:2] != ("export", "plan"):
+        stated.append("--json")
     return [*stated, "--", *read] if read else stated
 
 

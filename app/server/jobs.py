@@ -14,19 +14,28 @@ from collections import deque
 from collections.abc import AsyncIterator, Sequence
 from typing import Any
 
+from ...experiments.rigs.abb.access import PASSWORD
+from ...interruption import ATTENDED
 from ...model.errors import BadInput
+from .begun import BegunRuns
 from .folder import Folder
 
 AT_ONCE = 2  # jobs under way; others wait
 MOST_JOBS = 50  # kept; the oldest that have ended are forgotten
-MOST_EVENTS = 5000  # of one job that can be told again
+MOST_EVENTS = 5000  # of one job that can be told again: those that stay true
+MOST_PASSING = 400  # and those that the next ones outrun
 MOST_LOG = 500  # lines
 LARGEST_ANSWER = 64 * 10**6  # bytes
 _LONGEST_LINE = 2**24  # bytes
 _PATIENCE_S = 10.0  # from a request to end until the process is killed
 _PROGRAM = "import sys; from zerobeam.cli import main; sys.argv[0] = 'zerobeam'; main()"
 _COMMAND = [sys.executable, "-P", "-c", _PROGRAM]  # nothing is imported from the folder
+_PASSING = ("progress", "shot", "phase", "spot", "arm")  # events, of a job or a run, that are soon outrun
+_LAST = "picture"  # the one of which only the last is kept: it is large
 PROGRESS = "ZEROBEAM_PROGRESS"  # what makes a command tell its progress in lines (`commands/console.py`)
+
+
+_Told = tuple[int, str, Any]  # number, kind, data
 
 
 class Job:
@@ -44,8 +53,13 @@ class Job:
         self.process: asyncio.subprocess.Process | None = None
         self.cancelled = False
         self.task: asyncio.Task[None] | None = None
-        self._events: deque[tuple[int, str, Any]] = deque(maxlen=MOST_EVENTS)
+        self.asks: str | None = None  # "lines": it reads them; "confirm": a yes or no; None: nothing
+        self.left_from = 0.0  # the share that was done before it began
+        self._kept: deque[_Told] = deque(maxlen=MOST_EVENTS)
+        self._passing: deque[_Told] = deque(maxlen=MOST_PASSING)
+        self._picture: _Told | None = None
         self._last = 0
+        self._told_all = False
         self._news = asyncio.Condition()
 
     @property
@@ -58,8 +72,9 @@ class Job:
         if passed is None and self.begun is not None:
             passed = time.monotonic() - self.begun
         left = None
-        if self.state == "running" and passed is not None and self.share > 0.02:
-            left = round(passed * (1 - self.share) / self.share, 1)
+        done = self.share - self.left_from
+        if self.state == "running" and passed is not None and done > 0.02:
+            left = round(passed * (1 - self.share) / done, 1)
         return {
             "id": str(self.number),
             "command": self.command,
@@ -69,6 +84,7 @@ class Job:
             "passed_s": None if passed is None else round(passed, 1),
             "left_s": left,
             "status": self.status,
+            "asks": self.asks,
         }
 
     def whole(self) -> dict[str, Any]:
@@ -76,31 +92,45 @@ class Job:
 
     async def tell(self, kind: str, data: Any) -> None:
         """Add an event, for all who follow."""
+        name = data["event"] if kind == "run" else kind
         async with self._news:
             self._last += 1
-            self._events.append((self._last, kind, data))
+            told = (self._last, kind, data)
+            if name == _LAST:
+                self._picture = told
+            else:
+                (self._passing if name in _PASSING else self._kept).append(told)
+            self._told_all = kind == "end"
             self._news.notify_all()
+
+    def _since(self, after: int) -> list[_Told]:
+        """What can be told again, from behind number `after`."""
+        pictures = [] if self._picture is None else [self._picture]
+        return sorted(
+            (told for told in (*self._kept, *self._passing, *pictures) if told[0] > after),
+            key=lambda told: told[0],
+        )
 
     async def events(self, after: int, every_s: float = 15.0) -> AsyncIterator[bytes]:
         """Server-sent events, from behind number `after` until the end; a comment where all is still."""
         while True:
-            fresh = [event for event in self._events if event[0] > after]
+            fresh = self._since(after)
             for number, kind, data in fresh:
                 yield f"id: {number}\nevent: {kind}\ndata: {json.dumps(data, allow_nan=False)}\n\n".encode()
                 after = number
             if fresh:
                 continue
-            if self.ended:
+            if self._told_all:
                 return
             async with self._news:
-                if self._last <= after and not self.ended:
+                if self._last <= after and not self._told_all:
                     try:
                         await asyncio.wait_for(self._news.wait(), every_s)
                     except TimeoutError:
                         pass
                     else:
                         continue
-            if self._last <= after and not self.ended:
+            if self._last <= after and not self._told_all:
                 yield b": still under way\n\n"
 
 
@@ -109,8 +139,10 @@ class Jobs:
 
     def __init__(self, folder: Folder) -> None:
         self._folder = folder
+        self.begun = BegunRuns(folder)
         self._jobs: dict[str, Job] = {}
-        self._number = 0
+        # Who followed a job of a server that was killed must not be told of another one of the same number.
+        self._number = int(time.time())
         self._places = asyncio.Semaphore(AT_ONCE)
 
     def all(self) -> list[Job]:
@@ -120,8 +152,8 @@ class Jobs:
     def of(self, number: str) -> Job | None:
         return self._jobs.get(number)
 
-    def begin(self, command: Sequence[str]) -> Job:
-        """A new job; `command` is as `job_command` gives it."""
+    def begin(self, command: Sequence[str], password: str | None = None) -> Job:
+        """A new job; `command` is as `job_command` gives it, `password` that of an ABB controller."""
         if len(self._jobs) >= MOST_JOBS:
             oldest = next((number for number, job in self._jobs.items() if job.ended), None)
             if oldest is None:
@@ -130,8 +162,25 @@ class Jobs:
         self._number += 1
         job = Job(self._number, command)
         self._jobs[str(job.number)] = job
-        job.task = asyncio.get_running_loop().create_task(self._carry_out(job))
+        job.task = asyncio.get_running_loop().create_task(self._carry_out(job, password))
         return job
+
+    async def answer(self, job: Job, text: str) -> None:
+        """Write lines to a job that reads them; BadInput where it asks nothing, or not this."""
+        process = job.process
+        if job.asks is None or process is None or process.stdin is None or job.ended or job.cancelled:
+            raise BadInput("this job asks nothing now", remedy="wait until it asks")
+        text = text.strip("\r\n")
+        if "\0" in text:
+            raise BadInput("a line holds what no keyboard writes", found="NUL")
+        if job.asks == "confirm":
+            if text not in ("yes", "no"):
+                raise BadInput("this is no answer", found=text[:50], allowed="yes or no")
+            job.asks = None
+            await job.tell("progress", job.brief())
+        process.stdin.write("".join(f"{line}\n" for line in text.splitlines()).encode())
+        with contextlib.suppress(ConnectionError):
+            await process.stdin.drain()
 
     async def end_all(self) -> None:
         """End every job, and wait for it."""
@@ -151,11 +200,13 @@ class Jobs:
         process = job.process
         asyncio.get_running_loop().call_later(_PATIENCE_S, lambda: _kill(process))
 
-    async def _carry_out(self, job: Job) -> None:
+    async def _carry_out(self, job: Job, password: str | None) -> None:
+        # Who measures does not wait until something is calculated.
+        measures = job.command[0] == "run"
         try:
-            async with self._places:
+            async with contextlib.nullcontext() if measures else self._places:
                 if not job.cancelled:
-                    await self._run(job)
+                    await self._run(job, password)
         except Exception as error:
             job.log.append(f"the command could not be carried out: {error}")
             job.state = "failed"
@@ -166,14 +217,16 @@ class Jobs:
             job.took_s = None if job.begun is None else time.monotonic() - job.begun
             await job.tell("end", job.whole())
 
-    async def _run(self, job: Job) -> None:
+    async def _run(self, job: Job, password: str | None) -> None:
         job.state, job.begun = "running", time.monotonic()
+        measures = job.command[0] == "run"
+        secret = {} if password is None else {PASSWORD: password}
         job.process = process = await asyncio.create_subprocess_exec(
             *_COMMAND,
             *job.command,
             cwd=self._folder.root,
-            env=os.environ | {PROGRESS: "lines"},
-            stdin=subprocess.DEVNULL,
+            env=os.environ | {PROGRESS: "lines", ATTENDED: "1"} | secret,
+            stdin=subprocess.PIPE,  # also what ends with the server, however that ends
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             limit=_LONGEST_LINE,
@@ -183,9 +236,7 @@ class Jobs:
         assert process.stderr is not None
         if job.cancelled:  # meanwhile
             _interrupt(process)
-        answers = (
-            self._events(job, process.stdout) if job.command[0] == "run" else _answer(job, process.stdout)
-        )
+        answers = self._events(job, process.stdout) if measures else _answer(job, process.stdout)
         try:
             await asyncio.gather(answers, self._log(job, process.stderr))
             job.status = await process.wait()
@@ -195,13 +246,36 @@ class Jobs:
             job.state, job.share = "done", 1.0
         else:
             job.state = "stopped" if job.cancelled else "failed"
+        job.asks = None
 
     async def _events(self, job: Job, stream: asyncio.StreamReader) -> None:
         """The events of a run, a line each; the last is its answer."""
+        begun, done, of = False, 0, 1
         async for line in stream:
-            with contextlib.suppress(ValueError):
-                job.answer = json.loads(line)
-                await job.tell("run", job.answer)
+            try:
+                told = json.loads(line)
+            except ValueError:
+                continue
+            kind = told["event"]
+            if kind == "begin":
+                begun, done, of = True, len(told["recorded"]), told["postures"]
+                job.left_from = done / of
+                if told["rig"] == "manual":
+                    job.asks = "lines"
+                await asyncio.to_thread(self.begun.begin, job.command)
+            elif kind == "confirm":
+                job.asks = "confirm"
+            elif kind == "end":
+                job.answer = told
+                left = set(range(of)) - set(told["shots"]) - {own["shot"] for own in told["refused"]}
+                if not left or told["why"] is not None:
+                    await asyncio.to_thread(self.begun.end, job.command)
+            done += {"recorded": 1, "refused": 1, "withdrawn": -1}.get(kind, 0)
+            if begun:
+                job.share = min(1.0, done / of)
+            await job.tell("run", told)
+            if kind in ("begin", "confirm", "recorded", "refused", "withdrawn"):
+                await job.tell("progress", job.brief())
 
     async def _log(self, job: Job, stream: asyncio.StreamReader) -> None:
         """What a command says on standard error: progress, or a line for the log."""

@@ -10,7 +10,7 @@ from pydantic import BaseModel
 
 from ...model.files.plan import PlanFile
 from .end_points import END_POINTS
-from .job_commands import AskedJob
+from .job_commands import AskedJob, AskedLine
 
 _ID = {"name": "id", "in": "path", "required": True, "schema": {"type": "string"}}
 
@@ -37,6 +37,7 @@ _OTHERS: list[_Row] = [
         None,
         [_ID],
     ),
+    ("/api/jobs/{id}/line", "post", "Answers a job that asks.", AskedLine, [_ID]),
 ]
 
 

@@ -32,7 +32,7 @@ from .end_point import EndPoint
 from .end_points import END_POINTS
 from .folder import Folder
 from .guard import LARGEST_BODY, Access, Guard, refusal
-from .job_commands import AskedJob, job_command
+from .job_commands import AskedJob, AskedLine, job_command
 from .jobs import Job, Jobs
 from .openapi import description
 
@@ -71,6 +71,7 @@ def application(folder: Folder, access: Access) -> Starlette:
         Route("/api/jobs/{id}", server.job),
         Route("/api/jobs/{id}", server.end_job, methods=["DELETE"]),
         Route("/api/jobs/{id}/events", server.job_events),
+        Route("/api/jobs/{id}/line", server.job_line, methods=["POST"]),
         Route("/openapi.json", server.described),
     ]
     return Starlette(
@@ -171,7 +172,8 @@ class _Server:
 
     async def begin_job(self, request: Request) -> Response:
         wanted = asked(AskedJob, await _content(request))
-        job = self.jobs.begin(job_command(self.folder, wanted.command))
+        command = await asyncio.to_thread(job_command, self.folder, wanted.command)
+        job = self.jobs.begin(command, wanted.password)
         return JSONResponse({"id": str(job.number)}, status_code=201)
 
     async def job(self, request: Request) -> Response:
@@ -180,6 +182,11 @@ class _Server:
     async def end_job(self, request: Request) -> Response:
         job = self._job(request)
         self.jobs.cancel(job)
+        return JSONResponse(job.brief())
+
+    async def job_line(self, request: Request) -> Response:
+        job = self._job(request)
+        await self.jobs.answer(job, asked(AskedLine, await _content(request)).text)
         return JSONResponse(job.brief())
 
     async def job_events(self, request: Request) -> Response:

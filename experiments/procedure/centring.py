@@ -48,16 +48,16 @@ def centre(
     joints: Matrix,
     dark: Matrix,
     frame: Matrix,
-    told: Callable[[float], None] = lambda off: None,
+    told: Callable[[Matrix], None] = lambda at: None,
 ) -> Centred:
     """Move the spot to the centre from anywhere on the face; MeasurementRefused if that fails.
 
     The laser is on; `dark` (4,) are the currents without it, `frame` (3, 3) the PSD's axes in the base
-    frame as believed. `told` is called with the distance of the spot.
+    frame as believed. `told` is called with each position (2,) mm of the spot.
     """
     spot, follows = _on_face(rig, psd, dark), np.eye(2)
     off = [_length(spot.position)]
-    told(off[0])
+    told(spot.position)
     # The first position does not count, however near: it was not approached from below.
     nearest, waited = np.inf, 0
     asked, seen, idle = 0.0, 0.0, 0  # mm since the light was known to follow; short steps are added up
@@ -69,7 +69,7 @@ def centre(
         sent, before, spot = by_joints @ (after - joints), spot, _on_face(rig, psd, dark)
         joints, moved = after, spot.position - before.position
         off.append(_length(spot.position))
-        told(off[-1])
+        told(spot.position)
         asked, seen = asked + _length(sent), seen + _length(moved)
         if asked >= _TELLING_MM:
             if seen < _FOLLOWS * asked:

@@ -32,6 +32,14 @@ class Begun(Event):
 
 
 @dataclass(frozen=True)
+class ConfirmationAsked(Event):
+    """A real arm is about to move: a person reads `text`, and answers yes or no."""
+
+    event: ClassVar[str] = "confirm"
+    text: str
+
+
+@dataclass(frozen=True)
 class Attempted(Event):
     """An attempt (from 1) at a measurement begins."""
 
@@ -52,12 +60,50 @@ class PhaseBegun(Event):
 
 @dataclass(frozen=True)
 class SpotSeen(Event):
-    """The distance of the spot from the PSD's centre after a step of the servo."""
+    """The distance of the spot from the PSD's centre after a step of the servo.
+
+    `at_mm` is where it is on the face, in the PSD's axes; `size_mm` the side of that face.
+    """
 
     event: ClassVar[str] = "spot"
     shot: int
     off_mm: float
     time_s: float
+    at_mm: tuple[float, ...] | None = None
+    size_mm: float | None = None
+
+
+@dataclass(frozen=True)
+class ArmSent(Event):
+    """The arm is sent to joint positions, or (by hand) asked for there; told where the scene is asked for.
+
+    Points are mm in the base frame, as believed of arm, tool and target: `arm` from the base over the joints
+    to the flange, `beam` from the laser to the point nearest to the target (of a probe its tip alone).
+    `lit`: the laser shines.
+    """
+
+    event: ClassVar[str] = "arm"
+    shot: int
+    joints_deg: tuple[float, ...]
+    arm: tuple[tuple[float, ...], ...]
+    beam: tuple[tuple[float, ...], ...]
+    target: tuple[float, ...]
+    lit: bool
+
+
+@dataclass(frozen=True)
+class PictureTaken(Event):
+    """What the camera saw; told where the scene is asked for, a few times a second at most.
+
+    `grey` is base64 of a byte a pixel, row by row: the brightest of `reduced` by `reduced` pixels.
+    """
+
+    event: ClassVar[str] = "picture"
+    shot: int
+    width: int
+    height: int
+    reduced: int
+    grey: str
 
 
 @dataclass(frozen=True)

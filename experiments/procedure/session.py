@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -34,6 +33,7 @@ from .refusal import MeasurementRefused, Reason, RefusedPosture
 from .rig import Rig
 from .search import Search
 from .steering import Belief, come_to
+from .watched import WatchedRig
 
 PHASES = ("move", "search", "servo", "settle")
 ATTEMPTS = 3
@@ -77,6 +77,7 @@ class Procedure:
     journal: Journal
     order: Order
     told: Told
+    scene: bool = False  # whether to tell where the arm is sent and what the camera sees
     seconds: dict[str, float] = field(default_factory=lambda: dict.fromkeys(PHASES, 0.0))
 
     def __post_init__(self) -> None:
@@ -84,6 +85,9 @@ class Procedure:
         self._supposed = self._problem.nominal()
         self._near = _near_supposed(self._problem, self._supposed)
         self._refused: dict[int, RefusedPosture] = {}
+        self._watched = WatchedRig(self.rig, self.told) if self.scene else None
+        if self._watched is not None:
+            self.rig = self._watched
 
     def carry_out(self) -> Carried:
         """Make the measurements that are not in the journal yet. The rig is stopped however this ends."""
@@ -123,6 +127,8 @@ class Procedure:
     def _attempts(self, number: int) -> Shot | None:
         """The measurement of a posture, or None where every attempt was refused."""
         belief = self._belief(number)
+        if self._watched is not None:
+            self._watched.belief = belief
         last = self.journal.shots[-1] if self.journal.shots else None
         self.rig.begin(number, self.plan.targets[self._posture(number)], last)
         for attempt in range(1, ATTEMPTS + 1):
@@ -181,7 +187,10 @@ class Procedure:
                 frame = psd.frame(belief.beam(joints)[1])
         if rig.steerable:
             with self._phase("servo"):
-                tell = partial(self._tell_off, number)
+
+                def tell(at: Matrix) -> None:
+                    self._tell_spot(number, at, psd.size)
+
                 joints = centre(rig, belief, psd, joints, dark, frame, tell).joints
         with self._phase("settle"):
             rig.wait(_SETTLE_S)
@@ -220,8 +229,9 @@ class Procedure:
     def _now(self) -> float:
         return round(self.rig.now(), 6)
 
-    def _tell_off(self, number: int, off: float) -> None:
-        self.told(SpotSeen(number, round(off, 4), self._now()))
+    def _tell_spot(self, number: int, at: Matrix, size: float) -> None:
+        off, (x, y) = float(np.linalg.norm(at)), at.tolist()
+        self.told(SpotSeen(number, round(off, 4), self._now(), (round(x, 4), round(y, 4)), size))
 
     @contextmanager
     def _phase(self, name: str) -> Iterator[None]:

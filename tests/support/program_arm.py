@@ -71,7 +71,7 @@ class PendantArm:
         search.run()
         dark = read_dark(rig, psd, _SAMPLES)
         rig.laser(True)
-        centre(rig, search.belief, psd, search.joints, dark, search.frame(), lambda off: None)
+        centre(rig, search.belief, psd, search.joints, dark, search.frame(), lambda at: None)
         self._last = Shot(
             shot=number, target=plan.targets[number], joints_deg=tuple(self.joints()), time_s=rig.now()
         )

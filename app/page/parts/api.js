@@ -1,9 +1,10 @@
 // What the server is asked: JSON, and errors as {what, found, allowed, to_do, key}.
 
 export class Refused extends Error {
-  constructor(facts) {
+  constructor(facts, status = 0) {
     super(facts.what);
     this.facts = facts;
+    this.status = status; // of the answer, 0 where none came
     this.key = facts.key || [];
   }
   get text() {
@@ -28,12 +29,13 @@ async function asked(method, path, body) {
     content = await answer.json();
   } catch { /* an answer that is no JSON is said below */ }
   if (answer.ok && content !== null) return content;
-  throw new Refused((content && content.error) || { what: `the server answered ${answer.status}` });
+  throw new Refused((content && content.error) || { what: `the server answered ${answer.status}` }, answer.status);
 }
 
 export const get = (path) => asked("GET", path);
 export const post = (path, body) => asked("POST", path, body);
 export const put = (path, body) => asked("PUT", path, body);
+export const remove = (path) => asked("DELETE", path, {});
 
 // Asks for the newest state only, and says with an answer whether it is still the newest: at most once a frame, one request under way, what came meanwhile is left out.
 export function latest(ask, shown, refused) {

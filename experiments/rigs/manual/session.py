@@ -27,6 +27,8 @@ from ...procedure.events import Asked, Doubted, GivenUp, Suspected, Told, Withdr
 from ...procedure.order import Order
 from ...procedure.refusal import Reason, RefusedPosture
 from ...procedure.session import Carried, recorded_event, told_by
+from ...procedure.steering import Belief
+from ...procedure.watched import arm_sent
 from .doubts import Doubt, Judge
 from .lines import Lines
 
@@ -66,6 +68,7 @@ class Manual:
     lines: Lines
     units: Literal["deg", "rad"] = "deg"
     j3: J3 = "link"
+    scene: bool = False  # whether to tell where the arm is to be
     _refused: dict[int, RefusedPosture] = field(default_factory=dict, init=False)
     _again: int | None = field(default=None, init=False)
     _comment: str | None = field(default=None, init=False)
@@ -239,6 +242,9 @@ class Manual:
                 joints_deg=tuple(round(float(value), 6) for value in joints),
             )
         )
+        if self.scene:
+            belief = Belief(self._problem.select(np.array([place])), self._problem.nominal())
+            self.told(arm_sent(belief, number, self.plan.postures[place], lit=False))
 
     def _degrees(self, joints: Matrix) -> Matrix:
         """Values that were taken for degrees and are radians."""

@@ -114,7 +114,15 @@ def _until_refused(shot: Start) -> list[float]:
     shot.rig.laser(True)
     frame = shot.psd.frame(shot.belief.beam(shot.joints)[1])
     with suppress(MeasurementRefused):
-        centring.centre(shot.rig, shot.belief, shot.psd, shot.joints, shot.dark, frame, off.append)
+        centring.centre(
+            shot.rig,
+            shot.belief,
+            shot.psd,
+            shot.joints,
+            shot.dark,
+            frame,
+            lambda at: off.append(float(np.linalg.norm(at))),
+        )
     return off
 
 

@@ -1,0 +1,134 @@
+"""Runs that have not reached their end: what is recorded, and how to go on with them."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ....analysis.so_far import SoFar, so_far
+from ....model.errors import BadInput
+from ....model.files.plan import read_plan
+from ....model.files.run import Run, recorded
+from ....model.problem import Problem
+from ....reports.words.findings import headline
+from ....reports.words.rehearsal import SIMULATED
+from ....reports.words.wording import person
+from ..begun import BegunRuns
+from ..end_point import EndPoint
+from ..folder import Folder
+from ..named_files import require_named_inside
+from .notes import noted
+
+_MOST = 20  # of its measurements after each of which u is said
+_LARGEST = 2 * 10**6  # bytes of a run file that is read while somebody waits
+_SAID = "plan sha256"  # in the provenance of a run that was carried out
+_BY_HAND = "by hand"
+
+
+def recording(folder: Folder, name: str) -> dict[str, Any]:
+    """What a run file has, and how to go on with it.
+
+    `recorded` (numbers of its measurements), `std` of each offset after them (deg; mm, null: not determined),
+    `course` (the same after each of the last measurements), `headline`; `postures` of its plan (null where
+    that is not in the folder), `ended` (null: not known), `torn` (its last line is cut off), and `resume`,
+    the command that goes on with it, or null and `why_not`.
+    """
+    path = folder.file(name)
+    require_named_inside(folder, path)
+    if path.stat().st_size > _LARGEST:
+        remedy = "use zerobeam analyse"
+        raise BadInput("the run is too long to be looked at here", remedy=remedy, file=Path(name))
+    with noted() as notes:
+        run, torn = recorded(path.read_bytes(), path)
+        states = _states(run)
+        state = states[-1][1] if states else None
+        resume, plan, why_not = _resume(folder, folder.called(path), run)
+        postures = None if plan is None else len(read_plan(folder.inside(plan)).postures)
+    done = [shot.shot for shot in run.shots]
+    begun = BegunRuns(folder)
+    ended: bool | None = begun.ended(folder.called(path))
+    if not ended and postures is not None and set(range(postures)) <= set(done):
+        ended = True
+    elif not ended and begun.command(folder.called(path)) is None:
+        ended = None
+    return {
+        "file": folder.called(path),
+        "origin": run.header.provenance.get("origin"),
+        "plan": plan,
+        "postures": postures,
+        "recorded": done,
+        "ended": ended,
+        "torn": torn is not None,
+        "std": {} if state is None else state.std,
+        "course": [{"recorded": count, "std": own.std} for count, own in states],
+        "worst_std": None if state is None else state.worst,
+        "headline": None if state is None else headline(state, person),
+        "resume": resume,
+        "why_not": why_not,
+        "notes": notes,
+    }
+
+
+def unfinished(folder: Folder) -> list[dict[str, Any]]:
+    """The runs that the app began and that have not reached their end, the newest first: `file`, and the
+    command that goes on with each (`resume`)."""
+    begun = BegunRuns(folder)
+    return [{"file": name, "resume": begun.command(name)} for name in begun.unfinished()]
+
+
+def _states(run: Run) -> list[tuple[int, SoFar]]:
+    """How many measurements there were and what they determined, the last `_MOST` times, all at the end."""
+    problem, count = Problem.from_run(run), len(run.shots)
+    first = max(1, count - _MOST + 1)
+    return [(k, so_far(problem.select(np.arange(k)))) for k in range(first, count + 1)] if count else []
+
+
+def _resume(folder: Folder, name: str, run: Run) -> tuple[list[str] | None, str | None, str | None]:
+    """The command that goes on with a run, its plan, or why there is none."""
+    stated = run.header.provenance
+    plan = _of_hash(folder, "plan", stated.get(_SAID))
+    if plan is None:
+        return None, None, "the plan that it was begun with is not in this folder, or has changed"
+    command = BegunRuns(folder).command(name)
+    if command is not None:
+        return [*command[:-1], plan], plan, None
+    words = ["run", "--resume", f"--out={name}"]
+    origin = stated.get("origin")
+    if origin == _BY_HAND:
+        return [*words, "--rig=manual", plan], plan, None
+    if origin != SIMULATED:
+        return None, plan, "how its controller is reached is not in the run file: use zerobeam run --resume"
+    cell = stated.get("cell sha256")
+    if cell is not None:
+        found = _of_hash(folder, "cell", cell)
+        if found is None:
+            return None, plan, "the cell file that it was begun with is not in this folder, or has changed"
+        words.append(f"--cell={found}")
+    if stated.get("camera") is False:
+        words.append("--no-camera")
+    return [*words, f"--seed={stated.get('seed', 0)}", plan], plan, None
+
+
+def _of_hash(folder: Folder, kind: str, sha256: object) -> str | None:
+    """The file of the folder of this kind and hash."""
+    for file in folder.files():
+        if file["kind"] == kind and file["bytes"] <= _LARGEST:
+            content = folder.inside(file["path"]).read_bytes()
+            if hashlib.sha256(content).hexdigest() == sha256:
+                return str(file["path"])
+    return None
+
+
+END_POINTS = [
+    EndPoint(
+        "/api/recording",
+        "GET",
+        "What a run file has so far, and how to go on with it.",
+        recording,
+        asked=("file",),
+    ),
+    EndPoint("/api/unfinished", "GET", "Runs begun here that have not reached their end.", unfinished),
+]

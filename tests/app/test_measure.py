@@ -1,0 +1,158 @@
+"""Runs that the page begins: by hand, gone on with, and never out of the folder."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+from app_jobs import begun, ended, events
+from cells import good_plan
+from child import ZEROBEAM, child
+from command_line import plan_file, zerobeam
+from starlette.testclient import TestClient
+
+from zerobeam.interruption import ATTENDED, INTERRUPTED
+from zerobeam.model.files.run import read_run
+
+PLAN = "schema: zerobeam/plan/1\nrobot: {robot}\n"
+
+
+def line(client: TestClient, job: str, text: str) -> Any:
+    return client.post(f"/api/jobs/{job}/line", json={"text": text})
+
+
+def _in(folder: Path, words: list[str]) -> list[str]:
+    """A command of the folder as it is typed elsewhere."""
+    return [word.replace("=made", f"={folder}/made").replace("=cell", f"={folder}/cell") for word in words]
+
+
+def asking(client: TestClient, job: str) -> None:
+    """Until the job reads lines."""
+    while (now := client.get(f"/api/jobs/{job}").json())["asks"] is None:
+        assert now["state"] in ("waiting", "running"), now
+
+
+def test_a_run_by_hand_is_led_and_paused(client: TestClient, root: Path) -> None:
+    plan = good_plan(3)
+    plan_file(root / "short.yaml", plan)
+    rows = [", ".join(map(repr, row)) for row in (plan.postures * plan.robot.display).tolist()]
+    job = begun(client, "run", "short.yaml", "-o", "hand.jsonl", "--rig=manual")
+    asking(client, job)
+    assert line(client, job, f"nonsense\n{rows[0]}\npause").status_code == 200
+    paused = ended(client, job)
+    told = [data for _, kind, data in events(client, job) if kind == "run"]
+    assert [event["kind"] for event in told if event["event"] == "doubt"] == ["unreadable"]
+    assert [event["shot"] for event in told if event["event"] == "arm"] == [0, 1]
+    assert (paused["state"], paused["asks"]) == ("done", None)
+    assert line(client, job, rows[1]).status_code == 400
+    (open_run,) = client.get("/api/unfinished").json()
+    assert open_run["file"] == "hand.jsonl"
+    state = client.get("/api/recording", params={"file": "hand.jsonl"}).json()
+    assert (state["recorded"], state["postures"], state["ended"]) == ([0], 3, False)
+    assert state["resume"] == open_run["resume"]
+
+
+@pytest.mark.long
+def test_a_run_by_hand_is_gone_on_with(client: TestClient, root: Path) -> None:
+    plan = good_plan(3)
+    plan_file(root / "short.yaml", plan)
+    rows = [", ".join(map(repr, row)) for row in (plan.postures * plan.robot.display).tolist()]
+    for words in (f"{rows[0]}\npause", "\n".join(rows[1:])):
+        unfinished = client.get("/api/unfinished").json()
+        first = ["run", "short.yaml", "-o=h.jsonl", "--rig=manual"]
+        job = begun(client, *(unfinished[0]["resume"] if unfinished else first))
+        asking(client, job)
+        line(client, job, words)
+        assert ended(client, job)["state"] == "done"
+    assert [shot.shot for shot in read_run(root / "h.jsonl").shots] == [0, 1, 2]
+    assert client.get("/api/unfinished").json() == []
+
+
+def test_a_job_that_asks_nothing_hears_nothing(client: TestClient) -> None:
+    job = begun(client, "analyse", "nowhere.jsonl")
+    assert line(client, job, "yes").status_code == 400
+    assert client.post("/api/jobs/7/line", json={"text": "yes"}).status_code == 404
+
+
+def test_what_a_run_has_and_how_to_go_on_with_it(client: TestClient, root: Path) -> None:
+    """Of a run that the app has not begun, too: plan and cell are found by their hashes."""
+    plan_file(root / "short.yaml", good_plan(3))
+    (root / "cell.yaml").write_text("schema: zerobeam/cell/1\ncamera: null\n")
+    options = ["--cell", root / "cell.yaml", "--seed", "4"]
+    zerobeam("run", root / "short.yaml", "-o", root / "made.jsonl", *options)
+    whole = (root / "made.jsonl").read_bytes()
+    ask = {"file": "made.jsonl"}
+    assert client.get("/api/recording", params=ask).json()["ended"] is True
+    lines = whole.splitlines(keepends=True)
+    (root / "made.jsonl").write_bytes(b"".join(lines[:3]) + lines[3][:9])
+    state = client.get("/api/recording", params=ask).json()
+    assert (state["recorded"], state["ended"], state["torn"]) == ([0, 1], None, True)
+    assert state["std"]["delta2"] is None  # two measurements do not determine it
+    assert [row["recorded"] for row in state["course"]] == [1, 2]
+    zerobeam(*[root / word if word == "short.yaml" else word for word in _in(root, state["resume"])])
+    assert (root / "made.jsonl").read_bytes() == whole
+    (root / "short.yaml").unlink()
+    state = client.get("/api/recording", params=ask).json()
+    assert state["resume"] is None
+    assert "plan" in state["why_not"]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "command"),
+    [
+        ("p.yaml", PLAN.format(robot="../outside.yaml"), ["run", "p.yaml", "-o", "n.jsonl"]),
+        ("p.yaml", PLAN.format(robot="way/arm.yaml"), ["export", "plan", "rapid", "p.yaml", "-o", "n.mod"]),
+        (
+            "h.yaml",
+            "robot: {urdf: ../x.urdf, base: a, tip: b}\n",
+            ["plan", "x", "--header=h.yaml", "-o", "n.yaml"],
+        ),
+        ("c.yaml", "robot: /etc/arm.yaml\n", ["run", "plan.yaml", "--cell=c.yaml", "-o", "n.jsonl"]),
+        ("r.jsonl", '\n{"robot": "../outside.yaml"}\n', ["analyse", "r.jsonl"]),
+        ("r.jsonl", '{"robot": "../outside.yaml"}\n', ["run", "plan.yaml", "--resume", "-o", "r.jsonl"]),
+        (
+            "s.yaml",
+            "psds: {a: {calibration: ../outside.yaml}}\n",
+            ["run", "plan.yaml", "--rig=abb", "--sensors=s.yaml", "-o", "n.jsonl"],
+        ),
+        (
+            "s.yaml",
+            "camera: {video: 'file:///etc/passwd'}\n",
+            ["run", "plan.yaml", "--rig=abb", "--sensors=s.yaml", "-o", "n.jsonl"],
+        ),
+    ],
+)
+def test_no_file_leads_a_job_out_of_the_folder(
+    client: TestClient, root: Path, name: str, content: str, command: list[str]
+) -> None:
+    (root / "way").symlink_to(root.parent)
+    (root.parent / "arm.yaml").write_text("joints: []\n")
+    (root / name).write_text(content)
+    answer = client.post("/api/jobs", json={"command": command})
+    assert answer.status_code == 400
+    assert answer.json()["error"]["what"].startswith(f"{name}: the file names a path that is not below")
+    assert client.get("/api/jobs").json() == []
+
+
+def test_an_attended_command_ends_with_who_began_it(root: Path) -> None:
+    """The control: with the other end open it would wait for lines for ever."""
+    command = [*ZEROBEAM, "run", str(root / "plan.yaml"), "-o", str(root / "n.jsonl"), "--rig=manual"]
+    own = {
+        "stdin": subprocess.PIPE,
+        "stderr": subprocess.PIPE,
+        "env": os.environ | {ATTENDED: "1"},
+    }
+    with child([*command, "--json-lines"], **own) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        assert '"begin"' in process.stdout.readline()
+        process.stdin.write("help\n")
+        process.stdin.flush()
+        while '"help"' not in process.stdout.readline():
+            pass
+        assert process.poll() is None
+        process.stdin.close()
+        assert process.wait(timeout=60) == INTERRUPTED
