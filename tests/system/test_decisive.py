@@ -174,6 +174,7 @@ def with_header(source: Path, file: Path, **changes: Any) -> Path:
     return file
 
 
+LONG = {"last joint freed", "panda_1"}
 CASES = ["x-pattern", "joint 1 freed", "last joint freed", "three shots", "panda_1", "dinova_1"]
 
 
@@ -199,7 +200,7 @@ def case(name: str, folder: Path, request: pytest.FixtureRequest) -> Case:
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.long) if name == "panda_1" else name for name in CASES]
+    "name", [pytest.param(name, marks=pytest.mark.long) if name in LONG else name for name in CASES]
 )
 def test_no_output_of_a_run_claims_what_its_shots_cannot_tell(
     name: str, tmp_path: Path, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch

@@ -215,13 +215,15 @@ def test_a_line_that_does_not_fit_on_the_disk_leaves_nothing_behind(path: Path) 
 
 
 @pytest.mark.usefixtures("robot_at_hand")
+@pytest.mark.parametrize("every", [7, pytest.param(1, marks=pytest.mark.long)])
 def test_wherever_the_file_is_cut_off_the_whole_shots_are_there_and_it_goes_on(
-    path: Path, whole: bytes, refused: Refused, monkeypatch: pytest.MonkeyPatch
+    path: Path, whole: bytes, refused: Refused, monkeypatch: pytest.MonkeyPatch, every: int
 ) -> None:
-    """For every number of bytes that may be left of a header and three shots."""
+    """For every number of bytes that may be left of a header and three shots: all near the ends of lines."""
     monkeypatch.setattr(os, "fsync", lambda handle: None)  # slow, and it changes no byte
     ends = [i for i, byte in enumerate(whole) if byte == ord("\n")]  # a line needs what is before these
-    for size in range(len(whole) + 1):
+    near = {size for end in ends for size in range(end - 2, end + 3) if size <= len(whole)}
+    for size in sorted(near | set(range(0, len(whole) + 1, every))):
         left = whole[:size]
         path.write_bytes(left)
         if size < ends[0]:
@@ -435,11 +437,12 @@ def killed(folder: Path, kind: str, moments: list[tuple[bool, float]]) -> list[t
 
 @posix
 @pytest.mark.usefixtures("robot_at_hand")
-def test_no_recorded_shot_is_lost_whenever_the_process_is_killed(tmp_path: Path) -> None:
+@pytest.mark.parametrize("kills", [8, pytest.param(40, marks=pytest.mark.long)])
+def test_no_recorded_shot_is_lost_whenever_the_process_is_killed(tmp_path: Path, kills: int) -> None:
     rng = random.Random(20)
-    moments = [(i % 2 == 0, rng.uniform(0, 0.04)) for i in range(20)]
+    moments = [(i % 2 == 0, rng.uniform(0, 0.04)) for i in range(kills)]
     files = killed(tmp_path, "careful", moments)
-    assert sum(reported > 0 for _, reported in files) >= 10
+    assert sum(reported > 0 for _, reported in files) >= kills / 2
     for path, reported in files:
         assert lost(path, reported) in (0, -1), path
     # The control: what is kept in memory is missed.

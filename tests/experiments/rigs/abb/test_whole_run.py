@@ -251,6 +251,7 @@ def heard(file: Path) -> dict[str, set[str]]:
     return found
 
 
+@pytest.mark.long
 def test_two_processes_talk_on_loopback_alone(folder: Path, tmp_path: Path) -> None:
     """`zerobeam controller` and `zerobeam run` as they are, at the controller's own pace."""
     (tmp_path / "sitecustomize.py").write_text(LISTENER)
