@@ -1,11 +1,7 @@
 // What /api/check says of a plan: verdict, uncertainties, null-space directions. What is not determined has no number.
-import { by, fill, fixed, make, named, spread } from "/page/parts/dom.js";
+import { by, fill, fixed, make, named, sentence, SHAPES, spread, WORDS } from "/page/parts/dom.js";
 
-const WORDS = { pass: "Pass", weak: "Weak", degenerate: "Degenerate", misfit: "Misfit" };
-const SHAPES = { identified: "●", weak: "◆", unidentifiable: "✕", held: "■", unvalidated: "▲" };
 const MOST_TERMS = 6;
-
-const sentence = (text) => { const said = named(text); return said.charAt(0).toUpperCase() + said.slice(1) + (/[.?!]$/.test(said) ? "" : "."); };
 
 function verdict(tone, word, text) {
   const box = by("plan-verdict");

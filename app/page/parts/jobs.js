@@ -1,0 +1,41 @@
+// A command carried out by the server: begun, followed, ended.
+import { post, Refused } from "/page/parts/api.js";
+import { make } from "/page/parts/dom.js";
+
+// Carries `command` (its words) out and shows it in `box`: progress, time left, a button that ends it, and what it says.
+// Resolves to the job when it has ended; throws Refused where it cannot begin.
+export async function carryOut(command, box, title) {
+  const bar = make("progress", { max: 1, value: 0, "aria-label": title });
+  const said = make("output", {}, "waiting");
+  const log = make("pre", { class: "log", tabindex: 0, "aria-label": "What the command says" });
+  log.hidden = true;
+  const { id } = await post("/api/jobs", { command });
+  const end = make("button", { type: "button", onclick: () => fetch(`/api/jobs/${id}`, { method: "DELETE", headers: { "X-Zerobeam": "1" } }) }, "Cancel");
+  box.replaceChildren(make("p", {}, title), make("div", { class: "bar" }, bar, end, said), log);
+  box.hidden = false;
+  const line = (text) => { log.hidden = false; log.textContent += `${text}\n`; };
+  return new Promise((resolve, reject) => {
+    const events = new EventSource(`/api/jobs/${id}/events`);
+    events.addEventListener("progress", (event) => {
+      const told = JSON.parse(event.data);
+      bar.value = told.share;
+      said.textContent = `${told.stage}${told.left_s === null ? "" : `, about ${Math.max(1, Math.round(told.left_s))} s left`}`;
+    });
+    events.addEventListener("log", (event) => line(JSON.parse(event.data)));
+    events.addEventListener("end", (event) => {
+      events.close();
+      const job = JSON.parse(event.data);
+      end.remove();
+      bar.remove();
+      said.textContent = job.state === "done" ? "Done." : job.state === "stopped" ? "Cancelled: nothing was written." : "Refused, or failed:";
+      log.textContent = job.log.join("\n");
+      log.hidden = job.state === "done" || !job.log.length;
+      resolve(job);
+    });
+    events.addEventListener("error", () => {
+      if (events.readyState !== EventSource.CLOSED) return;
+      end.remove();
+      reject(new Refused({ what: "the server does not answer", to_do: "is zerobeam app still running?" }));
+    });
+  });
+}
