@@ -74,7 +74,7 @@ export function offerComparison(history) {
 const TONES = { agrees: "pass", "does not agree": "misfit", "not tested": "weak" };
 
 function showComparison(found, folder) {
-  const cell = (row, run) => { const own = found.runs[run].offsets.find((one) => one.name === row.name); return own && own.estimate !== null && own.std !== null ? `${rounded(own.estimate, own.std, row.unit)} ± ${spread(2 * own.std, row.unit)}` : (own && own.status) || "—"; };
+  const cell = (row, run) => { const own = found.runs[run].offsets.find((one) => one.name === row.name); return own && own.estimate !== null && own.std !== null ? `${rounded(own.estimate, 2 * own.std, row.unit)} ± ${spread(2 * own.std, row.unit)}` : (own && own.status) || "—"; };
   fill(by("compare-answer"), [
     make("div", { class: `verdict ${TONES[found.verdict] || "weak"}` }, make("p", {}, make("span", { class: "word" }, `${found.verdict.charAt(0).toUpperCase()}${found.verdict.slice(1)}.`), ` ${named(found.headline)}`)),
     make("ul", { class: "notes" }, ...found.notes.map((note) => make("li", {}, named(note)))),

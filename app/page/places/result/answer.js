@@ -30,7 +30,7 @@ export function showAnswer(found) {
   ];
   by("result-about").textContent = `${origin.filter(Boolean).join("; ")}.`;
   showVerdict(by("result-verdict"), found.verdict, found.headline, [...found.misfit, ...found.diagnosis]);
-  fill(by("result-notes"), found.notes.map((note) => make("li", {}, sentence(note))));
+  fill(by("result-notes"), found.notes.filter((note) => !found.misfit.includes(note)).map((note) => make("li", {}, sentence(note))));
   fill(by("result-steps"), steps(found.next_steps));
   offsets(found.parameters);
   downloads(found);

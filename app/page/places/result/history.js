@@ -34,7 +34,7 @@ function table(rows, open) {
     make("thead", {}, make("tr", {}, ...heads.map((head) => make("th", { scope: "col" }, head)))),
     make("tbody", {}, ...rows.map(([run, result]) => make("tr", {},
       make("th", { scope: "row" }, make("button", { type: "button", onclick: () => open(result && !result.error ? result.file : run ? run.file : result.file) }, run ? run.file : result.file)),
-      make("td", {}, run ? when(run) : ""), make("td", {}, run ? run.who || "" : ""), make("td", {}, run ? run.instrument || "" : ""),
+      make("td", { class: "date" }, run ? when(run) : ""), make("td", {}, run ? run.who || "" : ""), make("td", {}, run ? run.instrument || "" : ""),
       verdictCell(run, result),
       make("td", {}, result && result.offsets ? offsets(result) : ""))))));
 }
@@ -52,7 +52,7 @@ function offsets(result) {
     const name = named(own.name).split(" ")[0];
     if (own.status === "unvalidated") return `${name} unvalidated`;
     if (own.estimate === null) return `${name} not determined`;
-    return `${name} ${rounded(own.estimate, own.std, own.unit)} ± ${spread(2 * own.std, own.unit)}${own.status === "weak" ? ` ${SHAPES.weak}\u00a0weak` : ""}`;
+    return `${name} ${rounded(own.estimate, 2 * own.std, own.unit)} ± ${spread(2 * own.std, own.unit)}${own.status === "weak" ? ` ${SHAPES.weak}\u00a0weak` : ""}`;
   });
   return said.join(", ");
 }
@@ -63,8 +63,9 @@ function draw(tag, attributes) {
   return element;
 }
 
-// Of each joint that two results or more determine; a misfit has no number here.
+// Of each joint of one robot that two results or more determine; a misfit has no number here.
 function trends(runs) {
+  if (serialOf(runs[0]) === NONE || new Set(runs.map((run) => run.robot)).size > 1) return [];
   const points = new Map();
   for (const run of runs) {
     for (const own of run.results[0]?.offsets || []) {
@@ -82,7 +83,7 @@ function trend(name, own) {
   const low = Math.min(...own.map((p) => p.estimate - 2 * p.std)), high = Math.max(...own.map((p) => p.estimate + 2 * p.std));
   const x = (v) => EDGE.left + 8 + ((v - at[0]) / (at.at(-1) - at[0] || 1)) * (WIDTH - EDGE.left - EDGE.right - 16);
   const y = (v) => EDGE.top + ((high - v) / (high - low || 1)) * (HEIGHT - EDGE.top - EDGE.bottom);
-  const said = own.map((p) => `${p.run.when || p.run.file}: ${rounded(p.estimate, p.std, p.unit)} ± ${spread(2 * p.std, p.unit)}`).join("; ");
+  const said = own.map((p) => `${p.run.when || p.run.file}: ${rounded(p.estimate, 2 * p.std, p.unit)} ± ${spread(2 * p.std, p.unit)}`).join("; ");
   const picture = draw("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": `${named(name)}: ${said}` });
   const upper = own.map((p, i) => `${x(at[i])},${y(p.estimate + 2 * p.std)}`), lower = own.map((p, i) => `${x(at[i])},${y(p.estimate - 2 * p.std)}`).reverse();
   picture.append(draw("polygon", { class: "band", points: [...upper, ...lower].join(" ") }), draw("polyline", { class: "path", points: own.map((p, i) => `${x(at[i])},${y(p.estimate)}`).join(" ") }));

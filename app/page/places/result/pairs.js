@@ -188,9 +188,10 @@ function ticks(pen, at, j, i) {
   pen.font = '10px "IBM Plex Sans", sans-serif';
   const said = (k, value) => fixed(value, Math.max(0, Math.min(6, 1 - Math.floor(Math.log10(data.limits[k][1] - data.limits[k][0])))));
   const between = (k) => [0.2, 0.8].map((share) => data.limits[k][0] + share * (data.limits[k][1] - data.limits[k][0]));
+  const middle = (k) => (data.limits[k][0] + data.limits[k][1]) / 2;
   const narrow = at.right - at.left < 80;
-  if (i === data.names.length - 1) for (const v of narrow ? [between(j)[0]] : between(j)) { pen.textAlign = "center"; pen.fillText(said(j, v), narrow ? (at.left + at.right) / 2 : at.x(v), at.bottom + 14); }
-  if (j === 0 && i !== 0) for (const v of at.bottom - at.top < 60 ? [between(i)[1]] : between(i)) { pen.textAlign = "right"; pen.fillText(said(i, v), at.left - 4, at.y(v) + 3); }
+  if (i === data.names.length - 1) for (const v of narrow ? [middle(j)] : between(j)) { pen.textAlign = "center"; pen.fillText(said(j, v), at.x(v), at.bottom + 14); }
+  if (j === 0 && i !== 0) for (const v of at.bottom - at.top < 60 ? [middle(i)] : between(i)) { pen.textAlign = "right"; pen.fillText(said(i, v), at.left - 4, at.y(v) + 3); }
 }
 
 // ── choosing a region ──
