@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Iterable
+from functools import cache
 from importlib.metadata import version
 from typing import Literal
 
@@ -75,5 +76,10 @@ def require_no_more_than(what: str, status: Status, **claims: object) -> None:
 
 def versions() -> dict[str, str]:
     """Versions of what an answer was computed with, by the library's name."""
+    return dict(_versions())
+
+
+@cache
+def _versions() -> dict[str, str]:
     names = ("zerobeam", "numpy", "scipy", "casadi", "emcee")
     return {"python": platform.python_version(), **{name: version(name) for name in names}}

@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from ...model.problem import Problem
+from ...model.problem import Problem, Whitened
 from ...model.robot import Matrix
 from .aim import aim, servo_joints
 
@@ -66,10 +66,11 @@ def predicted_covariance(problem: Problem, x: Matrix) -> Matrix:
 
 def curve(problem: Problem, x: Matrix) -> tuple[CurvePoint, ...]:
     """The worst std of the offsets after the first 2, 3, … shots of aimed shots."""
-    return tuple(
-        CurvePoint(shots, _worst(problem, predicted_std(problem.select(np.arange(shots)), x)))
-        for shots in range(2, problem.shots + 1)
-    )
+    whitened = problem.whiten(x)
+    roots = problem.roots(whitened)
+    so_far = np.cumsum(roots.transpose(0, 2, 1) @ roots, axis=0) + _besides(problem, whitened)
+    worst = _worst(problem, _stds(so_far[1:]))
+    return tuple(CurvePoint(shots, float(std)) for shots, std in enumerate(worst, start=2))
 
 
 def over_target(problem: Problem, x: Matrix, spread: Matrix) -> OverTarget | None:
@@ -106,15 +107,15 @@ def advice(problem: Problem, x: Matrix) -> Advice | None:
     own = _informations(problem, x)
     new = _informations(aimed.problem, x)
     total = _information(problem, x)
-    before = _worst(problem, np.sqrt(np.diag(np.linalg.inv(total))))
+    before = float(_worst(problem, _stds(total)))
+    replaced, added = (_worst(problem, _stds(total + new - old)) for old in (own[rows], 0.0))
     best: Advice | None = None
     for row, (i, j, sign) in enumerate(tries):
         if not (aimed.hit[row] and aimed.ahead[row] and inside[row]):
             continue
         joint = robot.joints[j]
         for add in (False, True):
-            changed = total + new[row] - (0.0 if add else own[i])
-            after = _worst(problem, np.sqrt(np.diag(np.linalg.inv(changed))))
+            after = float((added if add else replaced)[row])
             if best is None or after < best.worst_std_after * (0.95 if add and not best.add else 1.0):
                 best = Advice(i, j + 1, sign * _CHANGE[joint.kind], joint.unit, add, before, after)
     return best if best is not None and best.worst_std_after < _WORTH_TELLING * before else None
@@ -124,6 +125,18 @@ def _information(problem: Problem, x: Matrix) -> Matrix:
     """(f, f) of the scaled free parameters at x: Fisher's, with that of distances and priors."""
     jacobian = problem.whiten(x).jacobian[:, problem.parameters.free]
     return jacobian.T @ jacobian + np.eye(jacobian.shape[1])
+
+
+def _besides(problem: Problem, whitened: Whitened) -> Matrix:
+    """(f, f) the information of distances and priors."""
+    rows = problem.shots * problem.tool.miss_size
+    jacobian = whitened.jacobian[rows:, problem.parameters.free]
+    return jacobian.T @ jacobian + np.eye(jacobian.shape[1])
+
+
+def _stds(information: Matrix) -> Matrix:
+    """(…, f) std by information (…, f, f)."""
+    return np.asarray(np.sqrt(np.diagonal(np.linalg.inv(information), axis1=-2, axis2=-1)))
 
 
 def _informations(problem: Problem, x: Matrix) -> Matrix:
@@ -141,5 +154,9 @@ def _offsets(problem: Problem, scaled: Matrix) -> list[tuple[str, float]]:
     ]
 
 
-def _worst(problem: Problem, scaled: Matrix) -> float:
-    return max((std for _, std in _offsets(problem, scaled)), default=0.0)
+def _worst(problem: Problem, scaled: Matrix) -> Matrix:
+    """(…) the largest std (deg; mm) of the offsets, from those of the free parameters (…, f)."""
+    items = [item for item in problem.parameters.items if not item.held]
+    own = [i for i, item in enumerate(items) if item.group == "offset"]
+    units = np.array([items[i].prior_std * items[i].display for i in own])
+    return np.asarray((scaled[..., own] * units).max(axis=-1, initial=0.0))
