@@ -43,7 +43,7 @@ def robot(
     as_json: Json = False,
 ) -> None:
     """Show a robot: joints, reach, and the flange's pose as pendants show it, to compare with the pendant."""
-    from ..experiments.arm_shown import arm_json, shown_arm
+    from ..experiments.arm_shown import arm_json, typed_arm
     from ..model.files.header import UrdfRef
     from ..model.files.robot_file import built_in_robots
     from ..reports.terminal.arm import print_arm, print_robots
@@ -61,7 +61,7 @@ def robot(
     if (base is None) != (tip is None):
         raise BadInput("a URDF's chain has two ends", remedy="state both --base and --tip")
     ref = name if base is None or tip is None else UrdfRef(urdf=name, base=base, tip=tip)
-    arm = shown_arm(ref, joints or [], units=units, j3=j3)
+    arm = typed_arm(ref, joints or [], units=units, j3=j3)
     if picture is not None:
         from ..reports.scenes.arm_scene import write_arm_page
 

@@ -17,6 +17,7 @@ from ..model.files.header import UrdfRef
 from ..model.files.limits import beyond_limits
 from ..model.files.robot_file import built_in_robots, load_robot, stated_rows
 from ..model.robot import Matrix, Robot
+from ..reports.words.wording import counted
 from .importers.typed import typed_joints
 
 
@@ -43,12 +44,29 @@ class ShownArm:
     poses: tuple[ShownPose, ...]
 
 
-def shown_arm(ref: str | UrdfRef, joints: Sequence[str], *, units: Literal["deg", "rad"], j3: J3) -> ShownArm:
+def typed_arm(ref: str | UrdfRef, joints: Sequence[str], *, units: Literal["deg", "rad"], j3: J3) -> ShownArm:
     """The robot of a name or file; `joints` are texts of joint values (none: the zero posture)."""
     robot = load_robot(ref)
+    return _shown(ref, robot, [_typed(robot, text, units) for text in joints], j3)
+
+
+def shown_arm(ref: str | UrdfRef, joints_deg: Sequence[Sequence[float]], *, j3: J3 = "link") -> ShownArm:
+    """The same with joint values (n,) in degrees (mm) in each posture; BadInput where there are not n."""
+    robot = load_robot(ref)
+    for values in joints_deg:
+        if len(values) != robot.n:
+            raise BadInput(
+                f"{robot.name} has another number of joints",
+                found=counted(len(values), "joint value"),
+                allowed=robot.n,
+            )
+    return _shown(ref, robot, [np.array(values, dtype=float) / robot.display for values in joints_deg], j3)
+
+
+def _shown(ref: str | UrdfRef, robot: Robot, joints: Sequence[Matrix], j3: J3) -> ShownArm:
     rows = isinstance(ref, str) and (ref in built_in_robots() or ref.lower().endswith((".yaml", ".yml")))
     model = stated_rows(ref, Path()).model if rows and isinstance(ref, str) else None
-    postures = [_joints(robot, text, units, j3) for text in joints] or [np.zeros(robot.n)]
+    postures = [from_ground(own, robot) if j3 == "ground" else own for own in joints] or [np.zeros(robot.n)]
     return ShownArm(robot, model, reach(robot), tuple(_pose(robot, posture) for posture in postures))
 
 
@@ -88,7 +106,8 @@ def arm_json(arm: ShownArm) -> dict[str, Any]:
     }
 
 
-def _joints(robot: Robot, text: str, units: Literal["deg", "rad"], j3: J3) -> Matrix:
+def _typed(robot: Robot, text: str, units: Literal["deg", "rad"]) -> Matrix:
+    """(n,) rad or mm."""
     typed = typed_joints(text, robot.n)
     if typed.unit is not None and typed.unit != units:
         raise BadInput(
@@ -97,8 +116,7 @@ def _joints(robot: Robot, text: str, units: Literal["deg", "rad"], j3: J3) -> Ma
             remedy=f"state --units {typed.unit}",
         )
     values = np.array(typed.values)
-    joints = values / robot.display if units == "deg" else values
-    return from_ground(joints, robot) if j3 == "ground" else joints
+    return values / robot.display if units == "deg" else values
 
 
 def _pose(robot: Robot, joints: Matrix) -> ShownPose:

@@ -187,7 +187,7 @@ class Robot:
     @cached_property
     def _both(self) -> ca.Function:
         theta = ca.SX.sym("theta", self.n)
-        rotation, translation, origins, axes = self._chain(theta)
+        rotation, translation, origins, axes, _ = self._chain(theta)
         columns = [
             ca.vertcat(ca.cross(axis, translation - origin), axis)
             if joint.kind == "revolute"
@@ -202,13 +202,19 @@ class Robot:
 
         `theta` is (n, 1), rad or mm: the recorded positions plus the offsets (eq. 3).
         """
-        rotation, translation, _, _ = self._chain(theta)
+        rotation, translation, *_ = self._chain(theta)
         return rotation, translation
 
     def skeleton(self, theta: ca.SX) -> ca.SX:
         """(3, n + 2) mm: the base, the origin of each joint and the flange, in the base frame."""
-        _, translation, origins, _ = self._chain(theta)
+        _, translation, origins, *_ = self._chain(theta)
         return ca.horzcat(ca.SX.zeros(3), *origins, translation)
+
+    def links(self, theta: ca.SX) -> ca.SX:
+        """(3, 4 (n + 1)): rotation and place, mm, of the base and of the link behind each joint in the base
+        frame, side by side: frames that move with them, as a URDF names them."""
+        poses = [ca.horzcat(ca.SX.eye(3), ca.SX.zeros(3)), *self._chain(theta)[4]]
+        return ca.horzcat(*poses)
 
     def axes(self, theta: ca.SX) -> ca.SX:
         """(3, n) the unit axis of each joint in the base frame."""
@@ -279,10 +285,11 @@ class Robot:
             vectors = ca.sparsify(ca.SX(joint.fixed[:3, :3])) @ vectors
         return ca.horzcat(*reversed(columns)), vectors.T
 
-    def _chain(self, theta: ca.SX) -> tuple[ca.SX, ca.SX, list[ca.SX], list[ca.SX]]:
+    def _chain(self, theta: ca.SX) -> tuple[ca.SX, ca.SX, list[ca.SX], list[ca.SX], list[ca.SX]]:
         rotation, translation = ca.SX.eye(3), ca.SX.zeros(3)
         origins: list[ca.SX] = []
         axes: list[ca.SX] = []
+        links: list[ca.SX] = []
         for joint, turn in zip(self.joints, self.turns(theta), strict=True):
             translation = translation + rotation @ joint.fixed[:3, 3]
             origins.append(translation)
@@ -292,8 +299,9 @@ class Robot:
                 rotation = rotation @ axis_rotation(joint.axis, *turn)
             else:
                 translation = translation + rotation @ (joint.axis * turn[0])
+            links.append(ca.horzcat(rotation, translation))
         translation = translation + rotation @ self.flange[:3, 3]
-        return ca.sparsify(rotation @ self.flange[:3, :3]), translation, origins, axes
+        return ca.sparsify(rotation @ self.flange[:3, :3]), translation, origins, axes, links
 
 
 def same_arm(one: Robot, other: Robot) -> bool:

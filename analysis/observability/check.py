@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from ...model.errors import BadInput
@@ -77,6 +78,17 @@ class CheckedPosture:
     target: str
     off_mm: float
     hit: bool
+
+
+@dataclass(frozen=True)
+class WithoutPosture:
+    """What a plan determines without one of its postures: the verdict, and of each offset its status and `std`
+    (deg or mm), None where the rest of the plan cannot determine it."""
+
+    posture: int
+    verdict: Verdict
+    status: dict[str, Status]
+    std: dict[str, float | None]
 
 
 @dataclass(frozen=True)
@@ -220,6 +232,35 @@ def check(plan: Plan, turned: AimedPlan | None = None) -> Check:
     )
 
 
+def without_posture(turned: AimedPlan, posture: int) -> WithoutPosture | None:
+    """What the plan determines without a posture, judged as a plan of the others would be.
+
+    None where the posture gives no measurement (its target cannot be hit), or the plan has no other.
+    """
+    kept = np.flatnonzero(_taken(turned.aimed))
+    if posture not in kept or len(kept) < 2:
+        return None
+    rest = turned.aimed.problem.select(kept[kept != posture])
+    with threadpool_limits(limits=1, user_api="blas"):
+        identified = identify(rest, turned.x)
+        spread = np.sqrt(np.diag(predicted_covariance(rest, turned.x)))
+    items, std = rest.parameters.items, rest.parameters.unscaled(spread)
+    offsets = rest.parameters.block("offset")
+    judged = list(zip(items, identified.status, std, strict=True))[offsets]
+    return WithoutPosture(
+        posture,
+        verdict_of(identified.status[offsets]),
+        {item.name: status for item, status, _ in judged},
+        {item.name: float(own) * item.display if known(status) else None for item, status, own in judged},
+    )
+
+
+def _taken(aimed: Aimed) -> NDArray[np.bool_]:
+    """(N,) which postures give a measurement; all that hit where every beam leaves away from its target."""
+    taken = aimed.hit & aimed.ahead
+    return taken if taken.any() else aimed.hit
+
+
 def _shots(plan: Plan, aimed: Aimed) -> Problem:
     """The shots that the plan will give: those of the postures that can be turned onto their targets.
 
@@ -233,8 +274,7 @@ def _shots(plan: Plan, aimed: Aimed) -> Problem:
             remedy="correct the target's guess_mm, the tool or the postures",
             file=plan.path,
         )
-    taken = aimed.hit & aimed.ahead
-    return aimed.problem.select(np.flatnonzero(taken if taken.any() else aimed.hit))
+    return aimed.problem.select(np.flatnonzero(_taken(aimed)))
 
 
 def _stated_spread(plan: Plan, problem: Problem) -> Matrix:

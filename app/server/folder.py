@@ -120,7 +120,7 @@ def _writable_name(name: str) -> bool:
 
 
 def kind_of(path: Path) -> str:
-    """What a file is by its first bytes: run, plan, header, robot, result, cell, sensors or other."""
+    """What a file is by its first bytes: run, plan, header, obstacles, robot, result, cell, sensors or other."""
     if path.suffix.lower() not in {".yaml", ".yml", ".json", ".jsonl", ".urdf"}:
         return "other"
     if path.suffix.lower() == ".urdf":
@@ -133,5 +133,7 @@ def kind_of(path: Path) -> str:
     if (schema := _SCHEMA.search(head)) is not None:
         return schema[1].decode()
     yaml = path.suffix.lower() in {".yaml", ".yml"}
-    keys = (b"robot:", b"tool:", b"noise:")
-    return "header" if yaml and all(re.search(rb"^" + key, head, re.M) for key in keys) else "other"
+    keys = set(re.findall(rb"^(\w+):", head, re.M))
+    if yaml and keys >= {b"robot", b"tool", b"noise"}:
+        return "header"
+    return "obstacles" if yaml and keys and keys <= {b"floor_mm", b"boxes", b"thickness_mm"} else "other"

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
+from ruamel.yaml import YAML
 
+from ...analysis.observability.aim import AimedPlan
 from ...model.files.validation import FileModel, Name, Point, Positive, read_model, refusal
+from ...model.files.whole_file import refuse_existing, write_whole
 from ...model.problem import Problem
 from ...model.robot import Matrix
 
@@ -53,6 +57,33 @@ class Obstacles(FileModel):
 def read_obstacles(path: Path) -> Obstacles:
     """An obstacles file (YAML)."""
     return read_model(Obstacles, path)
+
+
+def write_obstacles(path: Path, obstacles: Obstacles, *, force: bool = False) -> None:
+    """Write an obstacles file (YAML), whole or not at all; over another one with `force` only."""
+    refuse_existing(path, force=force)
+    text = StringIO()
+    yaml = YAML()
+    yaml.default_flow_style = None
+    yaml.dump(obstacles.model_dump(mode="json"), text)
+    write_whole(path, text.getvalue(), force=force)
+
+
+def touches(turned: AimedPlan, obstacles: Obstacles) -> list[tuple[str, ...]]:
+    """For each posture of a plan, turned onto its target, what `plan` would not choose it for: "itself",
+    "cell" (the arm touches the floor or a box), "beam" (a box is in its way)."""
+    problem, aimed = turned.aimed.problem, turned.aimed
+    clearance = Clearance(problem, obstacles)
+    joints = problem.joints
+    found = {"itself": clearance.hits_itself(joints), "cell": clearance.hits_cell(joints)}
+    if problem.tool.kind == "laser":
+        origin, _ = problem.beams(turned.x)
+        blocked = np.zeros(problem.shots, dtype=bool)
+        for k, target in enumerate(problem.split(turned.x).targets):
+            own = np.flatnonzero((problem.target_index == k) & aimed.hit)
+            blocked[own] = clearance.beam_blocked(origin[own], target)
+        found["beam"] = blocked
+    return [tuple(what for what, hits in found.items() if hits[i]) for i in range(problem.shots)]
 
 
 class Clearance:

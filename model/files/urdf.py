@@ -37,6 +37,22 @@ def read_urdf(path: Path, base: str, tip: str) -> Robot:
     return _Reader(path).robot(base, tip)
 
 
+@dataclass(frozen=True, eq=False)
+class VisualMesh:
+    """A mesh of a link on the chain: the `file` as the URDF names it, its `scale` (3,), its `pose` (4, 4),
+    mm, in the frame of `link`, 0 the base and k the link behind joint k of the robot."""
+
+    file: str
+    scale: Matrix
+    pose: Matrix
+    link: int
+
+
+def visual_meshes(path: Path, base: str, tip: str) -> list[VisualMesh]:
+    """What a URDF file shows of the links from `base` to `tip`: meshes, not spheres, boxes and cylinders."""
+    return _Reader(path).visuals(base, tip)
+
+
 @dataclass(frozen=True)
 class _Edge:
     """A joint element with its two links."""
@@ -60,7 +76,8 @@ class _Reader:
                 "this is not a URDF file", root, found=f"<{root.tag}>", allowed="<robot> at the top"
             )
         self.name = root.get("name") or path.stem
-        self.links = [self._attribute(link, "name") for link in root.findall("link")]
+        self.elements = root.findall("link")
+        self.links = [self._attribute(link, "name") for link in self.elements]
         self.edges = [self._edge(joint) for joint in root.findall("joint")]
         self._check_tree(root)
 
@@ -200,7 +217,7 @@ class _Reader:
         joints: list[Joint] = []
         pending = np.eye(4)
         for edge in self.chain(base, tip):
-            pending = pending @ self._origin(edge)
+            pending = pending @ self._origin(edge.element)
             if edge.kind == "fixed":
                 continue
             joints.append(self._joint(edge, pending))
@@ -213,6 +230,23 @@ class _Reader:
         origins = [float(np.linalg.norm(each[:3, 3])) for each in (*(j.fixed for j in joints), pending)]
         warn_of(self.name, too_long(origins, "metres in a URDF"))
         return Robot(self.name, tuple(joints), pending)
+
+    def visuals(self, base: str, tip: str) -> list[VisualMesh]:
+        elements = dict(zip(self.links, self.elements, strict=True))
+        found: list[VisualMesh] = []
+        link, pose = 0, np.eye(4)
+        for name, edge in ((base, None), *((edge.child, edge) for edge in self.chain(base, tip))):
+            if edge is not None and edge.kind == "fixed":
+                pose = pose @ self._origin(edge.element)
+            elif edge is not None:
+                link, pose = link + 1, np.eye(4)
+            for visual in elements[name].findall("visual"):
+                if (mesh := visual.find("geometry/mesh")) is not None:
+                    stated = mesh.get("scale") is not None
+                    scale = self._numbers(mesh, "scale", 3) if stated else [1.0] * 3
+                    file = self._attribute(mesh, "filename")
+                    found.append(VisualMesh(file, np.array(scale), pose @ self._origin(visual), link))
+        return found
 
     def _joint(self, edge: _Edge, fixed: Matrix) -> Joint:
         if edge.kind not in ("revolute", "continuous", "prismatic"):
@@ -272,9 +306,10 @@ class _Reader:
             )
         return axis / length
 
-    def _origin(self, edge: _Edge) -> Matrix:
-        """Fixed transform (4, 4) in mm from the parent link to the joint."""
-        element = edge.element.find("origin")
+    def _origin(self, parent: ElementTree.Element) -> Matrix:
+        """Fixed transform (4, 4) in mm that <origin> states: from the parent link to a joint, from a link to
+        its mesh."""
+        element = parent.find("origin")
         if element is None:
             return np.eye(4)
         x, y, z = self._numbers(element, "xyz", 3) if element.get("xyz") is not None else [0.0] * 3

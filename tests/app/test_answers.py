@@ -206,3 +206,87 @@ def test_what_is_no_json_is_refused(client: TestClient, text: bytes) -> None:
     answer = client.post("/api/robot", content=text)
     assert answer.status_code == 400
     assert answer.json()["error"]["what"]
+
+
+def test_what_each_posture_adds_is_a_check_of_the_others(client: TestClient, content: dict[str, Any]) -> None:
+    asked = {"plan": content, "postures": [0, 3]}
+    found = client.post("/api/without", json=asked).json()
+    assert [row["posture"] for row in found] == [0, 3]
+    for row in found:
+        rest = [own for i, own in enumerate(content["postures_deg"]) if i != row["posture"]]
+        same = client.post("/api/check", json={"plan": content | {"postures_deg": rest}}).json()
+        assert row["rest"]["verdict"] == same["verdict"]
+        for own in same["parameters"]:
+            if own["group"] == "offset":
+                assert row["rest"]["status"][own["name"]] == own["status"]
+                std = row["rest"]["std"][own["name"]]
+                assert (std is None) == (own["std"] is None)
+                # Where the plan states no target, a check takes it from its postures.
+                assert std is None or std == pytest.approx(own["std"], rel=1e-6)
+
+
+def test_without_the_one_posture_that_turns_joint_1_joint_2_has_no_number(
+    client: TestClient, root: Path
+) -> None:
+    plan_file(root / "x.yaml", pattern_plan("x"))
+    content = client.get("/api/plan", params={"file": "x.yaml"}).json()["plan"]
+    turned = [*content["postures_deg"][0]]
+    content["postures_deg"].append([turned[0] + 20, *turned[1:]])
+    last = len(content["postures_deg"]) - 1
+    whole = client.post("/api/check", json={"plan": content}).json()
+    u2 = next(row for row in whole["parameters"] if row["name"] == "delta2")
+    assert u2["std"] is not None
+    (row,) = client.post("/api/without", json={"plan": content, "postures": [last]}).json()
+    assert row["rest"]["status"]["delta2"] == "unidentifiable"
+    assert row["rest"]["std"]["delta2"] is None
+    assert row["rest"]["verdict"] == "degenerate"
+
+
+def test_what_the_command_says_besides_is_said_to_the_page(
+    client: TestClient, content: dict[str, Any], root: Path
+) -> None:
+    from command_line import zerobeam
+
+    content["noise"]["joint_deg"] = 0.3  # so that there is an advice
+    assert client.put("/api/plan", json={"file": "noisy.yaml", "plan": content}).status_code == 200
+    said = client.post("/api/check", json={"plan": content, "scene": True}).json()["said"]
+    printed = " ".join(zerobeam("check", root / "noisy.yaml").out.split())
+    assert said["advice"].startswith("The single change that helps most")
+    for text in (*said["lines"], said["advice"], *said["worth"]["of"].values()):
+        assert " ".join(text.split()) in printed
+
+
+def test_obstacles_are_written_read_and_what_touches_them_is_said(
+    client: TestClient, content: dict[str, Any], root: Path
+) -> None:
+    scene = client.post("/api/check", json={"plan": content, "scene": True}).json()["scene"]
+    middle = np.mean([scene[2]["tool"], scene[2]["target"]], axis=0)
+    box = {"name": "<b>", "min_mm": list(middle - 10), "max_mm": list(middle + 10)}
+    cell = {"floor_mm": None, "boxes": [box], "thickness_mm": 1.0}
+    checked = client.post("/api/check", json={"plan": content, "scene": True, "obstacles": cell}).json()
+    assert "beam" in checked["scene"][2]["touches"]
+    far = cell | {"boxes": [box | {"min_mm": [5000, 5000, 5000], "max_mm": [5100, 5100, 5100]}]}
+    checked = client.post("/api/check", json={"plan": content, "scene": True, "obstacles": far}).json()
+    assert [place["touches"] for place in checked["scene"]] == [[]] * 7
+    high = far | {"floor_mm": 5000.0}
+    checked = client.post("/api/check", json={"plan": content, "scene": True, "obstacles": high}).json()
+    assert [place["touches"] for place in checked["scene"]] == [["cell"]] * 7
+
+    for name in ("cell.yaml", "cell.yaml"):
+        answer = client.put("/api/obstacles", json={"file": name, "obstacles": cell})
+        assert (answer.status_code, answer.json()) == (200, {"file": "cell.yaml"})
+    assert client.get("/api/obstacles", params={"file": "cell.yaml"}).json()["obstacles"] == cell
+    kinds = {row["path"]: row["kind"] for row in client.get("/api/files").json()}
+    assert kinds["cell.yaml"] == "obstacles"
+
+
+def test_obstacles_replace_nothing_but_obstacles(client: TestClient, root: Path) -> None:
+    cell = {"floor_mm": 0.0, "boxes": [], "thickness_mm": None}
+    for file in ("plan.yaml", "run.jsonl", "page.html", ".hidden.yaml", "../outside.yaml", "sub"):
+        before = (root / file).read_bytes() if (root / file).is_file() else None
+        answer = client.put("/api/obstacles", json={"file": file, "obstacles": cell})
+        assert answer.status_code == 400, file
+        assert before is None or (root / file).read_bytes() == before
+    empty = {"name": "a", "min_mm": [0, 0, 0], "max_mm": [1, 1, 0]}
+    answer = client.put("/api/obstacles", json={"file": "a.yaml", "obstacles": {"boxes": [empty]}})
+    assert answer.json()["error"]["key"][:3] == ["obstacles", "boxes", 0]

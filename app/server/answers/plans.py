@@ -5,23 +5,27 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
-from ....analysis.observability.aim import aim_plan
-from ....analysis.observability.check import Check
+from ....analysis.observability.aim import AimedPlan, aim_plan
+from ....analysis.observability.check import Check, without_posture
 from ....analysis.observability.check import check as judge
 from ....experiments.arm_shown import shown_arm
+from ....experiments.plans.obstacles import Obstacles, read_obstacles, touches, write_obstacles
 from ....model.errors import BadInput
 from ....model.files.header import PLAN_SCHEMA
 from ....model.files.plan import Plan, plan_of, write_plan
 from ....model.files.reading import Document, Place, read_yaml, require_schema
-from ....model.files.validation import FileModel
+from ....model.files.validation import FileModel, as_tuple
 from ....reports.plan.plan_scene import Postures, postures_of
+from ....reports.run.geometry import check_lines
+from ....reports.run.parameters import unit_of, worth_column
+from ....reports.words.observability import advice_sentence, over_target_sentence
 from ....reports.words.result_json import check_json
 from ..asked import NOWHERE, keyed
 from ..end_point import EndPoint
@@ -30,6 +34,7 @@ from .notes import noted
 from .robots import arm_of, require_robot_inside, rounded, whole_ref
 
 MOST_POSTURES = 1000  # of a plan that is checked while somebody waits
+MOST_WITHOUT = 30  # postures that are left out in one answer
 
 
 class AskedCheck(FileModel):
@@ -40,6 +45,28 @@ class AskedCheck(FileModel):
         default=None, description="the file that it is from: paths in the plan are relative to its folder"
     )
     scene: bool = Field(default=False, description="whether to say where arm, beam and target are")
+    obstacles: Obstacles | None = Field(
+        default=None, description="obstacles in the cell: the scene says what touches them"
+    )
+
+
+class AskedWithout(FileModel):
+    """A plan, and which of its postures to leave out."""
+
+    plan: dict[str, Any] = Field(description="the content of a plan file (zerobeam/plan/1)")
+    file: str | None = Field(
+        default=None, description="the file that it is from: paths in the plan are relative to its folder"
+    )
+    postures: Annotated[tuple[int, ...], BeforeValidator(as_tuple), Field(max_length=MOST_WITHOUT)] = Field(
+        description="postures, from 0, each of which is left out alone"
+    )
+
+
+class AskedObstacles(FileModel):
+    """Obstacles to write."""
+
+    file: str = Field(description="path below the folder (.yaml): a new file, or obstacles to be replaced")
+    obstacles: Obstacles = Field(description="the content of an obstacles file")
 
 
 class AskedPlan(FileModel):
@@ -58,12 +85,7 @@ def plan(folder: Folder, name: str) -> dict[str, Any]:
         require_robot_inside(folder, document.data, path.parent)
         read = plan_of(document)
         ref = whole_ref(folder, read.header.robot, path.parent)
-        arm = shown_arm(
-            ref,
-            [", ".join(map(repr, (read.postures[0] * read.robot.display).tolist()))],
-            units="deg",
-            j3="link",
-        )
+        arm = shown_arm(ref, [(read.postures[0] * read.robot.display).tolist()])
     return {
         "file": folder.called(path),
         "plan": document.data,
@@ -91,9 +113,53 @@ def write(folder: Folder, wanted: AskedPlan) -> dict[str, Any]:
 
 
 def check(folder: Folder, wanted: AskedCheck) -> dict[str, Any]:
-    """`zerobeam/check/1`; with `scene` also what a picture needs, and `null_motion`."""
-    path = folder.root / NOWHERE if wanted.file is None else folder.inside(wanted.file)
-    postures = wanted.plan.get("postures_deg")
+    """`zerobeam/check/1`; with `scene` also what a picture needs, `null_motion`, and in `said` what the command
+    says besides."""
+    with noted() as notes:
+        turned = _turned(folder, wanted.plan, wanted.file)
+        found = judge(turned.plan, turned)
+        answer = check_json(found)
+        if wanted.scene:
+            scene = _scene(turned.plan, postures_of(turned))
+            if wanted.obstacles is not None:
+                for place, touched in zip(scene, touches(turned, wanted.obstacles), strict=True):
+                    place["touches"] = list(touched)
+            answer |= {"scene": scene, "null_motion": _null_motion(found), "said": _said(found)}
+    return answer | {"warnings": notes}
+
+
+def without(folder: Folder, wanted: AskedWithout) -> list[dict[str, Any]]:
+    """What the plan determines without each posture: `posture`, `verdict`, `status` and `std` of each offset, in
+    its own unit (null: not determined); null for a posture that gives no measurement."""
+    with noted():
+        turned = _turned(folder, wanted.plan, wanted.file)
+        found = [(i, without_posture(turned, i)) for i in wanted.postures]
+    return [{"posture": i, "rest": None if own is None else asdict(own)} for i, own in found]
+
+
+def obstacles(folder: Folder, name: str) -> dict[str, Any]:
+    """An obstacles file: its content."""
+    path = folder.inside(name)
+    return {"file": folder.called(path), "obstacles": read_obstacles(path).model_dump(mode="json")}
+
+
+def write_obstacles_file(folder: Folder, wanted: AskedObstacles) -> dict[str, Any]:
+    """Write obstacles as a new file or over an obstacles file; nothing else is ever replaced."""
+    path = folder.inside(wanted.file)
+    if path.suffix.lower() not in {".yaml", ".yml"} or path.name.startswith("."):
+        raise BadInput(
+            "obstacles cannot have this name", found=wanted.file, allowed="a name that ends in .yaml"
+        )
+    if path.exists():
+        read_obstacles(path)
+    write_obstacles(path, wanted.obstacles, force=path.exists())
+    return {"file": folder.called(path)}
+
+
+def _turned(folder: Folder, content: dict[str, Any], file: str | None) -> AimedPlan:
+    """The plan that a file with this content would be, its postures turned onto their targets."""
+    path = folder.root / NOWHERE if file is None else folder.inside(file)
+    postures = content.get("postures_deg")
     if isinstance(postures, list) and len(postures) > MOST_POSTURES:
         raise BadInput(
             "the plan is too long to be checked while you wait",
@@ -101,14 +167,21 @@ def check(folder: Folder, wanted: AskedCheck) -> dict[str, Any]:
             allowed=f"at most {MOST_POSTURES}",
             remedy="use zerobeam check",
         )
-    with noted() as notes:
-        stated = _stated(folder, wanted.plan, path)
-        turned = aim_plan(stated)
-        found = judge(stated, turned)
-        answer = check_json(found)
-        if wanted.scene:
-            answer |= {"scene": _scene(stated, postures_of(turned)), "null_motion": _null_motion(found)}
-    return answer | {"warnings": notes}
+    return aim_plan(_stated(folder, content, path))
+
+
+def _said(found: Check) -> dict[str, Any]:
+    """What the command prints besides the table: `worth`, the head of the column beside u and what it says of
+    each offset, `lines` on the geometry, `advice` on the postures, `over_target`."""
+    head, of = worth_column(found.geometry)
+    units = {row.name: unit_of(row.unit) for row in found.parameters}
+    over = found.over_target
+    return {
+        "worth": {"head": head, "of": {row.name: of(row) for row in found.parameters if row.group == "offset"}},
+        "lines": check_lines(found),
+        "advice": None if found.advice is None else advice_sentence(found.advice),
+        "over_target": None if over is None else over_target_sentence(over, units),
+    }
 
 
 def _stated(folder: Folder, content: dict[str, Any], path: Path) -> Plan:
@@ -179,4 +252,10 @@ END_POINTS = [
     EndPoint("/api/plan", "GET", "A plan: its content, targets, robot and notes.", plan, asked=("file",)),
     EndPoint("/api/plan", "PUT", "Writes a plan: a new file, or in place of a plan.", write, AskedPlan),
     EndPoint("/api/check", "POST", "A check (zerobeam/check/1); with `scene` more.", check, AskedCheck),
+    EndPoint("/api/without", "POST", "What a plan is without each of its postures.", without, AskedWithout),
+    EndPoint("/api/obstacles", "GET", "The content of an obstacles file.", obstacles, asked=("file",)),
+    EndPoint(
+        "/api/obstacles", "PUT", "Writes obstacles: a new file, or in place of obstacles.",
+        write_obstacles_file, AskedObstacles,
+    ),
 ]
