@@ -82,8 +82,8 @@ class CheckedPosture:
 
 @dataclass(frozen=True)
 class WithoutPosture:
-    """What a plan determines without one of its postures: the verdict, and of each offset its status and `std`
-    (deg or mm), None where the rest of the plan cannot determine it."""
+    """What a plan determines without one of its postures: the verdict, and of each offset its status and
+    `std` (deg or mm), None where the rest of the plan cannot determine it."""
 
     posture: int
     verdict: Verdict

@@ -120,7 +120,7 @@ def _writable_name(name: str) -> bool:
 
 
 def kind_of(path: Path) -> str:
-    """What a file is by its first bytes: run, plan, header, obstacles, robot, result, cell, sensors or other."""
+    """A file by its first bytes: run, plan, header, robot, result, cell, sensors, obstacles or other."""
     if path.suffix.lower() not in {".yaml", ".yml", ".json", ".jsonl", ".urdf"}:
         return "other"
     if path.suffix.lower() == ".urdf":

@@ -113,8 +113,8 @@ def write(folder: Folder, wanted: AskedPlan) -> dict[str, Any]:
 
 
 def check(folder: Folder, wanted: AskedCheck) -> dict[str, Any]:
-    """`zerobeam/check/1`; with `scene` also what a picture needs, `null_motion`, and in `said` what the command
-    says besides."""
+    """`zerobeam/check/1`; with `scene` also what a picture needs, `null_motion`, and in `said` what the
+    command says besides."""
     with noted() as notes:
         turned = _turned(folder, wanted.plan, wanted.file)
         found = judge(turned.plan, turned)
@@ -129,8 +129,8 @@ def check(folder: Folder, wanted: AskedCheck) -> dict[str, Any]:
 
 
 def without(folder: Folder, wanted: AskedWithout) -> list[dict[str, Any]]:
-    """What the plan determines without each posture: `posture`, `verdict`, `status` and `std` of each offset, in
-    its own unit (null: not determined); null for a posture that gives no measurement."""
+    """What the plan determines without each posture: `rest` has `verdict`, `status` and `std` of each offset,
+    in its own unit (null: not determined); it is null for a posture that gives no measurement."""
     with noted():
         turned = _turned(folder, wanted.plan, wanted.file)
         found = [(i, without_posture(turned, i)) for i in wanted.postures]
@@ -175,9 +175,9 @@ def _said(found: Check) -> dict[str, Any]:
     each offset, `lines` on the geometry, `advice` on the postures, `over_target`."""
     head, of = worth_column(found.geometry)
     units = {row.name: unit_of(row.unit) for row in found.parameters}
-    over = found.over_target
+    offsets, over = [row for row in found.parameters if row.group == "offset"], found.over_target
     return {
-        "worth": {"head": head, "of": {row.name: of(row) for row in found.parameters if row.group == "offset"}},
+        "worth": {"head": head, "of": {row.name: of(row) for row in offsets}},
         "lines": check_lines(found),
         "advice": None if found.advice is None else advice_sentence(found.advice),
         "over_target": None if over is None else over_target_sentence(over, units),
@@ -255,7 +255,10 @@ END_POINTS = [
     EndPoint("/api/without", "POST", "What a plan is without each of its postures.", without, AskedWithout),
     EndPoint("/api/obstacles", "GET", "The content of an obstacles file.", obstacles, asked=("file",)),
     EndPoint(
-        "/api/obstacles", "PUT", "Writes obstacles: a new file, or in place of obstacles.",
-        write_obstacles_file, AskedObstacles,
+        "/api/obstacles",
+        "PUT",
+        "Writes obstacles: a new file, or in place of obstacles.",
+        write_obstacles_file,
+        AskedObstacles,
     ),
 ]

@@ -94,8 +94,8 @@ def rounded(values: Matrix, digits: int) -> list[Any]:
 
 def meshes(folder: Folder, wanted: AskedMeshes) -> dict[str, Any]:
     """What a URDF shows of its links: `meshes` with `link` (0: the base; k: the link behind joint k of the
-    chain), `vertices` in the link's frame, mm, and `faces` (three vertices each); `notes` on what is left out.
-    """
+    chain), `vertices` in the link's frame, mm, and `faces` (three vertices each); `notes` on what is left
+    out."""
     path = folder.inside(wanted.robot.urdf)
     shown, notes = [], []
     visuals = visual_meshes(path, wanted.robot.base, wanted.robot.tip)
@@ -112,8 +112,8 @@ def meshes(folder: Folder, wanted: AskedMeshes) -> dict[str, Any]:
 
 
 def _mesh_file(folder: Folder, name: str, start: Path) -> Path:
-    """The file below the folder that a URDF in `start` names: relative to it, or in a package that is a folder
-    above or beside it."""
+    """The file below the folder that a URDF in `start` names: relative to it, or in a package, a folder above
+    or beside it."""
     scheme, found, rest = name.partition("://")
     if not found:
         return folder.inside(name, start)
