@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -20,20 +21,28 @@ from .diagnostics.influence import shot_results
 from .diagnostics.outliers import robust_result
 from .diagnostics.placement_result import placement_result
 from .diagnostics.scene import scene
-from .estimation.fit import start_at
+from .estimation.fit import LikelihoodFit, start_at
 from .estimation.midpoint import MidpointFit, fit_midpoint
 from .estimation.robust import Loss
 from .findings import findings
 from .observability.geometry import geometry_result
 from .optima import undecided_names
-from .posterior.intervals import intervals
-from .posterior.posterior import NOTHING_KNOWN, UNSAMPLED, Draws, sample_posterior
+from .posterior.intervals import Intervals, intervals
+from .posterior.posterior import (
+    NOTHING_KNOWN,
+    UNSAMPLED,
+    Draws,
+    Omitted,
+    PosteriorSummary,
+    sample_posterior,
+)
 from .result import DistanceResult, Inputs, LikelihoodSummary, MidpointSummary, Result
 from .solution import ParameterTable, Solution, require_noise_data
 from .solved import solved
 from .status import known, versions
 
 Progress = Callable[[str, float], None]
+Sampling = Literal["always", "where needed", "never"]
 
 MOST_ESS = 1e5  # quantiles have three digits long before; the draws of more do not go into memory
 
@@ -55,13 +64,17 @@ def analyse(
     ess: float = 1000.0,
     robust: Loss | None = None,
     held_out: Sequence[str] = (),
+    sampling: Sampling = "always",
+    fit: LikelihoodFit | None = None,
     progress: Progress | None = None,
 ) -> Analysis:
     """Everything that can be said of a recorded run: fits, identifiability, posterior, influence, verdict.
 
     `ess` is the effective sample size asked of every parameter; `robust` asks for a fit with that loss
     besides the others, `held_out` for a fit without the targets of these names (* and ? as in file names)
-    and a look at how it does there. `progress` gets the stage and its share.
+    and a look at how it does there. The posterior is sampled `always`, `never`, or `where needed`: where the
+    profile likelihood shows that the curvature at the mode does not describe it. `fit` is `fit_likelihood`'s
+    of this run if it is there already. `progress` gets the stage and its share.
     """
     if not 0 < ess <= MOST_ESS:
         raise BadInput(
@@ -73,21 +86,30 @@ def analyse(
     # Small matrices: threads in the linear algebra cost more than they give, and change the last bits.
     with threadpool_limits(limits=1, user_api="blas"):
         try:
-            return _analyse(run, seed, ess, robust, held_out, progress or (lambda stage, share: None))
+            return _analyse(
+                run, seed, ess, robust, held_out, sampling, fit, progress or (lambda stage, share: None)
+            )
         except BadInput as error:
             raise error.at(run.path, run.header_line) from error
 
 
 def _analyse(
-    run: Run, seed: int, ess: float, loss: Loss | None, held_out: Sequence[str], tell: Progress
+    run: Run,
+    seed: int,
+    ess: float,
+    loss: Loss | None,
+    held_out: Sequence[str],
+    sampling: Sampling,
+    fit: LikelihoodFit | None,
+    tell: Progress,
 ) -> Analysis:
     run.require_analysable()
-    problem = Problem.from_run(run)
+    problem = Problem.from_run(run) if fit is None else fit.problem
     require_noise_data(problem)
     tell("fit", 0.0)
     # What was asked for in vain is said before the long part.
     unseen = hold_out(problem, held_out, seed) if held_out else None
-    found = solved(problem, run.header, seed=seed, progress=lambda share: tell("fit", 0.7 * share))
+    found = solved(problem, run.header, seed=seed, fit=fit, progress=lambda share: tell("fit", 0.7 * share))
     tell("fit", 0.7)
     midpoint = fit_midpoint(problem.with_geometry(NOMINAL))
     tell("fit", 1.0)
@@ -95,16 +117,19 @@ def _analyse(
     solution = found.solution
     problem = solution.problem
     tell("identifiability", 1.0)
-    posterior, draws = UNSAMPLED, None
+    posterior, draws, between = UNSAMPLED, None, None
     if solution.converged and not solution.known:
         # All of the posterior that may be shown are the priors, and few numbers for many unknowns mix worst.
         posterior = NOTHING_KNOWN
     elif solution.converged:
-        tell("posterior", 0.0)
-        posterior, draws = sample_posterior(
-            solution, seed=seed, ess=ess, progress=lambda share: tell("posterior", share)
-        )
-        tell("posterior", 1.0)
+        if sampling != "always":
+            posterior, between = _omitted(solution)
+        if posterior.omitted is None or (sampling == "where needed" and not posterior.omitted.enough):
+            tell("posterior", 0.0)
+            posterior, draws = sample_posterior(
+                solution, seed=seed, ess=ess, progress=lambda share: tell("posterior", share)
+            )
+            tell("posterior", 1.0)
     tell("diagnostics", 0.0)
     shots = shot_results(solution.fit)
     robust = robust_result(solution, loss) if loss is not None and solution.converged else None
@@ -130,7 +155,7 @@ def _analyse(
         posterior=posterior,
         shots=shots,
         distances=_distances(solution),
-        intervals=intervals(solution, posterior),
+        intervals=intervals(solution, posterior) if between is None or draws is not None else between,
         accuracy=accuracy(solution),
         budget=budget(solution, posterior),
         robust=robust,
@@ -144,6 +169,14 @@ def _analyse(
     )
     tell("diagnostics", 1.0)
     return Analysis(fit=solution.fit, identified=solution.identified, run=run, result=result, draws=draws)
+
+
+def _omitted(solution: Solution) -> tuple[PosteriorSummary, tuple[Intervals, ...]]:
+    """A posterior without draws, with what says whether it needs them, and the intervals without them."""
+    found = intervals(solution, UNSAMPLED)
+    poor = tuple(row.name for row in found if row.differ)
+    tested = not solution.problem.noise.separate
+    return replace(UNSAMPLED, omitted=Omitted(poor, tested)), found
 
 
 def _with_midpoint(solution: Solution, fit: MidpointFit) -> ParameterTable:

@@ -59,6 +59,15 @@ class RobustNotConverged:
 
 
 @dataclass(frozen=True)
+class PoorCurvature:
+    """The posterior was not sampled although the intervals by the curvature may not hold: those of these
+    `parameters` (of all if not `tested`)."""
+
+    parameters: tuple[str, ...]
+    tested: bool
+
+
+@dataclass(frozen=True)
 class Outlying:
     """Measurements whose residuals are too large for chance: by the robust fit, or by the likelihood."""
 
@@ -78,6 +87,7 @@ Finding = (
     | Criterion
     | OtherBasins
     | NoPosterior
+    | PoorCurvature
     | Displacement
     | HeldOutMisfit
     | RobustNotConverged
@@ -125,11 +135,18 @@ def findings(
     return (
         *on_the_model(solution),
         *((NoPosterior(posterior),) if posterior.draws and not posterior.converged else ()),
+        *_on_omitted(posterior),
         *(() if moved is None else (moved,)),
         *on_held_out(held_out),
         *(_on_shots(solution, shots) if robust is None else _on_robust(robust)),
         *(FileWarning(text) for text in warnings),
     )
+
+
+def _on_omitted(posterior: PosteriorSummary) -> Iterator[Finding]:
+    left_out = posterior.omitted
+    if left_out is not None and not left_out.enough:
+        yield PoorCurvature(left_out.poor, left_out.tested)
 
 
 def on_held_out(held_out: HoldOut | None) -> Iterator[Finding]:

@@ -31,12 +31,18 @@ class Climbed:
     factors: Factors | None
 
 
-def climb_ladder(problem: Problem, header: Header, seed: int, progress: Callable[[float], None]) -> Climbed:
+def climb_ladder(
+    problem: Problem,
+    header: Header,
+    seed: int,
+    progress: Callable[[float], None],
+    fit: LikelihoodFit | None = None,
+) -> Climbed:
     """Fit what the header states of the geometry; without that key nominal geometry, without a ladder.
-    `progress` gets the share that is done."""
+    `progress` gets the share that is done; `fit` is that of `problem` if it is there already."""
     stated, whole = header.geometry, problem.geometry
     if stated is None:
-        return Climbed(fit_likelihood(problem, seed=seed), (), None)
+        return Climbed(fit_likelihood(problem, seed=seed) if fit is None else fit, (), None)
     links = whole.without("gravity").without("harmonics")
     nominal = fit_likelihood(problem.with_geometry(NOMINAL), starts=0, seed=seed)
     fit = fit_likelihood(problem.with_geometry(links), seed=seed)

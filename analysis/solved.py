@@ -34,10 +34,15 @@ class Solved:
 
 
 def solved(
-    problem: Problem, header: Header, *, seed: int = 0, progress: Callable[[float], None] | None = None
+    problem: Problem,
+    header: Header,
+    *,
+    seed: int = 0,
+    progress: Callable[[float], None] | None = None,
+    fit: LikelihoodFit | None = None,
 ) -> Solved:
-    """Fit and judge; `progress` gets the share that is done."""
-    climbed = climb_ladder(problem, header, seed, progress or (lambda share: None))
+    """Fit and judge; `progress` gets the share that is done, `fit` is that of `problem` if there is one."""
+    climbed = climb_ladder(problem, header, seed, progress or (lambda share: None), fit)
     fit, factors = climbed.fit, climbed.factors
     number = effective(fit, link_columns(fit.problem, fit.x))
     return Solved(_weighted(fit, number.divisor, factors), number, climbed.ladder, factors)

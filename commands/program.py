@@ -16,6 +16,7 @@ from ..interruption import answered, requested
 from ..model.errors import RigFault, ZerobeamError
 from . import app as app_started
 from . import (
+    batches,
     carrying_out,
     exporting,
     exporting_plans,
@@ -59,6 +60,7 @@ _COMMANDS = {
         judging.analyse,
         judging.report,
         judging.compare,
+        batches.batch,
         planning.plan,
         planning.verify,
         robots.robot,

@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sized
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager, suppress
 from functools import partial
+from itertools import islice
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from queue import SimpleQueue
@@ -22,17 +23,22 @@ from ..model.kernel import compiled_at_once
 Job = TypeVar("Job")
 Answer = TypeVar("Answer")
 
+AHEAD = 3  # jobs that are taken for each process: one under way, the others at hand
+
 
 def side_by_side(
-    work: Callable[[Job], Answer], jobs: Sequence[Job], processes: int | None = None
+    work: Callable[[Job], Answer], jobs: Iterable[Job], processes: int | None = None
 ) -> Generator[tuple[int, Answer], None, None]:
     """The number of each job and its answer, as they come; as many `processes` as there are cores.
 
-    `work` is a function of a module, for it is looked up there by name. What ends it early (Ctrl-C, an
+    `work` is a function of a module, for it is looked up there by name. Jobs are taken as they are needed, a
+    few ahead, so that not all of them are in memory. What ends it early (Ctrl-C, an
     error, its `close`) breaks off the jobs that are under way. Close it: what happens between two answers
     does not reach it. Kernels are compiled at once, so that no answer depends on what its process did before.
     """
-    processes = min(processes or os.cpu_count() or 1, max(len(jobs), 1))
+    processes = processes or os.cpu_count() or 1
+    if isinstance(jobs, Sized):
+        processes = min(processes, max(len(jobs), 1))
     if processes == 1:
         for number, job in enumerate(jobs):
             with threadpool_limits(limits=1):
@@ -45,11 +51,16 @@ def side_by_side(
     pool = ProcessPoolExecutor(processes, mp_context=context, initializer=_start, initargs=(ended,))
     done: SimpleQueue[tuple[int, Future[Answer]]] = SimpleQueue()
     try:
-        for number, job in enumerate(jobs):
-            with _interruptions_put_off():
-                pool.submit(_worked, work, job).add_done_callback(partial(_note, done, number))
-        for _ in jobs:
+        waiting, under_way = enumerate(jobs), 0
+        while True:
+            for number, job in islice(waiting, AHEAD * processes - under_way):
+                with _interruptions_put_off():
+                    pool.submit(_worked, work, job).add_done_callback(partial(_note, done, number))
+                under_way += 1
+            if not under_way:
+                break
             number, future = done.get()
+            under_way -= 1
             yield number, future.result()
     except BaseException:
         held.close()  # nobody wants the answers that are still to come

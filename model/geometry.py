@@ -105,7 +105,7 @@ class Geometry:
         """
         stated = header.geometry
         if stated is None:
-            return cls()
+            return NOMINAL
         length, angle = stated.tolerance.of_links(robot)
         revolute = tuple(i for i, joint in enumerate(robot.joints) if joint.kind == "revolute")
         stated.require_revolute(robot)
@@ -120,8 +120,7 @@ class Geometry:
     @classmethod
     def of_links(cls, robot: Robot, length_mm: float, angle_deg: float) -> Geometry:
         """The link parameters alone, with one tolerance for all lengths and one for all angles."""
-        angle = float(np.radians(angle_deg))
-        return cls(tuple(_links(robot)), length=np.full(robot.n, length_mm), angle=np.full(robot.n, angle))
+        return _of_links(robot, length_mm, angle_deg)
 
     def joined(self, more: Geometry) -> Geometry:
         """The same with the gravity and the harmonics of another one."""
@@ -290,6 +289,12 @@ def _gravity(robot: Robot, stated: StatedGeometry) -> Gravity | None:
     largest[largest <= _NO_TORQUE * max(float(largest.max(initial=0.0)), 1e-300)] = 0.0  # rounding
     bending = np.flatnonzero(largest)
     return Gravity(tuple(int(i) for i in bending), masses, up, largest) if len(bending) else None
+
+
+@lru_cache(maxsize=16)  # every judgement of a run asks for it several times
+def _of_links(robot: Robot, length_mm: float, angle_deg: float) -> Geometry:
+    angle = float(np.radians(angle_deg))
+    return Geometry(tuple(_links(robot)), length=np.full(robot.n, length_mm), angle=np.full(robot.n, angle))
 
 
 def _links(robot: Robot) -> Iterator[Link]:

@@ -20,6 +20,7 @@ everywhere.) What of the arm deviates from nominal, its repeatability and its lo
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -201,12 +202,17 @@ def radius95(covariance: Matrix, dof: int | None = None) -> Matrix:
     std = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance), 0.0))
     second = std[:, 1] / np.where(std[:, 2] > 0, std[:, 2], 1.0)
     third = std[:, 0] / np.where(std[:, 1] > 0, std[:, 1], 1.0)
+    return np.asarray(std[:, 2] * chebval2d(2 * second - 1, 2 * third - 1, _coefficients(dof)))
+
+
+@lru_cache(maxsize=64)
+def _coefficients(dof: int | None) -> Matrix:
+    """(k, k) of the Chebyshev polynomials of the two ratios."""
     points = chebpts1(_NODES)
     ratio = (points + 1) / 2
     exact = _radius(np.repeat(ratio, _NODES), np.outer(ratio, ratio).reshape(-1), dof)
     from_values = np.linalg.inv(chebvander(points, _NODES - 1))
-    coefficients = from_values @ exact.reshape(_NODES, _NODES) @ from_values.T
-    return np.asarray(std[:, 2] * chebval2d(2 * second - 1, 2 * third - 1, coefficients))
+    return np.asarray(from_values @ exact.reshape(_NODES, _NODES) @ from_values.T)
 
 
 def _radius(second: Matrix, third: Matrix, dof: int | None) -> Matrix:
@@ -358,10 +364,11 @@ def _map(
         counts = np.bincount(cells(points), minlength=rows * columns).reshape(rows, columns)
         return tuple(tuple(row) for row in counts.tolist())
 
-    where = cells(at)
+    where = cells(at).astype(np.uint16)  # that is sorted by counting
 
     def levels(value: Matrix) -> LevelMap:
-        order = np.lexsort((value, where))
+        order = np.argsort(value)
+        order = order[np.argsort(where[order], kind="stable")]
         filled, start, count = np.unique(where[order], return_index=True, return_counts=True)
 
         def grid(pick: Index) -> Grid:

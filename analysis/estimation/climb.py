@@ -95,10 +95,11 @@ class Climb:
                 found, self.of, _POLISH, 1e-3 * _CONVERGED, _FLAT, _DIFFERENCE, _STILL
             )
             left = np.flatnonzero(~whole)
-            if len(left):
-                own = self._newton(found, left)
+            for data_set in np.unique(self.of[left]):  # so that no run's bits depend on those beside it
+                rows = left[self.of[left] == data_set]
+                own = self._newton(found, rows)
                 for part, part_left in zip((v, covariance, value, size, iterations), own, strict=True):
-                    part[left] = part_left
+                    part[rows] = part_left
         converged, reason = found.converged.copy(), list(found.reason)
         for row, length in enumerate(size.tolist()):
             if length < _CONVERGED:

@@ -21,6 +21,8 @@ from ...model.kernel import Index
 from ...model.problem import Problem, Whitened
 from ...model.robot import Matrix
 from .climb import MOST_STEPS, Climb
+from .compiled_climb import compiled_climb
+from .coordinates import seen_coordinates
 from .elimination import eliminated
 from .levenberg_marquardt import Minima
 from .noise_factors import marginal_noise
@@ -148,17 +150,43 @@ def fit_likelihood(
     if eliminate_targets:
         start = np.array([eliminated(problem, x) for x in start])
     found = fit_rows(density, start, np.zeros(len(z), dtype=np.int64))
-    best = int(_best_start(found.converged[None], found.log_posterior[None])[0])
-    basins = [best]
-    for row in range(len(z)):
-        near = found.log_posterior[row] >= found.log_posterior[best] - _WORTH_TELLING
-        if found.converged[row] and near and all(_apart(found, row, known) for known in basins):
-            basins.append(row)
-    fit = single(problem, found, best, basins[1:])
+    fit = _best_of(problem, found, 0, len(z))
     doubtful = 0 < starts < MANY_STARTS and _has_few_numbers(problem)
     if doubtful and fit.chance is not None and fit.chance < CONTRADICTED:
         return fit_likelihood(problem, starts=MANY_STARTS, seed=seed, eliminate_targets=eliminate_targets)
     return _settled(fit)
+
+
+def _best_of(problem: Problem, found: Fits, first: int, starts: int) -> LikelihoodFit:
+    """The best of so many rows from `first`, those of the starts of one run, with the other basins."""
+    rows = slice(first, first + starts)
+    best = first + int(_best_start(found.converged[None, rows], found.log_posterior[None, rows])[0])
+    basins = [best]
+    for row in range(first, first + starts):
+        near = found.log_posterior[row] >= found.log_posterior[best] - _WORTH_TELLING
+        if found.converged[row] and near and all(_apart(found, row, known) for known in basins):
+            basins.append(row)
+    return single(problem, found, best, basins[1:])
+
+
+def fit_alike(problems: Sequence[Problem], *, seed: int = 0) -> list[LikelihoodFit]:
+    """`fit_likelihood` of each of these problems, which differ in what was recorded alone: bit for bit the
+    same, but all starts of all of them climb side by side. Only what climbs in C does."""
+    first = problems[0]
+    joints, spots = (np.array([getattr(own, part) for own in problems]) for part in ("joints", "spots"))
+    density = Density(first, joints, spots)
+    if compiled_climb(density, seen_coordinates(density)) is None:
+        return [fit_likelihood(own, seed=seed) for own in problems]
+    z = _start_points(density.size, STARTS, seed)
+    start = np.concatenate([start_at(own, z) for own in problems])
+    found = fit_rows(density, start, np.repeat(np.arange(len(problems)), len(z)))
+    fits = []
+    for k, own in enumerate(problems):
+        fit = _best_of(own, found, k * len(z), len(z))
+        if _has_few_numbers(own) and fit.chance is not None and fit.chance < CONTRADICTED:
+            fit = fit_likelihood(own, seed=seed)  # from more starts
+        fits.append(_settled(fit))
+    return fits
 
 
 def fit_from(problem: Problem, start: Matrix) -> LikelihoodFit:

@@ -49,11 +49,26 @@ class PosteriorParameter:
 
 
 @dataclass(frozen=True)
+class Omitted:
+    """Nobody asked for draws. The curvature at the mode is a poor approximation of the posterior for the
+    parameters in `poor`: their profile likelihood has other intervals. Not `tested` where there is no profile
+    (separate noise factors)."""
+
+    poor: tuple[str, ...]
+    tested: bool
+
+    @property
+    def enough(self) -> bool:
+        """Whether the curvature describes the posterior."""
+        return self.tested and not self.poor
+
+
+@dataclass(frozen=True)
 class PosteriorSummary:
     """Diagnostics of the sampling; `parameters` is None unless it converged.
 
     `drifts`: the ensembles agree, but their draws still drift. Without any draws it was not sampled: no
-    parameter is identifiable (`nothing_known`), or the fit did not converge.
+    parameter is identifiable (`nothing_known`), it was `omitted`, or the fit did not converge.
     """
 
     converged: bool
@@ -67,6 +82,7 @@ class PosteriorSummary:
     seconds: float
     parameters: tuple[PosteriorParameter, ...] | None
     nothing_known: bool = False
+    omitted: Omitted | None = None
 
     def __post_init__(self) -> None:
         if self.parameters is not None and not self.converged:

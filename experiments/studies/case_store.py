@@ -32,8 +32,10 @@ class CaseStore(Closing, Generic[Case]):
     seed, or was made by other versions: such cases do not belong together.
     """
 
-    def __init__(self, path: Path, heading: Mapping[str, object], kind: type[Case]) -> None:
-        self._path = path
+    def __init__(
+        self, path: Path, heading: Mapping[str, object], kind: type[Case], *, of: str = "study"
+    ) -> None:
+        self._path, self._of = path, of
         self._case = TypeAdapter(kind)
         self._done: dict[int, Case] = {}
         try:
@@ -70,8 +72,8 @@ class CaseStore(Closing, Generic[Case]):
     def _lock(self) -> None:
         if not lock(self._file):
             raise BadInput(
-                "another process carries this study out",
-                remedy="wait until it has ended, stop it, or name another folder for the study",
+                f"another process carries this {self._of} out",
+                remedy=f"wait until it has ended, stop it, or name another folder for the {self._of}",
                 file=self._path,
             )
 
@@ -101,19 +103,19 @@ class CaseStore(Closing, Generic[Case]):
                 raise ValueError
         except (ValueError, IndexError):
             raise BadInput(
-                "this file was not written by a study, or is spoilt",
+                f"this file was not written by a {self._of}, or is spoilt",
                 allowed=f"a first line of schema {CASES_SCHEMA}",
-                remedy="move it away, or name another folder for the study",
+                remedy=f"move it away, or name another folder for the {self._of}",
                 file=self._path,
             ) from None
         for key, value in heading.items():
             if found.get(key) != value:
                 raise BadInput(
-                    f"the finished cases that are kept here are of another study: {key} differs",
+                    f"the finished cases that are kept here are of another {self._of}: {key} differs",
                     found=shown(found.get(key)),
                     allowed=shown(value),
                     remedy="resume with the same settings, remove the file to begin again, or name"
-                    " another folder for the study",
+                    f" another folder for the {self._of}",
                     file=self._path,
                     line=1,
                 )

@@ -20,7 +20,7 @@ from ...interruption import interruptible, uninterrupted
 from ...model.errors import BadInput
 
 # What file managers leave behind in any folder that was looked at.
-_LITTER = {".DS_Store", "Thumbs.db", "desktop.ini"}
+LITTER = {".DS_Store", "Thumbs.db", "desktop.ini"}
 # A folder that is not finished: where and by which process it is written; without, of earlier versions.
 _UNFINISHED = re.compile(r"\.zerobeam-new-(?:(?P<here>[0-9a-f]{8})-(?P<process>[0-9]+)-)?[a-z0-9_]{8}")
 _DAY_S = 24 * 3600
@@ -71,7 +71,7 @@ def check_target(folder: Path | str, kind: Kind) -> None:
     folder = Path(folder)
     allowed = f"a folder that does not exist, is empty, or holds a {kind.noun} of zerobeam and nothing else"
     if folder.is_dir():
-        names = {entry.name for entry in folder.iterdir()} - _LITTER
+        names = {entry.name for entry in folder.iterdir()} - LITTER
         foreign = sorted(names - kind.names)
         if foreign:
             listed = ", ".join(repr(name) for name in foreign[:3]) + (", …" if len(foreign) > 3 else "")

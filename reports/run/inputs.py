@@ -15,9 +15,18 @@ from ..words.wording import clipped, listed, shown
 
 def head_facts(result: Result) -> list[tuple[str, str]]:
     """When, which machine and by whom, as the provenance says; for the head of a report."""
-    provenance = {_plain(key): value for key, value in result.inputs.provenance.items()}
-    stated = ((name, _stated(provenance, _KEYS[name])) for name in _HEAD)
-    return [(name, clipped(text, 40) or "not stated") for name, text in stated]
+    return [(name, clipped(text, 40) or "not stated") for name, text in _head(result.inputs)]
+
+
+def when_and_serial(inputs: Inputs) -> tuple[str | None, str | None]:
+    """The date of the measurements and the arm's serial number, where the provenance states them."""
+    when, serial, _ = (text or None for _, text in _head(inputs))
+    return when, serial
+
+
+def _head(inputs: Inputs) -> list[tuple[str, str]]:
+    provenance = {_plain(key): value for key, value in inputs.provenance.items()}
+    return [(name, _stated(provenance, _KEYS[name])) for name in _HEAD]
 
 
 def inputs_sections(inputs: Inputs) -> list[Section]:

@@ -13,7 +13,7 @@ from ..words.result_json import dumps, to_json
 
 RESULT = "result.json"
 REPORT_NAMES = frozenset({"report.html", "report.pdf", RESULT, "posterior.nc", "figures"})
-_REPORT = Kind(
+REPORT = Kind(
     noun="report",
     names=REPORT_NAMES,
     mark=RESULT,
@@ -65,7 +65,7 @@ def write_report(folder: Path | str, result: Result, draws: Draws | None) -> Rep
     ('report.html', 'posterior.nc')
     """
     folder = Path(folder)
-    names = write_folder(folder, _REPORT, lambda aside: _write_files(aside, result, draws))
+    names = write_folder(folder, REPORT, lambda aside: _write_files(aside, result, draws))
     return ReportPaths(
         folder=folder,
         html=folder / "report.html",
@@ -78,7 +78,7 @@ def write_report(folder: Path | str, result: Result, draws: Draws | None) -> Rep
 
 def check_target(folder: Path | str) -> None:
     """Raise BadInput unless a report may be written to `folder`: absent, empty, or a report of ours."""
-    whole_folder.check_target(folder, _REPORT)
+    whole_folder.check_target(folder, REPORT)
 
 
 def _write_files(folder: Path, result: Result, draws: Draws | None) -> list[str]:

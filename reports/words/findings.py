@@ -16,6 +16,7 @@ from ...analysis.findings import (
     NotConverged,
     OtherBasins,
     Outlying,
+    PoorCurvature,
     RobustNotConverged,
 )
 from ...analysis.misfit import BeyondPrior, ImplausibleNoise, LackOfFit, Misfit, PlacementsDisagree
@@ -85,6 +86,17 @@ def finding_sentence(finding: Finding, name: Namer = str) -> str:
             )
         case NoPosterior(posterior):
             return f"No posterior is shown: {posterior_message(posterior)}"
+        case PoorCurvature(parameters, tested):
+            if not tested:
+                return (
+                    "The posterior was not sampled, and with separate noise factors nothing else tests the"
+                    " intervals by the curvature at the mode: sample it before you rely on them"
+                )
+            return (
+                f"The posterior was not sampled, although the profile likelihood of"
+                f" {listed([name(own) for own in parameters], MOST_NAMED)} differs from the curvature at the"
+                " mode: sample it before you rely on these intervals"
+            )
         case Displacement():
             return displacement_sentence(finding)
         case HeldOutMisfit(targets, rms_mm, factor):
@@ -158,6 +170,13 @@ def posterior_message(posterior: PosteriorSummary) -> str:
     """How the sampling went."""
     if posterior.nothing_known:
         return "not sampled: no parameter is identifiable"
+    if posterior.omitted is not None:
+        if posterior.omitted.enough:
+            return (
+                "not sampled: the curvature at the mode describes it (the profile likelihood has the same"
+                " 95 % intervals, to a tenth of their width)"
+            )
+        return "not sampled: that was asked for; the curvature at the mode may not describe it"
     if posterior.draws == 0:
         return "not sampled: the fit did not converge"
     rhat = "not finite" if posterior.rhat_max is None else f"{posterior.rhat_max:.3f}"

@@ -11,6 +11,7 @@ import dataclasses
 import json
 import math
 import re
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -99,9 +100,25 @@ def check_json(check: Check) -> dict[str, Any]:
 
 def dumps(answer: dict[str, Any]) -> str:
     """The text of `result.json`: keys in their given order, floats to the last digit, UTF-8 safe."""
-    text = json.dumps(answer, indent=1, allow_nan=False, ensure_ascii=False)
+    # One line for each item of the second level: C writes them, and with an indent Python would.
+    text = _item_by_item(answer, "", lambda value: _item_by_item(value, " ", _LINE.encode))
     # A lone surrogate cannot be encoded in UTF-8, but its escape is legal JSON and says the same.
     return re.sub("[\ud800-\udfff]", lambda found: f"\\u{ord(found.group()):04x}", text) + "\n"
+
+
+_LINE = json.JSONEncoder(ensure_ascii=False, allow_nan=False)
+
+
+def _item_by_item(value: object, margin: str, write: Callable[[Any], str]) -> str:
+    """A dict or list with a line for each item behind `margin`, as `write` writes them."""
+    if not value or not isinstance(value, dict | list | tuple):
+        return _LINE.encode(value)
+    if isinstance(value, dict):
+        ends, rows = "{}", [f"{_LINE.encode(key)}: {write(item)}" for key, item in value.items()]
+    else:
+        ends, rows = "[]", [write(item) for item in value]
+    inner = f"\n{margin} "
+    return f"{ends[0]}{inner}{f',{inner}'.join(rows)}\n{margin}{ends[1]}"
 
 
 def parameter_json(row: ParameterResult) -> dict[str, Any]:
@@ -158,7 +175,7 @@ def _midpoint(fit: MidpointSummary) -> dict[str, Any]:
 
 
 def _posterior(result: Result) -> dict[str, Any]:
-    own = _without(result.posterior, "posterior", "drifts", "nothing_known")
+    own = _without(result.posterior, "posterior", "drifts", "nothing_known", "omitted")
     return {"converged": own.pop("converged"), "message": posterior_message(result.posterior), **own}
 
 
@@ -240,6 +257,13 @@ def _without(value: Any, where: str, *left_out: str) -> dict[str, Any]:
     }
 
 
+def _is_plain(value: object) -> bool:
+    """Whether `_plain` leaves it as it is: of the thousands of numbers of a result nearly all."""
+    if isinstance(value, float):
+        return type(value) is float and math.isfinite(value)
+    return value is None or type(value) in (int, str)
+
+
 def _plain(value: object, where: str) -> Any:
     """`value` in JSON's own types; `where` names it should it not be possible."""
     if isinstance(value, np.generic):
@@ -257,6 +281,8 @@ def _plain(value: object, where: str) -> Any:
     if isinstance(value, dict):
         return {str(key): _plain(item, f"{where}.{key}") for key, item in value.items()}
     if isinstance(value, list | tuple):
+        if all(map(_is_plain, value)):
+            return list(value)
         return [_plain(item, f"{where}[{i}]") for i, item in enumerate(value)]
     raise UnsoundResult(
         f"the result is unsound and was not written: {where} is a {type(value).__name__}, which JSON lacks"

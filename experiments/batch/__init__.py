@@ -1,0 +1,1 @@
+"""Many runs at once: which files, what is kept of each."""

@@ -1,0 +1,125 @@
+"""The files of a batch beside the runs' own folders: the page, the answer as JSON, the tables."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from ...model.errors import missing_extra
+from ...model.files.whole_file import write_whole
+from ..output.html import html
+from ..words.result_json import dumps
+from ..words.spreadsheet import csv_text
+from .batch_page import Batch, batch_page
+from .uncertainty_figure import uncertainty_picture
+
+SCHEMA = "zerobeam/batch/1"
+PAGE, ANSWER, RUNS, OFFSETS = "batch.html", "batch.json", "runs.csv", "offsets.csv"
+_PARQUET = {RUNS: "runs.parquet", OFFSETS: "offsets.parquet"}
+FILES = frozenset({PAGE, ANSWER, RUNS, OFFSETS, *_PARQUET.values()})
+
+
+def write_batch(folder: Path, done: Batch, *, parquet: bool) -> None:
+    """Write batch.html, batch.json, runs.csv and offsets.csv, each whole; with `parquet` these as well."""
+    picture = uncertainty_picture(done.rows)
+    pictures = {} if picture is None else {picture.name: picture}
+    write_whole(folder / ANSWER, dumps(batch_json(done)), force=True)
+    for name, rows in ((RUNS, run_rows), (OFFSETS, offset_rows)):
+        write_whole(folder / name, csv_text(rows(done)), force=True)
+        if parquet:
+            write_whole(folder / _PARQUET[name], _parquet(list(rows(done))), force=True)
+        else:
+            (folder / _PARQUET[name]).unlink(missing_ok=True)  # of other runs than these
+    write_whole(folder / PAGE, html(batch_page(done), pictures, "study"), force=True)
+
+
+def require_parquet() -> None:
+    """BadInput where the library for Parquet is missing."""
+    try:
+        import pyarrow.parquet  # noqa: F401
+    except ImportError:
+        raise missing_extra("a table in Parquet", "parquet", needed="pyarrow") from None
+
+
+def batch_json(done: Batch) -> dict[str, Any]:
+    """`batch.json`: all rows, what is odd, the settings."""
+    return {
+        "schema": SCHEMA,
+        "outcomes": dict(done.counts),
+        "runs": [asdict(row) for row in done.rows],
+        "odd": [asdict(own) for own in done.odd],
+        "settings": asdict(done.settings),
+        "versions": done.versions,
+    }
+
+
+def run_rows(done: Batch) -> Iterator[dict[str, object]]:
+    """`runs.csv`: one row for each run."""
+    odd = {own.run: own.offset for own in reversed(done.odd)}
+    for row in done.rows:
+        worst = row.worst
+        yield {
+            "run": row.name,
+            "file": row.file,
+            "outcome": row.outcome,
+            "robot": row.robot,
+            "serial": row.serial,
+            "when": row.when,
+            "measurements": row.measurements,
+            "worst_offset": worst and worst.name,
+            "worst_u": worst and worst.u,
+            "unit": worst and worst.unit,
+            "residuals_over_noise": row.factor,
+            "p_value": row.p_value,
+            "misfit": " ".join(row.misfit),
+            "odd_offset": odd.get(row.name),
+            "posterior": row.posterior,
+            "message": row.message,
+            "sha256": row.sha256,
+        }
+
+
+def offset_rows(done: Batch) -> Iterator[dict[str, object]]:
+    """`offsets.csv`: one row for each offset of each run."""
+    for row in done.rows:
+        for own in row.offsets:
+            low, high = own.interval95 or (None, None)
+            yield {
+                "run": row.name,
+                "robot": row.robot,
+                "serial": row.serial,
+                "when": row.when,
+                "outcome": row.outcome,
+                "offset": own.name,
+                "unit": own.unit,
+                "status": own.status,
+                "estimate": own.estimate,
+                "u": own.u,
+                "low95": low,
+                "high95": high,
+            }
+
+
+def _parquet(rows: list[dict[str, object]]) -> bytes:
+    require_parquet()
+    import pyarrow
+    import pyarrow.parquet
+
+    numbers = {
+        "worst_u": pyarrow.float64(),
+        "residuals_over_noise": pyarrow.float64(),
+        "p_value": pyarrow.float64(),
+        "measurements": pyarrow.int64(),
+        "estimate": pyarrow.float64(),
+        "u": pyarrow.float64(),
+        "low95": pyarrow.float64(),
+        "high95": pyarrow.float64(),
+    }
+    names = list(rows[0]) if rows else []
+    kinds = pyarrow.schema([(name, numbers.get(name, pyarrow.string())) for name in names])
+    out = io.BytesIO()
+    pyarrow.parquet.write_table(pyarrow.Table.from_pylist(rows, schema=kinds), out)
+    return out.getvalue()

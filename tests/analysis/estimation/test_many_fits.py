@@ -1,0 +1,64 @@
+"""Fits side by side are those of each run alone, to the bit."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from zerobeam.analysis.estimation import many_fits
+from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
+from zerobeam.analysis.estimation.many_fits import fits_of
+from zerobeam.experiments.demos import demo_runs
+from zerobeam.model.files.run import read_run
+from zerobeam.model.kernel import compiled_at_once
+from zerobeam.model.problem import Problem
+
+
+def problems():
+    """Of two shapes and of two kinds of noise, with readings of their own."""
+    rng = np.random.default_rng(8)
+    good, x_pattern = (Problem.from_run(read_run(run.path)) for run in demo_runs()[:2])
+    estimated = replace(good, noise=replace(good.noise, estimated=True))
+
+    def again(problem):
+        return problem.moved(problem.joints + rng.normal(size=problem.joints.shape) * 2e-4)
+
+    return [again(own) for own in (good, x_pattern, good, estimated, good, x_pattern, estimated)]
+
+
+def same(one: LikelihoodFit, other: LikelihoodFit) -> bool:
+    names = [item.name for item in fields(LikelihoodFit) if item.name not in ("problem", "others")]
+    return (
+        all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
+        and len(one.others) == len(other.others)
+        and all(
+            np.array_equal(a.z, b.z) and np.array_equal(a.std, b.std) and a.below == b.below
+            for a, b in zip(one.others, other.others, strict=True)
+        )
+    )
+
+
+def test_fits_side_by_side_are_those_of_each_alone():
+    with compiled_at_once():
+        own = problems()
+        together = fits_of(own, seed=3)
+        assert [fit.problem is problem for fit, problem in zip(together, own, strict=True)] == [True] * 7
+        for fit, problem in zip(together, own, strict=True):
+            assert same(fit, fit_likelihood(problem, seed=3))
+        assert together[1].other_basins or together[5].other_basins or not together[0].other_basins
+        # Whatever is beside it: another order gives the same.
+        assert all(same(*pair) for pair in zip(fits_of(own[::-1], seed=3)[::-1], together, strict=True))
+
+
+def test_those_of_one_shape_go_together(monkeypatch: pytest.MonkeyPatch):
+    sizes: list[int] = []
+    alike = many_fits.fit_alike
+
+    def counted(group, **how):
+        sizes.append(len(group))
+        return alike(group, **how)
+
+    monkeypatch.setattr(many_fits, "fit_alike", counted)
+    with compiled_at_once():
+        fits_of(problems())
+    assert sorted(sizes) == [2, 2, 3]

@@ -1,0 +1,201 @@
+"""A batch of runs: results as `analyse` gives them, failures named, nothing done twice."""
+
+import csv
+import json
+import shutil
+from dataclasses import replace
+
+import pytest
+from command_line import zerobeam
+
+from zerobeam.analysis.analyse import analyse
+from zerobeam.experiments.batch.rows import BatchOffset, BatchRow, BatchSettings
+from zerobeam.experiments.demos import demo_runs
+from zerobeam.model.errors import BadInput
+from zerobeam.model.files.run import read_run
+from zerobeam.reports.batch import carried_out, solving
+from zerobeam.reports.batch.batch_folder import batch_json
+from zerobeam.reports.batch.batch_page import Batch, batch_page
+from zerobeam.reports.batch.carried_out import batch
+from zerobeam.reports.words.result_json import dumps, to_json
+
+GOOD, X_PATTERN, UNCALIBRATED = (run.path for run in demo_runs())
+SETTINGS = BatchSettings(seed=0, ess=100.0, sampling="never", report=False)
+
+
+@pytest.fixture
+def runs(tmp_path):
+    """Two folders with runs of equal names, one that is no run, one whose model is wrong."""
+    for folder in ("monday", "tuesday"):
+        (tmp_path / folder).mkdir()
+        shutil.copy(GOOD, tmp_path / folder / "arm.jsonl")
+    shutil.copy(X_PATTERN, tmp_path / "monday" / "pattern.jsonl")
+    (tmp_path / "tuesday" / "torn.jsonl").write_text("{not json\n")
+    text = GOOD.read_text().replace('"joint_deg":0.01', '"joint_deg":0.0002')
+    (tmp_path / "tuesday" / "misfit.jsonl").write_text(text)
+    return tmp_path
+
+
+def table(path):
+    return list(csv.DictReader(path.read_text().splitlines()))
+
+
+def carried(runs, **how):
+    files = sorted(runs.glob("*day/*.jsonl"))
+    told = []
+    how = {"processes": 1, **how}
+    found = batch(files, runs / "out", SETTINGS, lambda stage, share: told.append(share), **how)
+    assert told == sorted(told)
+    return found
+
+
+def test_each_run_has_its_result_and_a_bad_file_stops_no_other(runs):
+    found = carried(runs)
+    assert [(row.name, row.outcome) for row in found.rows] == [
+        ("monday-arm", "pass"),
+        ("pattern", "degenerate"),
+        ("tuesday-arm", "pass"),
+        ("misfit", "misfit"),
+        ("torn", "failed"),
+    ]
+    assert not found.passed
+    assert "the line is not JSON" in found.rows[-1].message
+    out = runs / "out"
+    assert not (out / "torn").exists()
+    answer = json.loads((out / "monday-arm" / "result.json").read_text())
+    assert answer["schema"] == "zerobeam/result/1"
+    assert answer["posterior"]["message"].startswith("not sampled: the curvature at the mode describes it")
+    assert answer["posterior"]["parameters"] is None
+    # What the data cannot determine has no number in any table.
+    rows = table(out / "offsets.csv")
+    unknown = [row for row in rows if row["status"] == "unidentifiable"]
+    assert unknown
+    assert all(not row[key] for row in unknown for key in ("estimate", "u", "low95", "high95"))
+    summary = {row["run"]: row for row in table(out / "runs.csv")}
+    assert summary["pattern"]["worst_u"] == ""
+    assert float(summary["monday-arm"]["worst_u"]) > 0
+    assert json.loads((out / "batch.json").read_text())["outcomes"] == {
+        "failed": 1, "misfit": 1, "degenerate": 1, "weak": 0, "pass": 2
+    }  # fmt: skip
+    page = (out / "batch.html").read_text()
+    for said in ("2 of 5 runs are a pass", "Failures", "torn.jsonl", "Lack of fit", "undetermined"):
+        assert said in page
+
+
+def test_a_result_is_that_of_analyse_without_the_posterior(runs):
+    carried(runs)
+    alone = analyse(read_run(runs / "monday" / "pattern.jsonl"), sampling="where needed").result
+    known = [row.name for row in alone.parameters if row.std is not None]
+    answer = json.loads((runs / "out" / "pattern" / "result.json").read_text())
+    expected = json.loads(dumps(to_json(alone)))
+    for key in ("verdict", "headline", "identifiability", "misfit", "posterior"):
+        if key == "identifiability":
+            assert answer[key]["rank"] == expected[key]["rank"]
+        else:
+            assert answer[key] == expected[key]
+    rows = {row["name"]: row for row in answer["parameters"]}
+    assert [name for name, row in rows.items() if row["std"] is not None] == known
+    for own in alone.parameters:
+        if own.std is not None:
+            assert rows[own.name]["std"] == pytest.approx(own.std, rel=1e-9)
+
+
+def test_what_is_done_is_not_done_again_and_what_changed_is(runs, monkeypatch):
+    solved = []
+    piece = solving.solved_piece
+
+    def counted(own):
+        solved.extend(one.name for one in own.runs)
+        return piece(own)
+
+    monkeypatch.setattr(carried_out, "solved_piece", counted)
+    first = carried(runs)
+    assert len(solved) == 4
+    again = carried(runs)
+    assert len(solved) == 4
+    assert batch_json(again) == batch_json(first)
+    # A file that changed, and a result that somebody removed.
+    shutil.copy(UNCALIBRATED, runs / "monday" / "arm.jsonl")
+    shutil.rmtree(runs / "out" / "pattern")
+    solved.clear()
+    third = carried(runs)
+    assert sorted(solved) == ["monday-arm", "pattern"]
+    assert [row.name for row in third.rows] == [row.name for row in first.rows]
+    # Another seed is another result.
+    solved.clear()
+    files = [runs / "tuesday" / "arm.jsonl"]
+    batch(files, runs / "out", replace(SETTINGS, seed=1), lambda stage, share: None, processes=1)
+    assert solved == ["tuesday-arm"]
+
+
+def test_a_fault_of_the_program_is_one_failure_among_the_others(runs, monkeypatch):
+    def broken(run, **how):
+        if run.path.name == "pattern.jsonl":
+            raise RuntimeError("no such thing")
+        return analyse(run, **how)
+
+    monkeypatch.setattr(solving, "analyse", broken)
+    rows = {row.name: row for row in carried(runs).rows}
+    assert rows["pattern"].outcome == "failed"
+    assert "a fault of zerobeam itself" in rows["pattern"].message
+    assert rows["monday-arm"].outcome == "pass"
+
+
+def test_a_folder_with_other_things_is_left_alone(runs):
+    (runs / "out").mkdir()
+    (runs / "out" / "diary.txt").write_text("mine")
+    with pytest.raises(BadInput, match="holds other things"):
+        carried(runs)
+    assert [path.name for path in (runs / "out").iterdir()] == ["diary.txt"]
+
+
+def test_the_tables_as_parquet(runs):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    carried(runs, parquet=True)
+    found = parquet.read_table(runs / "out" / "offsets.parquet")
+    assert found.num_rows == len(table(runs / "out" / "offsets.csv"))
+    assert str(found.schema.field("u").type) == "double"
+    carried(runs)
+    assert not (runs / "out" / "offsets.parquet").exists()
+
+
+def test_the_command(runs):
+    told = zerobeam("batch", runs / "monday", "-o", runs / "out", "--no-posterior")
+    assert told.status == 1, told.err
+    assert told.out.startswith("Not all pass. 1 of 2 runs is a pass: 1 degenerate.")
+    good = zerobeam("batch", runs / "monday" / "arm.jsonl", "-o", runs / "good", "--json")
+    assert good.status == 0
+    assert good.json["schema"] == "zerobeam/batch/1"
+    assert good.json["settings"]["sampling"] == "where needed"
+    refused = zerobeam("batch", runs / "monday", "-o", runs / "tuesday").refused()
+    assert "holds other things" in refused
+
+
+def row(name, estimate, status="identified"):
+    known = status != "unidentifiable"
+    offset = BatchOffset(
+        "delta2",
+        "deg",
+        status,
+        estimate if known else None,
+        0.02 if known else None,
+        (estimate - 0.04, estimate + 0.04) if known else None,
+    )
+    return BatchRow(name, f"{name}.jsonl", "pass", "", robot="irb1600", serial=f"S{name}", offsets=(offset,))
+
+
+def test_an_odd_arm_is_named_and_one_without_a_number_is_not_asked():
+    rows = [row(str(k), 0.01 * ((7 * k) % 20 - 10)) for k in range(40)]
+    assert Batch(tuple(rows), SETTINGS, {}).odd == ()
+    odd = Batch((*rows, row("odd", 2.0), row("none", 9.0, "unidentifiable")), SETTINGS, {})
+    assert [own.run for own in odd.odd] == ["odd"]
+    section = next(own for own in batch_page(odd).sections if own.title == "Odd arms")
+    assert "Sodd" in str(section.all)
+    assert odd.rows[-1].worst is None
+
+
+def test_a_row_that_claims_too_much_is_refused():
+    with pytest.raises(Exception, match="unidentifiable"):
+        BatchOffset("delta2", "deg", "unidentifiable", 1.0, None, None)
+    with pytest.raises(Exception, match="failed, yet"):
+        replace(row("a", 0.1), outcome="failed")
