@@ -10,7 +10,7 @@ import typer
 
 from ..model.errors import BadInput
 from .console import out, progress
-from .options import Force, J3Origin, MeasuredPlan, NewRunFile, SharedHeader
+from .options import DryRun, Force, J3Origin, MeasuredPlan, NewRunFile, SharedHeader
 
 if TYPE_CHECKING:
     from ..experiments.importers import Imported, Stillness
@@ -107,7 +107,14 @@ def import_csv(
             help="The angles are in degrees, although all are as small as radians would be.",
         ),
     ] = False,
+    reversed_joints: Annotated[
+        str | None,
+        typer.Option(
+            "--reversed", help="Joints recorded with the other sign: j2,j5,… or names.", show_default=False
+        ),
+    ] = None,
     force: Force = False,
+    dry_run: DryRun = False,
 ) -> None:
     """Recorded joint positions in CSV files. Units and target names are stated, never guessed."""
     from ..experiments import importers
@@ -128,13 +135,14 @@ def import_csv(
         marker_column,
         j3,
         small_angles=small_angles,
+        reversed_joints=as_names(reversed_joints) or (),
     )
     with progress("import") as tell:
         imported = importers.import_csv(
             files, target or [], layout, stated(header, plan), file, still=still, progress=tell
         )
-        _write(imported, file, force, read_of(header, plan, files), tell)
-    _tell(imported, file)
+        _write(imported, file, force, dry_run, read_of(header, plan, files), tell)
+    _tell(imported, file, dry_run)
 
 
 @imports.command("ros")
@@ -171,6 +179,7 @@ def import_ros(
         ),
     ] = None,
     force: Force = False,
+    dry_run: DryRun = False,
 ) -> None:
     """Joint states: in ROS bags a measurement is where the arm dwells (at a marker, if stated).
 
@@ -193,7 +202,7 @@ def import_ros(
             topic=topic,
             marker_topic=marker_topic,
         )
-    write_imported(imported, file, force, read_of(header, plan, files))
+    write_imported(imported, file, force, dry_run, read_of(header, plan, files))
 
 
 def _refuse_for_text(*options: object) -> None:
@@ -228,6 +237,7 @@ def import_log(
     decimal: Decimal = ".",
     marker_column: MarkerColumn = None,
     force: Force = False,
+    dry_run: DryRun = False,
 ) -> None:
     """Logs over time of a known layout: a measurement is where the arm dwells. Other logs: import csv."""
     from ..experiments import importers
@@ -245,8 +255,8 @@ def import_log(
             marker_column=marker_column,
             progress=tell,
         )
-        _write(imported, file, force, read_of(header, plan, files), tell)
-    _tell(imported, file)
+        _write(imported, file, force, dry_run, read_of(header, plan, files), tell)
+    _tell(imported, file, dry_run)
 
 
 def stated(header: Path | None, plan: Path | None) -> Path | Plan:
@@ -300,31 +310,40 @@ def read_of(header: Path | None, plan: Path | None, files: list[Path]) -> list[P
     return [*stated, *(path for file in files for path in matching(file))]
 
 
-def write_imported(imported: Imported, file: Path, force: bool, read: list[Path]) -> None:
+def write_imported(imported: Imported, file: Path, force: bool, dry_run: bool, read: list[Path]) -> None:
     """Write the run, and say how the files were understood."""
-    _write(imported, file, force, read, lambda stage, share: None)
-    _tell(imported, file)
+    _write(imported, file, force, dry_run, read, lambda stage, share: None)
+    _tell(imported, file, dry_run)
 
 
 def _write(
-    imported: Imported, file: Path, force: bool, read: list[Path], tell: Callable[[str, float], None]
+    imported: Imported,
+    file: Path,
+    force: bool,
+    dry_run: bool,
+    read: list[Path],
+    tell: Callable[[str, float], None],
 ) -> None:
-    """Write the run; with `force` over another file, but none of those that were `read`."""
+    """Write the run; with `force` over another file, but none of those that were `read`. A dry run refuses
+    the same and writes nothing."""
     from ..model.files.robot_file import robot_path
     from ..model.files.run import write_run
     from ..model.files.whole_file import refuse_existing
 
     refuse_existing(file, force=force, keep=[*read, robot_path(imported.header.robot, file.parent)])
 
+    if dry_run:
+        return
     tell("writing", 0.7)
     write_run(file, imported.header, imported.shots, force=force)
     tell("writing", 1.0)
 
 
-def _tell(imported: Imported, file: Path) -> None:
+def _tell(imported: Imported, file: Path, dry_run: bool) -> None:
     for line in imported.understood:
         out.print(line, markup=False)
-    out.print(f"{len(imported.shots)} measurements written to {file}", soft_wrap=True, markup=False)
+    done = "dry run: nothing was written to" if dry_run else f"{len(imported.shots)} measurements written to"
+    out.print(f"{done} {file}", soft_wrap=True, markup=False)
 
 
 @imports.command("ur-calibration")

@@ -20,7 +20,7 @@ from .importing import (
     stated,
     write_imported,
 )
-from .options import Force, J3Origin, MeasuredPlan, NewRunFile, SharedHeader
+from .options import DryRun, Force, J3Origin, MeasuredPlan, NewRunFile, SharedHeader
 
 _PointNames = Annotated[
     str | None,
@@ -50,6 +50,7 @@ def import_rapid(
         typer.Option(help="Their work object, if not wobj0: X,Y,Z,Q1,Q2,Q3,Q4.", show_default=False),
     ] = None,
     force: Force = False,
+    dry_run: DryRun = False,
 ) -> None:
     """ABB: what a plan's program has recorded, or taught jointtargets and robtargets."""
     from ..experiments import importers
@@ -61,7 +62,7 @@ def import_rapid(
         imported = importers.import_rapid(
             files, names, known, file, points=as_names(points), tool=tool, frame=frame
         )
-    write_imported(imported, file, force, read_of(header, plan, files))
+    write_imported(imported, file, force, dry_run, read_of(header, plan, files))
 
 
 def import_kuka(
@@ -72,13 +73,14 @@ def import_kuka(
     target: Targets = None,
     points: _PointNames = None,
     force: Force = False,
+    dry_run: DryRun = False,
 ) -> None:
     """KUKA: axis positions (AXIS, E6AXIS) of a data list, taught or recorded by a plan's program."""
     from ..experiments import importers
 
     known, names = stated(header, plan), target or []
     imported = importers.import_kuka(files, names, known, file, points=as_names(points))
-    write_imported(imported, file, force, read_of(header, plan, files))
+    write_imported(imported, file, force, dry_run, read_of(header, plan, files))
 
 
 def import_fanuc(
@@ -99,6 +101,7 @@ def import_fanuc(
         int, typer.Option(help="With --plan: the first position register of its program.", min=1)
     ] = 1,
     force: Force = False,
+    dry_run: DryRun = False,
 ) -> None:
     """FANUC: positions in joint representation, taught or recorded by a plan's program."""
     from ..experiments import importers
@@ -106,7 +109,7 @@ def import_fanuc(
     imported = importers.import_fanuc(
         files, target or [], stated(header, plan), file, j3=j3, points=as_names(points), register=register
     )
-    write_imported(imported, file, force, read_of(header, plan, files))
+    write_imported(imported, file, force, dry_run, read_of(header, plan, files))
 
 
 def import_universal_robots(
@@ -130,6 +133,7 @@ def import_universal_robots(
     decimal: Decimal = ".",
     marker_column: MarkerColumn = None,
     force: Force = False,
+    dry_run: DryRun = False,
 ) -> None:
     """Universal Robots: what a plan's program has recorded, or RTDE recordings, by where the arm dwells."""
     from ..experiments import importers
@@ -149,7 +153,7 @@ def import_universal_robots(
             decimal=decimal,
             marker_column=marker_column,
         )
-    write_imported(imported, file, force, read_of(header, plan, files))
+    write_imported(imported, file, force, dry_run, read_of(header, plan, files))
 
 
 def import_robodk(
@@ -159,13 +163,14 @@ def import_robodk(
     plan: MeasuredPlan = None,
     target: Targets = None,
     force: Force = False,
+    dry_run: DryRun = False,
 ) -> None:
     """RoboDK: what a plan's program has recorded. Logs of MonitorJoints: import log robodk."""
     from ..experiments import importers
 
     known = stated(header, plan)
     imported = importers.import_program_log(files, target or [], known, file, source="RoboDK")
-    write_imported(imported, file, force, read_of(header, plan, files))
+    write_imported(imported, file, force, dry_run, read_of(header, plan, files))
 
 
 COMMANDS: dict[str, Callable[..., None]] = {

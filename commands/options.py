@@ -35,3 +35,4 @@ Camera = Annotated[
 Picture = Annotated[
     Path | None, typer.Option(help="Write a page with the plan in 3D (.html).", show_default=False)
 ]
+DryRun = Annotated[bool, typer.Option("--dry-run", help="Say what would be imported, and write nothing.")]

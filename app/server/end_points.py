@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from .answers import history, plans, posteriors, recordings, refits, results, robots
+from .answers import history, imports, plans, posteriors, recordings, refits, results, robots
 from .end_point import EndPoint
 
 END_POINTS: list[EndPoint] = [
+    *imports.END_POINTS,
     *robots.END_POINTS,
     *plans.END_POINTS,
     *recordings.END_POINTS,

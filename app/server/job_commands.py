@@ -63,6 +63,42 @@ _PLAN: dict[str, Kind] = {
     ),
 }
 RIGS = ("simulated", "manual", "abb")
+_IMPORT: dict[str, Kind] = {
+    "--out": "write",
+    "--header": "read",
+    "--plan": "read",
+    "--target": "value",
+    "--dry-run": "flag",
+}
+_POINTS: dict[str, Kind] = {**_IMPORT, "--points": "value"}
+_DWELLS: dict[str, Kind] = {
+    **_IMPORT,
+    **dict.fromkeys(("--still-deg", "--still-s", "--still-mm"), "value"),
+}
+_TABLES: dict[str, Kind] = {
+    **_DWELLS,
+    **dict.fromkeys(("--delimiter", "--decimal", "--marker-column"), "value"),
+}
+_CSV: dict[str, Kind] = {
+    **_TABLES,
+    **dict.fromkeys(("--header-row", "--small-angles"), "flag"),
+    **dict.fromkeys(
+        (
+            "--units",
+            "--lengths",
+            "--columns",
+            "--reversed",
+            "--j3",
+            "--target-column",
+            "--spot-columns",
+            "--shot-column",
+            "--time-column",
+            "--time-units",
+        ),
+        "value",
+    ),
+}
+MANY = 0  # files: one or more
 # By the words of a command: how many files it reads, and its options. `--force` is none of them: a job
 # replaces nothing but an earlier report or comparison; nor is `--yes`: a person answers before a real arm
 # moves.
@@ -107,6 +143,17 @@ ALLOWED: Mapping[tuple[str, ...], tuple[int, Mapping[str, Kind]]] = {
             ),
         },
     ),
+    ("import", "csv"): (MANY, _CSV),
+    **{("import", "log", kind): (MANY, _TABLES) for kind in ("ur", "egm", "robodk")},
+    ("import", "ros"): (
+        MANY,
+        {**_DWELLS, **dict.fromkeys(("--columns", "--topic", "--marker-topic"), "value")},
+    ),
+    ("import", "rapid"): (MANY, {**_POINTS, "--tool": "value", "--frame": "value"}),
+    ("import", "kuka"): (MANY, _POINTS),
+    ("import", "fanuc"): (MANY, {**_POINTS, "--j3": "value", "--register": "value"}),
+    ("import", "universal-robots"): (MANY, _IMPORT),
+    ("import", "robodk"): (MANY, _IMPORT),
     **{("export", form): (1, _EXPORT) for form in ("robot", "urdf", "rapid", "ur", "kuka", "json", "csv")},
     **{
         ("export", "plan", form): (
@@ -119,6 +166,7 @@ ALLOWED: Mapping[tuple[str, ...], tuple[int, Mapping[str, Kind]]] = {
         for form in ("rapid", "urscript", "krl", "fanuc", "robodk", "ros", "csv", "pdf")
     },
 }
+_TEXT = (("export", "plan"), ("import",))  # commands whose answer is no JSON
 _SHORT = {"-o": "--out"}
 _SEVERAL = {("compare",)}  # read that many files or more
 
@@ -151,7 +199,7 @@ def _checked(
     while rest:
         word = rest.pop(0)
         if not word.startswith("-"):
-            read.append(_file(folder, word))
+            read.append(_file(folder, word) if files != MANY else folder.called(folder.file(word)))
             continue
         key, joined, value = word.partition("=")
         key = _SHORT.get(key, key)
@@ -194,6 +242,13 @@ def _checked(
         stated += ["--json-lines", "--scene"]
     elif name[:2] != ("export", "plan"):
         stated.append("--json")
+    if len(read) != files and (files != MANY or not read):
+        few = "at least 1" if files == MANY else str(files)
+        raise BadInput(f"{called} reads another number of files", found=len(read), allowed=few)
+    if "--out" in options and not any(word.startswith("--out=") for word in stated):
+        raise BadInput(f"{called} writes a file, and none is named", remedy="add --out")
+    if not any(name[: len(first)] == first for first in _TEXT):
+        stated.append("--json-lines" if name == ("run",) else "--json")
     return [*stated, "--", *read] if read else stated
 
 

@@ -47,6 +47,23 @@ def columns_of_joints(columns: Sequence[str] | None, robot: Robot) -> Sequence[s
     return [found[i] for i in range(robot.n)]
 
 
+def reversed_joints(stated: Sequence[str], robot: Robot) -> list[int]:
+    """Indices of the joints to be reversed; BadInput for one that is not there, or a duplicate."""
+    names = [joint.name for joint in robot.joints]
+    found: list[int] = []
+    for text in stated:
+        index = _joint(text, names)
+        if index is None or index in found:
+            raise BadInput(
+                "the joint to be reversed is not understood" if index is None else "duplicate joint",
+                found=text,
+                allowed=f"each joint once: {', '.join(names)}, or j1 to j{robot.n}",
+                remedy=did_you_mean(text, names),
+            )
+        found.append(index)
+    return found
+
+
 def _joint(text: str, names: Sequence[str]) -> int | None:
     if text in names:
         return names.index(text)

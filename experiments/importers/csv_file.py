@@ -15,7 +15,7 @@ from ...model.errors import BadInput
 from ...model.files.limits import like_radians
 from ...model.files.reading import shown
 from ...model.robot import Matrix, Robot
-from .columns import columns_of_joints
+from .columns import columns_of_joints, reversed_joints
 from .dwells import Log, Mark, Stillness, held
 from .imported import J3_NOTE, Found, Imported, Job, Stated, uncollected
 from .table import DELIMITERS, Table, check_signs, read_table
@@ -33,7 +33,8 @@ class CsvLayout:
     file. `lengths` is the unit of prismatic joints, required if there are any.
     `spot_columns` are dx and dy in mm, as `spot_mm` of a run. `marker_column` is neither empty nor 0 where a
     measurement begins. `changes_only`: rows only where the joints changed, each valid until the next.
-    `small_angles`: degrees that are all as small as radians are degrees all the same.
+    `small_angles`: degrees that are all as small as radians are degrees all the same. `reversed_joints` (by
+    the robot's names, j1, j2, … or numbers) were recorded with the other sign.
     """
 
     units: Literal["deg", "rad"]
@@ -51,6 +52,7 @@ class CsvLayout:
     j3: J3 = "link"
     changes_only: bool = False
     small_angles: bool = False
+    reversed_joints: Sequence[str] = ()
 
     def check(self, robot: Robot) -> None:
         """BadInput for a layout that no file can have."""
@@ -181,6 +183,7 @@ def _found(path: Path, target: str | None, robot: Robot, layout: CsvLayout, stil
         joints_of=robot if layout.joints_alone else None,
     )
     joints = table.numbers(_joint_columns(table, robot, layout)) * _to_display(layout, robot)
+    joints[:, reversed_joints(layout.reversed_joints, robot)] *= -1
     if layout.j3 == "ground":
         joints = from_ground(joints, robot)
     spots = times = None
@@ -283,6 +286,8 @@ def _columns_used(layout: CsvLayout) -> list[str]:
         f"time in {layout.time_units}": layout.time_column,
         "marker": layout.marker_column,
     }
+    if layout.reversed_joints:
+        notes.append(f"signs reversed: {', '.join(layout.reversed_joints)}")
     notes += [f"{what}: column {name}" for what, name in others.items() if name is not None]
     return notes
 

@@ -72,7 +72,7 @@ def _rows(path: Path, robot: Robot, names: Sequence[str]) -> tuple[list[list[flo
     """Degrees (mm) of each message, and the line where it begins."""
     rows, lines = [], []
     text, _ = read_text(path)
-    for line, message in _messages(text):
+    for line, message in messages(text):
         if not {"name", "position"} <= message.keys():
             raise BadInput(
                 "a message has no names or no positions",
@@ -110,7 +110,7 @@ def _rows(path: Path, robot: Robot, names: Sequence[str]) -> tuple[list[list[flo
     return rows, lines
 
 
-def _messages(text: str) -> list[tuple[int, dict[str, list[str]]]]:
+def messages(text: str) -> list[tuple[int, dict[str, list[str]]]]:
     """The lists at the top of each document, and the line where the document begins."""
     found: list[tuple[int, dict[str, list[str]]]] = []
     document: dict[str, list[str]] = {}

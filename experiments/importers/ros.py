@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -63,6 +63,44 @@ def import_ros(
         else f"measurements at markers on {marker_topic}",
     ]
     return job.finish(found, out, notes)
+
+
+class Topic(NamedTuple):
+    """A topic of a bag, its number of messages, and the joints in the first of its joint states (empty for
+    other messages)."""
+
+    name: str
+    type: str
+    messages: int
+    joints: tuple[str, ...]
+
+
+_MAGIC = {b"#ROSBAG": "a ROS 1 bag", b"\x89MCAP0": "an mcap file", b"SQLite format 3": "a .db3 of ROS 2"}
+
+
+def is_bag(path: Path) -> str | None:
+    """What kind of bag a file is by its first bytes, None if it is none."""
+    require_regular(path)
+    with path.open("rb") as file:
+        head = file.read(16)
+    return next((kind for magic, kind in _MAGIC.items() if head.startswith(magic)), None)
+
+
+def topics_of(path: Path) -> tuple[Topic, ...]:
+    """The topics of a bag, by name."""
+    with _opened(path) as reader:
+        found = []
+        for name in sorted(reader.topics):
+            topic = reader.topics[name]
+            joints: tuple[str, ...] = ()
+            if topic.msgtype == _JOINT_STATE:
+                own = [c for c in reader.connections if c.topic == name]
+                for connection, _, raw in reader.messages(connections=own):
+                    first: Any = reader.deserialize(raw, connection.msgtype)
+                    joints = tuple(first.name)
+                    break
+            found.append(Topic(name, str(topic.msgtype), topic.msgcount, joints))
+        return tuple(found)
 
 
 def _read(

@@ -136,6 +136,15 @@ def read_table(
     """The table of a file; without `delimiter` it is found. Without a header row `joints_of` means: its
     columns are a robot's joints."""
     text, _ = read_text(path, LARGEST_TABLE)
+    return table_of(
+        text, path, header_row=header_row, delimiter=delimiter, decimal=decimal, joints_of=joints_of
+    )
+
+
+def table_of(
+    text: str, path: Path, *, header_row: bool, delimiter: str | None, decimal: str, joints_of: Robot | None
+) -> Table:
+    """The table that a text is; `path` is named in errors. Else as `read_table`."""
     padded = delimiter is None
     delimiter = found_delimiter(text, decimal) if delimiter is None else delimiter
     # Columns that are aligned with blanks have several between them.

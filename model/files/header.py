@@ -32,6 +32,7 @@ from .validation import (
     validate,
     without_length,
 )
+from .whole_file import short_in_one_line, write_whole, yaml_text
 
 RUN_SCHEMA: Literal["zerobeam/run/1"] = "zerobeam/run/1"
 PLAN_SCHEMA: Literal["zerobeam/plan/1"] = "zerobeam/plan/1"
@@ -322,6 +323,12 @@ def header_content(header: Header, schema: Literal["zerobeam/run/1", "zerobeam/p
     """The header's stated keys as plain values, `schema` first: what a file begins with."""
     content = header.model_dump(mode="json", by_alias=True, exclude_unset=True, exclude_none=True)
     return {"schema": schema, **{key: value for key, value in content.items() if key != "schema"}}
+
+
+def write_header(path: Path, header: Header) -> None:
+    """Write a header as a YAML file of its own, whole; BadInput if the path exists."""
+    content = header.model_dump(mode="json", by_alias=True, exclude_unset=True, exclude_none=True)
+    write_whole(path, yaml_text(short_in_one_line(content)))
 
 
 def check_header(

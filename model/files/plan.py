@@ -6,14 +6,12 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from io import StringIO
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import BeforeValidator, Discriminator, Field, Tag
-from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from ..errors import BadInput
@@ -25,7 +23,7 @@ from .reading import Document, read_yaml, require_schema
 from .robot_file import load_robot
 from .shot import JointValues, check_distances, unknown_targets
 from .validation import FileModel, TargetName, as_tuple, validate
-from .whole_file import refuse_existing, write_whole
+from .whole_file import flow, refuse_existing, short_in_one_line, write_whole, yaml_text
 
 
 class StatedPosture(FileModel):
@@ -356,40 +354,13 @@ def _plan_text(
     header: Header, rows: Sequence[Sequence[float]], targets: Sequence[str], via: Sequence[Matrix] = ()
 ) -> str:
     """The text of a plan file: `rows` (N, n) degrees or mm."""
-    content = CommentedMap(_short_in_one_line(header_content(header, PLAN_SCHEMA)))
+    content = CommentedMap(short_in_one_line(header_content(header, PLAN_SCHEMA)))
     plain = len(header.targets) < 2 and set(targets) == {header.only_target} and not via
     content["postures_deg"] = CommentedSeq(
-        _flow(row) if plain else _flow({"joints_deg": _flow(row), "target": target})
+        flow(row) if plain else flow({"joints_deg": flow(row), "target": target})
         for row, target in zip(rows, targets, strict=True)
     )
     for posture, between in zip(content["postures_deg"], via, strict=False):
         if len(between):
-            posture["via_deg"] = _flow([_flow(row) for row in between.tolist()])
-    yaml = YAML()
-    yaml.width = 4096
-    yaml.indent(mapping=2, sequence=4, offset=2)
-    text = StringIO()
-    yaml.dump(content, text)
-    return text.getvalue()
-
-
-def _flow(value: Any) -> Any:
-    """The same list or mapping, to be written on one line."""
-    commented: Any = CommentedMap(value) if isinstance(value, dict) else CommentedSeq(value)
-    commented.fa.set_flow_style()
-    return commented
-
-
-def _short_in_one_line(content: dict[str, Any]) -> dict[str, Any]:
-    """Mappings of the header stay open for the eye; lists and what is deeper go on one line."""
-    result: dict[str, Any] = {}
-    for key, value in content.items():
-        if isinstance(value, dict):
-            result[key] = CommentedMap(
-                {name: _flow(item) if isinstance(item, dict | list) else item for name, item in value.items()}
-            )
-        elif isinstance(value, list):
-            result[key] = CommentedSeq(_flow(item) if isinstance(item, dict) else item for item in value)
-        else:
-            result[key] = value
-    return result
+            posture["via_deg"] = flow([flow(row) for row in between.tolist()])
+    return yaml_text(content)

@@ -7,8 +7,12 @@ import os
 import sys
 import tempfile
 from collections.abc import Iterable
-from io import FileIO
+from io import FileIO, StringIO
 from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from ...interruption import uninterrupted
 from ..errors import BadInput
@@ -133,3 +137,38 @@ def lock(file: FileIO) -> bool:
     except (BlockingIOError, PermissionError):
         return False
     return True
+
+
+# YAML as people write it
+
+
+def yaml_text(content: dict[str, Any]) -> str:
+    """Content of a file as YAML."""
+    yaml = YAML()
+    yaml.width = 4096
+    yaml.indent(mapping=2, sequence=4, offset=2)
+    text = StringIO()
+    yaml.dump(content, text)
+    return text.getvalue()
+
+
+def flow(value: Any) -> Any:
+    """The same list or mapping, to be written on one line."""
+    commented: Any = CommentedMap(value) if isinstance(value, dict) else CommentedSeq(value)
+    commented.fa.set_flow_style()
+    return commented
+
+
+def short_in_one_line(content: dict[str, Any]) -> dict[str, Any]:
+    """Mappings of the header stay open for the eye; lists and what is deeper go on one line."""
+    result: dict[str, Any] = {}
+    for key, value in content.items():
+        if isinstance(value, dict):
+            result[key] = CommentedMap(
+                {name: flow(item) if isinstance(item, dict | list) else item for name, item in value.items()}
+            )
+        elif isinstance(value, list):
+            result[key] = CommentedSeq(flow(item) if isinstance(item, dict) else item for item in value)
+        else:
+            result[key] = value
+    return result

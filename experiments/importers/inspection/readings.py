@@ -1,0 +1,130 @@
+"""Units, signs and the convention of joint 3, judged by the robot's limits alone.
+
+A reading is excluded where it puts joints outside their limits. What the limits do not exclude they do not
+decide: then there is no choice, and the sentence says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....model.arms.joint_three import from_ground
+from ....model.files.limits import beyond_limits, like_radians
+from ....model.robot import Matrix, Robot
+
+_WAYS = {
+    "deg": "degrees",
+    "rad": "radians",
+    "mm": "millimetres",
+    "m": "metres",
+    "recorded": "the sign as recorded",
+    "reversed": "the sign reversed",
+    "link": "joint 3 counted from link 2",
+    "ground": "joint 3 counted from the ground",
+}
+
+
+@dataclass(frozen=True)
+class Reading:
+    """`choice` is the way to read that is proposed, None where none is.
+
+    `decided` says that every other way is excluded by limits; `outside` counts the rows with a joint outside
+    its limits, by way.
+    """
+
+    choice: str | None
+    decided: bool
+    why: str
+    outside: Mapping[str, int]
+
+
+def unit_reading(robot: Robot, raw: Matrix) -> Reading | None:
+    """The unit of the angles of recorded values (N, n); None without a revolute joint that has a column.
+
+    Columns that are not known are NaN: they are within all limits.
+    """
+    revolute = _kind(robot, "revolute")
+    if np.isnan(raw[:, revolute]).all():
+        return None
+    rows = {"deg": _only(raw, revolute), "rad": np.degrees(_only(raw, revolute))}
+    by_limits = _by_limits(robot, rows)
+    if by_limits.choice is None and not any(by_limits.outside.values()):
+        known = np.where(np.isnan(rows["deg"]), 0.0, raw)
+        if like_radians(robot, known):
+            largest = float(np.nanmax(np.abs(rows["deg"])))
+            why = (
+                f"no joint beyond {largest:.4g} in {len(raw)} rows, as in radians: in degrees the arm would"
+                " hardly have moved; the limits allow both: check it at the source"
+            )
+            return Reading("rad", False, why, by_limits.outside)
+    return by_limits
+
+
+def length_reading(robot: Robot, raw: Matrix) -> Reading | None:
+    """The unit of the prismatic joints, as `unit_reading`; None without one that has a column."""
+    slides = _kind(robot, "prismatic")
+    if not slides or np.isnan(raw[:, slides]).all():
+        return None
+    return _by_limits(robot, {"mm": _only(raw, slides), "m": _only(raw, slides) * 1000})
+
+
+def sign_readings(robot: Robot, joints: Matrix) -> list[Reading | None]:
+    """The sign of each joint of values (N, n), degrees or mm; None of one without a column."""
+    found: list[Reading | None] = []
+    for i in range(robot.n):
+        own = _only(joints, [i])
+        known = not np.isnan(own).all()
+        found.append(_by_limits(robot, {"recorded": own, "reversed": -own}) if known else None)
+    return found
+
+
+def j3_reading(robot: Robot, joints: Matrix) -> Reading | None:
+    """What joint 3 of values (N, n), degrees, is counted from; None where joint 2 or 3 has no column, or is
+    not revolute."""
+    kinds = [joint.kind for joint in robot.joints[1:3]]
+    if kinds != ["revolute", "revolute"] or np.isnan(joints[:, 1:3]).any():
+        return None
+    return _by_limits(robot, {"link": _only(joints, [2]), "ground": _only(from_ground(joints, robot), [2])})
+
+
+def _by_limits(robot: Robot, rows: Mapping[str, Matrix]) -> Reading:
+    """The one way that has no row outside the limits, if the others have some."""
+    beyond = {way: beyond_limits(robot, values) for way, values in rows.items()}
+    outside = {way: int(wrong.any(axis=1).sum()) for way, wrong in beyond.items()}
+    count = len(next(iter(rows.values())))
+    within = [way for way, number in outside.items() if not number]
+    if len(within) == len(rows):
+        named = " and ".join(_WAYS[way] for way in rows)
+        return Reading(None, False, f"not decided: the limits allow {named} in all {count} rows", outside)
+    said = "; ".join(
+        f"with {_WAYS[way]} {outside[way]} of {count} rows are outside the limits"
+        f" ({_farthest(robot, rows[way], beyond[way])})"
+        for way in rows
+        if outside[way]
+    )
+    if not within:
+        return Reading(None, False, f"none fits: {said}", outside)
+    return Reading(within[0], True, f"{said}, with {_WAYS[within[0]]} none", outside)
+
+
+def _farthest(robot: Robot, values: Matrix, wrong: NDArray[np.bool_]) -> str:
+    lower, upper = robot.lower * robot.display, robot.upper * robot.display
+    past = np.where(wrong, np.maximum(lower - values, values - upper), -np.inf)
+    row, i = np.unravel_index(int(np.argmax(past)), past.shape)
+    unit = robot.joints[i].unit
+    return f"J{i + 1} {values[row, i]:.5g} {unit}, limits {lower[i]:.5g} to {upper[i]:.5g}"
+
+
+def _kind(robot: Robot, kind: str) -> list[int]:
+    return [i for i, joint in enumerate(robot.joints) if joint.kind == kind]
+
+
+def _only(values: Matrix, columns: list[int]) -> Matrix:
+    """The values with NaN in all other columns."""
+    result = np.full(values.shape, np.nan)
+    result[:, columns] = values[:, columns]
+    return result
