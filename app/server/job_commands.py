@@ -98,7 +98,6 @@ _CSV: dict[str, Kind] = {
         "value",
     ),
 }
-MANY = 0  # files: one or more
 # By the words of a command: how many files it reads, and its options. `--force` is none of them: a job
 # replaces nothing but an earlier report or comparison; nor is `--yes`: a person answers before a real arm
 # moves.
@@ -143,17 +142,17 @@ ALLOWED: Mapping[tuple[str, ...], tuple[int, Mapping[str, Kind]]] = {
             ),
         },
     ),
-    ("import", "csv"): (MANY, _CSV),
-    **{("import", "log", kind): (MANY, _TABLES) for kind in ("ur", "egm", "robodk")},
+    ("import", "csv"): (1, _CSV),
+    **{("import", "log", kind): (1, _TABLES) for kind in ("ur", "egm", "robodk")},
     ("import", "ros"): (
-        MANY,
+        1,
         {**_DWELLS, **dict.fromkeys(("--columns", "--topic", "--marker-topic"), "value")},
     ),
-    ("import", "rapid"): (MANY, {**_POINTS, "--tool": "value", "--frame": "value"}),
-    ("import", "kuka"): (MANY, _POINTS),
-    ("import", "fanuc"): (MANY, {**_POINTS, "--j3": "value", "--register": "value"}),
-    ("import", "universal-robots"): (MANY, _IMPORT),
-    ("import", "robodk"): (MANY, _IMPORT),
+    ("import", "rapid"): (1, {**_POINTS, "--tool": "value", "--frame": "value"}),
+    ("import", "kuka"): (1, _POINTS),
+    ("import", "fanuc"): (1, {**_POINTS, "--j3": "value", "--register": "value"}),
+    ("import", "universal-robots"): (1, _IMPORT),
+    ("import", "robodk"): (1, _IMPORT),
     **{("export", form): (1, _EXPORT) for form in ("robot", "urdf", "rapid", "ur", "kuka", "json", "csv")},
     **{
         ("export", "plan", form): (
@@ -166,9 +165,8 @@ ALLOWED: Mapping[tuple[str, ...], tuple[int, Mapping[str, Kind]]] = {
         for form in ("rapid", "urscript", "krl", "fanuc", "robodk", "ros", "csv", "pdf")
     },
 }
-_TEXT = (("export", "plan"), ("import",))  # commands whose answer is no JSON
 _SHORT = {"-o": "--out"}
-_SEVERAL = {("compare",)}  # read that many files or more
+_SEVERAL = {"compare", "import"}  # read that many files or more
 
 
 def job_command(folder: Folder, words: Sequence[str]) -> list[str]:
@@ -199,7 +197,7 @@ def _checked(
     while rest:
         word = rest.pop(0)
         if not word.startswith("-"):
-            read.append(_file(folder, word) if files != MANY else folder.called(folder.file(word)))
+            read.append(_file(folder, word) if name[0] != "import" else folder.called(folder.file(word)))
             continue
         key, joined, value = word.partition("=")
         key = _SHORT.get(key, key)
@@ -230,25 +228,19 @@ def _checked(
             allowed=", ".join(f"--rig {name}" for name in RIGS),
             remedy="use the command line",
         )
-    if len(read) < files or (len(read) > files and name not in _SEVERAL):
+    if len(read) < files or (len(read) > files and name[0] not in _SEVERAL):
         raise BadInput(f"{called} reads another number of files", found=len(read), allowed=files)
     if "--out" in options and not any(word.startswith("--out=") for word in stated):
         raise BadInput(f"{called} writes a file, and none is named", remedy="add --out")
-    for file in (*read, *named):
+    # Recordings name no files, and to look for some in a long table would take long.
+    for file in (*(() if name[0] == "import" else read), *named):
         require_named_inside(folder, folder.inside(file))
     if "--resume" in stated:
         require_named_inside(folder, folder.inside(run_file(stated)))
     if name == ("run",):
         stated += ["--json-lines", "--scene"]
-    elif name[:2] != ("export", "plan"):
+    elif name[0] != "import" and name[:2] != ("export", "plan"):
         stated.append("--json")
-    if len(read) != files and (files != MANY or not read):
-        few = "at least 1" if files == MANY else str(files)
-        raise BadInput(f"{called} reads another number of files", found=len(read), allowed=few)
-    if "--out" in options and not any(word.startswith("--out=") for word in stated):
-        raise BadInput(f"{called} writes a file, and none is named", remedy="add --out")
-    if not any(name[: len(first)] == first for first in _TEXT):
-        stated.append("--json-lines" if name == ("run",) else "--json")
     return [*stated, "--", *read] if read else stated
 
 

@@ -18,8 +18,8 @@ async function asked(method, path, body) {
   try {
     answer = await fetch(path, {
       method,
-      headers: body === undefined ? {} : { "Content-Type": "application/json", "X-Zerobeam": "1" },
-      body: body === undefined ? undefined : JSON.stringify(body),
+      headers: body === undefined ? {} : { "Content-Type": body instanceof Blob ? "application/octet-stream" : "application/json", "X-Zerobeam": "1" },
+      body: body === undefined || body instanceof Blob ? body : JSON.stringify(body),
     });
   } catch {
     throw new Refused({ what: "the server does not answer", to_do: "is zerobeam app still running? What is shown may be outdated" });
@@ -36,6 +36,16 @@ export const get = (path) => asked("GET", path);
 export const post = (path, body) => asked("POST", path, body);
 export const put = (path, body) => asked("PUT", path, body);
 export const remove = (path) => asked("DELETE", path, {});
+
+const LARGEST_UPLOAD = 64e6; // bytes, as the server has it
+
+// A new file of the folder: `content` (a File or Blob) under a name that no other has.
+export async function upload(name, content) {
+  if (content.size > LARGEST_UPLOAD) {
+    throw new Refused({ what: "the file is too large to be sent", found: `${(content.size / 1e6).toFixed(0)} MB`, allowed: "at most 64 MB", to_do: "copy it into the folder of the app" });
+  }
+  return asked("PUT", `/api/file?file=${encodeURIComponent(name)}`, content);
+}
 
 // Asks for the newest state only, and says with an answer whether it is still the newest: at most once a frame, one request under way, what came meanwhile is left out.
 export function latest(ask, shown, refused) {

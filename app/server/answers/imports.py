@@ -61,7 +61,7 @@ class AskedColumns(AskedTable):
         default=None, description="the file that the robot's path is relative to (default: the folder)"
     )
     columns: Annotated[tuple[str | None, ...], BeforeValidator(as_tuple)] | None = Field(
-        default=None, description="column of joint 1, 2, …, null where it is not stated (default: in order)"
+        default=None, description="column of joint 1, 2, …, null where it is not stated"
     )
     units: Literal["deg", "rad"] | None = Field(default=None, description="unit of the angles")
     lengths: Literal["mm", "m"] | None = Field(default=None, description="unit of prismatic joints")
@@ -108,6 +108,7 @@ def columns(folder: Folder, wanted: AskedColumns) -> dict[str, Any]:
         whole = whole and all_of_it
         tables.append(columns_found.table_with(path, text, _layout(path, wanted, text)))
     raw = np.concatenate([_raw(table, given, robot) for table in tables])
+    proposed = columns_found.proposed_columns(columns_found.columns_of(tables[0]), robot)
     scale = _scale(robot, wanted)
     signs = np.ones(robot.n)
     signs[[number - 1 for number in wanted.reversed_joints]] = -1
@@ -137,6 +138,7 @@ def columns(folder: Folder, wanted: AskedColumns) -> dict[str, Any]:
             }
             for i, joint in enumerate(robot.joints)
         ],
+        "columns": None if proposed is None else {"choice": proposed[0], "why": proposed[1]},
         "units": _reading(units),
         "lengths": _reading(lengths),
         "j3": _reading(j3),
@@ -230,18 +232,8 @@ def _layout(path: Path, wanted: AskedTable, text: str | None = None) -> columns_
 
 def _raw(table: Table, given: tuple[str | None, ...] | None, robot: Robot) -> Matrix:
     """(N, n) values as they are in the table, NaN for a joint without a column."""
-    if given is None:
-        if table.width != robot.n:
-            raise _wrong(
-                ("columns",),
-                f"{robot.name} has {robot.n} joints, and the rows have another number of values",
-                f"{table.width} columns in {table.path.name}",
-                "a column for each joint",
-            )
-        given = tuple(str(i + 1) for i in range(robot.n))
-        table = dataclasses.replace(table, names=None)
     values = np.full((len(table.rows), robot.n), np.nan)
-    for i, name in enumerate(given):
+    for i, name in enumerate(given or ()):
         if name is not None:
             values[:, i] = _at(("columns", i), partial(_numbers, table, name))
     return values

@@ -11,11 +11,12 @@ import numpy as np
 
 from ....model.errors import BadInput
 from ....model.files.reading import LARGEST_TABLE, decode, read_bytes, require_regular, shown
-from ....model.robot import Matrix
+from ....model.robot import Matrix, Robot
 from ..columns import found_delimiter
 from ..table import DELIMITERS, Table, number, table_of
 
 HEAD = 4 * 10**6  # bytes of a table that are looked at while somebody waits
+_COUNTED = re.compile(r"(.*?)(\d{1,2})(\D*)")
 _COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
 
 
@@ -85,11 +86,12 @@ def layout_of(text: str) -> Layout:
 
 def table_with(path: Path, text: str, layout: Layout) -> Table:
     """The table of a text; BadInput with the line where it is none."""
+    found = found_delimiter(text, layout.decimal) == layout.delimiter
     return table_of(
         text,
         path,
         header_row=layout.header_row,
-        delimiter=layout.delimiter,
+        delimiter=None if found else layout.delimiter,  # found ones may have blanks about them
         decimal=layout.decimal,
         joints_of=None,
     )
@@ -98,6 +100,36 @@ def table_with(path: Path, text: str, layout: Layout) -> Table:
 def columns_of(table: Table) -> list[Column]:
     names = table.names or tuple(f"column {i + 1}" for i in range(table.width))
     return [_column(table, i, name) for i, name in enumerate(names)]
+
+
+def proposed_columns(found: Sequence[Column], robot: Robot) -> tuple[list[str], str] | None:
+    """Columns that seem to be those of joint 1, 2, …, and why; None where nothing says so, or several do.
+
+    By the robot's own names, by names that are counted from 0 or 1, or as the only columns of numbers.
+    """
+    own = [joint.name for joint in robot.joints]
+    stated = {column.name: column.stated for column in found}
+    if set(own) <= set(stated):
+        return [stated[name] for name in own], "the columns have the names of the robot's joints"
+    counted: dict[tuple[str, str], dict[int, Column]] = {}
+    for column in found:
+        match = _COUNTED.fullmatch(column.name)
+        if match is not None and column.lowest is not None and column.stated == column.name:
+            counted.setdefault((match[1], match[3]), {})[int(match[2])] = column
+    series = [
+        [columns[k] for k in range(first, first + robot.n)]
+        for columns in counted.values()
+        for first in (0, 1)
+        if set(columns) == set(range(first, first + robot.n))
+    ]
+    if len(series) == 1:
+        first, last = series[0][0].name, series[0][-1].name
+        why = f"{first} to {last} are the only columns that are counted to {robot.n} joints"
+        return [column.stated for column in series[0]], why
+    plain = [column for column in found if column.lowest is not None]
+    if not series and len(plain) == robot.n and len(found) == robot.n:
+        return [column.stated for column in plain], f"the file has {robot.n} columns, as the robot has joints"
+    return None
 
 
 def values_of(table: Table, column: int) -> Matrix:

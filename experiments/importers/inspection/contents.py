@@ -32,7 +32,7 @@ class Contents:
 
     Of a table: `layout`, `columns`, the `rows` that were looked at and whether they are all (`whole`). Of
     taught points: `points`, each with its name and whether it has joints. Of a bag: `topics`. Of joint states
-    in text: `names` of the joints.
+    in text: `names` of the joints. Of a file of ours: its `kind`.
     """
 
     form: Form
@@ -45,6 +45,7 @@ class Contents:
     points: tuple[tuple[str, bool], ...] = ()
     topics: tuple[Topic, ...] = ()
     names: tuple[str, ...] = ()
+    kind: str = ""
 
 
 def contents_of(path: Path, layout: Layout | None = None) -> Contents:
@@ -67,7 +68,8 @@ def contents_of(path: Path, layout: Layout | None = None) -> Contents:
 def _program(path: Path, text: str) -> Contents | None:
     """What other programs wrote, or this one; None of what seems to be a table."""
     if (ours := _OURS.search(text[:4096])) is not None:
-        return Contents("ours", f"its schema is zerobeam/{ours[1]}", f"a file of zerobeam: {ours[1]}")
+        said = f"a file of zerobeam: {ours[1]}"
+        return Contents("ours", f"its schema is zerobeam/{ours[1]}", said, kind=ours[1])
     lines = len(PROGRAM_LINE.findall(text))
     if lines:
         return Contents("program log", "it has lines that a plan's program writes", f"{lines} postures")

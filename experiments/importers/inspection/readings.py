@@ -98,8 +98,7 @@ def _by_limits(robot: Robot, rows: Mapping[str, Matrix]) -> Reading:
     count = len(next(iter(rows.values())))
     within = [way for way, number in outside.items() if not number]
     if len(within) == len(rows):
-        named = " and ".join(_WAYS[way] for way in rows)
-        return Reading(None, False, f"not decided: the limits allow {named} in all {count} rows", outside)
+        return Reading(None, False, "not decided: the limits allow both", outside)
     said = "; ".join(
         f"with {_WAYS[way]} {outside[way]} of {count} rows are outside the limits"
         f" ({_farthest(robot, rows[way], beyond[way])})"
