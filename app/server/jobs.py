@@ -242,7 +242,8 @@ class Jobs:
             job.status = await process.wait()
         finally:
             _kill(process)
-        if job.status in (0, 1):
+        # Python itself ends with 1 where it is interrupted before the command has begun.
+        if job.status in (0, 1) and not (job.cancelled and job.answer is None):
             job.state, job.share = "done", 1.0
         else:
             job.state = "stopped" if job.cancelled else "failed"

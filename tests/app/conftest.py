@@ -13,10 +13,13 @@ from cells import good_plan
 from command_line import plan_file
 from starlette.testclient import TestClient
 
+import zerobeam as zb
 from zerobeam.app.server.folder import Folder
 from zerobeam.app.server.guard import Access
 from zerobeam.app.server.routes import application
 from zerobeam.experiments.demos import demo_runs
+from zerobeam.reports.output.posterior_file import write_posterior
+from zerobeam.reports.words.result_json import dumps, to_json
 
 OURS = {"X-Zerobeam": "1"}
 BASE = "http://127.0.0.1:8800"
@@ -25,6 +28,23 @@ BASE = "http://127.0.0.1:8800"
 @pytest.fixture(scope="session")
 def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return plan_file(tmp_path_factory.mktemp("planned") / "plan.yaml", good_plan(7))
+
+
+@pytest.fixture(scope="session")
+def reported(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two runs of the demo with what a report has; the pages are none, they take long to draw."""
+    folder = tmp_path_factory.mktemp("reported")
+    for run in demo_runs()[:2]:
+        shutil.copy(run.path, folder / f"{run.name}.jsonl")
+        found = zb.analyse(zb.read_run(folder / f"{run.name}.jsonl"), ess=100)
+        own = folder / run.name
+        (own / "figures").mkdir(parents=True)
+        (own / "result.json").write_text(dumps(to_json(found.result)))
+        assert found.draws is not None
+        write_posterior(own / "posterior.nc", found.result, found.draws)
+        for name in ("report.html", "report.pdf", "figures/offsets.svg"):
+            (own / name).write_text(name)
+    return folder
 
 
 @pytest.fixture

@@ -17,26 +17,6 @@ from starlette.testclient import TestClient
 
 import zerobeam as zb
 from zerobeam.app.server.archive import archive
-from zerobeam.experiments.demos import demo_runs
-from zerobeam.reports.output.posterior_file import write_posterior
-from zerobeam.reports.words.result_json import dumps, to_json
-
-
-@pytest.fixture(scope="session")
-def reported(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two runs of the demo with what a report has; the pages are none, they take long to draw."""
-    folder = tmp_path_factory.mktemp("reported")
-    for run in demo_runs()[:2]:
-        shutil.copy(run.path, folder / f"{run.name}.jsonl")
-        found = zb.analyse(zb.read_run(folder / f"{run.name}.jsonl"), ess=100)
-        own = folder / run.name
-        (own / "figures").mkdir(parents=True)
-        (own / "result.json").write_text(dumps(to_json(found.result)))
-        assert found.draws is not None
-        write_posterior(own / "posterior.nc", found.result, found.draws)
-        for name in ("report.html", "report.pdf", "figures/offsets.svg"):
-            (own / name).write_text(name)
-    return folder
 
 
 @pytest.fixture
@@ -248,6 +228,16 @@ def test_brushing_shows_which_measurements_speak_against_a_region(client: TestCl
 )
 def test_a_brush_that_cannot_be_is_refused(client: TestClient, there: Path, wanted: dict[str, Any]) -> None:
     assert client.post("/api/brush", json=wanted).status_code == 400
+
+
+def test_of_many_draws_some_are_shown(
+    client: TestClient, there: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from zerobeam.app.server.answers import posteriors
+
+    monkeypatch.setattr(posteriors, "MOST_DRAWS", 50)
+    answer = client.get("/api/posterior", params={"file": "good/posterior.nc"}).json()
+    assert 10 < len(answer["draws"][0]) <= 50 < answer["total"]
 
 
 def test_a_posterior_that_is_cut_off_gets_one_clear_error(client: TestClient, there: Path) -> None:

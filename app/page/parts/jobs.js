@@ -3,8 +3,9 @@ import { post, Refused } from "/page/parts/api.js";
 import { make } from "/page/parts/dom.js";
 
 // Carries `command` (its words) out and shows it in `box`: progress, time left, a button that ends it, and what it says.
-// Resolves to the job when it has ended; throws Refused where it cannot begin.
-export async function carryOut(command, box, title) {
+// Resolves to the job when it has ended, `well` if it did what was asked; throws Refused where it cannot begin.
+// `refusal`: the exit status 1 is one, and no verdict.
+export async function carryOut(command, box, title, refusal = false) {
   const bar = make("progress", { max: 1, value: 0, "aria-label": title });
   const said = make("output", {}, "waiting");
   const log = make("pre", { class: "log", tabindex: 0, "aria-label": "What the command says" });
@@ -27,9 +28,10 @@ export async function carryOut(command, box, title) {
       const job = JSON.parse(event.data);
       end.remove();
       bar.remove();
-      said.textContent = job.state === "done" ? "Done." : job.state === "stopped" ? "Cancelled: nothing was written." : "Refused, or failed:";
+      job.well = job.state === "done" && !(refusal && job.status === 1);
+      said.textContent = job.well ? "Done." : job.state === "stopped" ? "Cancelled: nothing was written." : "Refused, or failed:";
       log.textContent = job.log.join("\n");
-      log.hidden = job.state === "done" || !job.log.length;
+      log.hidden = job.well || job.state === "stopped" || !job.log.length;
       resolve(job);
     });
     events.addEventListener("error", () => {

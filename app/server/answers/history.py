@@ -15,6 +15,7 @@ from .results import Kept, ResultFile, read_result, sha256_of
 
 MOST_RUNS = 300  # the newest
 MOST_RESULTS = 300
+_LARGEST_RESULT = 4 * 10**6  # bytes: larger ones are opened, not listed with their numbers
 _LONGEST_HEADER = 10**6  # bytes
 _WIDTH = 80  # letters of a text that a header states
 _HEADERS, _BRIEFS = Kept(2000), Kept(2000)
@@ -75,6 +76,8 @@ def _brief(folder: Folder, name: str) -> dict[str, Any]:
 
 
 def _in_brief(path: Path) -> dict[str, Any]:
+    if path.stat().st_size > _LARGEST_RESULT:
+        raise BadInput("too large to be listed: open it")
     found: ResultFile = read_result(path)
     offsets = [
         {"name": own.name, "unit": own.unit, "status": own.status, "estimate": own.estimate, "std": own.std}

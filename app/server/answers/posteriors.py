@@ -22,7 +22,7 @@ from .results import Kept
 
 MOST_DRAWS = 2000  # shown
 MOST_RESIDUALS = 600_000  # draws times measurements, computed for them
-MOST_STORED = 10**8  # draws of one parameter in a file
+MOST_STORED = 10**7  # draws of one parameter in a file
 MOST_VARIABLES = 5000
 _OFFSET = re.compile(r"delta\d{1,2}")
 
@@ -70,15 +70,16 @@ def _read(path: Path) -> Draws:
             if chains * steps > MOST_STORED or len(group) > MOST_VARIABLES:
                 raise ValueError(f"{chains * steps} draws of {len(group)} parameters")
             columns, names, units, prior = [], [], [], []
-            # Walkers wander slowly: every k-th step of all of them.
-            step = max(1, -(-chains * steps // MOST_DRAWS))
+            # Walkers wander slowly: every k-th step of all of them, or of every k-th where they are many.
+            walkers = max(1, -(-chains // MOST_DRAWS))
+            every = max(1, -(-steps * -(-chains // walkers) // MOST_DRAWS))
             for variable in group.values():
                 if variable.shape != (chains, steps) or "source" not in variable.attrs:
                     continue
                 name = str(variable.attrs["long_name"])
                 unit = {"degree": "deg"}.get(str(variable.attrs["units"]), str(variable.attrs["units"]))
                 if variable.attrs["source"] == "data":
-                    columns.append(np.asarray(variable, dtype=np.float32).reshape(-1)[::step])
+                    columns.append(variable[::walkers, ::every].astype(np.float32).reshape(-1))
                     names.append(name)
                     units.append(unit)
                 elif variable.attrs["source"] == "prior":

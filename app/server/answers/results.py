@@ -20,9 +20,9 @@ from ....reports.run.report_folder import REPORT_NAMES
 from ..end_point import EndPoint
 from ..folder import Folder
 
-LARGEST_RESULT = 64 * 10**6  # bytes
+LARGEST_RESULT = 16 * 10**6  # bytes
 MOST_MEASUREMENTS = 1000  # listed: those of the largest residuals
-MOST_HASHED = 64 * 10**6  # bytes of a run file that is looked for by its SHA-256
+MOST_HASHED = 16 * 10**6  # bytes of a run file that is looked for by its SHA-256
 _MOST_KEPT = 2000
 _MOST_FIGURES = 200
 
@@ -145,7 +145,7 @@ class Kept:
         return found
 
 
-_RESULTS, _SUMS = Kept(8), Kept(_MOST_KEPT)
+_RESULTS, _SUMS = Kept(4), Kept(_MOST_KEPT)
 
 
 def read_result(path: Path) -> ResultFile:

@@ -44,13 +44,13 @@ export function beginActions(opened, made) {
   by("result-make").addEventListener("click", () => during(by("result-make"), by("result-making"), async () => {
     const folder = by("result-folder").value;
     const job = await carryOut(["report", opened().file, "-o", folder], by("result-making"), `The report of ${opened().file}`);
-    if (job.state === "done") await made(`${folder.replace(/\/+$/, "")}/result.json`);
+    if (job.well) await made(`${folder.replace(/\/+$/, "")}/result.json`);
   }));
   by("export-do").addEventListener("click", () => during(by("export-do"), by("export-job"), async () => {
     const flags = [...document.querySelectorAll("#result-export-fields input:checked")].map((box) => box.dataset.flag);
     const file = by("export-file").value, command = ["export", by("export-form").value, opened().run, "-o", file, ...flags];
-    const job = await carryOut(command, by("export-job"), `Export of ${opened().run}`);
-    if (job.state !== "done") return;
+    const job = await carryOut(command, by("export-job"), `Export of ${opened().run}`, true);
+    if (!job.well) return;
     by("export-job").append(make("p", {}, make("a", { href: `/api/file?file=${encodeURIComponent(file)}`, download: "" }, `Download ${file}`)));
   }));
   by("compare-do").addEventListener("click", () => during(by("compare-do"), by("compare-job"), async () => {
