@@ -36,6 +36,7 @@ from .posterior.posterior import (
     PosteriorSummary,
     sample_posterior,
 )
+from .repeatability.prior_free import offsets_without_prior
 from .result import DistanceResult, Inputs, LikelihoodSummary, MidpointSummary, Result
 from .solution import ParameterTable, Solution, require_noise_data
 from .solved import solved
@@ -166,6 +167,7 @@ def _analyse(
         findings=findings(solution, posterior, shots, robust, unseen, placed.steps, run.warnings),
         inputs=_inputs(run, problem, seed),
         diagnosis=diagnose(solution),
+        without_prior=offsets_without_prior(solution),
     )
     tell("diagnostics", 1.0)
     return Analysis(fit=solution.fit, identified=solution.identified, run=run, result=result, draws=draws)

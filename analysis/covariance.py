@@ -1,4 +1,4 @@
-"""A covariance with names: of what the data determine, and of nothing else."""
+"""A covariance with names: of what the data determine, and of nothing else; the offsets without any prior."""
 
 from __future__ import annotations
 
@@ -108,3 +108,29 @@ class Covariance:
             found=name,
             allowed=", ".join(self.names) or "none: the data determine nothing",
         )
+
+
+@dataclass(frozen=True)
+class OffsetsWithoutPrior:
+    """What the measurements say of the m offsets that they determine, without any prior: what another run of
+    the same arm can be held against.
+
+    `covariance` (m, m) is by the noise alone, in the products of the units; `by_geometry` (m, g) is what each
+    freed parameter of the geometry adds if it is one tolerance off: the same in every run of the arm. `dof`
+    are those that the noise is estimated from, None where it is known.
+
+    Raises UnsoundResult where an offset is of a status that allows no number.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    status: tuple[Status, ...]
+    values: tuple[float, ...]
+    covariance: tuple[tuple[float, ...], ...]
+    geometry: tuple[str, ...]
+    by_geometry: tuple[tuple[float, ...], ...]
+    dof: int | None
+
+    def __post_init__(self) -> None:
+        for name, status, value in zip(self.names, self.status, self.values, strict=True):
+            require_no_more_than(name, status, value=value)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from .covariance import OffsetsWithoutPrior
 from .diagnostics.accuracy import Accuracy
 from .diagnostics.budget import Budget
 from .diagnostics.diagnosis import Explanation
@@ -147,6 +148,8 @@ class Result:
         What the answer was made from.
     diagnosis : tuple
         What explains a misfit, the best explanation first; empty where nothing does or there is none.
+    without_prior : OffsetsWithoutPrior or None
+        The identifiable offsets without any prior, with their covariance; None where there is none.
 
     Raises
     ------
@@ -182,6 +185,7 @@ class Result:
     findings: tuple[Finding, ...]
     inputs: Inputs
     diagnosis: tuple[Explanation, ...] = ()
+    without_prior: OffsetsWithoutPrior | None = None
 
     def __post_init__(self) -> None:
         needed = verdict_of(row.status for row in self.parameters if row.group == "offset")
@@ -198,6 +202,8 @@ class Result:
             raise UnsoundResult("a parameter is unvalidated, but there is no misfit")
         held = {row.name for row in self.parameters if row.held}
         unknown = {row.name for row in self.parameters if not known(row.status)}
+        if self.without_prior is not None:
+            self._refuse(unknown & set(self.without_prior.names), "a value without prior")
         self._refuse(unknown & {row.name for row in self.intervals}, "an interval")
         self._refuse(unknown & {row.name for row in self.budget}, "a budget")
         self._refuse(

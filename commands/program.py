@@ -21,6 +21,7 @@ from . import (
     exporting,
     exporting_plans,
     exporting_programs,
+    history,
     importing,
     importing_points,
     judging,
@@ -70,7 +71,12 @@ _COMMANDS = {
         judging.schema,
     )
 }
-_GROUPS = {"import": importing.imports, "study": studying.studies, "export": exporting.exports}
+_GROUPS = {
+    "import": importing.imports,
+    "study": studying.studies,
+    "export": exporting.exports,
+    "history": history.histories,
+}
 
 
 def _print_version(asked: bool) -> None:

@@ -105,6 +105,8 @@ class Accuracy:
     `near_shots` over the ranges that the shots' joints span: all else is extrapolation. `maps` are of the
     workspace. Where nothing can be stated both regions are None and there is no map, `undetermined` names the
     offsets that it is for and `reason` says why. `weak` names those that enter with a large std.
+    `sensitivity_mm2` (n, n), None likewise: errors d of the offsets (in their units) move the TCP by the root
+    of d' S d, root mean square over the workspace.
     """
 
     point_mm: tuple[float, float, float]
@@ -118,6 +120,7 @@ class Accuracy:
     causes: tuple[Cause | None, ...]
     joints: int
     converged: bool
+    sensitivity_mm2: Grid | None = None
 
     def __post_init__(self) -> None:
         claimed = self.workspace is not None or self.near_shots is not None or bool(self.maps)
@@ -146,12 +149,15 @@ def accuracy(solution: Solution, point: Matrix | None = None) -> Accuracy:
     undetermined = np.flatnonzero(enters & open_offsets)
     workspace, near_shots = None, None
     maps: tuple[Map, ...] = ()
+    sensitivity = None
     weak: tuple[str, ...] = ()
     if not len(undetermined):
         errors = _errors(solution, point, joints, position, jacobian)
         whole, near = slice(_POSTURES), slice(_POSTURES, len(joints) - problem.shots)
         workspace, near_shots = _region(errors.select(whole)), _region(errors.select(near))
         maps = _maps(problem, position[whole], position[near.stop :], errors.select(whole))
+        by_offset = jacobian[whole, :, offsets] / parameters.display[offsets]
+        sensitivity = tuple(map(tuple, (np.einsum("pki,pkj->ij", by_offset, by_offset) / _POSTURES).tolist()))
         weak = tuple(names[i] for i in np.flatnonzero(enters & np.equal(status, "weak")))
     return Accuracy(
         point_mm=(float(point[0]), float(point[1]), float(point[2])),
@@ -165,6 +171,7 @@ def accuracy(solution: Solution, point: Matrix | None = None) -> Accuracy:
         causes=tuple(solution.parameters[i].cause for i in undetermined),
         joints=problem.robot.n,
         converged=solution.converged,
+        sensitivity_mm2=sensitivity,
     )
 
 

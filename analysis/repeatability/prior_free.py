@@ -13,8 +13,10 @@ import numpy as np
 
 from ...model.density import Density
 from ...model.robot import Matrix
+from ..covariance import OffsetsWithoutPrior
 from ..estimation.fit import LikelihoodFit
 from ..observability.gauges import information_root
+from ..solution import Solution
 
 _ROUNDING = 1e-11  # as in `identifiability`
 
@@ -56,4 +58,25 @@ def without_prior(fit: LikelihoodFit, columns: Sequence[int]) -> WithoutPrior:
     noise = fit.weight * np.asarray(by_noise @ by_noise.T)
     return WithoutPrior(
         fit.x[list(columns)] + step * scale, noise * np.outer(scale, scale), by_geometry * scale[:, None]
+    )
+
+
+def offsets_without_prior(solution: Solution) -> OffsetsWithoutPrior | None:
+    """The offsets that the measurements determine, without any prior; None where there is none."""
+    problem, parameters = solution.problem, solution.problem.parameters
+    places = range(*parameters.block("offset").indices(len(parameters)))
+    columns = [column for column in places if column in solution.known]
+    if not columns:
+        return None
+    own, display = without_prior(solution.fit, columns), parameters.display[columns]
+    covariance = own.covariance * np.outer(display, display) * solution.noise_scale**2
+    return OffsetsWithoutPrior(
+        names=tuple(parameters.names[column] for column in columns),
+        units=tuple(parameters.items[column].unit for column in columns),
+        status=tuple(solution.status[column] for column in columns),
+        values=tuple((own.value * display).tolist()),
+        covariance=tuple(map(tuple, covariance.tolist())),
+        geometry=tuple(parameters.names[column] for column in problem.tolerated),
+        by_geometry=tuple(map(tuple, (own.by_geometry * display[:, None]).tolist())),
+        dof=None if problem.noise.known else max(solution.dof, 1),
     )

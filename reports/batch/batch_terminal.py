@@ -5,8 +5,7 @@ from __future__ import annotations
 from rich.console import Console
 from rich.text import Text
 
-from ..studies.study_terminal import print_block
-from ..style.console import VERDICT_STYLE, note
+from ..style.console import VERDICT_STYLE, note, print_block
 from ..words.wording import clipped
 from .batch_page import Batch, batch_page
 

@@ -17,7 +17,6 @@ from ...analysis.repeatability.compare import (
 )
 from ...analysis.repeatability.consistency import Mean, Scatter
 from ...analysis.solution import NORMAL_95
-from ..studies.study_terminal import print_block
 from ..style import blocks
 from ..style.blocks import (
     Block,
@@ -32,7 +31,7 @@ from ..style.blocks import (
     section_of,
     table_of,
 )
-from ..style.console import VERDICT_STYLE
+from ..style.console import VERDICT_STYLE, print_block
 from ..words import numbers
 from ..words.comparison import headline, notes
 from ..words.wording import clipped, counted, label, listed, sentence, shown

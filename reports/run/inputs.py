@@ -4,12 +4,22 @@ provenance states is filled in."""
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Mapping
 from typing import Any
 
 from ...analysis.result import Inputs, Result
 from ..style.blocks import Facts, Paragraph, Section, row_of, section_of, table_of
+from ..words.provenance import (
+    DATE,
+    INSTRUMENTS,
+    KEYS,
+    MEASURED,
+    OPERATOR,
+    SERIAL,
+    by_plain_key,
+    instrument,
+    stated,
+)
 from ..words.wording import clipped, listed, shown
 
 
@@ -25,8 +35,8 @@ def when_and_serial(inputs: Inputs) -> tuple[str | None, str | None]:
 
 
 def _head(inputs: Inputs) -> list[tuple[str, str]]:
-    provenance = {_plain(key): value for key, value in inputs.provenance.items()}
-    return [(name, _stated(provenance, _KEYS[name])) for name in _HEAD]
+    provenance = by_plain_key(inputs.provenance)
+    return [(name, stated(provenance, KEYS[name])) for name in _HEAD]
 
 
 def inputs_sections(inputs: Inputs) -> list[Section]:
@@ -59,37 +69,16 @@ def _flat(value: object, path: str = "") -> list[tuple[str, str]]:
     return [(clipped(path, 60), shown(text))] if path else []
 
 
-# The rows of the form, and the keys of `provenance` that state it. An approval is given after the result:
-# nothing in a run can state it.
-_MEASURED = (
-    ("Calibrated by", ("who", "operator", "calibrated by")),
-    ("Date of the measurements", ("when", "date", "calibrated on")),
-    ("Place", ("where", "place", "location")),
-    ("Ambient temperature", ("temperature", "ambient temperature")),
-    ("Robot, serial number", ("serial", "serial number", "robot serial", "robot serial number")),
-)
-_KEYS = dict(_MEASURED)
-_HEAD = ("Date of the measurements", "Robot, serial number", "Calibrated by")
-_INSTRUMENTS = {
-    "laser": (
-        ("PSD, maker and serial number", ("psd", "psd serial", "psd serial number")),
-        ("PSD, calibration certificate", ("psd certificate",)),
-        ("Laser, maker and serial number", ("laser", "laser serial", "laser serial number")),
-        ("Laser, calibration certificate", ("laser certificate",)),
-    ),
-    "probe": (
-        ("Probe, maker and serial number", ("probe", "probe serial", "probe serial number")),
-        ("Probe, calibration certificate", ("probe certificate",)),
-    ),
-}
+# An approval is given after the result: nothing in a run can state it.
+_HEAD = (DATE, SERIAL, OPERATOR)
 _SIGNED = ("Approved by", "Date of approval", "Signature")
 
 
 def traceability_section(result: Result) -> Section:
     """A form with a field a row; what nobody has stated is left empty."""
-    provenance = {_plain(key): value for key, value in result.inputs.provenance.items()}
-    fields = [*_MEASURED, *_INSTRUMENTS[result.inputs.tool]]
-    rows = [row_of(name, _stated(provenance, keys)) for name, keys in fields]
+    provenance = by_plain_key(result.inputs.provenance)
+    fields = [*MEASURED, *INSTRUMENTS[result.inputs.tool]]
+    rows = [row_of(name, stated(provenance, keys)) for name, keys in fields]
     rows += [row_of("SHA-256 of the run", result.inputs.sha256)]
     rows += [row_of(name, "") for name in _SIGNED]
     said = "To be completed by hand. Entries that are there were stated in the run’s provenance."
@@ -102,24 +91,14 @@ def traceability_section(result: Result) -> Section:
 def origin_of(header: Mapping[str, Any]) -> dict[str, str]:
     """What a run's header says of its origin: robot's serial number, date, operator and instruments; and
     the rig; an empty text where it says nothing."""
-    stated = header.get("provenance")
-    provenance = {_plain(key): own for key, own in (stated if isinstance(stated, dict) else {}).items()}
+    own = header.get("provenance")
+    provenance = by_plain_key(own if isinstance(own, dict) else {})
     tool = header.get("tool")
     kind = "probe" if isinstance(tool, dict) and tool.get("kind") == "probe" else "laser"
-    fields = _INSTRUMENTS[kind]
-    instruments = [_stated(provenance, keys) for name, keys in fields if "certificate" not in name]
     return {
-        "serial": _stated(provenance, _KEYS["Robot, serial number"]),
-        "when": _stated(provenance, _KEYS["Date of the measurements"]),
-        "who": _stated(provenance, _KEYS["Calibrated by"]),
-        "instrument": ", ".join(filter(None, instruments)),
-        "origin": _stated(provenance, ("origin",)),
+        "serial": stated(provenance, KEYS[SERIAL]),
+        "when": stated(provenance, KEYS[DATE]),
+        "who": stated(provenance, KEYS[OPERATOR]),
+        "instrument": instrument(provenance, kind),
+        "origin": stated(provenance, ("origin",)),
     }
-
-
-def _stated(provenance: Mapping[str, object], keys: tuple[str, ...]) -> str:
-    return ", ".join(shown(str(provenance[key])) for key in keys if key in provenance)
-
-
-def _plain(key: str) -> str:
-    return re.sub(r"[\s_-]+", " ", key).strip().casefold()

@@ -10,9 +10,7 @@ from rich.text import Text
 
 from ...experiments.studies.answer import StudyAnswer
 from ...experiments.studies.coverage import CoveragePlan, CoverageStudy, Estimator
-from ..style import blocks
-from ..style.blocks import Block, Facts, Legend, Paragraph
-from ..style.console import MARK, STYLE, marked, note, rich_table
+from ..style.console import LONGEST_NAME, MARK, STYLE, marked, note, print_block
 from ..words.wording import (
     clipped,
     counted,
@@ -25,8 +23,6 @@ from .coverage_page import comparison, overview_caption
 from .kinds import study_page
 from .phrases import NOT_DETERMINED
 from .shares import BY_CHANCE, Marked, percent, share, share_interval, standing, undetermined, worst_at
-
-_LONGEST_NAME = 26
 
 
 def print_study(out: Console, answer: StudyAnswer) -> None:
@@ -42,23 +38,6 @@ def print_study(out: Console, answer: StudyAnswer) -> None:
         return
     for block in page.sections[0].all:
         print_block(out, block)
-
-
-def print_block(out: Console, block: Block) -> None:
-    match block:
-        case Paragraph(text):
-            out.print(Text(text))
-        case Facts(rows):
-            for name, text in rows:
-                out.print(Text(f"{name}: ", style="dim") + Text(text))
-        case Legend(reasons=reasons):
-            # What the marks mean is said on the page.
-            for entry in reasons:
-                mark = Text(f"{MARK[entry.status]} {entry.names} ", style=STYLE[entry.status])
-                out.print(mark + Text(entry.text))
-        case blocks.Table():
-            out.print(Text(block.caption, style="italic"))
-            out.print(rich_table(block, _LONGEST_NAME))
 
 
 # ── coverage ──────────────────────────────────────────────────────────────────────────────────
@@ -80,7 +59,7 @@ def _print_coverage(out: Console, answer: CoverageStudy) -> None:
             )
         for part in plan.sbc:
             # The sentence says what the ranks are; the mark, whether that is as it must be.
-            ranks = Text(f"Ranks, {clipped(part.name, _LONGEST_NAME)}: ")
+            ranks = Text(f"Ranks, {clipped(part.name, LONGEST_NAME)}: ")
             out.print(ranks + _standing(part) + Text(f". {sentence(part.sentence)}"))
     if said := comparison(answer.plans):
         out.print()
@@ -101,7 +80,7 @@ def _coverage(plan: CoveragePlan, levels: Sequence[float]) -> Table:
     for level in levels:
         table.add_column(percent(level), justify="right", no_wrap=True)
     for estimator in plan.estimators:
-        name = Text(clipped(estimator.name, _LONGEST_NAME) + "\n") + _standing(estimator)
+        name = Text(clipped(estimator.name, LONGEST_NAME) + "\n") + _standing(estimator)
         table.add_row(name, *(_worst(estimator, level) for level in levels))
     return table
 

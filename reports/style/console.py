@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 
+from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
@@ -27,6 +28,7 @@ VERDICT_STYLE = {
 }
 
 
+LONGEST_NAME = 26  # letters in a cell without a mark
 _HEAD = 10  # letters of a line of a head, at least
 
 
@@ -63,3 +65,21 @@ def rich_table(stated: blocks.Table, longest: int | None = None) -> Table:
             cells.extend(Text("") for _ in range(cell.span - 1))
         table.add_row(*cells)
     return table
+
+
+def print_block(out: Console, block: blocks.Block) -> None:
+    """A block of a page, for the terminal; pictures are left out."""
+    match block:
+        case blocks.Paragraph(text):
+            out.print(Text(text))
+        case blocks.Facts(rows):
+            for name, text in rows:
+                out.print(Text(f"{name}: ", style="dim") + Text(text))
+        case blocks.Legend(reasons=reasons):
+            # What the marks mean is said on the page.
+            for entry in reasons:
+                mark = Text(f"{MARK[entry.status]} {entry.names} ", style=STYLE[entry.status])
+                out.print(mark + Text(entry.text))
+        case blocks.Table():
+            out.print(Text(block.caption, style="italic"))
+            out.print(rich_table(block, LONGEST_NAME))

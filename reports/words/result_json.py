@@ -56,6 +56,7 @@ def to_json(result: Result) -> dict[str, Any]:
         "verdict": result.verdict,
         "headline": headline(result),
         "parameters": [parameter_json(parameter) for parameter in result.parameters],
+        "without_prior": result.without_prior and _without(result.without_prior, "without_prior", "status"),
         "identifiability": _identifiability(result.identifiability),
         "fits": {"likelihood": _likelihood(result.likelihood), "midpoint": _midpoint(result.midpoint)},
         "geometry": geometry_json(result.geometry),

@@ -52,8 +52,9 @@ def test_the_keys_are_those_of_the_design() -> None:
     answer = to_json(good())
     assert answer["schema"] == RESULT_SCHEMA
     assert list(answer) == [
-        *("schema", "verdict", "headline", "parameters", "identifiability", "fits", "geometry"),
-        *("posterior", "shots", "distances", "intervals", "accuracy", "budget", "robust", "hold_out"),
+        *("schema", "verdict", "headline", "parameters", "without_prior", "identifiability", "fits"),
+        *("geometry", "posterior", "shots", "distances", "intervals", "accuracy", "budget", "robust"),
+        "hold_out",
         *("placements", "scene", "misfit", "diagnosis", "notes", "next_steps", "inputs"),
     ]
     assert list(answer["parameters"][0]) == [

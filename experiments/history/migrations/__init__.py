@@ -1,0 +1,1 @@
+"""Alembic's environment: how a history of an earlier version of zerobeam becomes one of this."""

@@ -1,0 +1,236 @@
+"""What is asked of a history: results and events added, arms and results found."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import sqlalchemy as sa
+from sqlalchemy.dialects import postgresql, sqlite
+
+from ...model.errors import BadInput
+from ...model.files.reading import did_you_mean
+from .database import Database
+from .tables import arm, document, event, result
+
+if TYPE_CHECKING:
+    from .entry import Entry
+
+What = Literal["collision", "motor", "mastering", "other"]
+Outcome = Literal["added", "replaced", "already there", "refused"]
+
+_LEVEL = 1  # of the compression: the higher ones take most of the time of adding
+_ARM = ("serial", "model")
+_ROW = (
+    *("sha256", "serial", "model", "measured_at", "instrument", "operator", "run", "shots", "verdict"),
+    *("made_by", "document_sha256"),
+)
+
+
+@dataclass(frozen=True)
+class Arm:
+    """An arm, and what the history has of it."""
+
+    serial: str
+    model: str
+    vendor: str | None
+    results: int
+    first: datetime | None
+    last: datetime | None
+    verdict: str | None
+
+
+@dataclass(frozen=True)
+class StoredResult:
+    """A result in the history; `offsets`, `without_prior`, `sensitivity_mm2` as of `Entry`."""
+
+    sha256: str
+    serial: str
+    model: str
+    measured_at: datetime
+    instrument: str
+    operator: str
+    run: str
+    shots: int
+    verdict: str
+    made_by: str
+    document_sha256: str
+    offsets: list[dict[str, Any]]
+    without_prior: dict[str, Any] | None
+    sensitivity_mm2: list[list[float]] | None
+
+
+@dataclass(frozen=True)
+class Event:
+    """What happened to an arm: `at` is UTC without a zone."""
+
+    serial: str
+    model: str
+    at: datetime
+    what: What
+    note: str
+
+
+def add(history: Database, entries: Sequence[Entry], *, replace: bool = False) -> list[Outcome]:
+    """Add results in one transaction, each once by the hash of its run; what became of each.
+
+    `already there`: a result with the same offsets and verdict. `refused`: another result of that run is
+    there, made otherwise or for another arm; with `replace` this one takes its place, unless it is of another
+    arm.
+    """
+    with history.writing() as connection:
+        return [_add(connection, entry, replace) for entry in entries]
+
+
+def _add(connection: sa.Connection, entry: Entry, replace: bool) -> Outcome:
+    row = {
+        **{name: getattr(entry, name) for name in _ROW},
+        "added_at": datetime.now(UTC).replace(tzinfo=None, microsecond=0),
+        "offsets": json.dumps(entry.offsets),
+        "without_prior": entry.without_prior and json.dumps(entry.without_prior),
+        "sensitivity_mm2": entry.sensitivity_mm2 and json.dumps(entry.sensitivity_mm2),
+    }
+    content = zlib.compress(entry.text.encode(), _LEVEL)
+    if (here := _held(connection, entry.sha256)) is None:
+        arms = {"serial": entry.serial, "model": entry.model, "vendor": entry.vendor}
+        connection.execute(_insert(connection, arm).values(arms).on_conflict_do_nothing())
+        made = connection.execute(_insert(connection, result).values(row).on_conflict_do_nothing())
+        if made.rowcount:
+            connection.execute(sa.insert(document).values(sha256=entry.sha256, content=content))
+            return "added"
+        here = _held(connection, entry.sha256) or {}  # of another writer, between the two
+    same = ("serial", "model", "verdict", "offsets", "without_prior")
+    if all(here.get(name) == row[name] for name in same):
+        return "already there"
+    if not replace or (here.get("serial"), here.get("model")) != (entry.serial, entry.model):
+        return "refused"
+    connection.execute(sa.update(result).where(result.c.sha256 == entry.sha256).values(row))
+    connection.execute(sa.update(document).where(document.c.sha256 == entry.sha256).values(content=content))
+    return "replaced"
+
+
+def _held(connection: sa.Connection, sha256: str) -> dict[str, Any] | None:
+    """The result that a run has in the history."""
+    row = connection.execute(sa.select(result).where(result.c.sha256 == sha256)).mappings().first()
+    return None if row is None else dict(row)
+
+
+def arm_of(history: Database, sha256: str) -> tuple[str, str] | None:
+    """The arm that a run has a result of, by the hash of the run."""
+    with history.reading() as connection:
+        row = _held(connection, sha256)
+    return None if row is None else (row["serial"], row["model"])
+
+
+def add_event(history: Database, found: Event) -> bool:
+    """Log an event; False where the same one is there already."""
+    if found.what not in get_args(What):
+        raise BadInput("there is no event of this kind", found=found.what, allowed=", ".join(get_args(What)))
+    with history.writing() as connection:
+        made = connection.execute(_insert(connection, event).values(asdict(found)).on_conflict_do_nothing())
+    return bool(made.rowcount)
+
+
+def _insert(connection: sa.Connection, table: sa.Table) -> Any:
+    own = {"sqlite": sqlite.insert, "postgresql": postgresql.insert}
+    return own[connection.dialect.name](table)
+
+
+def arms(history: Database) -> list[Arm]:
+    """All arms by serial number, with the verdict of the last result of each."""
+    ranked = sa.select(
+        result.c.serial,
+        result.c.model,
+        result.c.verdict,
+        sa.func.row_number()
+        .over(
+            partition_by=(result.c.serial, result.c.model),
+            order_by=(result.c.measured_at.desc(), result.c.sha256),
+        )
+        .label("place"),
+    ).subquery()
+    counted = (
+        sa.select(
+            result.c.serial,
+            result.c.model,
+            sa.func.count().label("results"),
+            sa.func.min(result.c.measured_at).label("first"),
+            sa.func.max(result.c.measured_at).label("last"),
+        )
+        .group_by(result.c.serial, result.c.model)
+        .subquery()
+    )
+    query = (
+        sa.select(arm, counted.c.results, counted.c.first, counted.c.last, ranked.c.verdict)
+        .outerjoin(counted, _same(arm, counted))
+        .outerjoin(ranked, _same(arm, ranked) & (ranked.c.place == 1))
+    )
+    with history.reading() as connection:
+        rows = [
+            Arm(row.serial, row.model, row.vendor, row.results or 0, row.first, row.last, row.verdict)
+            for row in connection.execute(query)
+        ]
+    return sorted(rows, key=lambda own: (own.serial, own.model))  # a database sorts by rules of its own
+
+
+def _same(one: Any, other: Any) -> Any:
+    return (one.c.serial == other.c.serial) & (one.c.model == other.c.model)
+
+
+def find_arm(history: Database, serial: str, model: str | None = None) -> tuple[str, str]:
+    """Serial number and model of the one arm that is meant; BadInput where there is none, or several."""
+    with history.reading() as connection:
+        found = connection.scalars(sa.select(arm.c.model).where(arm.c.serial == serial)).all()
+        if model is not None:
+            found = [own for own in found if own == model]
+        if len(found) == 1:
+            return serial, str(found[0])
+        serials = connection.scalars(sa.select(arm.c.serial).distinct()).all() if not found else []
+    if found:
+        raise BadInput(
+            "several arms have this serial number",
+            found=f"{serial}: {', '.join(sorted(map(str, found)))}",
+            remedy="state which one by --model",
+        )
+    raise BadInput(
+        "there is no such arm in the history",
+        found=serial if model is None else f"{serial}, {model}",
+        remedy=did_you_mean(serial, [str(own) for own in serials]) or "zerobeam history list names them",
+    )
+
+
+def results(history: Database, of: tuple[str, str] | None = None) -> Iterator[StoredResult]:
+    """The results of an arm (serial number, model), or of all, in the order of arm and time."""
+    columns = [result.c[name] for name in (*_ROW, "offsets", "without_prior", "sensitivity_mm2")]
+    query = sa.select(*columns).order_by(result.c.measured_at, result.c.sha256)
+    if of is not None:
+        query = query.where(result.c.serial == of[0], result.c.model == of[1])
+    with history.reading() as connection:
+        rows = [row._asdict() for row in connection.execute(query)]
+    for row in sorted(rows, key=lambda own: (own["serial"], own["model"])):
+        for name in ("offsets", "without_prior", "sensitivity_mm2"):
+            row[name] = json.loads(row[name]) if row[name] is not None else None
+        yield StoredResult(**row)
+
+
+def events(history: Database, of: tuple[str, str] | None = None) -> list[Event]:
+    """The events of an arm, or of all, in the order of time."""
+    query = sa.select(event)
+    if of is not None:
+        query = query.where(event.c.serial == of[0], event.c.model == of[1])
+    with history.reading() as connection:
+        found = [Event(**row._asdict()) for row in connection.execute(query)]
+    return sorted(found, key=lambda own: (own.serial, own.model, own.at, own.what, own.note))
+
+
+def documents(history: Database, sha256: Iterable[str]) -> Iterator[tuple[str, str]]:
+    """The hash of a run and the whole text of its result.json, for each of the hashes that is there."""
+    with history.reading() as connection:
+        for own in sha256:
+            content = connection.scalar(sa.select(document.c.content).where(document.c.sha256 == own))
+            if content is not None:
+                yield own, zlib.decompress(content).decode()

@@ -1,0 +1,51 @@
+"""What a run's provenance says of its origin: by which keys a person may state it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from .wording import shown
+
+SERIAL, DATE, OPERATOR = "Robot, serial number", "Date of the measurements", "Calibrated by"
+MEASURED = (
+    (OPERATOR, ("who", "operator", "calibrated by")),
+    (DATE, ("when", "date", "calibrated on")),
+    ("Place", ("where", "place", "location")),
+    ("Ambient temperature", ("temperature", "ambient temperature")),
+    (SERIAL, ("serial", "serial number", "robot serial", "robot serial number")),
+)
+KEYS = dict(MEASURED)
+INSTRUMENTS = {
+    "laser": (
+        ("PSD, maker and serial number", ("psd", "psd serial", "psd serial number")),
+        ("PSD, calibration certificate", ("psd certificate",)),
+        ("Laser, maker and serial number", ("laser", "laser serial", "laser serial number")),
+        ("Laser, calibration certificate", ("laser certificate",)),
+    ),
+    "probe": (
+        ("Probe, maker and serial number", ("probe", "probe serial", "probe serial number")),
+        ("Probe, calibration certificate", ("probe certificate",)),
+    ),
+}
+
+
+def by_plain_key(provenance: Mapping[str, object]) -> dict[str, object]:
+    """The provenance with its keys as `KEYS` and `INSTRUMENTS` have them."""
+    return {re.sub(r"[\s_-]+", " ", key).strip().casefold(): value for key, value in provenance.items()}
+
+
+def stated(provenance: Mapping[str, object], keys: tuple[str, ...]) -> str:
+    """What is stated by any of the `keys`; "" for nothing. `provenance` as of `by_plain_key`."""
+    return ", ".join(shown(str(provenance[key])) for key in keys if key in provenance)
+
+
+def first_stated(provenance: Mapping[str, object], keys: tuple[str, ...]) -> str:
+    """The same by the first of the `keys` alone that is there."""
+    return next((shown(str(provenance[key])) for key in keys if key in provenance), "")
+
+
+def instrument(provenance: Mapping[str, object], tool: str) -> str:
+    """The instruments of a laser or a probe, their makers and serial numbers; "" where none is stated."""
+    rows = [keys for name, keys in INSTRUMENTS[tool] if "serial" in name]
+    return ", ".join(text for text in (stated(provenance, keys) for keys in rows) if text)

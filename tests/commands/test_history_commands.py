@@ -1,0 +1,109 @@
+"""`zerobeam history`: what it adds, prints and refuses."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from unittest import mock
+
+import pytest
+from command_line import zerobeam
+from histories import a_result, write_result
+
+from zerobeam.experiments.demos import demo_runs
+
+
+@pytest.fixture
+def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A history with two results of one arm, and the folder that they are from."""
+    monkeypatch.setenv("ZEROBEAM_HISTORY", str(tmp_path / "history.sqlite"))
+    for number, when in enumerate(("2025-01-31", "2026-01-31")):
+        write_result(tmp_path / "in" / str(number) / "result.json", a_result("A-1", when, psd="17"))
+    answer = zerobeam("history", "add", tmp_path / "in")
+    assert (answer.status, answer.err) == (0, "")
+    assert answer.out.startswith("2 added: ")
+    return tmp_path
+
+
+def test_what_was_added_is_listed_and_shown(kept: Path) -> None:
+    listed = zerobeam("history", "list")
+    assert listed.status == 0
+    assert "A-1" in listed.out
+    assert "2026-01-31" in listed.out
+    found = zerobeam("history", "list", "--json").json
+    assert [own["measured_at"] for own in found["results"]] == [
+        "2025-01-31T00:00:00+00:00",
+        "2026-01-31T00:00:00+00:00",
+    ]
+    assert found["results"][0]["instrument"] == "17"
+    assert zerobeam("history", "event", "A-1", "--date", "2025-06-01", "--what", "motor").out == "logged\n"
+    shown = zerobeam("history", "show", "A-1")
+    assert "2025-01-31" in shown.out
+    assert "motor" in shown.out
+    plain = zerobeam("history", "show", "A-1", "--json").json
+    assert plain["events"] == [
+        {
+            "serial": "A-1",
+            "model": "irb1600",
+            "at": "2025-06-01T00:00:00+00:00",
+            "what": "motor",
+            "note": None,
+        }
+    ]
+    assert plain["results"] == found["results"]
+    assert "no such arm" in zerobeam("history", "show", "A-2").refused()
+
+
+def test_a_bad_file_is_named_and_the_others_are_added(kept: Path) -> None:
+    write_result(kept / "more" / "good.json", a_result("B", "2026-02-01"))
+    (kept / "more" / "bad.json").write_text("{")
+    write_result(kept / "more" / "nameless.json", a_result(None))
+    answer = zerobeam("history", "add", *sorted((kept / "more").iterdir()), kept / "none.json", kept / "in")
+    assert answer.status == 2
+    assert answer.out.startswith("1 added, 2 already there, 3 not added: ")
+    for name in ("bad.json", "nameless.json", "none.json"):
+        assert f"{name}: " in answer.err
+    assert answer.err.count("error: ") == 3
+    told = zerobeam("history", "add", kept / "more" / "nameless.json", "--serial", "C", "--json").json
+    assert told == {"added": 1, "replaced": 0, "already_there": 0, "refused": 0, "failed": []}
+
+
+def test_a_run_is_solved_as_analyse_does_and_only_once(kept: Path) -> None:
+    lines = next(demo.path for demo in demo_runs() if demo.name == "good").read_text().splitlines()
+    header = json.loads(lines[0])
+    header["provenance"] = {"serial": "R", "when": "2026-03-01"}
+    run = kept / "run.jsonl"
+    run.write_text("\n".join([json.dumps(header), *lines[1:]]))
+    assert zerobeam("history", "add", run).out.startswith("1 added")
+    (stored,) = zerobeam("history", "show", "R", "--json").json["results"]
+    own = zerobeam("analyse", run, "--json").json
+    assert [row["estimate"] for row in stored["offsets"]] == [
+        row["estimate"] for row in own["parameters"] if row["group"] == "offset"
+    ]
+    assert stored["without_prior"] == own["without_prior"]
+    with mock.patch("zerobeam.analysis.analyse.analyse", side_effect=AssertionError("solved again")):
+        assert zerobeam("history", "add", run).out.startswith("0 added, 1 already there")
+
+
+def test_it_is_exported_backed_up_and_restored(kept: Path) -> None:
+    table, plain = kept / "table.csv", kept / "all.json"
+    assert zerobeam("history", "export", "-o", table).status == 0
+    rows = list(csv.DictReader(table.read_text(encoding="utf-8").splitlines()))
+    assert [row["offset"] for row in rows] == [f"delta{joint}" for joint in range(1, 7)] * 2
+    assert rows[0]["status"] == "held"
+    assert rows[0]["std"] == ""
+    assert "exists" in zerobeam("history", "export", "-o", table).refused()
+    assert zerobeam("history", "export", "A-1", "-o", plain).status == 0
+    assert len(json.loads(plain.read_text())["results"]) == 2
+    assert ".csv or .json" in zerobeam("history", "export", "-o", kept / "x.xls").refused()
+    backup, new = kept / "backup.sqlite", kept / "new.sqlite"
+    assert zerobeam("history", "backup", backup).status == 0
+    assert zerobeam("history", "restore", backup, "--db", new).out.startswith("2 results")
+    copied = zerobeam("history", "list", "--json", "--db", new)
+    assert copied.json == zerobeam("history", "list", "--json").json
+
+
+def test_without_the_extra_it_says_how_to_install_it() -> None:
+    with mock.patch("zerobeam.commands.history.find_spec", return_value=None):
+        assert 'pip install "zerobeam[history]"' in zerobeam("history", "list").refused()

@@ -1,0 +1,108 @@
+"""Databases of a history: made, migrated, and refused where they are not ours or newer."""
+
+from __future__ import annotations
+
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+import sqlalchemy as sa
+from alembic.autogenerate import compare_metadata
+from alembic.config import Config
+from alembic.migration import MigrationContext
+from alembic.script import ScriptDirectory
+
+from zerobeam.experiments.history import database, tables
+from zerobeam.experiments.history.database import back_up, default_file, open_history, restore
+from zerobeam.model.errors import BadInput
+
+
+def test_the_migrations_make_the_tables_as_they_are_stated(tmp_path: Path) -> None:
+    made = open_history(str(tmp_path / "new" / "history.sqlite"), create=True)
+    with made.reading() as connection:
+        context = MigrationContext.configure(connection, opts={"compare_server_default": True})
+        assert compare_metadata(context, tables.metadata) == []
+        assert context.get_current_revision() == tables.REVISION
+
+
+def test_the_revision_stated_is_the_last_migration() -> None:
+    config = Config()
+    config.set_main_option("script_location", str(Path(database.__file__).parent / "migrations"))
+    config.set_main_option("path_separator", "os")
+    assert ScriptDirectory.from_config(config).get_current_head() == tables.REVISION
+
+
+def test_a_newer_history_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "history.sqlite"
+    open_history(str(file), create=True)
+    with closing(sqlite3.connect(file)) as own, own:
+        own.execute("UPDATE alembic_version SET version_num = '0999'")
+    for create in (False, True):
+        with pytest.raises(BadInput, match=r"newer version[\s\S]*0999[\s\S]*update zerobeam"):
+            open_history(str(file), create=create)
+    new = open_history(str(tmp_path / "empty.sqlite"), create=True)
+    with pytest.raises(BadInput, match="newer version"):
+        restore(file, new)
+
+
+def test_what_is_no_history_is_refused_and_left_as_it_was(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="no history here yet"):
+        open_history(str(tmp_path / "none.sqlite"))
+    text = tmp_path / "text.sqlite"
+    text.write_text("no database" * 200)
+    with pytest.raises(BadInput, match="cannot be used"):
+        open_history(str(text), create=True)
+    assert text.read_text() == "no database" * 200
+    other = tmp_path / "other.sqlite"
+    with closing(sqlite3.connect(other)) as own, own:
+        own.execute("CREATE TABLE stock (part TEXT)")
+    with pytest.raises(BadInput, match=r"holds other things[\s\S]*stock"):
+        open_history(str(other), create=True)
+    with pytest.raises(BadInput, match="no history in this database"):
+        open_history(str(other))
+    assert not (tmp_path / "none.sqlite").exists()
+
+
+@pytest.mark.parametrize(
+    ("url", "told"),
+    [
+        ("mysql://plant/history", "mysql is no database for a history"),
+        ("sqlite://", "an SQLite history is a file"),
+        ("nonsense://", "no database for a history|no URL"),
+        ("postgresql://plant:secret@127.0.0.1:1/history", "cannot be used"),
+    ],
+)
+def test_a_database_that_cannot_be_used_is_one_clear_error(url: str, told: str) -> None:
+    with pytest.raises(BadInput, match=told) as caught:
+        open_history(url)
+    assert "secret" not in str(caught.value)
+
+
+def test_where_the_history_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stated = tmp_path / "stated.sqlite"
+    monkeypatch.setenv(database.VARIABLE, str(stated))
+    assert open_history(create=True).name == str(stated)
+    assert open_history(f"sqlite:///{stated}").name == str(stated)
+    assert default_file().name == "history.sqlite"
+
+
+def test_a_backup_goes_nowhere_where_it_cannot_be_written(tmp_path: Path) -> None:
+    made = open_history(str(tmp_path / "history.sqlite"), create=True)
+    with pytest.raises(BadInput, match="cannot be written"):
+        back_up(made, tmp_path / "no folder" / "backup.sqlite")
+
+
+def test_a_failed_transaction_leaves_nothing(tmp_path: Path) -> None:
+    made = open_history(str(tmp_path / "history.sqlite"), create=True)
+    twice = [sa.insert(tables.arm).values(serial="A", model="arm")] * 2
+
+    def write() -> None:
+        with made.writing() as connection:
+            for one in twice:
+                connection.execute(one)
+
+    with pytest.raises(BadInput, match="cannot be used"):
+        write()
+    with made.reading() as connection:
+        assert connection.scalar(sa.select(sa.func.count()).select_from(tables.arm)) == 0

@@ -1,0 +1,269 @@
+"""Results and events in a history: each once, none lost, whoever adds them."""
+
+from __future__ import annotations
+
+import json
+import random
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from child import child
+from histories import a_result, adding, postgresql, write_result
+
+from zerobeam.experiments.history.database import Database, back_up, open_history, restore
+from zerobeam.experiments.history.entry import Entry, read_entry
+from zerobeam.experiments.history.store import (
+    Event,
+    add,
+    add_event,
+    arm_of,
+    arms,
+    documents,
+    events,
+    find_arm,
+    results,
+)
+from zerobeam.model.errors import BadInput
+
+
+def entry(folder: Path, answer: dict[str, Any], **how: Any) -> Entry:
+    found = read_entry(write_result(folder / "one.json", answer), lambda sha256: None, **how)
+    assert found is not None
+    return found
+
+
+@pytest.fixture
+def history(tmp_path: Path) -> Iterator[Database]:
+    made = open_history(str(tmp_path / "history.sqlite"), create=True)
+    yield made
+    made.engine.dispose()
+
+
+def test_a_result_comes_back_as_it_was(history: Database, tmp_path: Path) -> None:
+    answer = a_result("A-1", "2026-03-31T14:05:00+02:00", psd="Hamamatsu 17", who="J. Doe")
+    assert add(history, [entry(tmp_path, answer)]) == ["added"]
+    (found,) = results(history)
+    assert (found.serial, found.model, found.instrument, found.operator) == (
+        *("A-1", "irb1600"),
+        *("Hamamatsu 17", "J. Doe"),
+    )
+    assert found.measured_at.isoformat() == "2026-03-31T12:05:00"
+    assert found.without_prior == answer["without_prior"]
+    assert [row["estimate"] for row in found.offsets] == [
+        row["estimate"] for row in answer["parameters"] if row["group"] == "offset"
+    ]
+    ((sha256, text),) = documents(history, [answer["inputs"]["sha256"]])
+    assert (sha256, json.loads(text)) == (answer["inputs"]["sha256"], answer)
+    assert arm_of(history, sha256) == ("A-1", "irb1600")
+
+
+def test_a_result_is_added_once(history: Database, tmp_path: Path) -> None:
+    answer = a_result()
+    again = a_result()
+    again["posterior"]["seconds"] += 1.0  # made again: the same answer took another time
+    other = a_result()
+    other["parameters"][1]["estimate"] += 1.0
+    elsewhere = entry(tmp_path, a_result(None), serial="A-1")
+    moved = entry(tmp_path, a_result(None), serial="A-2")
+    first, same, differs = (entry(tmp_path, own) for own in (answer, again, other))
+    assert add(history, [first, same, differs]) == ["added", "already there", "refused"]
+    assert add(history, [elsewhere, moved]) == ["added", "refused"]
+    assert [arm.serial for arm in arms(history)] == ["A-1"]
+    assert add(history, [differs, moved], replace=True) == ["replaced", "refused"]
+    assert [own.offsets[1]["estimate"] for own in results(history)].count(
+        other["parameters"][1]["estimate"]
+    ) == 1
+    ((_, text),) = documents(history, [first.sha256])
+    assert json.loads(text) == other
+
+
+def test_the_results_of_an_arm_are_in_the_order_of_time(history: Database, tmp_path: Path) -> None:
+    given = [("B", "2026-02-01"), ("A", "2026-05-01"), ("A", "2025-05-01"), ("A", "2026-04-30T23:59:00")]
+    add(history, [entry(tmp_path, a_result(*own)) for own in given])
+    found = [(own.serial, own.measured_at.isoformat()[:10]) for own in results(history)]
+    assert found == [("A", "2025-05-01"), ("A", "2026-04-30"), ("A", "2026-05-01"), ("B", "2026-02-01")]
+    assert [own.serial for own in results(history, ("B", "irb1600"))] == ["B"]
+    first, second = arms(history)
+    assert (first.results, second.results) == (3, 1)
+    assert (first.first, first.last) == tuple(own.measured_at for own in list(results(history))[0:3:2])
+
+
+def test_what_is_not_determined_has_no_number(history: Database, tmp_path: Path) -> None:
+    answer = a_result(demo="x-pattern")
+    add(history, [entry(tmp_path, answer)])
+    (found,) = results(history)
+    lost = [row["name"] for row in found.offsets if row["status"] == "unidentifiable"]
+    assert lost
+    assert found.without_prior is not None
+    assert not set(lost) & set(found.without_prior["names"])
+    claimed = a_result(demo="x-pattern")
+    next(row for row in claimed["parameters"] if row["name"] == lost[0])["estimate"] = 0.1
+    with pytest.raises(BadInput, match="unidentifiable, yet it has a number"):
+        entry(tmp_path, claimed)
+    claimed = a_result(demo="x-pattern")
+    claimed["without_prior"]["names"][0] = lost[0]
+    with pytest.raises(BadInput, match="names what is not determined"):
+        entry(tmp_path, claimed)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda own: own.pop("schema"), "schema"),
+        (lambda own: own.update(verdict="fine"), "verdict"),
+        (lambda own: own["inputs"].update(sha256="../x"), "SHA-256"),
+        (lambda own: own["inputs"].update(robot=None), "no text"),
+        (lambda own: own["without_prior"]["covariance"][0].pop(), "ValueError"),
+        (lambda own: own["without_prior"].update(covariance=[[0.0] * 5] * 5), "covariance"),
+        (lambda own: own["parameters"][1].update(std=0.0), "not above 0"),
+        (lambda own: own["accuracy"].update(sensitivity_mm2=[[1.0]]), "joints"),
+        (lambda own: own["inputs"]["header"]["provenance"].pop("serial"), "--serial"),
+        (lambda own: own["inputs"]["header"]["provenance"].pop("when"), "--when"),
+        (lambda own: own["inputs"]["header"]["provenance"].update(when="31/3/26"), "ISO 8601"),
+    ],
+)
+def test_a_bad_result_is_one_clear_error(tmp_path: Path, change: Any, told: str) -> None:
+    answer = a_result()
+    change(answer)
+    with pytest.raises(BadInput, match=told) as caught:
+        entry(tmp_path, answer)
+    assert "one.json" in str(caught.value)
+
+
+def test_an_older_result_without_the_covariance_is_kept(history: Database, tmp_path: Path) -> None:
+    answer = a_result()
+    del answer["without_prior"], answer["accuracy"]["sensitivity_mm2"]
+    add(history, [entry(tmp_path, answer)])
+    (found,) = results(history)
+    assert found.without_prior is None
+    assert found.sensitivity_mm2 is None
+
+
+def test_arms_with_one_serial_number_are_told_apart(history: Database, tmp_path: Path) -> None:
+    other = a_result("A-1", "2026-02-02")
+    other["inputs"]["robot"] = "irb120"
+    add(history, [entry(tmp_path, a_result("A-1")), entry(tmp_path, other)])
+    assert find_arm(history, "A-1", "irb120") == ("A-1", "irb120")
+    with pytest.raises(BadInput, match=r"irb120, irb1600[\s\S]*--model"):
+        find_arm(history, "A-1")
+    with pytest.raises(BadInput, match="did you mean 'A-1'"):
+        find_arm(history, "A-11")
+
+
+def test_events_are_logged_once(history: Database, tmp_path: Path) -> None:
+    own = entry(tmp_path, a_result())
+    add(history, [own])
+    bump = Event("A-1", "irb1600", own.measured_at, "collision", "table 3")
+    assert [add_event(history, bump), add_event(history, bump)] == [True, False]
+    assert events(history) == [bump] == events(history, ("A-1", "irb1600"))
+
+
+def test_a_backup_is_the_whole_history(history: Database, tmp_path: Path) -> None:
+    add(history, [entry(tmp_path, a_result("A", f"2026-01-{day:02}")) for day in range(1, 10)])
+    add_event(history, Event("A", "irb1600", next(results(history)).measured_at, "motor", ""))
+    backup = tmp_path / "backup.sqlite"
+    assert back_up(history, backup) == 9
+    with pytest.raises(BadInput, match="exists"):
+        back_up(history, backup)
+    other = open_history(str(tmp_path / "other.sqlite"), create=True)
+    assert restore(backup, other) == 9
+    assert list(results(other)) == list(results(history))
+    assert events(other) == events(history)
+    every = [own.sha256 for own in results(history)]
+    assert list(documents(other, every)) == list(documents(history, every))
+    with pytest.raises(BadInput, match="not empty"):
+        restore(backup, other)
+    assert not list(tmp_path.glob(".zerobeam-new*"))
+
+
+def test_writers_at_once_wait_for_each_other(tmp_path: Path) -> None:
+    url = str(tmp_path / "history.sqlite")
+    open_history(url, create=True)
+    mine = [entry(tmp_path, a_result("A", f"2026-01-{day:02}")) for day in range(1, 7)]
+    outcomes: list[str] = []
+
+    def write() -> None:
+        own = open_history(url)
+        for one in mine:
+            outcomes.extend(add(own, [one]))
+
+    writers = [threading.Thread(target=write) for _ in range(3)]
+    for writer in writers:
+        writer.start()
+    for writer in writers:
+        writer.join()
+    assert sorted(outcomes) == ["added"] * 6 + ["already there"] * 12
+    assert len(list(results(open_history(url)))) == 6
+
+
+def _killed_at_random(url: str, folder: Path, kills: int) -> None:
+    """Processes that add the folder's results are killed; in the end each is there once."""
+    chance, told = random.Random(5), set()
+    for _ in range(kills):
+        with child(adding(url, folder)) as process:
+            assert process.stdout is not None
+            told.update(process.stdout.readline().split()[:1])  # it has begun to write
+            time.sleep(chance.uniform(0, 0.05))
+            process.kill()
+            told.update(line.split()[0] for line in process.stdout.read().splitlines() if line.endswith("d"))
+        here = {own.run for own in results(open_history(url))}
+        assert told <= here, "what was told as added is lost"
+    for own in results(open_history(url)):
+        ((_, text),) = documents(open_history(url), [own.sha256])
+        assert json.loads(text)["inputs"]["sha256"] == own.sha256
+    with child(adding(url, folder)) as process:
+        process.communicate()
+    here = [own.run for own in results(open_history(url))]
+    assert sorted(here) == sorted(path.name for path in folder.iterdir())
+
+
+def _files(folder: Path, count: int) -> Path:
+    for number in range(count):
+        answer = a_result(f"A-{number % 7}", f"2026-01-01T{number // 60:02}:{number % 60:02}")
+        answer["inputs"]["run"] = f"{number:04}.json"
+        write_result(folder / f"{number:04}.json", answer)
+    return folder
+
+
+@pytest.mark.long
+def test_fifty_killed_processes_lose_nothing_and_add_nothing_twice(tmp_path: Path) -> None:
+    _killed_at_random(str(tmp_path / "history.sqlite"), _files(tmp_path / "in", 1200), 50)
+
+
+@pytest.mark.long
+def test_two_processes_write_at_once(tmp_path: Path) -> None:
+    url, folder = str(tmp_path / "history.sqlite"), _files(tmp_path / "in", 300)
+    with child(adding(url, folder)) as one, child(adding(url, folder)) as other:
+        told = [*one.communicate()[0].splitlines(), *other.communicate()[0].splitlines()]
+    assert sum(line.endswith(" added") for line in told) == 300
+    assert sum(line.endswith(" already there") for line in told) == 300
+    assert len(list(results(open_history(url)))) == 300
+
+
+@pytest.mark.long
+def test_postgresql_keeps_what_sqlite_keeps(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+    files, sqlite = _files(tmp_path / "in", 60), open_history(str(tmp_path / "one.sqlite"), create=True)
+    with postgresql(tmp_path_factory.mktemp("server")) as url:
+        with child(adding(url, files)) as one, child(adding(url, files)) as other:
+            told = [*one.communicate()[0].splitlines(), *other.communicate()[0].splitlines()]
+        assert sum(line.endswith(" added") for line in told) == 60
+        server = open_history(url)
+        with child(adding(str(tmp_path / "one.sqlite"), files)) as process:
+            process.communicate()
+        bump = Event("A-1", "irb1600", next(results(server)).measured_at, "collision", "")
+        assert add_event(server, bump)
+        assert not add_event(server, bump)
+        add_event(sqlite, bump)
+        assert list(results(server)) == list(results(sqlite))
+        assert arms(server) == arms(sqlite)
+        assert events(server) == events(sqlite)
+        backup = tmp_path / "backup.sqlite"
+        assert back_up(server, backup) == 60
+        again = open_history(str(tmp_path / "again.sqlite"), create=True)
+        restore(backup, again)
+        assert list(results(again)) == list(results(server))
+        server.engine.dispose()

@@ -1,0 +1,121 @@
+"""Results for the tests of the history: a real one, of which copies are made for other arms and dates."""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from made_once import made_once
+
+from zerobeam.analysis.analyse import analyse
+from zerobeam.experiments.demos import demo_runs
+from zerobeam.model.files.run import read_run
+from zerobeam.reports.words.result_json import dumps, to_json
+
+
+def demo_result(name: str) -> dict[str, Any]:
+    """The result.json of a run of the demo, as JSON has it."""
+
+    def make() -> dict[str, Any]:
+        (path,) = [demo.path for demo in demo_runs() if demo.name == name]
+        return to_json(analyse(read_run(path), ess=100.0).result)
+
+    return copy.deepcopy(made_once(f"demo result {name}", make))
+
+
+def a_result(
+    serial: str | None = "A-1", when: str | None = "2026-01-31", *, demo: str = "good", **provenance: object
+) -> dict[str, Any]:
+    """The result of a run that states this origin: another origin is another run, of another hash."""
+    answer = demo_result(demo)
+    stated = {"serial": serial, "when": when, **provenance}
+    own = {key: value for key, value in stated.items() if value is not None}
+    answer["inputs"]["header"]["provenance"] = own
+    answer["inputs"]["sha256"] = hashlib.sha256(json.dumps(own).encode()).hexdigest()
+    return answer
+
+
+def write_result(path: Path, answer: dict[str, Any]) -> Path:
+    """The result as a file."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(dumps(answer), encoding="utf-8")
+    return path
+
+
+@contextmanager
+def postgresql(folder: Path) -> Iterator[str]:
+    """The URL of an empty database of a real PostgreSQL server, started for the test; skipped without one."""
+    program = shutil.which("pg_ctl") or next(
+        map(str, sorted(Path("/usr/lib/postgresql").glob("*/bin/pg_ctl"))), None
+    )
+    if program is None:
+        pytest.skip("PostgreSQL is not installed (no pg_ctl)")
+    programs = Path(os.path.realpath(program)).parent
+    as_user: dict[str, Any] = {}
+    if os.getuid() == 0:  # the server refuses to run as root
+        try:
+            shutil.chown(folder, "nobody")
+        except LookupError:
+            pytest.skip("PostgreSQL does not run as root, and there is no user nobody")
+        for parent in folder.parents:
+            if parent.stat().st_mode & 0o005 != 0o005 and os.stat(parent).st_uid == 0:
+                parent.chmod(parent.stat().st_mode | 0o011)
+        as_user = {"user": "nobody", "group": _group("nobody"), "extra_groups": []}
+    data = folder / "data"
+
+    def do(*command: object) -> None:
+        ran = subprocess.run(
+            [str(part) for part in command],
+            capture_output=True,
+            text=True,
+            cwd=folder,
+            timeout=120,
+            check=False,
+            **as_user,
+        )
+        assert ran.returncode == 0, (command, ran.stdout, ran.stderr)
+
+    do(programs / "initdb", "-D", data, "-U", "plant", "-A", "trust", "--no-sync", "-E", "UTF8")
+    listen = f"-c listen_addresses='' -c unix_socket_directories='{folder}'"
+    do(programs / "pg_ctl", "-D", data, "-w", "-o", listen, "-l", folder / "log", "start")
+    try:
+        do(programs / "createdb", "-h", folder, "-U", "plant", "history")
+        yield f"postgresql://plant@/history?host={folder}"
+    finally:
+        do(programs / "pg_ctl", "-D", data, "-m", "immediate", "stop")
+
+
+def _group(user: str) -> int:
+    """The group of a user."""
+    import pwd
+
+    return pwd.getpwnam(user).pw_gid
+
+
+# Adds the results of a folder one after the other, and says of each that it is there.
+ADDING = """
+import sys
+from pathlib import Path
+from zerobeam.experiments.history.database import open_history
+from zerobeam.experiments.history.entry import read_entry
+from zerobeam.experiments.history.store import add
+history = open_history(sys.argv[1], create=True)
+for path in sorted(Path(sys.argv[2]).iterdir()):
+    (outcome,) = add(history, [read_entry(path, lambda sha256: None)])
+    print(path.name, outcome, flush=True)
+"""
+
+
+def adding(url: str, folder: Path) -> list[str]:
+    """The command of a process that adds a folder's results."""
+    return [sys.executable, "-c", ADDING, url, str(folder)]
