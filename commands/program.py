@@ -21,7 +21,6 @@ from . import (
     exporting,
     exporting_plans,
     exporting_programs,
-    history,
     importing,
     importing_points,
     judging,
@@ -30,6 +29,7 @@ from . import (
     studying,
 )
 from .console import FAULT, UNREAD, OutputLost, err, guarded_streams, out, plain
+from .history import keeping
 
 
 class _Stopped(Exception):
@@ -75,7 +75,7 @@ _GROUPS = {
     "import": importing.imports,
     "study": studying.studies,
     "export": exporting.exports,
-    "history": history.histories,
+    "history": keeping.histories,
 }
 
 

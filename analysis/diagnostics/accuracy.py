@@ -104,9 +104,8 @@ class Accuracy:
     `point_mm` in the flange frame, `place` says in words what it is. `workspace` is over the joints' limits,
     `near_shots` over the ranges that the shots' joints span: all else is extrapolation. `maps` are of the
     workspace. Where nothing can be stated both regions are None and there is no map, `undetermined` names the
-    offsets that it is for and `reason` says why. `weak` names those that enter with a large std.
-    `sensitivity_mm2` (n, n), None likewise: errors d of the offsets (in their units) move the TCP by the root
-    of d' S d, root mean square over the workspace.
+    offsets that it is for and `reason` says why. `weak` names those that enter with a large std. With S the
+    `sensitivity_mm2` (n, n), errors d of offsets move the TCP by the root of d' S d, rms of the workspace.
     """
 
     point_mm: tuple[float, float, float]
@@ -147,9 +146,8 @@ def accuracy(solution: Solution, point: Matrix | None = None) -> Accuracy:
     names = parameters.names[offsets]
     enters = effect > _NO_EFFECT
     undetermined = np.flatnonzero(enters & open_offsets)
-    workspace, near_shots = None, None
+    workspace, near_shots, sensitivity = None, None, None
     maps: tuple[Map, ...] = ()
-    sensitivity = None
     weak: tuple[str, ...] = ()
     if not len(undetermined):
         errors = _errors(solution, point, joints, position, jacobian)
@@ -302,9 +300,7 @@ def _errors(
     jacobian: Matrix,
 ) -> _Errors:
     problem, fit = solution.problem, solution.fit
-    dof = None
-    if problem.noise.estimated:
-        dof = max(solution.dof, 1)
+    dof = max(solution.dof, 1) if problem.noise.estimated else None
     nominal, _ = tool_point(problem, np.zeros(len(problem.parameters)), point, joints)
     of_point = jacobian @ arm_covariance(problem, fit.covariance) @ jacobian.transpose(0, 2, 1)
     apart = nominal - position

@@ -1,48 +1,23 @@
-"""`zerobeam history`: a database of results of many arms over the years."""
+"""`zerobeam history`: results added to a database, listed, shown, copied."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from ..model.errors import BadInput, missing_extra
-from .console import err, out, plain, print_json, progress
-from .options import Force, Json, Seed
+from ...model.errors import BadInput
+from ..console import err, out, plain, print_json, progress
+from ..options import Force, Json, Seed
+from .shared import Model, Serial, Url, histories, opened
 
 if TYPE_CHECKING:
-    from ..experiments.history.database import Database
-    from ..experiments.history.entry import Entry
-
-histories = typer.Typer(
-    help="Results of many arms over the years, in a database: what drifted, and when the next one is due.",
-    no_args_is_help=True,
-)
+    from ...experiments.history.entry import Entry
 
 _AT_ONCE = 100  # results in one transaction
 
 What = Literal["collision", "motor", "mastering", "other"]
-Url = Annotated[
-    str | None,
-    typer.Option(
-        "--db",
-        envvar="ZEROBEAM_HISTORY",
-        help="SQLite file, or postgresql://user@host/database. Default: history.sqlite in your data folder.",
-        metavar="URL",
-        show_default=False,
-    ),
-]
-Serial = Annotated[
-    str, typer.Argument(help="Serial number of the arm.", metavar="SERIAL", show_default=False)
-]
-Model = Annotated[
-    str | None,
-    typer.Option(help="Model of the arm, where several have this serial number.", show_default=False),
-]
 
 
 @histories.command("add")
@@ -71,9 +46,9 @@ def add(
     as_json: Json = False,
 ) -> None:
     """Add results, each once; runs are solved first. A bad file is named, and the others are added."""
-    from ..experiments.history.entry import files_of, is_run, read_entry
-    from ..experiments.history.store import add as add_entries
-    from ..experiments.history.store import arm_of
+    from ...experiments.history.entry import files_of, is_run, read_entry
+    from ...experiments.history.store import add as add_entries
+    from ...experiments.history.store import arm_of
 
     counts: dict[str, int] = dict.fromkeys(("added", "replaced", "already there", "refused"), 0)
     failed: list[dict[str, str]] = []
@@ -92,7 +67,7 @@ def add(
                 refuse(path, str(_other_result(path, own, replace)))
         waiting.clear()
 
-    with _history(db, create=True) as history:
+    with opened(db, create=True) as history:
         paths = list(files_of(files))
 
         def held(sha256: str) -> tuple[str, str] | None:
@@ -137,11 +112,11 @@ def _other_result(path: Path, own: Entry, replace: bool) -> BadInput:
 @histories.command("list")
 def list_arms(db: Url = None, as_json: Json = False) -> None:
     """List the arms with their last results; with --json every result."""
-    from ..experiments.history.store import arms, results
-    from ..reports.history.lists import SCHEMA, arms_table, result_json
-    from ..reports.style.console import print_block
+    from ...experiments.history.store import arms, results
+    from ...reports.history.lists import SCHEMA, arms_table, result_json
+    from ...reports.style.console import print_block
 
-    with _history(db) as history:
+    with opened(db) as history:
         if as_json:
             print_json({"schema": SCHEMA, "results": [result_json(own) for own in results(history)]})
         else:
@@ -151,11 +126,11 @@ def list_arms(db: Url = None, as_json: Json = False) -> None:
 @histories.command("show")
 def show(serial: Serial, model: Model = None, db: Url = None, as_json: Json = False) -> None:
     """Show the results and events of an arm, in the order of time."""
-    from ..experiments.history.store import events, find_arm, results
-    from ..reports.history.lists import SCHEMA, event_json, events_table, result_json, results_table
-    from ..reports.style.console import print_block
+    from ...experiments.history.store import events, find_arm, results
+    from ...reports.history.lists import SCHEMA, event_json, events_table, result_json, results_table
+    from ...reports.style.console import print_block
 
-    with _history(db) as history:
+    with opened(db) as history:
         arm = find_arm(history, serial, model)
         found, happened = list(results(history, arm)), events(history, arm)
     if as_json:
@@ -191,10 +166,10 @@ def event(
     db: Url = None,
 ) -> None:
     """Log what happened to an arm."""
-    from ..experiments.history.entry import moment
-    from ..experiments.history.store import Event, add_event, find_arm
+    from ...experiments.history.entry import moment
+    from ...experiments.history.store import Event, add_event, find_arm
 
-    with _history(db) as history:
+    with opened(db) as history:
         arm = find_arm(history, serial, model)
         new = add_event(history, Event(*arm, moment(date), what, note))
     out.print("logged" if new else "already there")
@@ -214,15 +189,15 @@ def export(
     force: Force = False,
 ) -> None:
     """Write the results as a table (a row for each offset) or as JSON."""
-    from ..experiments.history.store import events, find_arm, results
-    from ..model.files.whole_file import write_whole
-    from ..reports.history.lists import SCHEMA, event_json, offset_rows, result_json
-    from ..reports.words.result_json import dumps
-    from ..reports.words.spreadsheet import csv_text
+    from ...experiments.history.store import events, find_arm, results
+    from ...model.files.whole_file import write_whole
+    from ...reports.history.lists import SCHEMA, event_json, offset_rows, result_json
+    from ...reports.words.result_json import dumps
+    from ...reports.words.spreadsheet import csv_text
 
     if file.suffix not in (".csv", ".json"):
         raise BadInput("no table of this kind is written", found=file.name, allowed=".csv or .json")
-    with _history(db) as history:
+    with opened(db) as history:
         arm = None if serial is None else find_arm(history, serial, model)
         found, happened = list(results(history, arm)), events(history, arm)
     if file.suffix == ".csv":
@@ -241,9 +216,9 @@ def backup(
     force: Force = False,
 ) -> None:
     """Copy the whole history into one SQLite file, while others go on working with it."""
-    from ..experiments.history.database import back_up
+    from ...experiments.history.database import back_up
 
-    with _history(db) as history:
+    with opened(db) as history:
         count = back_up(history, file, force=force)
     out.print(f"{count} results: {file}", soft_wrap=True, markup=False, highlight=False)
 
@@ -254,21 +229,8 @@ def restore(
     db: Url = None,
 ) -> None:
     """Copy a backup into an empty history, of SQLite or PostgreSQL."""
-    from ..experiments.history.database import restore as copy_back
+    from ...experiments.history.database import restore as copy_back
 
-    with _history(db, create=True) as history:
+    with opened(db, create=True) as history:
         count = copy_back(file, history)
         out.print(f"{count} results: {history.name}", soft_wrap=True, markup=False, highlight=False)
-
-
-@contextmanager
-def _history(db: str | None, *, create: bool = False) -> Iterator[Database]:
-    if any(find_spec(needed) is None for needed in ("sqlalchemy", "alembic")):
-        raise missing_extra("a history", "history")
-    from ..experiments.history.database import open_history
-
-    history = open_history(db, create=create)
-    try:
-        yield history
-    finally:
-        history.engine.dispose()

@@ -1,0 +1,1 @@
+"""`zerobeam history`: a database of results of many arms over the years."""
