@@ -72,7 +72,7 @@ def _read(path: Path) -> Draws:
             columns, names, units, prior = [], [], [], []
             # Walkers wander slowly: every k-th step of all of them, or of every k-th where they are many.
             walkers = max(1, -(-chains // MOST_DRAWS))
-            every = max(1, -(-steps * -(-chains // walkers) // MOST_DRAWS))
+            every = max(1, -(-steps // max(1, MOST_DRAWS // -(-chains // walkers))))
             for variable in group.values():
                 if variable.shape != (chains, steps) or "source" not in variable.attrs:
                     continue
