@@ -10,7 +10,8 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 from threadpoolctl import threadpool_limits
 
-from ....analysis.estimation.fit import fit_from
+from ....analysis.estimation.fit import fit_likelihood
+from ....analysis.estimation.tolerance_factors import with_open_factors
 from ....analysis.solution import Solution, judge, require_noise_data
 from ....analysis.solved import Solved, solved
 from ....analysis.status import known
@@ -18,7 +19,6 @@ from ....model.errors import BadInput
 from ....model.files.run import Run, read_run
 from ....model.files.validation import FileModel, as_tuple
 from ....model.problem import Problem
-from ....model.robot import Matrix
 from ....reports.words.findings import solution_headline
 from ....reports.words.misfit import criterion_sentence
 from ....reports.words.result_json import direction_json, parameter_json
@@ -28,7 +28,6 @@ from ..folder import Folder
 from .results import Kept
 
 MOST_MEASUREMENTS = 2000  # of a run that is fitted while somebody waits
-_WHOLE = 100  # measurements up to which a fit begins anew, from all its starts
 
 
 class AskedRefit(FileModel):
@@ -125,15 +124,15 @@ def _without(own: FittedRun, without: tuple[int, ...]) -> Solution:
             allowed="at least 2",
             remedy="leave out fewer",
         )
-    if own.problem.shots <= _WHOLE and own.run.header.geometry is None:
+    if own.run.header.geometry is None:
         seen = _selected(own.problem, left)
         require_noise_data(seen)
         return solved(seen, own.run.header).solution
-    # The model that all measurements chose, from their mode: one of many moves it by little.
-    whole = own.solved.solution
-    seen = _selected(whole.problem, left)
+    # To climb the ladder again takes seconds: it is the model that all measurements chose, and their weights.
+    seen = _selected(own.solved.solution.problem, left)
     require_noise_data(seen)
-    return judge(fit_from(seen, _start(whole, seen)))
+    fit, factors = fit_likelihood(seen), own.solved.factors
+    return judge(fit if factors is None else with_open_factors(fit, factors))
 
 
 def _selected(problem: Problem, rows: np.ndarray[Any, np.dtype[np.intp]]) -> Problem:
@@ -142,10 +141,6 @@ def _selected(problem: Problem, rows: np.ndarray[Any, np.dtype[np.intp]]) -> Pro
     kept = {seen.targets[k] for k in seen.target_index.tolist()}
     gone = set(seen.targets) - kept
     return seen.without_targets(gone) if gone else seen
-
-
-def _start(whole: Solution, seen: Problem) -> Matrix:
-    return whole.fit.x[[whole.problem.parameters.index(name) for name in seen.parameters.names]]
 
 
 END_POINTS = [

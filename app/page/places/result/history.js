@@ -30,20 +30,20 @@ export function showHistory(found, open) {
 
 function table(rows, open) {
   const heads = ["run", "date", "operator", "instrument", "verdict", "offsets, ± U (k = 2)"];
-  return make("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": "Runs" }, make("table", {},
+  return make("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": "Runs" }, make("table", { class: "wide" },
     make("thead", {}, make("tr", {}, ...heads.map((head) => make("th", { scope: "col" }, head)))),
     make("tbody", {}, ...rows.map(([run, result]) => make("tr", {},
       make("th", { scope: "row" }, make("button", { type: "button", onclick: () => open(result && !result.error ? result.file : run ? run.file : result.file) }, run ? run.file : result.file)),
-      make("td", { class: "date" }, run ? when(run) : ""), make("td", {}, run ? run.who || "" : ""), make("td", {}, run ? run.instrument || "" : ""),
+      make("td", { class: "date", "data-of": "date" }, run ? when(run) : ""), make("td", { "data-of": "operator" }, run ? run.who || "" : ""), make("td", { "data-of": "instrument" }, run ? run.instrument || "" : ""),
       verdictCell(run, result),
-      make("td", {}, result && result.offsets ? offsets(result) : ""))))));
+      make("td", { class: "long", "data-of": "offsets ± U (k = 2)" }, result && result.offsets ? offsets(result) : ""))))));
 }
 
 function verdictCell(run, result) {
   const error = (run && run.error) || (result && result.error);
-  if (error) return make("td", { class: "words misfit" }, error);
-  if (!result) return make("td", { class: "muted" }, "no report");
-  return make("td", { class: `words ${result.verdict}` }, WORDS[result.verdict]);
+  if (error) return make("td", { class: "words misfit", "data-of": "error" }, error);
+  if (!result) return make("td", { class: "muted", "data-of": "verdict" }, "no report");
+  return make("td", { class: `words ${result.verdict}`, "data-of": "verdict" }, WORDS[result.verdict]);
 }
 
 // Numbers that the measurements support: none of a misfit.
