@@ -244,7 +244,9 @@ class Jobs:
             _kill(process)
         # Python itself ends with 1 where it is interrupted before the command has begun.
         if job.status in (0, 1) and not (job.cancelled and job.answer is None):
-            job.state, job.share = "done", 1.0
+            job.state = "done"
+            if not measures:  # a run that is paused is not through
+                job.share = 1.0
         else:
             job.state = "stopped" if job.cancelled else "failed"
         job.asks = None

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from app_page import app, give, wait
 from cells import good_plan, pattern_plan
-from child import ZEROBEAM, child
 from chromium import LAPTOP, PHONE, Size, Tab, chromium
 from command_line import plan_file
 
@@ -40,25 +38,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def address(folder: Path) -> Iterator[str]:
-    command = [*ZEROBEAM, "app", "--port", "0", "--no-open", "--dir", str(folder)]
-    with child(command, stderr=subprocess.PIPE) as process:
-        assert process.stdout is not None
-        yield process.stdout.readline().removeprefix("The app: ").strip()
-
-
-def wait(tab: Tab, condition: str) -> None:
-    end = time.monotonic() + 30
-    while not tab.value(f"Boolean({condition})"):
-        assert time.monotonic() < end, f"never: {condition}"
-        time.sleep(0.02)
-
-
-def give(tab: Tab, element: str, value: object) -> None:
-    """What a person does to a slider, a field or a list."""
-    tab.value(
-        f"(() => {{ const e = {element}; e.value = {value!r}; for (const kind of ['input', 'change'])"
-        " e.dispatchEvent(new Event(kind, {bubbles: true})); })()"
-    )
+    with app(folder) as opened:
+        yield opened.address
 
 
 @contextmanager

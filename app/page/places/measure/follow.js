@@ -27,7 +27,7 @@ export function follow(id, changed, gone) {
       seen.lost = true;
       changed(seen);
       // Refused, not merely cut off: a server that was started anew does not know this job.
-      if (source.readyState === EventSource.CLOSED) timer = setTimeout(ask, AGAIN_MS);
+      if (source.readyState === EventSource.CLOSED) ask();
     });
   }
   async function ask() {

@@ -42,6 +42,9 @@ export class Live {
     const notes = this.notes(job, run, log);
     this.once("notes", JSON.stringify(notes), () => fill(by("measure-notes"), notes.map((note) => make("li", {}, named(note)))));
     this.once("log", log.length, () => { by("measure-log").textContent = log.join("\n"); });
+    const file = run.end && by("result") ? (job.command || []).find((word) => word.startsWith("--out=")) : null;
+    by("measure-next").hidden = !file;
+    if (file) by("measure-next").firstElementChild.href = `#result/${encodeURIComponent(file.slice(6))}`;
     this.confirm(job, run);
     this.hand(job, run);
     const trail = run.trace.length ? run.trace : this.shown.trail || [];

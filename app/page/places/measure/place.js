@@ -47,11 +47,10 @@ function command() {
   return [...words, value("measure-plan")];
 }
 
-async function start(words) {
+async function start(words, password = by("measure-password").value) {
   noFault();
   for (const button of document.querySelectorAll("#measure-start, #measure-unfinished button")) button.disabled = true;
   try {
-    const password = by("measure-password").value;
     const { id } = await post("/api/jobs", { command: words, ...(password && words.includes("--rig=abb") ? { password } : {}) });
     by("measure-password").value = "";
     attach(id, words);
@@ -125,7 +124,7 @@ function frame(seen) {
 
 function over(seen) {
   pending = null;
-  if (seen) say(`The run has ended. ${seen.run.recorded.length} measurements are kept.`);
+  if (seen) say(live.now(seen.job, seen.run, false));
   refresh();
 }
 
@@ -162,7 +161,8 @@ async function answer(text) {
 
 function showForm() {
   const on = underWay();
-  by("measure-form").hidden = on;
+  by("measure-form").hidden = by("measure-another").hidden = on;
+  if (by("measure-run").hidden) by("measure-another").hidden = true;
   by("measure-start").disabled = on;
   if (on) by("measure-open").hidden = true;
   else listUnfinished();
@@ -187,13 +187,12 @@ function unfinished(run) {
   const of = run.postures === null ? "" : ` of ${run.postures}`;
   const worst = run.worst_std === null ? "not every offset is determined yet" : `largest u ${spread(run.worst_std, "deg")}`;
   const facts = run.recorded.length ? `${run.recorded.length}${of} recorded; ${worst}. ${named(run.headline || "")}` : `nothing recorded yet${of && `, ${run.postures} postures`}`;
-  const button = run.resume && make("button", { type: "button", "aria-label": `Resume ${run.file}`, onclick: () => resume(run) }, "Resume");
-  return make("li", {}, make("p", {}, run.file, make("small", {}, run.why_not ? `${facts} ${run.why_not}` : facts)), ...(button ? [button] : []));
-}
-
-// A controller asks for a password that is kept nowhere: it is entered in the form.
-function resume(run) {
-  start(run.resume);
+  const item = make("li", {}, make("p", {}, run.file, make("small", {}, run.why_not ? `${facts} ${run.why_not}` : facts)));
+  if (!run.resume) return item;
+  // A controller asks for a password, and it is kept nowhere.
+  const password = run.resume.includes("--rig=abb") ? make("input", { type: "password", autocomplete: "off", "aria-label": `Password of the controller, for ${run.file}`, placeholder: "Password" }) : null;
+  item.append(...(password ? [password] : []), make("button", { type: "button", "aria-label": `Resume ${run.file}`, onclick: () => start(run.resume, password ? password.value : "") }, "Resume"));
+  return item;
 }
 
 async function refresh() {
@@ -249,7 +248,7 @@ export const place = {
     by("measure-form").addEventListener("change", arrange);
     by("measure-plan").addEventListener("change", () => {
       noFault();
-      by("measure-run").hidden = true;
+      by("measure-run").hidden = by("measure-another").hidden = true;
       if (following && !underWay()) following = null;
       propose();
       prepare(value("measure-plan"));

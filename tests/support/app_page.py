@@ -1,0 +1,73 @@
+"""The app in a process of its own, and its page used as a person does."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import time
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from child import ZEROBEAM, child
+from chromium import Tab
+
+
+class App(NamedTuple):
+    """Its address, and its process."""
+
+    address: str
+    process: subprocess.Popen[str]
+
+    def ask(self, path: str, body: Any = None) -> Any:
+        """What an end point answers; with a body it is sent by POST."""
+        content = None if body is None else json.dumps(body).encode()
+        headers = {"X-Zerobeam": "1", "Content-Type": "application/json"}
+        asked = urllib.request.Request(f"{self.address}api/{path}", data=content, headers=headers)
+        with urllib.request.urlopen(asked, timeout=60) as answer:
+            return json.load(answer)
+
+    def until(self, job: str, share: float) -> Any:
+        """The job once so much of it is done, or it has ended."""
+        while (now := self.ask(f"jobs/{job}"))["share"] < share and now["state"] in ("waiting", "running"):
+            time.sleep(0.02)
+        return now
+
+    def ended(self, job: str) -> Any:
+        while (now := self.ask(f"jobs/{job}"))["state"] in ("waiting", "running"):
+            time.sleep(0.05)
+        return now
+
+
+@contextmanager
+def app(folder: Path, port: int = 0) -> Iterator[App]:
+    command = [*ZEROBEAM, "app", "--port", str(port), "--no-open", "--dir", str(folder)]
+    with child(command, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        yield App(process.stdout.readline().removeprefix("The app: ").strip(), process)
+
+
+def wait(tab: Tab, condition: str, seconds: float = 30) -> None:
+    end = time.monotonic() + seconds
+    while not tab.value(f"Boolean({condition})"):
+        assert time.monotonic() < end, f"never: {condition}"
+        time.sleep(0.02)
+
+
+def give(tab: Tab, element: str, value: object) -> None:
+    """What a person does to a slider, a field or a list."""
+    tab.value(
+        f"(() => {{ const e = {element}; e.value = {value!r}; for (const kind of ['input', 'change'])"
+        " e.dispatchEvent(new Event(kind, {bubbles: true})); })()"
+    )
+
+
+def touch(tab: Tab, element: str) -> None:
+    """A finger on the middle of an element, and off again."""
+    tab.value(f"{element}.scrollIntoView({{block: 'center'}})")
+    middle = "(({x, y, width, height}) => [x + width / 2, y + height / 2])"
+    x, y = tab.value(f"{middle}({element}.getBoundingClientRect())")
+    tab.call("Input.dispatchTouchEvent", type="touchStart", touchPoints=[{"x": x, "y": y}])
+    tab.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
