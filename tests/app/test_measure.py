@@ -87,6 +87,9 @@ def test_what_a_run_has_and_how_to_go_on_with_it(client: TestClient, root: Path)
     ask = {"file": "made.jsonl"}
     assert client.get("/api/recording", params=ask).json()["ended"] is True
     lines = whole.splitlines(keepends=True)
+    (root / "made.jsonl").write_bytes(lines[0])
+    state = client.get("/api/recording", params=ask).json()
+    assert (state["recorded"], state["std"], state["headline"]) == ([], {}, None)
     (root / "made.jsonl").write_bytes(b"".join(lines[:3]) + lines[3][:9])
     state = client.get("/api/recording", params=ask).json()
     assert (state["recorded"], state["ended"], state["torn"]) == ([0, 1], None, True)

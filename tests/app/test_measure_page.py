@@ -70,6 +70,12 @@ def start(tab: Tab) -> None:
     wait(tab, UNDER_WAY)
 
 
+def reload(tab: Tab) -> None:
+    tab.value("window.before = true")
+    tab.call("Page.reload")
+    wait(tab, "window.before === undefined && document.querySelector('.stop-bar')")
+
+
 def paste(tab: Tab, text: str) -> None:
     tab.value("document.getElementById('measure-line').focus()")
     tab.value("document.getElementById('measure-line').select()")
@@ -127,7 +133,7 @@ def test_a_run_is_stopped_from_elsewhere_reloaded_and_resumed(server: App, folde
     with measure(server, "long.yaml") as tab:
         start(tab)
         wait(tab, ROWS)
-        tab.call("Page.reload")
+        reload(tab)
         wait(tab, ROWS)
         wait(tab, "document.querySelector('.stop-bar p').textContent.includes('long-run.jsonl')")
         tab.value("location.hash = 'robot'")
@@ -144,7 +150,7 @@ def test_a_run_is_stopped_from_elsewhere_reloaded_and_resumed(server: App, folde
         click(tab, RESUME)
         wait(tab, UNDER_WAY)
         wait(tab, OVER, 120)
-        assert tab.value(f"{NOW}.endsWith('40 measurements are kept in long-run.jsonl.')")
+        wait(tab, f"{NOW}.endsWith('40 measurements are kept in long-run.jsonl.')")
         assert tab.console == []
     assert (folder / "long-run.jsonl").read_bytes() == unbroken(folder, "long.yaml")
 
@@ -162,7 +168,7 @@ def test_the_page_offers_to_resume_once_a_killed_server_is_back(server: App, fol
             click(tab, RESUME)
             wait(tab, UNDER_WAY)
             wait(tab, OVER, 120)
-            assert tab.value(f"{NOW}.endsWith('40 measurements are kept in long-run.jsonl.')")
+            wait(tab, f"{NOW}.endsWith('40 measurements are kept in long-run.jsonl.')")
     assert (folder / "long-run.jsonl").read_bytes() == unbroken(folder, "long.yaml")
 
 
@@ -189,7 +195,7 @@ def test_a_person_is_led_and_a_doubt_is_said_at_the_field(server: App, folder: P
         wait(tab, f"{ASKED}.includes('measurement 2')")
         paste(tab, rows[2])
         wait(tab, f"{ASKED}.includes('measurement 1')")
-        tab.call("Page.reload")
+        reload(tab)
         wait(tab, f"{ASKED}.includes('measurement 1')")
         touch(tab, "document.querySelector('[data-line=skip]')")
         wait(tab, OVER)
@@ -233,7 +239,7 @@ def test_a_robot_moves_once_a_person_has_confirmed(server: App, folder: Path, tm
                 assert tab.accessibility() == []
                 click(tab, f"document.getElementById('measure-{answer}')")
                 wait(tab, OVER, 120)
-            assert tab.value(f"{NOW}.endsWith('2 measurements are kept in yes.jsonl.')")
+            wait(tab, f"{NOW}.endsWith('2 measurements are kept in yes.jsonl.')")
         for job in server.ask("jobs"):
             assert "robotics" not in json.dumps(server.ask(f"jobs/{job['id']}"))
         there.terminate()

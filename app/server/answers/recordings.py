@@ -81,9 +81,11 @@ def unfinished(folder: Folder) -> list[dict[str, Any]]:
 
 def _states(run: Run) -> list[tuple[int, SoFar]]:
     """How many measurements there were and what they determined, the last `_MOST` times, all at the end."""
-    problem, count = Problem.from_run(run), len(run.shots)
-    first = max(1, count - _MOST + 1)
-    return [(k, so_far(problem.select(np.arange(k)))) for k in range(first, count + 1)] if count else []
+    count = len(run.shots)
+    if not count:
+        return []
+    problem, first = Problem.from_run(run), max(1, count - _MOST + 1)
+    return [(k, so_far(problem.select(np.arange(k)))) for k in range(first, count + 1)]
 
 
 def _resume(folder: Folder, name: str, run: Run) -> tuple[list[str] | None, str | None, str | None]:

@@ -70,8 +70,9 @@ export class Live {
     if (lost && !["done", "stopped", "failed"].includes(job.state)) return "The connection to the server is lost. The run goes on as long as the server does; this page tries again.";
     const kept = `${counted(run.recorded.length, "measurement")} ${run.recorded.length === 1 ? "is" : "are"} kept in ${run.file}.`;
     if (run.end) return `${named(run.end.headline)} ${kept}`;
-    if (job.state === "stopped") return run.file ? `Stopped. ${kept}` : "Stopped before anything was recorded.";
-    if (job.state === "failed") return `The run ended with an error. ${run.file ? kept : ""}`;
+    const left = run.file && run.counted ? ` ${kept}` : "";
+    if (job.state === "stopped") return run.file ? `Stopped.${left}` : "Stopped before anything was recorded.";
+    if (job.state === "failed") return `The run ended with an error.${left}`;
     if (job.state === "done") return kept;
     if (run.confirm && job.asks === "confirm") return "Waiting for your confirmation: nothing has moved yet.";
     if (run.shot === null) return "The run begins.";

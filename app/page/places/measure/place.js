@@ -10,6 +10,7 @@ let following = null, files = [], visible = false, bar = null, pending = null;
 
 const rig = () => document.querySelector("#measure-form [name=rig]:checked").value;
 const value = (id) => by(id).value.trim();
+const fileOf = (words) => words.find((word) => word.startsWith("--out=")).slice(6);
 const underWay = () => following !== null && !OVER.includes(following.seen.job.state);
 
 function fault(error) {
@@ -67,7 +68,7 @@ function attach(id, words) {
   prepare(words.at(-1));
   let resumed = false;
   following = follow(id, (seen) => {
-    if (!resumed && seen.run.recorded.length && seen.run.course.length === 0) { resumed = true; earlier(seen.run.file, words); }
+    if (!resumed && seen.run.recorded.length && seen.run.course.length === 0) { resumed = true; earlier(words); }
     live.changed(seen);
     frame(seen);
   }, () => {
@@ -82,11 +83,13 @@ function attach(id, words) {
 }
 
 // u after the measurements of earlier sessions, from the run file.
-async function earlier(file, words) {
-  const folder = words.find((word) => word.startsWith("--out=")) || "";
+async function earlier(words) {
+  const own = following;
   try {
-    live.earlier = (await get(`/api/recording?file=${encodeURIComponent(folder.slice(6) || file)}`)).course;
-    if (following) live.changed(following.seen);
+    const { course } = await get(`/api/recording?file=${encodeURIComponent(fileOf(words))}`);
+    if (following !== own) return;
+    live.earlier = course;
+    live.changed(own.seen);
   } catch (error) {
     if (!(error instanceof Refused)) throw error; // then the picture begins with the next measurement
   }
@@ -122,10 +125,27 @@ function frame(seen) {
   }
 }
 
-function over(seen) {
+async function over(seen) {
   pending = null;
-  if (seen) say(live.now(seen.job, seen.run, false));
+  showForm();
+  if (seen) await counted(seen);
   refresh();
+}
+
+// What a run that was broken off keeps is what its file has: the last measurement may not have been told any more.
+async function counted(seen) {
+  if (!seen.run.end && seen.run.file) {
+    try {
+      const found = await get(`/api/recording?file=${encodeURIComponent(fileOf(seen.job.command))}`);
+      Object.assign(seen.run, { recorded: found.recorded, std: found.std, course: found.course });
+    } catch (error) {
+      if (!(error instanceof Refused)) throw error; // then what was told has to do
+    }
+  }
+  seen.run.counted = true;
+  if (!following || following.seen !== seen) return; // another run has begun
+  live.changed(seen);
+  say(live.now(seen.job, seen.run, false));
 }
 
 async function stop() {
@@ -199,7 +219,6 @@ async function refresh() {
   try {
     files = await get("/api/files");
     listFiles();
-    showForm();
   } catch (error) {
     fault(error);
   }
@@ -275,6 +294,7 @@ export const place = {
     live.shown.planned = live.shown.arm = null;
     if (live.plan) live.scene(following ? following.seen.run : { arm: null });
     if (following) live.changed(following.seen);
+    showForm();
     if (!underWay()) refresh();
   },
   close() { visible = live.visible = false; },
