@@ -29,7 +29,7 @@ from . import (
     studying,
 )
 from .console import FAULT, UNREAD, OutputLost, err, guarded_streams, out, plain
-from .history import shared
+from .history import keeping
 
 
 class _Stopped(Exception):
@@ -75,7 +75,7 @@ _GROUPS = {
     "import": importing.imports,
     "study": studying.studies,
     "export": exporting.exports,
-    "history": shared.histories,
+    "history": keeping.histories,
 }
 
 

@@ -10,10 +10,15 @@ import typer
 from ...model.errors import BadInput
 from ..console import err, out, plain, print_json, progress
 from ..options import Force, Json, Seed
-from .shared import Model, Serial, Url, histories, opened
+from .shared import Model, Serial, Url, opened
 
 if TYPE_CHECKING:
     from ...experiments.history.entry import Entry
+
+histories = typer.Typer(
+    help="Results of many arms over the years, in a database: what drifted, and when the next one is due.",
+    no_args_is_help=True,
+)
 
 _AT_ONCE = 100  # results in one transaction
 

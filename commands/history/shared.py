@@ -1,4 +1,4 @@
-"""The group of commands, the options that they share, and the history opened for one of them."""
+"""The options that the commands share, and the history opened for one of them."""
 
 from __future__ import annotations
 
@@ -13,11 +13,6 @@ from ...model.errors import missing_extra
 
 if TYPE_CHECKING:
     from ...experiments.history.database import Database
-
-histories = typer.Typer(
-    help="Results of many arms over the years, in a database: what drifted, and when the next one is due.",
-    no_args_is_help=True,
-)
 
 Url = Annotated[
     str | None,
