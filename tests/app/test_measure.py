@@ -50,7 +50,7 @@ def test_a_run_by_hand_is_led_and_paused(client: TestClient, root: Path) -> None
     assert line(client, job, rows[1]).status_code == 400
     (open_run,) = client.get("/api/unfinished").json()
     assert open_run["file"] == "hand.jsonl"
-    state = client.get("/api/recording", params={"file": "hand.jsonl"}).json()
+    state = client.get("/api/run", params={"file": "hand.jsonl"}).json()
     assert (state["recorded"], state["postures"], state["ended"]) == ([0], 3, False)
     assert state["resume"] == open_run["resume"]
 
@@ -85,20 +85,20 @@ def test_what_a_run_has_and_how_to_go_on_with_it(client: TestClient, root: Path)
     zerobeam("run", root / "short.yaml", "-o", root / "made.jsonl", *options)
     whole = (root / "made.jsonl").read_bytes()
     ask = {"file": "made.jsonl"}
-    assert client.get("/api/recording", params=ask).json()["ended"] is True
+    assert client.get("/api/run", params=ask).json()["ended"] is True
     lines = whole.splitlines(keepends=True)
     (root / "made.jsonl").write_bytes(lines[0])
-    state = client.get("/api/recording", params=ask).json()
+    state = client.get("/api/run", params=ask).json()
     assert (state["recorded"], state["std"], state["headline"]) == ([], {}, None)
     (root / "made.jsonl").write_bytes(b"".join(lines[:3]) + lines[3][:9])
-    state = client.get("/api/recording", params=ask).json()
+    state = client.get("/api/run", params=ask).json()
     assert (state["recorded"], state["ended"], state["torn"]) == ([0, 1], None, True)
     assert state["std"]["delta2"] is None  # two measurements do not determine it
     assert [row["recorded"] for row in state["course"]] == [1, 2]
     zerobeam(*[root / word if word == "short.yaml" else word for word in _in(root, state["resume"])])
     assert (root / "made.jsonl").read_bytes() == whole
     (root / "short.yaml").unlink()
-    state = client.get("/api/recording", params=ask).json()
+    state = client.get("/api/run", params=ask).json()
     assert state["resume"] is None
     assert "plan" in state["why_not"]
 

@@ -54,7 +54,7 @@ def test_a_killed_server_and_a_resumed_run(tmp_path: Path, order: str) -> None:
                 if not unfinished:  # it had reached its end as the server was killed
                     break
                 (own,) = unfinished
-                assert server.ask("recording?file=run.jsonl")["resume"] == own["resume"]
+                assert server.ask("run?file=run.jsonl")["resume"] == own["resume"]
                 command = own["resume"]
             job = server.ask("jobs", {"command": command})["id"]
             before = server.ask(f"jobs/{job}")["share"]

@@ -126,7 +126,7 @@ def _of_hash(folder: Folder, kind: str, sha256: object) -> str | None:
 
 END_POINTS = [
     EndPoint(
-        "/api/recording",
+        "/api/run",
         "GET",
         "What a run file has so far, and how to go on with it.",
         recording,

@@ -86,7 +86,7 @@ function attach(id, words) {
 async function earlier(words) {
   const own = following;
   try {
-    const { course } = await get(`/api/recording?file=${encodeURIComponent(fileOf(words))}`);
+    const { course } = await get(`/api/run?file=${encodeURIComponent(fileOf(words))}`);
     if (following !== own) return;
     live.earlier = course;
     live.changed(own.seen);
@@ -136,7 +136,7 @@ async function over(seen) {
 async function counted(seen) {
   if (!seen.run.end && seen.run.file) {
     try {
-      const found = await get(`/api/recording?file=${encodeURIComponent(fileOf(seen.job.command))}`);
+      const found = await get(`/api/run?file=${encodeURIComponent(fileOf(seen.job.command))}`);
       Object.assign(seen.run, { recorded: found.recorded, std: found.std, course: found.course });
     } catch (error) {
       if (!(error instanceof Refused)) throw error; // then what was told has to do
@@ -193,7 +193,7 @@ async function listUnfinished() {
     const [open, jobs] = await Promise.all([get("/api/unfinished"), get("/api/jobs")]);
     const busy = jobs.filter((job) => !OVER.includes(job.state)).flatMap((job) => job.command);
     const free = open.filter((run) => !busy.includes(`--out=${run.file}`)).slice(0, 5);
-    const told = await Promise.all(free.map((run) => get(`/api/recording?file=${encodeURIComponent(run.file)}`).catch((error) => ({ ...run, error }))));
+    const told = await Promise.all(free.map((run) => get(`/api/run?file=${encodeURIComponent(run.file)}`).catch((error) => ({ ...run, error }))));
     if (underWay()) return;
     by("measure-open").hidden = !told.length;
     fill(by("measure-unfinished"), told.map((run) => unfinished(run)));
