@@ -17,6 +17,7 @@ from ...model.files.header import DEFAULT_TARGETS, Header, StatedTarget
 from ...model.files.plan import Plan, read_plan, write_plan
 from ...model.files.robot_file import load_robot, rebased
 from ...model.files.whole_file import refuse_existing
+from ...reports.words import numbers
 from ...reports.words.result_json import check_json
 from .candidates import View, candidates
 from .obstacles import Obstacles
@@ -25,6 +26,7 @@ from .patterns import pattern
 
 Progress = Callable[[str, float], None]
 
+_LOOSE = 0.8  # a certified efficiency below this needs a word
 _DECIMALS = 6  # of degrees and millimetres in the file: finer than any controller moves
 
 
@@ -65,6 +67,33 @@ class MadePlan:
     fewest: Fewest | None
     removed: str | None
 
+    @property
+    def said(self) -> list[str]:
+        """How good the choice is and why it may not be better, or why there is no plan; a sentence each."""
+        made, fewest = self.proposal, self.fewest
+        if self.checked is None:
+            assert fewest is not None  # a plan that was not made is one for which no number of measurements did
+            most, worst = fewest.curve[-1]
+            return [
+                f"No plan of up to {fewest.most} measurements brings every standard uncertainty within"
+                f" {numbers.exact(fewest.tolerance)}; with {most} measurements the largest is"
+                f" {numbers.spread(worst)}. The limit is {fewest.limit}."
+            ]
+        if made is None:
+            return []
+        count = len(self.checked.postures)
+        seconds = "" if made.travel_s is None else f"; travel {numbers.significant(made.travel_s, 2)} s"
+        lines = [
+            f"{count} measurements by the {made.criterion}-criterion: at least {made.efficiency:.1%} as good as"
+            f" the best choice from {made.candidates} candidates{seconds}."
+        ]
+        if made.efficiency < _LOOSE:
+            lines.append(
+                f"The bound divides {count} measurements among {made.support} postures, which whole ones"
+                " cannot: the best choice may be no better than this."
+            )
+        return lines
+
     def as_json(self) -> dict[str, Any]:
         """`zerobeam/proposal/1`: plain JSON types; null where a pattern has no such figure."""
         made, fewest, checked = self.proposal, self.fewest, self.checked
@@ -84,6 +113,7 @@ class MadePlan:
             "max_shots": None if fewest is None else fewest.most,
             "curve": [] if fewest is None else [{"shots": k, "worst_std": std} for k, std in fewest.curve],
             "limit": None if fewest is None else fewest.limit,
+            "said": self.said,
             "check": None if checked is None else check_json(checked),
         }
 

@@ -86,6 +86,12 @@ def touches(turned: AimedPlan, obstacles: Obstacles) -> list[tuple[str, ...]]:
     return [tuple(what for what, hits in found.items() if hits[i]) for i in range(problem.shots)]
 
 
+def touched_boxes(turned: AimedPlan, obstacles: Obstacles) -> list[bool]:
+    """Of each box, whether in any posture of the plan the arm touches it or it is in the beam's way."""
+    alone = [obstacles.model_copy(update={"floor_mm": None, "boxes": [box]}) for box in obstacles.boxes]
+    return [any({"cell", "beam"} & set(own) for own in touches(turned, one)) for one in alone]
+
+
 class Clearance:
     """Judges postures of one arm among obstacles."""
 

@@ -38,7 +38,6 @@ from ..words.wording import counted, ended, label, listed, person, sentence, sho
 from .check import print_directions, print_notes, print_verdict
 
 _MOST_ROWS = 40
-_LOOSE = 0.8  # a certified efficiency below this needs a word
 
 
 def print_result(console: Console, result: Result) -> None:
@@ -71,17 +70,9 @@ def print_result(console: Console, result: Result) -> None:
 
 def print_proposal(console: Console, made: MadePlan) -> None:
     """The answer of `plan`: verdict, predicted uncertainties, efficiency, travel, what removed candidates."""
-    fewest, check = made.fewest, made.checked
+    check = made.checked
     if check is None:
-        assert fewest is not None  # a plan that was not made is one for which no number of measurements did
-        most, worst = fewest.curve[-1]
-        console.print(
-            Text(
-                f"No plan of up to {fewest.most} measurements brings every standard uncertainty within"
-                f" {numbers.exact(fewest.tolerance)}; with {most} measurements the largest is"
-                f" {numbers.spread(worst)}. The limit is {fewest.limit}."
-            )
-        )
+        console.print(Text(" ".join(made.said)))
         return
     print_verdict(console, check.verdict, check_headline(check, person))
     table = Table(box=None, pad_edge=False)
@@ -96,22 +87,8 @@ def print_proposal(console: Console, made: MadePlan) -> None:
     if (said := worth_sentence(check.geometry, offsets)) is not None:
         console.print(Text(said))
     if made.proposal is not None:
-        travel = made.proposal.travel_s
-        seconds = "" if travel is None else f"; travel {numbers.significant(travel, 2)} s"
-        console.print(
-            Text(
-                f"{len(check.postures)} measurements by the {made.proposal.criterion}-criterion: at least"
-                f" {made.proposal.efficiency:.1%} as good as the best choice from {made.proposal.candidates}"
-                f" candidates{seconds}."
-            )
-        )
-        if made.proposal.efficiency < _LOOSE:
-            console.print(
-                Text(
-                    f"The bound divides {len(check.postures)} measurements among {made.proposal.support}"
-                    " postures, which whole ones cannot: the best choice may be no better than this."
-                )
-            )
+        for line in made.said:
+            console.print(Text(line))
         console.print(Text(f"{made.removed}.", style="dim"))
 
 

@@ -40,11 +40,12 @@ let kept = null, keptOf = null;
 export const within = (reach) => [-0.65, 0.65].flatMap((x) => [[x * reach, 0, 0], [0, x * reach, 0]]).concat([[0, 0, reach]]);
 
 // `of` says what is shown: as long as it is the same, the view stays as the reader turned it. `extent`: points to fit in.
-export function show(of, postures, targets, chosen, reach, caption, extent = []) {
+// `more`: `boxes` (name, min, max, touched), and whether targets and boxes are `movable`.
+export function show(of, postures, targets, chosen, reach, caption, extent = [], more = {}) {
   const fit = of !== keptOf;
   if (fit) kept = { ...frame(postures, targets, reach, extent), extent };
   keptOf = of;
   by("scene-caption").textContent = `${caption} Grid of ${kept.grid.step} mm at z = 0; x, y and z are the base frame.`;
   by("scene").classList.toggle("single", postures.length < 2);
-  by("scene").dispatchEvent(new CustomEvent("scene", { detail: { scene: { ...kept, postures, targets }, chosen, fit } }));
+  by("scene").dispatchEvent(new CustomEvent("scene", { detail: { scene: { ...kept, postures, targets, ...more }, chosen, fit } }));
 }

@@ -16,7 +16,7 @@ from ....analysis.observability.aim import AimedPlan, aim_plan
 from ....analysis.observability.check import Check, without_posture
 from ....analysis.observability.check import check as judge
 from ....experiments.arm_shown import shown_arm
-from ....experiments.plans.obstacles import Obstacles, read_obstacles, touches, write_obstacles
+from ....experiments.plans.obstacles import Obstacles, read_obstacles, touched_boxes, touches, write_obstacles
 from ....model.errors import BadInput
 from ....model.files.header import PLAN_SCHEMA
 from ....model.files.plan import Plan, plan_of, write_plan
@@ -124,6 +124,7 @@ def check(folder: Folder, wanted: AskedCheck) -> dict[str, Any]:
             if wanted.obstacles is not None:
                 for place, touched in zip(scene, touches(turned, wanted.obstacles), strict=True):
                     place["touches"] = list(touched)
+                answer["touched_boxes"] = touched_boxes(turned, wanted.obstacles)
             answer |= {"scene": scene, "null_motion": _null_motion(found), "said": _said(found)}
     return answer | {"warnings": notes}
 

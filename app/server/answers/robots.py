@@ -22,7 +22,7 @@ from ..end_point import EndPoint
 from ..folder import Folder
 from .notes import noted
 
-MOST_TRIANGLES = 4000  # of an arm: what a tablet draws while it is turned
+MOST_TRIANGLES = 3000  # of an arm: what a tablet draws while it is turned
 
 
 class AskedRobot(FileModel):

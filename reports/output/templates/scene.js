@@ -160,6 +160,63 @@
     for (const b of [-60, -30, 0, 30, 60].map(radians))
       line(round.map((t) => on([c(b) * c(t), c(b) * s(t), s(b)])), 1, colours.identified);
   }
+  // A frame's axes, a joint's axis, an obstacle: what a page asks for besides.
+  function frame(own) {
+    const from = at(own.at);
+    pen.globalAlpha = 1;
+    own.axes.forEach((axis, i) => {
+      const tip = at(own.at.map((v, k) => v + 0.5 * scene.axis * axis[k]));
+      line([from, tip], 2.4, colours.held);
+      text("xyz"[i], tip[0] + 3, tip[1] - 3, colours.held);
+    });
+    text(own.name, from[0] - 10, from[1] + 20, colours.held);
+  }
+  const EDGES = [[0, 1], [2, 3], [4, 5], [6, 7], [0, 2], [1, 3], [4, 6], [5, 7], [0, 4], [1, 5], [2, 6], [3, 7]];
+  const middleOf = (box) => box.min.map((v, i) => (v + box.max[i]) / 2);
+  function obstacle(box) {
+    const corners = Array.from({ length: 8 }, (_, k) => at([0, 1, 2].map((i) => (k & (4 >> i) ? box.max : box.min)[i])));
+    const colour = box.touched ? colours.unidentifiable : colours.muted;
+    pen.globalAlpha = 1;
+    for (const [a, b] of EDGES) line([corners[a], corners[b]], box.touched ? 2.4 : 1.4, colour, box.touched ? [] : [6, 3]);
+    const [x, y] = at(middleOf(box));
+    if (scene.movable) disc(x, y, 5, colour);
+    text(box.name + (box.touched ? ": touched" : ""), x + 10, y + 4, colour, true);
+  }
+  // Triangles in one grey each, by how they face the light; the far ones first.
+  const LIGHT = [0.35, -0.45, 0.82];
+  function solid(posture) {
+    const found = [];
+    for (const mesh of posture.meshes) {
+      const flat = mesh.vertices.map(at);
+      mesh.faces.forEach((face, i) => {
+        const [a, b, c] = face.map((k) => flat[k]);
+        found.push({ near: a[2] + b[2] + c[2], a, b, c, shade: mesh.shades[i] });
+      });
+    }
+    pen.globalAlpha = 1;
+    pen.setLineDash([]);
+    pen.lineWidth = 0.7;
+    for (const { a, b, c, shade } of found.sort((p, q) => p.near - q.near)) {
+      pen.beginPath();
+      pen.moveTo(a[0], a[1]);
+      pen.lineTo(b[0], b[1]);
+      pen.lineTo(c[0], c[1]);
+      pen.closePath();
+      pen.fillStyle = pen.strokeStyle = colours.greys[Math.round(15 * shade)];
+      pen.fill();
+      pen.stroke();
+    }
+  }
+  // How a triangle faces the light, 0 to 1, does not depend on where it is seen from: found once a scene.
+  function shaded(mesh) {
+    mesh.shades ??= mesh.faces.map((face) => {
+      const [a, b, c] = face.map((k) => mesh.vertices[k]);
+      const u = b.map((v, i) => v - a[i]), w = c.map((v, i) => v - a[i]);
+      const n = [u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2], u[0] * w[1] - u[1] * w[0]];
+      const dot = n[0] * LIGHT[0] + n[1] * LIGHT[1] + n[2] * LIGHT[2];
+      return Math.abs(dot) / (Math.hypot(...n) * Math.hypot(...LIGHT) || 1);
+    });
+  }
   const label = (place) => place.name + ({ undetermined: ": not determined", held: ": held" }[place.state] || "");
 
   function draw() {
@@ -172,8 +229,13 @@
     floor();
     const others = scene.postures.flatMap((p, i) => (i === chosen ? [] : pieces(p, false)));
     const own = chosen === null ? [] : pieces(scene.postures[chosen], true);
+    const shown = chosen === null ? {} : scene.postures[chosen];
+    (scene.boxes || []).forEach(obstacle);
+    if (shown.meshes) solid(shown);
     for (const list of [others, own])
       for (const piece of list.sort((a, b) => a.near - b.near)) piece.draw();
+    for (const axis of shown.axes || []) line(axis.map(at), 1.6, colours.weak, [10, 4, 2, 4]);
+    (shown.frames || []).forEach(frame);
     if (chosen !== null) scene.postures[chosen].numbers.forEach(joint);
     scene.targets.filter((t) => t.axes).forEach(ellipsoid);
     scene.targets.forEach(target);
@@ -207,6 +269,8 @@
     const style = getComputedStyle(document.documentElement);
     for (const role of ["ink", "muted", "line", "panel", "identified", "weak", "unidentifiable", "held"])
       colours[role] = style.getPropertyValue(`--${role}`).trim();
+    const dark = matchMedia("(prefers-color-scheme: dark)").matches;
+    colours.greys = Array.from({ length: 16 }, (_, k) => { const v = Math.round((dark ? 60 : 120) + (dark ? 7 : 6) * k); return `rgb(${v} ${v} ${v})`; });
     redraw();
   }
 
@@ -283,24 +347,50 @@
     const [a, b] = [...held.values()];
     return Math.hypot(a.x - b.x, a.y - b.y);
   };
+  // What a page lets its reader move, a target or an obstacle, moves in the plane of the picture.
+  const movable = () => !scene.movable ? [] : [...scene.targets.map((t) => ({ kind: "target", name: t.name, at: t.at })),
+    ...(scene.boxes || []).map((box, i) => ({ kind: "box", name: i, at: middleOf(box) }))];
+  let grabbed = null;
+  function under(event) {
+    const place = canvas.getBoundingClientRect(), reach = event.pointerType === "mouse" ? 12 : 24;
+    const found = movable().map((own) => {
+      const [x, y] = at(own.at);
+      return { ...own, far: Math.hypot(x - event.clientX + place.left, y - event.clientY + place.top) };
+    });
+    return found.filter((own) => own.far <= reach).sort((a, b) => a.far - b.far)[0] || null;
+  }
+  function drag(right, down) {
+    const size = scale * camera.zoom * (5 * scene.radius) / (5 * scene.radius - along(basis.towards, grabbed.at));
+    grabbed.at = grabbed.at.map((v, i) => v + (right * basis.right[i] - down * basis.up[i]) / size);
+    figure.dispatchEvent(new CustomEvent("moved", { detail: { kind: grabbed.kind, name: grabbed.name, at: grabbed.at } }));
+  }
   canvas.addEventListener("pointerdown", (event) => {
+    grabbed = held.size ? null : under(event);
     held.set(event.pointerId, { x: event.clientX, y: event.clientY });
     canvas.setPointerCapture(event.pointerId);
   });
   canvas.addEventListener("pointermove", (event) => {
     const last = held.get(event.pointerId);
-    if (!last) return;
+    if (!last) {
+      if (scene.movable) canvas.style.cursor = under(event) ? "move" : "";
+      return;
+    }
     const before = held.size === 2 ? apart() : 0;
     held.set(event.pointerId, { x: event.clientX, y: event.clientY });
-    if (held.size === 1) turn((event.clientX - last.x) * 0.5, (event.clientY - last.y) * 0.4);
+    if (grabbed) drag(event.clientX - last.x, event.clientY - last.y);
+    else if (held.size === 1) turn((event.clientX - last.x) * 0.5, (event.clientY - last.y) * 0.4);
     else if (held.size === 2 && before > 0) zoom(apart() / before);
   });
   for (const end of ["pointerup", "pointercancel"])
-    canvas.addEventListener(end, (event) => held.delete(event.pointerId));
+    canvas.addEventListener(end, (event) => {
+      held.delete(event.pointerId);
+      grabbed = null;
+    });
 
   // A page whose scene changes (the app) says so: the new scene, which posture is chosen, whether to fit it in anew.
   figure.addEventListener("scene", (event) => {
     scene = event.detail.scene;
+    for (const posture of scene.postures) (posture.meshes || []).forEach(shaded);
     if (event.detail.fit) fit();
     choose(scene.postures.length ? event.detail.chosen : null);
   });

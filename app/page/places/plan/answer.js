@@ -12,13 +12,14 @@ function verdict(tone, word, text) {
   fill(box, [make("p", {}, make("span", { class: "word" }, `${word}.`), ` ${text}`)]);
 }
 
-function row(own) {
+function row(own, worth) {
   const known = own.std !== null && own.status !== "unidentifiable" && !own.held;
   const u = own.held ? "held" : known ? spread(own.std, own.unit) : "not determined";
   const alone = own.held ? "—" : own.data_std === null ? "infinite" : spread(own.data_std, own.unit);
   return make("tr", { class: own.status, "data-of": own.name, title: own.reason ? sentence(own.reason) : null },
     make("th", { scope: "row" }, named(own.name)),
     make("td", { class: "right u" }, u),
+    make("td", { class: "right" }, worth[own.name] ?? ""),
     make("td", { class: "right" }, own.status === "unidentifiable" ? "—" : alone),
     make("td", { class: "right" }, spread(own.prior_std, own.unit)),
     make("td", { class: "status" }, `${SHAPES[own.status] || ""} ${own.status}`));
@@ -50,7 +51,10 @@ function kind(direction) {
 export function showAnswer(answer, move, moving) {
   verdict(answer.verdict, WORDS[answer.verdict], named(answer.headline));
   const geometry = new Set(answer.parameters.filter((p) => p.group === "geometry").map((p) => p.name));
-  fill(by("plan-table").tBodies[0], answer.parameters.filter((p) => p.group !== "geometry").map(row));
+  const { worth, lines, advice, over_target } = answer.said;
+  by("plan-worth").textContent = worth.head;
+  fill(by("plan-table").tBodies[0], answer.parameters.filter((p) => p.group !== "geometry").map((own) => row(own, worth.of)));
+  fill(by("plan-lines"), [...lines, advice, over_target].filter(Boolean).map((line) => make("li", {}, line)));
   by("plan-table").classList.remove("outdated");
   glance(answer.parameters);
   fill(by("plan-notes"), [...answer.notes, ...(answer.warnings || [])].map((note) => make("li", {}, sentence(note))));
@@ -76,8 +80,7 @@ export function showRefusal(text) {
   fill(by("glance"), []);
   for (const cell of by("plan-table").querySelectorAll("tbody td")) cell.textContent = "—";
   by("plan-table").classList.add("outdated");
-  fill(by("plan-directions"), []);
-  fill(by("plan-notes"), []);
+  for (const id of ["plan-directions", "plan-notes", "plan-lines"]) fill(by(id), []);
 }
 
 export const offBy = (posture) => (!posture.hit ? "the target cannot be hit" : posture.off_mm < 0.05 ? "on the target" : `${fixed(posture.off_mm, 1)} mm beside the target before aiming`);

@@ -1,5 +1,9 @@
 // The place Plan: postures, targets and tolerances of a plan file, and what the plan will determine as they change.
 import { offBy, showAnswer, showRefusal } from "/page/places/plan/answer.js";
+import { beginAdding, beginComparing, listPlans, showCompared } from "/page/places/plan/beside.js";
+import { beginExporting } from "/page/places/plan/exporting.js";
+import { beginMaking, listHeaders } from "/page/places/plan/making.js";
+import { beginObstacles, boxes, listObstacles, moveBox, obstacles, TOUCHED } from "/page/places/plan/obstacles.js";
 import { get, latest, post, put, Refused } from "/page/parts/api.js";
 import { by, fill, fixed, make, options, say } from "/page/parts/dom.js";
 import { headerFields, targetFields } from "/page/places/plan/header.js";
@@ -25,12 +29,15 @@ function robotRef(plan) {
 }
 let opened = "";
 
+const ofFile = (file) => (opened && folderOf(opened) === folderOf(file) ? { file: opened } : {});
+const adds = beginAdding(() => ({ plan: history && history.plan, answer, chosen, ...ofFile(by("plan-file").value) }));
+
 const ask = latest(
   async () => {
     if (history === null) return null;
     const asked = history.plan, number = shown;
     const file = by("plan-file").value;
-    const found = await post("/api/check", { plan: asked, scene: true, ...(opened && folderOf(opened) === folderOf(file) ? { file: opened } : {}) });
+    const found = await post("/api/check", { plan: asked, scene: true, ...ofFile(file), ...(obstacles() ? { obstacles: obstacles() } : {}) });
     return number === shown ? found : null;
   },
   (found, newest) => {
@@ -39,6 +46,8 @@ const ask = latest(
     if (newest) pending(false);
     wrong(null);
     showAnswer(found, move, moving);
+    showCompared(found);
+    if (newest) adds();
     if (first) renderAll();
     else renderPlaces();
     if (!first && !by("plan-targets").contains(document.activeElement)) renderTargets();
@@ -102,8 +111,8 @@ function renderPlaces() {
     const item = list.children[i], button = item.firstElementChild;
     const own = answer && answer.postures[i], place = answer && answer.scene[i];
     button.firstElementChild.textContent = `${i}: ${row(posture).map((v) => fixed(v, 1)).join(", ")}`;
-    button.lastElementChild.textContent = own ? `${place.target_name}, ${offBy(own)}${own.hit && !place.reaches ? ", target behind the laser" : ""}` : "";
-    item.classList.toggle("misses", Boolean(place) && !place.reaches);
+    button.lastElementChild.textContent = own ? `${place.target_name}, ${offBy(own)}${own.hit && !place.reaches ? ", target behind the laser" : ""}${(place.touches || []).map((what) => `; ${TOUCHED[what]}`).join("")}` : "";
+    item.classList.toggle("misses", Boolean(place) && (!place.reaches || (place.touches || []).length > 0));
     if (i === chosen) button.setAttribute("aria-current", "true");
     else button.removeAttribute("aria-current");
   });
@@ -133,7 +142,7 @@ function draw(step = null) {
   const targets = new Map(answer.scene.map((place) => [place.target_name, { name: place.target_name, at: place.target, state: "nominal" }]));
   if (step) targets.set(step.target.name, step.target);
   show(`plan ${shown}`, postures, [...targets.values()], all ? null : chosen, arm.reach_mm,
-    step ? "The arm moves along the null-space direction, with the target: the measurements hardly change." : "Postures as the servo will leave them, turned onto their targets.");
+    step ? "The arm moves along the null-space direction, with the target: the measurements hardly change." : "Postures as the servo will leave them, turned onto their targets.", boxes(answer.touched_boxes).flatMap((box) => [box.min, box.max]), { movable: !step, boxes: boxes(answer.touched_boxes) });
 }
 let all = false;
 
@@ -162,6 +171,7 @@ function choose(i) {
   renderPlaces();
   renderButtons();
   draw();
+  if (history.plan.postures_deg.length > 30) adds();
 }
 
 function fault(error) {
@@ -178,6 +188,7 @@ async function start(plan, robot, file) {
   opened = file;
   shown += 1;
   chosen = 0;
+  listHeaders(listed, true);
   answer = null;
   all = false;
   saved = file ? JSON.stringify(plan) : "";
@@ -238,7 +249,22 @@ function step(which) {
 
 async function listFiles(files) {
   const found = files || await get("/api/files");
+  listed = found;
   options(by("plan-open"), [["plans of this folder", found.filter((f) => f.kind === "plan").map((f) => [f.path, f.path])]], "choose a plan");
+  listHeaders(found, history !== null);
+  listObstacles(found);
+  listPlans(found);
+}
+let listed = []; // the files of the folder
+
+// What the reader moves in the picture: the nominal target, or an obstacle.
+function moved({ kind, name, at }) {
+  if (!visible || answer === null || moving !== null) return;
+  if (kind === "box") { moveBox(name, at); return; }
+  change(`target/${name}`, (plan) => {
+    plan.targets ??= {};
+    plan.targets[name] = { ...plan.targets[name], guess_mm: at.map((v) => Math.round(10 * v) / 10) };
+  });
 }
 
 const swap = (to) => change(null, (plan) => {
@@ -266,6 +292,14 @@ export const place = {
       by(id === "plan-open" ? "plan-begin" : "plan-open").value = "";
       then(name).catch(fault);
     });
+    beginMaking(() => ({ plan: history && history.plan, folder: folderOf(opened), target: answer && answer.scene[chosen].target }), async (file) => {
+      await listFiles();
+      await open(file);
+    });
+    beginComparing(() => answer);
+    beginObstacles(() => { if (history !== null) ask(); }, () => (answer ? answer.scene[chosen].target : [500, 0, 500]), listFiles);
+    beginExporting(() => (history !== null && JSON.stringify(history.plan) === saved ? opened : ""));
+    by("scene").addEventListener("moved", (event) => moved(event.detail));
     picked("plan-open", open);
     picked("plan-begin", begin);
     by("plan-undo").addEventListener("click", () => step("undo"));
@@ -293,6 +327,7 @@ export const place = {
   },
   open() { visible = true; by("glance").hidden = false; draw(); },
   close() { visible = false; by("glance").hidden = true; halt(); },
+  show(file) { open(file).catch(fault); },
   chosen(which) {
     if (history === null || answer === null || moving !== null) return;
     if (which === null) { all = true; return; }

@@ -3,6 +3,7 @@ import { latest, post } from "/page/parts/api.js";
 import { by, fill, fixed, make, named, options, say, withUnit } from "/page/parts/dom.js";
 import { jointRows } from "/page/parts/joints.js";
 import { posed, show, within } from "/page/parts/picture.js";
+import { axesOf, framesOf, meshesOf, placed } from "/page/places/robot/shape.js";
 
 let values = [], shape = "", setRows = null, visible = false, arm = null;
 
@@ -52,18 +53,32 @@ function shown(answer) {
       make("td", { class: "right" }, joint.speed === null ? "not stated" : `${withUnit(String(Number(joint.speed.toFixed(2))), joint.unit)}/s`))));
     by("robot-facts").textContent = `${[answer.vendor, answer.model || answer.name].filter(Boolean).join(", ")}: ${answer.joints.length} joints. The flange gets up to ${fixed(answer.reach_mm, 0)} mm from the axis of joint 1.`;
   } else setRows(values);
-  const beyond = pose.outside.map((j) => `J${j}`);
-  const notes = [...answer.notes, ...(beyond.length ? [`Beyond the limits: ${beyond.join(", ")}`] : [])];
-  fill(by("robot-notes"), notes.map((note) => make("li", {}, named(note))));
+  renderNotes();
   fill(by("robot-pose").tBodies[0], forms(pose).map(([name, text, used]) => make("tr", {},
     make("th", { scope: "row" }, name), make("td", { class: "copy" }, text), make("td", { class: "muted" }, used))));
   say(`Flange at ${cells(1, "mm", pose.xyz_mm)}`);
   draw();
 }
 
+const loaded = () => { renderNotes(); draw(); };
+
+function renderNotes() {
+  const beyond = arm.poses[0].outside.map((j) => `J${j}`), shown = meshesOf(stated(), loaded);
+  const notes = [...arm.notes, ...(shown ? shown.notes : []), ...(beyond.length ? [`Beyond the limits: ${beyond.join(", ")}`] : [])];
+  fill(by("robot-notes"), notes.map((note) => make("li", {}, named(note))));
+  by("robot-solid").hidden = !(shown && shown.meshes.length);
+}
+
 function draw() {
   if (!visible || arm === null) return;
-  show(`robot ${shape}`, [posed(arm.name, arm.skeleton)], [], 0, arm.reach_mm, "The line ends at the flange.", within(arm.reach_mm));
+  const found = meshesOf(stated(), loaded), on = (id) => by(id).checked;
+  const posture = {
+    ...posed(arm.name, arm.skeleton),
+    ...(on("robot-axes") ? { axes: axesOf(arm) } : {}),
+    ...(on("robot-frames") ? { frames: framesOf(arm) } : {}),
+    ...(found && found.meshes.length && on("robot-meshes") ? { meshes: placed(found.meshes, arm.links) } : {}),
+  };
+  show(`robot ${shape}`, [posture], [], 0, arm.reach_mm, "The line ends at the flange.", within(arm.reach_mm));
 }
 
 export function robotGroups(robots, files) {
@@ -84,6 +99,7 @@ export const place = {
       if (typeof urdf === "string" || (urdf.base && urdf.tip)) ask();
     };
     for (const id of ["robot-name", "robot-j3", "robot-base", "robot-tip"]) by(id).addEventListener("change", changed);
+    for (const id of ["robot-axes", "robot-frames", "robot-meshes"]) by(id).addEventListener("change", draw);
     by("robot-zero").addEventListener("click", () => { values = values.map(() => 0); ask(); });
     changed();
   },
