@@ -18,10 +18,12 @@ from weakref import WeakKeyDictionary
 
 from ..model.errors import BadInput, missing_extra
 from ..model.files.header import UrdfRef
+from ..model.files.plan import Plan, write_plan
 from ..model.files.robot_file import built_in_robots
 from ..model.files.run import Run, header_text, shot_text
 
 _HEIGHT = 820  # pixels
+_DECIMALS = 9  # of degrees: what they lose on the way to radians and back is far below
 
 
 @dataclass(frozen=True, repr=False)
@@ -95,6 +97,22 @@ def write_run_beside(run: Run, folder: Path) -> None:
     file = folder / f"{run.path.stem or 'run'}.jsonl"
     with suppress(BadInput, OSError):
         file.write_bytes(_content(run))
+
+
+def write_plan_beside(plan: Plan, folder: Path) -> str:
+    """The plan as a file of `folder`, with its robot's file; its name."""
+    header, ref = plan.header, plan.header.robot
+    name = ref.urdf if isinstance(ref, UrdfRef) else ref
+    if name not in built_in_robots():
+        source = plan.path.parent / name
+        shutil.copyfile(source, folder / source.name)
+        own = ref.model_copy(update={"urdf": source.name}) if isinstance(ref, UrdfRef) else source.name
+        header = header.model_copy(update={"robot": own})
+    file = folder / "plan.yaml"
+    display = plan.robot.display
+    rows = (plan.postures * display).round(_DECIMALS)
+    write_plan(file, header, rows, plan.targets, via_deg=[between * display for between in plan.via])
+    return file.name
 
 
 def _content(run: Run) -> bytes:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -27,6 +28,7 @@ from ..reports.words.result_json import check_json
 from ..reports.words.verdict import VERDICT_WORDS, check_headline, check_notes
 from ..reports.words.wording import clipped, counted, label, person, sentence
 from .arguments import require_choice, require_kind, require_number, vector
+from .in_app import AppView, app_of, write_plan_beside
 from .pictures import SceneView
 
 _NO_NUMBER = "unidentifiable from these measurements"
@@ -79,6 +81,19 @@ class CheckedPlan(Check):
     def plot(self) -> PlanPlots:
         """Figures of this plan."""
         return PlanPlots(self)
+
+    def app(self) -> AppView:
+        """The app's page on this plan, in the notebook: its joints and target can be moved, and u follows.
+
+        It is served by this process to this machine alone, until the process ends; the plan is written into
+        a temporary folder.
+
+        Raises
+        ------
+        BadInput
+            The extra `app` is not installed.
+        """
+        return app_of(self.aimed.plan, "plan", partial(write_plan_beside, self.aimed.plan))
 
     def to_json(self) -> dict[str, Any]:
         """The answer of `zerobeam check --json` (docs/files.md) as plain dicts, lists, numbers and text."""
@@ -142,6 +157,10 @@ class OptimalPlan:
     plan: Plan
     check: CheckedPlan
     made: MadePlan
+
+    def app(self) -> AppView:
+        """The app's page on this plan, in the notebook, as `check.app()` shows it."""
+        return self.check.app()
 
     def __repr__(self) -> str:
         return repr(self.check)

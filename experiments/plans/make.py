@@ -72,7 +72,7 @@ class MadePlan:
         """How good the choice is and why it may not be better, or why there is no plan; a sentence each."""
         made, fewest = self.proposal, self.fewest
         if self.checked is None:
-            assert fewest is not None  # a plan that was not made is one for which no number of measurements did
+            assert fewest is not None  # without a tolerance there is a plan
             most, worst = fewest.curve[-1]
             return [
                 f"No plan of up to {fewest.most} measurements brings every standard uncertainty within"
@@ -84,8 +84,8 @@ class MadePlan:
         count = len(self.checked.postures)
         seconds = "" if made.travel_s is None else f"; travel {numbers.significant(made.travel_s, 2)} s"
         lines = [
-            f"{count} measurements by the {made.criterion}-criterion: at least {made.efficiency:.1%} as good as"
-            f" the best choice from {made.candidates} candidates{seconds}."
+            f"{count} measurements by the {made.criterion}-criterion: at least {made.efficiency:.1%} as good"
+            f" as the best choice from {made.candidates} candidates{seconds}."
         ]
         if made.efficiency < _LOOSE:
             lines.append(

@@ -129,7 +129,7 @@ def test_an_error_stands_at_its_posture_and_takes_the_numbers_away(address: str)
         assert tab.value(U2) == "—"
         tab.value("document.getElementById('plan-undo').click()")
         wait(tab, f"{U2} !== '—'")
-        assert tab.value("document.querySelectorAll('.error').length") == 0
+        assert tab.value("document.querySelectorAll('#plan .error').length") == 0
 
 
 @pytest.mark.long

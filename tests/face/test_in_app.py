@@ -14,11 +14,14 @@ from typing import Any
 from urllib.parse import unquote
 
 import pytest
+from cells import good_plan
 
 import zerobeam as zb
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.face import in_app
 from zerobeam.face.in_app import AppView, app_of, write_run_beside
+from zerobeam.model.files.plan import write_plan
+from zerobeam.model.files.robot_file import BUILT_IN
 
 NAME = 'a b#"<i>.txt'
 
@@ -80,6 +83,21 @@ def test_the_run_is_the_same_file_and_has_its_robot_beside_it(tmp_path: Path) ->
     )
     write_run_beside(made, tmp_path)
     assert zb.read_run(tmp_path / "made.jsonl").sha256 == made.sha256
+
+
+def test_a_plan_is_opened_with_its_robot_beside_it(tmp_path: Path) -> None:
+    (tmp_path / "arms").mkdir()
+    robot = (BUILT_IN / "irb1600.yaml").read_text(encoding="utf-8")
+    (tmp_path / "arms" / "own.yaml").write_text(robot, encoding="utf-8")
+    plan = good_plan(7)
+    header = plan.header.model_copy(update={"robot": "arms/own.yaml"})
+    write_plan(tmp_path / "a plan.yaml", header, plan.postures * plan.robot.display, plan.targets)
+    checked = zb.check(zb.read_plan(tmp_path / "a plan.yaml"))
+    root, _, place = checked.app().address.partition("#")
+    assert place.startswith("plan/")
+    answer = json.load(_get(f"{root}api/plan?file={place.removeprefix('plan/')}"))
+    assert (answer["plan"]["robot"], len(answer["plan"]["postures_deg"])) == ("own.yaml", 7)
+    assert checked.app() == checked.app()
 
 
 def test_without_the_extra_it_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -31,8 +31,8 @@ export function beginExporting(file) {
     const stated = Object.keys(OPTIONS).filter((option) => OPTIONS[option].includes(kind()) && by(`program-${option}`).value.trim()).map((option) => `--${option}=${by(`program-${option}`).value.trim()}`);
     by("program-go").disabled = true;
     try {
-      const job = await carryOut(["export", "plan", kind(), plan, `--out=${out}`, ...stated], box, `Writing ${out}`);
-      if (job.state === "done") box.append(make("p", {}, "Download: ", ...ENDINGS[kind()].flatMap((ending, i) => [i ? ", " : "", link(i ? out.replace(/\.[^./]*$/, `.${ending}`) : out)])));
+      const job = await carryOut(["export", "plan", kind(), plan, `--out=${out}`, ...stated], box, `Writing ${out}`, true);
+      if (job.well) box.append(make("p", {}, "Download: ", ...ENDINGS[kind()].flatMap((ending, i) => [i ? ", " : "", link(i ? out.replace(/\.[^./]*$/, `.${ending}`) : out)])));
     } catch (error) {
       if (!(error instanceof Refused)) throw error;
       refuse(error.text);
