@@ -266,6 +266,10 @@ def test_the_history_has_runs_by_serial_number_and_their_results(client: TestCli
     assert rows["good.jsonl"]["results"][0]["verdict"] == "pass"
     assert rows["broken.jsonl"]["error"]
     assert found["results"] == []
+    shutil.copy(there / "good.jsonl", there / "same.jsonl")
+    rows = {row["file"]: row for row in client.get("/api/history").json()["runs"]}
+    assert rows["same.jsonl"]["results"] == rows["good.jsonl"]["results"]
+    (there / "same.jsonl").unlink()
     (there / "good.jsonl").unlink()
     assert [row["file"] for row in client.get("/api/history").json()["results"]] == ["good/result.json"]
 

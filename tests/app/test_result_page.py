@@ -277,6 +277,8 @@ def test_a_run_without_a_report_gets_one_is_exported_and_compared(address: str, 
         wait(tab, "!document.getElementById('result-run').hidden")
         tab.value("document.getElementById('result-make').click()")
         wait(tab, "document.querySelector('#result-making progress')")
+    with chromium().opened(f"{address}#result/run2.jsonl") as tab:  # as after a reload
+        wait(tab, "document.querySelector('#result-making progress')")
         wait(tab, "!document.getElementById('result-work').hidden", 120)
         assert (folder / "run2-report/report.html").is_file()
         assert tab.value(VERDICT).startswith("Pass.")

@@ -2,15 +2,15 @@
 import { post, Refused } from "/page/parts/api.js";
 import { make } from "/page/parts/dom.js";
 
-// Carries `command` (its words) out and shows it in `box`: progress, time left, a button that ends it, and what it says.
+// Carries `command` (its words) out, or follows the job `id` of it that is under way, and shows it in `box`: progress, time left, a button that ends it, and what it says.
 // Resolves to the job when it has ended, `well` if it did what was asked; throws Refused where it cannot begin.
 // `refusal`: the exit status 1 is one, and no verdict.
-export async function carryOut(command, box, title, refusal = false) {
+export async function carryOut(command, box, title, { refusal = false, under = null } = {}) {
   const bar = make("progress", { max: 1, value: 0, "aria-label": title });
   const said = make("output", {}, "waiting");
   const log = make("pre", { class: "log", tabindex: 0, "aria-label": "What the command says" });
   log.hidden = true;
-  const { id } = await post("/api/jobs", { command });
+  const id = under || (await post("/api/jobs", { command })).id;
   const end = make("button", { type: "button", onclick: () => fetch(`/api/jobs/${id}`, { method: "DELETE", headers: { "X-Zerobeam": "1" } }) }, "Cancel");
   box.replaceChildren(make("p", {}, title), make("div", { class: "bar" }, bar, end, said), log);
   box.hidden = false;

@@ -28,20 +28,16 @@ def history(folder: Folder) -> dict[str, Any]:
     files = folder.files()
     runs = [row["path"] for row in files if row["kind"] == "run"]
     results = [row["path"] for row in files if row["kind"] == "result"]
-    by_sum: dict[str, list[dict[str, Any]]] = {}
-    loose = []
+    by_sum: dict[str | None, list[dict[str, Any]]] = {}
     for name in results[:MOST_RESULTS]:
         brief = _brief(folder, name)
-        if brief.get("sha256"):
-            by_sum.setdefault(brief.pop("sha256"), []).append(brief)
-        else:
-            loose.append(brief)
-    rows = []
+        by_sum.setdefault(brief.pop("sha256", None), []).append(brief)
+    rows, sums = [], set()
     for name in runs[:MOST_RUNS]:
         path = folder.root / name
-        own = by_sum.pop(sha256_of(path) or "", [])
-        rows.append({"file": name, **_header(folder, path), "results": own})
-    loose += [brief for briefs in by_sum.values() for brief in briefs]
+        sums.add(own := sha256_of(path) or "")
+        rows.append({"file": name, **_header(folder, path), "results": by_sum.get(own, [])})
+    loose = [brief for own, briefs in by_sum.items() if own not in sums for brief in briefs]
     left_out = max(0, len(runs) - MOST_RUNS) + max(0, len(results) - MOST_RESULTS)
     return {"runs": rows, "results": loose, "left_out": left_out}
 

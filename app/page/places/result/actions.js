@@ -1,5 +1,5 @@
 // What writes files: the report of a run, the export of its offsets, the comparison of several.
-import { Refused } from "/page/parts/api.js";
+import { get, Refused } from "/page/parts/api.js";
 import { by, fill, fixed, make, named, options, spread } from "/page/parts/dom.js";
 import { carryOut } from "/page/parts/jobs.js";
 import { rounded } from "/page/places/result/answer.js";
@@ -9,6 +9,8 @@ const FORMS = [
   ["robot", "Corrected robot file", "yaml"], ["urdf", "Corrected URDF", "urdf"], ["rapid", "ABB RAPID module", "mod"], ["ur", "Universal Robots joint zero", "txt"],
   ["kuka", "KUKA mastering", "txt"], ["json", "Offsets as JSON", "json"], ["csv", "Offsets as CSV", "csv"],
 ];
+
+let finished = null;
 
 const stem = (file) => file.slice(file.lastIndexOf("/") + 1).replace(/\.[^.]*$/, "");
 const said = (error, box) => { if (!(error instanceof Refused)) throw error; box.hidden = false; fill(box, [make("p", { class: "error", role: "alert" }, error.text)]); };
@@ -24,7 +26,21 @@ export function offerReport(run) {
   by("result-run-about").textContent = run.error || `${[run.robot, run.serial && `serial number ${run.serial}`, run.when, run.who && `by ${run.who}`, run.origin].filter(Boolean).join("; ")}. It has no report yet.`;
   by("result-folder").value = `${run.file.replace(/\.[^./]*$/, "")}-report`;
   by("result-making").hidden = true;
+  rejoin(run).catch((error) => said(error, by("result-making")));
 }
+
+// A report that is under way, begun before the page was loaded again.
+async function rejoin(run) {
+  const job = (await get("/api/jobs")).find((one) => ["waiting", "running"].includes(one.state) && one.command[0] === "report" && one.command.at(-1) === run.file);
+  if (!job || by("result-make").disabled) return;
+  const folder = job.command.find((word) => word.startsWith("--out=")).slice("--out=".length);
+  await report(run, folder, job.id);
+}
+
+const report = (run, folder, under = null) => during(by("result-make"), by("result-making"), async () => {
+  const job = await carryOut(["report", run.file, "-o", folder], by("result-making"), `The report of ${run.file}`, { under });
+  if (job.well) await finished(`${folder.replace(/\/+$/, "")}/result.json`);
+});
 
 export function offerExport(found) {
   by("export-file").value = `${stem(found.inputs.run) || "run"}-offsets.yaml`;
@@ -41,15 +57,12 @@ export function beginActions(opened, made) {
     const ending = FORMS.find(([name]) => name === by("export-form").value)[2];
     by("export-file").value = `${by("export-file").value.replace(/\.[^./]*$/, "")}.${ending}`;
   });
-  by("result-make").addEventListener("click", () => during(by("result-make"), by("result-making"), async () => {
-    const folder = by("result-folder").value;
-    const job = await carryOut(["report", opened().file, "-o", folder], by("result-making"), `The report of ${opened().file}`);
-    if (job.well) await made(`${folder.replace(/\/+$/, "")}/result.json`);
-  }));
+  finished = made;
+  by("result-make").addEventListener("click", () => report(opened(), by("result-folder").value));
   by("export-do").addEventListener("click", () => during(by("export-do"), by("export-job"), async () => {
     const flags = [...document.querySelectorAll("#result-export-fields input:checked")].map((box) => box.dataset.flag);
     const file = by("export-file").value, command = ["export", by("export-form").value, opened().run, "-o", file, ...flags];
-    const job = await carryOut(command, by("export-job"), `Export of ${opened().run}`, true);
+    const job = await carryOut(command, by("export-job"), `Export of ${opened().run}`, { refusal: true });
     if (!job.well) return;
     by("export-job").append(make("p", {}, make("a", { href: `/api/file?file=${encodeURIComponent(file)}`, download: "" }, `Download ${file}`)));
   }));

@@ -25,6 +25,7 @@ export function showMeasurements(result) {
       make("td", { class: "right brushed" }), make("td", { class: "right brushed" }), make("td", { class: "right brushed" }),
       make("td", {}, shift));
   }));
+  by("result-more").textContent = result.shots.length < result.inputs.shots ? `The ${result.shots.length} of ${result.inputs.shots} measurements with the largest residuals.` : "";
   by("result-without").textContent = refits ? "" : "The run of this result is not in the folder: nothing can be left out.";
   by("result-chosen").textContent = "";
   render();
