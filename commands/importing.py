@@ -341,7 +341,7 @@ def _write(
 
 def _tell(imported: Imported, file: Path, dry_run: bool) -> None:
     for line in imported.understood:
-        out.print(line, markup=False)
+        out.print(line, soft_wrap=True, markup=False)
     done = "dry run: nothing was written to" if dry_run else f"{len(imported.shots)} measurements written to"
     out.print(f"{done} {file}", soft_wrap=True, markup=False)
 

@@ -58,7 +58,7 @@ def contents_of(path: Path, layout: Layout | None = None) -> Contents:
         topics = topics_of(path)
         states = [topic for topic in topics if topic.joints]
         said = "; ".join(f"{topic.messages} joint states on {topic.name}" for topic in states)
-        return Contents("ros", f"it begins as {kind} does", said or "no joint states", topics=topics)
+        return Contents("ros", f"the first bytes of {kind}", said or "no joint states", topics=topics)
     text, whole = head_of(path)
     if layout is None and whole and (found := _program(path, text)) is not None:
         return found
@@ -69,25 +69,25 @@ def _program(path: Path, text: str) -> Contents | None:
     """What other programs wrote, or this one; None of what seems to be a table."""
     if (ours := _OURS.search(text[:4096])) is not None:
         said = f"a file of zerobeam: {ours[1]}"
-        return Contents("ours", f"its schema is zerobeam/{ours[1]}", said, kind=ours[1])
+        return Contents("ours", f"its schema, zerobeam/{ours[1]}", said, kind=ours[1])
     lines = len(PROGRAM_LINE.findall(text))
     if lines:
-        return Contents("program log", "it has lines that a plan's program writes", f"{lines} postures")
+        return Contents("program log", "lines that a plan's program writes", f"{lines} postures")
     if REGISTERS in text:
         registers = fanuc_registers(text, path, 1, None, True)
-        return _points("fanuc", "position registers ($POSREG)", registers)
+        return _points("fanuc", "its position registers ($POSREG)", registers)
     if re.search(r"^/POS\b", text, re.MULTILINE):
-        return _points("fanuc", "a TP program with a line /POS", fanuc_positions(text, path))
+        return _points("fanuc", "its line /POS, as of a TP program", fanuc_positions(text, path))
     declared = (match["kind"].lower() for match in DECLARED.finditer(without_text(text)))
     if any(kind in ("jointtarget", "robtarget") for kind in declared):
-        return _points("rapid", "declarations of RAPID targets", rapid_positions(text, path))
+        return _points("rapid", "its declarations of RAPID targets", rapid_positions(text, path))
     if AGGREGATE.search(text) or re.search(r"^\s*DEFDAT\b", text, re.MULTILINE | re.IGNORECASE):
-        return _points("kuka", "a KRL data list", kuka_positions(text, path))
+        return _points("kuka", "its positions in KRL", kuka_positions(text, path))
     if len(set(_JOINT_STATE.findall(text))) == 2:
         found = messages(text)
         names = tuple(dict.fromkeys(name for _, message in found for name in message.get("name", ())))
         said = f"{len(found)} messages, each a measurement"
-        return Contents("joint states", "texts of JointState messages", said, names=names)
+        return Contents("joint states", "its keys name and position, as of JointState messages", said, names=names)
     if "delta_theta" in text and "delta_alpha" in text:
         raise BadInput(
             "this is the factory calibration of a UR arm, not a recording",
@@ -120,11 +120,11 @@ def _table(path: Path, text: str, whole: bool, stated: Layout | None) -> Content
         )
     names = set(table.names or ())
     form: Form = "csv"
-    why = "rows with equally many columns"
+    why = "its rows with equally many columns"
     if "actual_q_0" in names and "timestamp" in names:
-        form, why = "log ur", "columns timestamp and actual_q_0, as an RTDE recording has"
+        form, why = "log ur", "its columns timestamp and actual_q_0, as of an RTDE recording"
     elif {"R_FB_POS_RJ1", "TIMESTAMP"} <= names:
-        form, why = "log egm", "columns TIMESTAMP and R_FB_POS_RJ1, as abb_libegm writes them"
+        form, why = "log egm", "its columns TIMESTAMP and R_FB_POS_RJ1, as of abb_libegm"
     said = f"{len(table.rows)} rows of {table.width} columns"
     if not whole:
         said += " in its first part; the rest is checked at the import"

@@ -74,7 +74,7 @@ export class Form {
     const turn = () => { text.element.hidden = other.checked; group.element.hidden = !other.checked; };
     other.addEventListener("change", () => { turn(); this.changed(); });
     turn();
-    const box = make("label", { class: "check" }, other, ` ${title(key)}: ${(object.description || "").replace(/\.$/, "").toLowerCase()}`);
+    const box = make("label", { class: "check" }, other, ` ${title(key)}: ${(object.description || "").replace(/\.$/, "").replace(/^./, (c) => c.toLowerCase())}`);
     return { element: make("div", { class: "entry", "data-header-key": path.join("/") }, box, text.element, group.element), value: () => (other.checked ? group.value() : text.value()) };
   }
 

@@ -130,12 +130,12 @@ function row(joint, i) {
   const found = joint.sign, wish = found && found.choice && (found.choice === "reversed") !== sign.checked;
   return make("tr", { "data-joint": i },
     make("th", { scope: "row" }, `J${i + 1}`, make("small", {}, joint.name)),
-    make("td", {}, chosen),
-    make("td", {}, make("label", { class: "check" }, sign, " reversed")),
-    make("td", { class: "right" }, joint.seen ? range(joint.seen, joint.unit) : joint.recorded ? `${range(joint.recorded, "1")} recorded` : "—"),
-    make("td", { class: "right" }, range([joint.lower, joint.upper], joint.unit)),
-    make("td", { class: joint.outside ? "beyond" : "" }, joint.seen ? bar(joint) : "", joint.outside === null ? "" : joint.outside ? `${joint.outside} of ${answer.rows} rows outside` : "all within"),
-    make("td", { class: wish ? "proposed" : "" }, found ? make("small", {}, `Sign ${found.why}`) : "", wish ? make("button", { type: "button", onclick: () => edit(() => reverse(i + 1, found.choice === "reversed")) }, found.choice === "reversed" ? "Reverse it" : "Do not reverse") : ""));
+    make("td", { "data-head": "column" }, chosen),
+    make("td", { "data-head": "sign" }, make("label", { class: "check" }, sign, " reversed")),
+    make("td", { class: "right", "data-head": "seen" }, joint.seen ? range(joint.seen, joint.unit) : joint.recorded ? `${range(joint.recorded, "1")} recorded` : "—"),
+    make("td", { class: "right", "data-head": "limits" }, range([joint.lower, joint.upper], joint.unit)),
+    make("td", { class: joint.outside ? "beyond" : "", "data-head": "against the limits" }, joint.seen ? bar(joint) : "", joint.outside === null ? "" : joint.outside ? `${joint.outside} of ${answer.rows} rows outside` : "all within"),
+    make("td", { class: wish ? "proposed" : "", "data-head": "what the limits say" }, found ? make("small", {}, `Sign ${found.why}`) : "", wish ? make("button", { type: "button", onclick: () => edit(() => reverse(i + 1, found.choice === "reversed")) }, found.choice === "reversed" ? "Reverse it" : "Do not reverse") : ""));
 }
 
 export function reverse(joint, on) {

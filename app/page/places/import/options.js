@@ -20,20 +20,20 @@ export const FORMATS = {
 const TIMED = ["--time-column", "--time-units", ...DWELL, "--marker-column"];
 const columns = (found) => found.columns.map((column) => [column.stated, column.name]);
 const OPTIONS = {
-  measured: { label: "A measurement is", words: () => [["rows", "each row"], ["dwells", "each pause of the arm"]] },
+  measured: { label: "A measurement is", words: () => [["rows", "each row"], ["dwells", "each dwell of the arm (a pause)"]] },
   "--target-column": { label: "Target of each row", help: "column that names it, instead of one target for each file", words: columns, none: "no column" },
   "--shot-column": { label: "Measurement number", help: "column of numbers from 0", words: columns, none: "no column" },
   "--spot-columns": { label: "Spot on the PSD", help: "two columns, dx,dy in mm, if it was read" },
   "--time-column": { label: "Time", words: columns, none: "no column" },
   "--time-units": { label: "Unit of the times", words: () => ["s", "ms", "us", "ns"].map((u) => [u, u]), none: "choose" },
-  "--still-deg": { label: "Pause: each joint within (°)", help: "largest range of a revolute joint while the arm is at rest" },
-  "--still-s": { label: "Pause: at least (s)", help: "how long the arm is at rest for a measurement" },
-  "--still-mm": { label: "Pause: prismatic joints within (mm)", help: "for arms with prismatic joints" },
-  "--marker-column": { label: "Marker (trigger)", help: "column: only pauses in which it becomes other than 0 are measurements", words: columns, none: "every pause is a measurement" },
+  "--still-deg": { label: "Dwell: each joint within (°)", help: "largest range of a revolute joint while the arm is at rest" },
+  "--still-s": { label: "Dwell: at least (s)", help: "how long the arm is at rest for a measurement" },
+  "--still-mm": { label: "Dwell: prismatic joints within (mm)", help: "for arms with prismatic joints" },
+  "--marker-column": { label: "Marker (trigger)", help: "column: only dwells in which it becomes other than 0 are measurements", words: columns, none: "every dwell is a measurement" },
   "--small-angles": { label: "The angles are degrees, although all are as small as radians would be", box: true },
   "--topic": { label: "Joint states on", words: (found) => found.topics.filter((t) => t.joints.length).map((t) => [t.name, `${t.name}: ${t.messages} messages, ${t.joints.join(", ")}`]), none: "the only topic of joint states" },
-  "--marker-topic": { label: "Marker topic (trigger)", help: "only pauses at a message on it are measurements; a std_msgs/String names the target", words: (found) => found.topics.filter((t) => !t.joints.length).map((t) => [t.name, `${t.name}: ${t.messages} of ${t.type}`]), none: "every pause is a measurement" },
-  "--columns": { label: "Names of joint 1, 2, …", help: "in the messages, with commas; default: the robot's own", words: null },
+  "--marker-topic": { label: "Marker topic (trigger)", help: "only dwells at a message on it are measurements; a std_msgs/String names the target", words: (found) => found.topics.filter((t) => !t.joints.length).map((t) => [t.name, `${t.name}: ${t.messages} of ${t.type}`]), none: "every dwell is a measurement" },
+  "--columns": { label: "Names of joint 1, 2, …", told: (found) => `in the messages, with commas; default: the robot's own. Found: ${[...new Set([...found.names, ...found.topics.flatMap((t) => t.joints)])].join(", ")}` },
   "--points": { label: "Points", points: true },
   "--tool": { label: "Tool of the robtargets", help: "as seen from the flange: X,Y,Z,Q1,Q2,Q3,Q4; without it robtargets are not read" },
   "--frame": { label: "Work object of the robtargets", help: "X,Y,Z,Q1,Q2,Q3,Q4; default: wobj0" },
@@ -57,8 +57,9 @@ function field(key, found, changed) {
   if (values[key] !== undefined) input.value = values[key];
   values[key] = input.value;
   input.addEventListener("input", () => set(input.value.trim()));
-  if (own.help) input.setAttribute("aria-describedby", help);
-  return make("div", { "data-option": key }, make("label", {}, own.label, " ", input), own.help ? make("span", { class: "help", id: help }, own.help) : "");
+  const said = own.told ? own.told(found) : own.help;
+  if (said) input.setAttribute("aria-describedby", help);
+  return make("div", { "data-option": key }, make("label", {}, own.label, " ", input), said ? make("span", { class: "help", id: help }, said) : "");
 }
 
 // Which points are measurements; all that have joints where nothing is left out.
@@ -88,6 +89,16 @@ function hide(format) {
     by("import-options").querySelector(`[data-option="${key}"]`).hidden = rows && only;
   }
   by("import-options").querySelector('[data-option="--shot-column"]').hidden = !rows;
+}
+
+// What must be stated before the import, in words; null where all is.
+export function open(format) {
+  const shown = (key) => by("import-options").querySelector(`[data-option="${key}"]:not([hidden])`);
+  if (shown("--still-deg") && !(values["--still-deg"] && values["--still-s"])) return "state what a dwell is: within how many degrees, for how long";
+  if (format === "csv" && values.measured === "dwells" && !values["--time-column"]) return "state the column of times";
+  if (values["--time-column"] && !values["--time-units"]) return "state the unit of the times";
+  if (shown("--j3") && !values["--j3"]) return "state what joint 3 is counted from";
+  return null;
 }
 
 // The words of the options that are shown.

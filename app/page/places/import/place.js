@@ -4,12 +4,12 @@ import { by, fill, make, named, options, say } from "/page/parts/dom.js";
 import { carryOut } from "/page/parts/jobs.js";
 import { begin as beginHeader, header, list as listHeaders } from "/page/places/import/header.js";
 import * as mapper from "/page/places/import/mapper.js";
-import { FORMATS, show as showOptions, values, words } from "/page/places/import/options.js";
+import { FORMATS, open as openOptions, show as showOptions, values, words } from "/page/places/import/options.js";
 import { begin as beginRecordings, choose, freeName, known, looked, recordings } from "/page/places/import/recordings.js";
 
 // The formats that a file may have, by what it is found to be: the first is taken where it is the only one.
 const FORMS = { csv: ["csv", "log robodk"], "program log": ["", "rapid", "universal-robots", "robodk"] };
-let format = "", shape = "", targets = [], written = "";
+let format = "", shape = "", targets = [], written = "", carried = "";
 
 async function listFiles(files) {
   const found = files || await get("/api/files");
@@ -31,6 +31,8 @@ function update() {
   if (!rows.length) { shape = ""; return; }
   if (now !== shape) {
     shape = now;
+    carried = "";
+    by("import-answer").hidden = true;
     chooseFormat(rows);
     if (!by("import-out").value || by("import-out").value === written) by("import-out").value = freeName("run.jsonl");
   }
@@ -89,13 +91,15 @@ function command() {
   if (!top || !format || !rows.length) return null;
   const named = targets.map((field) => field.value.trim()), by_marker = values["--marker-topic"] && named.every((name) => !name);
   const file = (name) => (name.startsWith("-") ? `./${name}` : name);
-  const open = format === "csv" ? mapper.open() : null;
+  const open = (format === "csv" && mapper.open()) || openOptions(format);
   const missing = open || (named.some((name) => !name) && !by_marker ? "state the target of each file: the same name where it stood at the same place" : null);
   const told = ["import", ...FORMATS[format][1], ...(format === "csv" ? mapper.words() : []), ...words(format),
     `--${top.plan ? "plan" : "header"}=${file(top.file)}`, ...(by_marker ? [] : named.map((name) => `--target=${name}`)), `--out=${by("import-out").value.trim()}`, ...rows.map((row) => file(row.path))];
   const quoted = told.map((word) => (/^[\w./=,:-]+$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`));
+  const now = told.filter((word) => !word.startsWith("--out=")).join("\n");
+  if (carried && now !== carried) by("import-state").textContent = "Changed since then: try or import again.";
   by("import-command").textContent = missing ? `Not complete: ${missing}.` : `zerobeam ${quoted.join(" ")}`;
-  return missing ? { missing } : { told };
+  return missing ? { missing } : { told, now };
 }
 
 function busy(on) {
@@ -131,6 +135,7 @@ async function importNow(dry) {
   const out = by("import-out").value.trim();
   const job = await done(dry ? [...asked.told, "--dry-run"] : asked.told, dry ? "Trying" : "Importing");
   if (!job) return;
+  carried = asked.now;
   by("import-answer").hidden = false;
   by("import-next").hidden = dry;
   by("import-verdict").hidden = true;

@@ -108,7 +108,7 @@ function said(row) {
   if (row.busy) return make("small", {}, "being read…");
   if (!row.found) return "";
   const ours = { run: "result", plan: "plan" }[row.found.kind];
-  return make("small", {}, `${row.found.count} (${bytes(row.found.bytes)}); ${row.found.why}`,
+  return make("small", {}, `${row.found.count}; ${bytes(row.found.bytes)}`,
     ...(ours ? [" ", make("a", { href: `#${ours}/${encodeURIComponent(row.path)}` }, "Open it")] : row.found.form === "ours" ? [": nothing to import"] : []));
 }
 
