@@ -68,14 +68,15 @@ function read(rows, top) {
 
 // One target for each file; a plan says them itself, and a column or a marker may.
 function targetFields(rows, top) {
-  const kept = Object.fromEntries(targets.map((field) => [field.dataset.file, field.value]));
+  // Only what was typed is kept: the usual name is none where markers may name the target.
+  const kept = Object.fromEntries(targets.filter((field) => field.dataset.typed).map((field) => [field.dataset.file, field.value]));
   targets = [];
   if (top.plan) { fill(by("import-targets"), [make("p", { class: "muted" }, "Targets are those of the plan.")]); return; }
   if (format === "csv" && values["--target-column"]) { fill(by("import-targets"), [make("p", { class: "muted" }, "The column names the target of each row.")]); return; }
   targets = rows.map((row) => {
     const usual = rows.length === 1 && !values["--marker-topic"] ? top.target : "";
-    const field = make("input", { "data-file": row.path, value: kept[row.path] ?? usual, autocomplete: "off", spellcheck: "false", list: "import-target-names" });
-    field.addEventListener("input", () => command());
+    const field = make("input", { "data-file": row.path, "data-typed": row.path in kept, value: kept[row.path] ?? usual, autocomplete: "off", spellcheck: "false", list: "import-target-names" });
+    field.addEventListener("input", () => { field.dataset.typed = "true"; command(); });
     return field;
   });
   fill(by("import-targets"), [

@@ -113,7 +113,7 @@ function said(row) {
 }
 
 function render() {
-  fill(by("import-files"), rows.map((row) => make("li", { "data-file": row.path },
+  fill(by("import-files"), rows.map((row) => make("li", { "data-file": row.path, "aria-busy": row.busy ? "true" : null },
     make("p", {}, make("span", { class: "name" }, row.path), " ", said(row)),
     make("button", { type: "button", "aria-label": `Leave out ${row.path}`, onclick: () => remove(row) }, "Leave out"),
     row.fault ? make("p", { class: "error", role: "alert" }, row.fault) : "",
