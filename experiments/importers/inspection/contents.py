@@ -87,7 +87,7 @@ def _program(path: Path, text: str) -> Contents | None:
         found = messages(text)
         names = tuple(dict.fromkeys(name for _, message in found for name in message.get("name", ())))
         said = f"{len(found)} messages, each a measurement"
-        return Contents("joint states", "its keys name and position, as of JointState messages", said, names=names)
+        return Contents("joint states", "its keys, as of JointState messages", said, names=names)
     if "delta_theta" in text and "delta_alpha" in text:
         raise BadInput(
             "this is the factory calibration of a UR arm, not a recording",
