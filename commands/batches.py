@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from .console import err, out, print_json, progress
-from .options import Json, Seed
+from .options import Json, Scheduler, Seed, Workers, asked_cluster
 
 if TYPE_CHECKING:
     from ..analysis.analyse import Sampling
@@ -39,6 +39,8 @@ def batch(
     parquet: Annotated[bool, typer.Option("--parquet", help="Write the tables as Parquet, too.")] = False,
     as_json: Json = False,
     seed: Seed = 0,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
     ess: Annotated[
         float,
         typer.Option(min=100, max=1e5, help="Effective sample size of the posteriors, for every parameter."),
@@ -59,7 +61,7 @@ def batch(
     sampling = _SAMPLING[posterior]
     settings = BatchSettings(seed=seed, ess=ess, sampling=sampling, report=report)
     try:
-        with progress("batch") as tell:
+        with asked_cluster(workers, scheduler), progress("batch") as tell:
             done = carry_out(files, folder, settings, tell, parquet=parquet)
     except KeyboardInterrupt:
         if (folder / STORE).exists():

@@ -10,7 +10,7 @@ import typer
 
 from ..model.errors import BadInput
 from .console import EXIT_STATUS, out, print_json, print_picture, progress
-from .options import Force, Json, Picture, RunFile, Seed
+from .options import Force, Json, Picture, RunFile, Scheduler, Seed, Workers, asked_cluster
 
 
 class PlanKind(StrEnum):
@@ -98,6 +98,8 @@ def plan(
     force: Force = False,
     as_json: Json = False,
     picture: Picture = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Make a plan: the paper's X- or Y-Pattern, the best of many candidate postures, or to verify a run."""
     if kind is PlanKind.VERIFY:
@@ -140,7 +142,7 @@ def plan(
         obstacles=Obstacles() if obstacles is None else read_obstacles(obstacles),
         seed=seed,
     )
-    with progress("plan", _PLAN) as tell:
+    with asked_cluster(workers, scheduler), progress("plan", _PLAN) as tell:
         try:
             made = make_plan(request, file, tell, force=force)
         except BadInput as error:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
 from .console import err, out, print_json, progress
-from .options import Camera, Json, Seed
+from .options import Camera, Json, Scheduler, Seed, Workers, asked_cluster
 
 if TYPE_CHECKING:
     from ..experiments.studies.answer import StudyAnswer
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 studies = typer.Typer(
     help="Studies over simulated runs: coverage, and the effect of each setting.", no_args_is_help=True
 )
+
+Within = AbstractContextManager[object]
 
 StudyFolder = Annotated[Path, typer.Option("-o", "--out", help="Folder for the study.", show_default=False)]
 
@@ -27,12 +30,14 @@ def study_coverage(
     data_sets: Annotated[int, typer.Option(min=100, help="Simulated runs of each plan.")] = 1000,
     seed: Seed = 0,
     as_json: Json = False,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Coverage of the intervals: simulated runs with known offsets, solved again."""
     from ..experiments.studies.coverage import coverage_study
 
-    store = _store(folder)
-    _study(folder, as_json, lambda tell: coverage_study(data_sets, seed, tell, store=store), store)
+    store, within = _store(folder), asked_cluster(workers, scheduler)
+    _study(folder, as_json, lambda tell: coverage_study(data_sets, seed, tell, store=store), store, within)
 
 
 @studies.command("cell")
@@ -42,12 +47,18 @@ def study_cell(
     camera: Camera = True,
     seed: Seed = 0,
     as_json: Json = False,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Coverage through the whole chain: runs in the simulated cell, from plan to offsets."""
     from ..experiments.studies.cell import cell_study
 
-    store = _store(folder)
-    _study(folder, as_json, lambda tell: cell_study(runs, seed, tell, camera=camera, store=store), store)
+    store, within = _store(folder), asked_cluster(workers, scheduler)
+
+    def studied(tell: Callable[[str, float], None]) -> StudyAnswer:
+        return cell_study(runs, seed, tell, camera=camera, store=store)
+
+    _study(folder, as_json, studied, store, within)
 
 
 @studies.command("geometry")
@@ -56,12 +67,14 @@ def study_geometry(
     arms: Annotated[int, typer.Option(min=20, help="Simulated arms for each plan.")] = 200,
     seed: Seed = 0,
     as_json: Json = False,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Coverage for arms that deviate from nominal geometry: taken as nominal against estimated."""
     from ..experiments.studies.geometry.study import geometry_study
 
-    store = _store(folder)
-    _study(folder, as_json, lambda tell: geometry_study(arms, seed, tell, store=store), store)
+    store, within = _store(folder), asked_cluster(workers, scheduler)
+    _study(folder, as_json, lambda tell: geometry_study(arms, seed, tell, store=store), store, within)
 
 
 @studies.command("table2")
@@ -69,12 +82,14 @@ def study_table2(
     folder: StudyFolder,
     seed: Seed = 0,
     as_json: Json = False,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """What joint noise would make three runs scatter as those of the paper's Table 2?"""
     from ..experiments.studies.table2 import table2_study
 
-    store = _store(folder)
-    _study(folder, as_json, lambda tell: table2_study(seed, tell, store=store), store)
+    store, within = _store(folder), asked_cluster(workers, scheduler)
+    _study(folder, as_json, lambda tell: table2_study(seed, tell, store=store), store, within)
 
 
 Runs = Annotated[
@@ -91,10 +106,17 @@ Runs = Annotated[
 def _built_in(name: str, asked: str) -> None:
     """Make a command of a study file that comes with the package."""
 
-    def study(folder: StudyFolder, runs: Runs = None, seed: Seed = 0, as_json: Json = False) -> None:
+    def study(
+        folder: StudyFolder,
+        runs: Runs = None,
+        seed: Seed = 0,
+        as_json: Json = False,
+        workers: Workers = None,
+        scheduler: Scheduler = None,
+    ) -> None:
         from ..experiments.studies.sweeps.study_file import built_in_study
 
-        _sweep(built_in_study(name), folder, runs, seed, as_json)
+        _sweep(built_in_study(name), folder, runs, seed, as_json, asked_cluster(workers, scheduler))
 
     studies.command(name, help=asked)(study)
 
@@ -115,18 +137,20 @@ def study_file(
     runs: Runs = None,
     seed: Seed = 0,
     as_json: Json = False,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """A study of your own, from a file: the settings, and what changes from case to case."""
-    _sweep(file, folder, runs, seed, as_json)
+    _sweep(file, folder, runs, seed, as_json, asked_cluster(workers, scheduler))
 
 
-def _sweep(file: Path, folder: Path, runs: int | None, seed: int, as_json: bool) -> NoReturn:
+def _sweep(file: Path, folder: Path, runs: int | None, seed: int, as_json: bool, within: Within) -> NoReturn:
     from ..experiments.studies.sweeps.study_file import read_study
     from ..experiments.studies.sweeps.sweep import sweep
 
     study = read_study(file, runs)
     store = _store(folder)
-    _study(folder, as_json, lambda tell: sweep(study, seed, tell, store=store), store)
+    _study(folder, as_json, lambda tell: sweep(study, seed, tell, store=store), store, within)
 
 
 def _store(folder: Path) -> Path:
@@ -139,6 +163,7 @@ def _study(
     as_json: bool,
     studied: Callable[[Callable[[str, float], None]], StudyAnswer],
     store: Path,
+    within: Within,
 ) -> NoReturn:
     """Carry a study out, write it, print it; the exit status says whether it agrees.
 
@@ -150,7 +175,7 @@ def _study(
 
     check_target(folder)
     try:
-        with progress("study") as tell:
+        with within, progress("study") as tell:
             answer = studied(tell)
             tell("writing", 1.0)
             paths = write_study(folder, answer)

@@ -5,25 +5,50 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Callable, Generator, Iterable, Iterator, Sized
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence, Sized
 from concurrent.futures import Future, ProcessPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
+from contextvars import ContextVar
 from functools import partial
 from itertools import islice
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from queue import SimpleQueue
 from types import FrameType
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from threadpoolctl import threadpool_limits
 
+from ..analysis.estimation.threads import one_thread
 from ..model.kernel import compiled_at_once
 
 Job = TypeVar("Job")
 Answer = TypeVar("Answer")
 
+Engine = Callable[[Callable[[Any], Any], Iterable[Any]], Generator[tuple[int, Any], None, None]]
+
+_engine: ContextVar[Engine | None] = ContextVar("engine", default=None)
 AHEAD = 3  # jobs that are taken for each process: one under way, the others at hand
+
+
+@contextmanager
+def carried_out_by(engine: Engine) -> Iterator[None]:
+    """Within, `side_by_side` lets this do the work, in place of processes of this machine."""
+    token = _engine.set(engine)
+    try:
+        yield
+    finally:
+        _engine.reset(token)
+
+
+def on_cluster(work: Callable[[Job], Answer], jobs: Sequence[Job]) -> Iterable[Answer]:
+    """The answers in the order of the jobs: side by side where an engine carries work out, else one after the
+    other. For what takes no longer than processes take to start."""
+    if _engine.get() is None:
+        return map(work, jobs)
+    with closing(side_by_side(work, jobs)) as found:
+        answers = dict(found)
+    return [answers[number] for number in range(len(jobs))]
 
 
 def side_by_side(
@@ -32,18 +57,19 @@ def side_by_side(
     """The number of each job and its answer, as they come; as many `processes` as there are cores.
 
     `work` is a function of a module, for it is looked up there by name. Jobs are taken as they are needed, a
-    few ahead, so that not all of them are in memory. What ends it early (Ctrl-C, an
-    error, its `close`) breaks off the jobs that are under way. Close it: what happens between two answers
-    does not reach it. Kernels are compiled at once, so that no answer depends on what its process did before.
+    few ahead, so that not all of them are in memory. What ends it early (Ctrl-C, an error, its `close`)
+    breaks off the jobs that are under way. Close it: what happens between two answers does not reach it.
+    Kernels are compiled at once, so that no answer depends on what its process did before.
     """
+    if (engine := _engine.get()) is not None:
+        yield from engine(work, jobs)
+        return
     processes = processes or os.cpu_count() or 1
     if isinstance(jobs, Sized):
         processes = min(processes, max(len(jobs), 1))
     if processes == 1:
         for number, job in enumerate(jobs):
-            with threadpool_limits(limits=1):
-                answer = _worked(work, job)
-            yield number, answer
+            yield number, worked(work, job)
         return
     # Spawned, not forked: a fork takes the locks of threads along, but not the threads.
     context = get_context("spawn")
@@ -54,8 +80,8 @@ def side_by_side(
         waiting, under_way = enumerate(jobs), 0
         while True:
             for number, job in islice(waiting, AHEAD * processes - under_way):
-                with _interruptions_put_off():
-                    pool.submit(_worked, work, job).add_done_callback(partial(_note, done, number))
+                with interruptions_put_off():
+                    pool.submit(worked, work, job).add_done_callback(partial(_note, done, number))
                 under_way += 1
             if not under_way:
                 break
@@ -71,8 +97,10 @@ def side_by_side(
         ended.close()
 
 
-def _worked(work: Callable[[Job], Answer], job: Job) -> Answer:
-    with compiled_at_once():
+def worked(work: Callable[[Job], Answer], job: Job) -> Answer:
+    """The answer, by one thread: for what is done side by side the numbers must not depend on what was done
+    before, and no core is idle."""
+    with threadpool_limits(limits=1), compiled_at_once(), one_thread():
         return work(job)
 
 
@@ -81,7 +109,7 @@ def _note(done: SimpleQueue[tuple[int, Future[Answer]]], number: int, future: Fu
 
 
 @contextmanager
-def _interruptions_put_off() -> Iterator[None]:
+def interruptions_put_off() -> Iterator[None]:
     """Ctrl-C and requests to end are obeyed afterwards, and Ctrl-C reaches no process that is started here.
 
     An exception amid the locks of the pool's queues would leave one locked, and the pool waiting for ever. A

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,13 +47,24 @@ class Design:
         return self.bound / self.value
 
 
+Exchange = tuple[Candidates, Index, Criterion]
+Ended = tuple[float, Index]
+Each = Callable[[Callable[[Exchange], Ended], Sequence[Exchange]], Iterable[Ended]]
+
+
 def design(
-    candidates: Candidates, shots: int, criterion: Criterion, seed: int, starts: int = STARTS
+    candidates: Candidates,
+    shots: int,
+    criterion: Criterion,
+    seed: int,
+    starts: int = STARTS,
+    each: Each = map,
 ) -> Design:
     """Choose `shots` different candidates by exchanges from several starts, with a bound on the best.
 
     The starts are rounded from the continuous optimum and drawn at random (fixed by `seed`). For E the
-    best of them go on to exchanges of two measurements at once.
+    best of them go on to exchanges of two measurements at once. `each` applies a function to every start,
+    and gives the answers in that order.
     """
     ideal = continuous(candidates, shots, criterion, most=1 / shots)
     _, numbers, unknowns = candidates.roots.shape
@@ -62,12 +73,8 @@ def design(
     few = Candidates(candidates.roots[near], candidates.offsets)
     rng = np.random.default_rng(seed)
     found: dict[tuple[int, ...], float] = {}
-    for start in range(starts):
-        rows = _start(ideal.weights[near], shots, rng, rounded=start % 4 != 3)
-        if criterion == "E":
-            # The largest eigenvalue has kinks in which exchanges get stuck: a smooth mean comes first.
-            _, rows = _exchange(few, rows, "soft")
-        value, rows = _exchange(few, rows, criterion)
+    begun = [_start(ideal.weights[near], shots, rng, rounded=start % 4 != 3) for start in range(starts)]
+    for value, rows in each(_exchanged, [(few, rows, criterion) for rows in begun]):
         found[tuple(np.sort(rows).tolist())] = value
     best = sorted(found, key=found.__getitem__)
     rows = np.array(best[0])
@@ -77,6 +84,14 @@ def design(
     value, rows = _exchange(candidates, near[rows], criterion)
     support = int((ideal.weights > 1e-4).sum())
     return Design(criterion, np.sort(rows), value, min(ideal.bound, value), support)
+
+
+def _exchanged(start: Exchange) -> Ended:
+    candidates, rows, criterion = start
+    if criterion == "E":
+        # The largest eigenvalue has kinks in which exchanges get stuck: a smooth mean comes first.
+        _, rows = _exchange(candidates, rows, "soft")
+    return _exchange(candidates, rows, criterion)
 
 
 def _start(weights: Matrix, shots: int, rng: np.random.Generator, *, rounded: bool) -> Index:

@@ -5,7 +5,6 @@ Fits are rows: the starts of one run, or one start of each of many runs, go up s
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
@@ -26,6 +25,7 @@ from .coordinates import seen_coordinates
 from .elimination import eliminated
 from .levenberg_marquardt import Minima
 from .noise_factors import marginal_noise
+from .threads import threads
 
 _SAME_BASIN = 0.5  # posterior stds: two modes nearer than this are one
 CONTRADICTED = 1e-4  # a chance below which residuals and priors together are no chance
@@ -303,7 +303,7 @@ def fit_rows(density: Density, start: Matrix, of: Index | None = None) -> Fits:
     if len(start) <= _TOGETHER:
         return _fit_together(density, start, of)
     parts = [slice(first, first + _TOGETHER) for first in range(0, len(start), _TOGETHER)]
-    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+    with ThreadPoolExecutor(threads()) as pool:
         found = list(pool.map(lambda part: _fit_together(density, start[part], of[part]), parts))
     joined = {
         item.name: np.concatenate([getattr(part, item.name) for part in found])

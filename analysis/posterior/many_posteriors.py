@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
 from ...model.density import Density
-from ...model.kernel import Index
 from ...model.robot import Matrix
 from ..estimation.coordinates import SeenCoordinates
 from ..estimation.fit import Fits
@@ -21,19 +17,14 @@ _REFITS = 4  # the proposal is fitted anew at most so often, while less than GOO
 LEAST_STEPS, _MOST_STEPS = 10, 400  # then so many steps over the square of the acceptance, and at most
 _WIDER = 1.3  # a refitted proposal is so much wider than the walkers' spread,
 _HEAVY = 5.0  # and its nu this: for the tails
-_CHUNK = 50  # data sets whose walkers go together: what a core keeps near
+TOGETHER = 50  # data sets whose walkers go together
 
 
-def many_posteriors(
-    density_of: Callable[[Index], Density],
-    fits: Fits,
-    draws: int,
-    rng: np.random.Generator,
-    tell: Callable[[float], None],
+def drawn_together(
+    density: Density, fits: Fits, draws: int, rng: np.random.Generator
 ) -> tuple[Matrix, float]:
-    """(W, draws, f) draws of the scaled free parameters of every data set, and the mean acceptance.
-
-    `density_of` gives the density of some of the data sets (by their index); `fits` are of all of them.
+    """(W, draws, f) draws of the scaled free parameters of every data set of a density, and the acceptance;
+    `fits` are theirs. `TOGETHER` data sets are what a core keeps near.
 
     One walker for each draw; its last place is the draw. With `sample_posterior` it shares all that makes a
     draw right: density, coordinates, whitening by the fit, first proposal, moves, their shares, length of a
@@ -41,33 +32,11 @@ def many_posteriors(
     chains, so that no R-hat is taken, and where the proposal is poor one fitted anew to each data set's own
     walkers, in place of a triangular map.
     """
-    count = len(fits.x)
-    parts = [np.arange(first, min(first + _CHUNK, count)) for first in range(0, count, _CHUNK)]
-    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        jobs = [
-            pool.submit(_drawn_together, density_of(part), fits, part, draws, own)
-            for part, own in zip(parts, rng.spawn(len(parts)), strict=True)
-        ]
-        found = []
-        try:
-            for done, job in enumerate(jobs):
-                found.append(job.result())
-                tell((done + 1) / len(jobs))
-        finally:
-            for job in jobs:  # after Ctrl-C none is begun any more
-                job.cancel()
-    drawn, acceptance = zip(*found, strict=True)
-    return np.concatenate(drawn), float(np.average(acceptance, weights=[len(part) for part in parts]))
-
-
-def _drawn_together(
-    density: Density, fits: Fits, part: Index, draws: int, rng: np.random.Generator
-) -> tuple[Matrix, float]:
-    size, count = density.size, len(part)
+    size, count = density.size, len(fits.x)
     every = np.arange(count)
     coordinates = SeenCoordinates(density)
-    centre = coordinates.from_parameters(fits.x[part], every)
-    factor = np.linalg.cholesky(coordinates.covariance(fits.x[part], fits.covariance[part], every))
+    centre = coordinates.from_parameters(fits.x, every)
+    factor = np.linalg.cholesky(coordinates.covariance(fits.x, fits.covariance, every))
 
     def place(w: Matrix) -> Matrix:
         """v (count, …, f) of walkers (count * …, f): as many of each data set, one set after the other."""

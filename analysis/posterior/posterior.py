@@ -5,7 +5,6 @@ The walkers live in the coordinates of `coordinates`, whitened by the fit: near 
 
 from __future__ import annotations
 
-import os
 import time
 from dataclasses import dataclass, replace
 from statistics import NormalDist
@@ -20,6 +19,7 @@ from ...model.problem import Problem
 from ...model.robot import Matrix
 from ..estimation.coordinates import SeenCoordinates
 from ..estimation.fit import LikelihoodFit
+from ..estimation.threads import threads
 from ..solution import Solution
 from ..status import Status, UnsoundResult, known, require_no_more_than
 from .convergence import error_of_mean, tail_effective
@@ -198,9 +198,8 @@ def sample_posterior(
     size = len(fit.z)
     proposal = IndependenceProposal(np.zeros(size), np.eye(size), degrees_of_freedom(size))
     # The kernel lets go of Python's lock, so that the cores that are there share its rows.
-    threads = os.cpu_count() or 1
     sampled = sample_density(
-        log_density, proposal, seed=seed, ess=ess, threads=threads, judged=shown, progress=progress
+        log_density, proposal, seed=seed, ess=ess, threads=threads(), judged=shown, progress=progress
     )
     return _summarised(
         problem, shown(sampled.values), sampled, solution.status, ess, time.perf_counter() - began

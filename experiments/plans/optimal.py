@@ -15,6 +15,7 @@ from ...model.errors import BadInput
 from ...model.files.header import Header
 from ...model.problem import Problem
 from ...model.robot import Matrix, Robot
+from ..processes import on_cluster
 from .candidates import CandidatePostures
 
 _UNDETERMINED = 0.5  # of its prior: an offset that all candidates leave beyond this is not planned for
@@ -108,7 +109,7 @@ class Planner:
                 remedy=_LOOSEN,
             )
         with threadpool_limits(limits=1, user_api="blas"):
-            return design(self.candidates, shots, criterion, seed, starts)
+            return design(self.candidates, shots, criterion, seed, starts, on_cluster)
 
     def fewest(self, tolerance: float, most: int, criterion: Criterion = "A", *, seed: int = 0) -> Fewest:
         """The fewest measurements whose worst predicted std (deg; mm) is within `tolerance`, up to `most`."""

@@ -6,13 +6,15 @@ the truth in 95 % of the data sets, and the rank of the truth among the posterio
 (Talts et al. 2018). Two wrong estimators are carried along as negative controls.
 
 The fits are those of `analyse` (`fit_each`, the batch of `fit_likelihood`), and so are density, coordinates,
-moves and walk of the posterior (`many_posteriors` says what is not).
+moves and walk of the posterior (`drawn_together` says what is not).
 """
 
 from __future__ import annotations
 
+import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,13 +24,12 @@ from scipy import stats
 from threadpoolctl import threadpool_limits
 
 from ...analysis.observability.identifiability import identify
-from ...analysis.posterior.many_posteriors import LEAST_STEPS, many_posteriors
+from ...analysis.posterior.many_posteriors import LEAST_STEPS
 from ...analysis.posterior.sampler import ROUND
 from ...analysis.status import Status, known, versions
-from ...model.density import Density
 from ...model.files.header import Header
 from ...model.files.robot_file import load_robot
-from ...model.kernel import Index
+from ...model.kernel import Index, compiled_at_once
 from ...model.parameters import Parameter
 from ...model.problem import Problem
 from ...model.robot import Matrix
@@ -36,11 +37,13 @@ from ...reports.words.wording import label, listed
 from ..plans.candidates import candidates
 from ..plans.optimal import Planner
 from ..plans.patterns import pattern
+from ..processes import side_by_side
 from .answer import NoiseLevel, ObservedParameter, Share, StudyAnswer, require_sound
 from .binomial import Accuracy, accuracy, held_share
-from .case_store import each_case
-from .data_sets import drawn, fitted
-from .estimators import Estimates, likelihood, midpoint, pseudo_inverse, understated
+from .case_store import CaseStore
+from .coverage_pieces import SIZE, Piece, PieceAnswer, answer_of, estimated, joined
+from .data_sets import DataSets, drawn
+from .estimators import Estimates
 from .ranks import BINS, DRAWS, Calibration, calibration
 
 _TARGET, _SIGMA_MM = (950.0, 150.0, 100.0), 30.0
@@ -174,27 +177,32 @@ def studied_plans(seed: int) -> list[StudiedPlan]:
 
 
 def coverage_study(
-    data_sets: int, seed: int, progress: Progress, *, store: Path | None = None
+    data_sets: int,
+    seed: int,
+    progress: Progress,
+    *,
+    store: Path | None = None,
+    processes: int | None = None,
 ) -> CoverageStudy:
     """Carry out the whole study.
 
     It agrees if the intervals of the posterior, those of the likelihood's curvature where the plan is not
     nearly degenerate, and the ranks are as stated, and every control is detected. The midpoint fit is the
-    paper's: where its intervals do not hold, that is a finding. With a `store` the answer of each plan is
-    kept in that file at once, and a study that was stopped goes on from there.
+    paper's: where its intervals do not hold, that is a finding. With a `store` the answer of each piece (some
+    data sets of a plan) is kept in that file at once, and a study that was stopped goes on from there.
     """
     began = time.perf_counter()
-    with threadpool_limits(limits=1, user_api="blas"):
+    with threadpool_limits(limits=1, user_api="blas"), compiled_at_once():
         plans = studied_plans(seed)
-
-        def studied(k: int) -> CoveragePlan:
-            def tell(share: float) -> None:
-                progress(f"plan {k + 1}/{len(plans)}, {plans[k].name}", (k + share) / len(plans))
-
-            return _studied(plans[k], data_sets, seed, tell)
-
-        heading = {"study": "coverage", "seed": seed, "data_sets": data_sets, "versions": versions()}
-        answers = each_case(store, heading, CoveragePlan, len(plans), studied)
+    heading = {
+        "study": "coverage",
+        "seed": seed,
+        "data_sets": data_sets,
+        "piece": SIZE,
+        "versions": versions(),
+    }
+    with nullcontext() if store is None else CaseStore(store, heading, PieceAnswer) as kept:
+        answers = studied(plans, data_sets, seed, progress, kept, processes)
     must, findings, detected = [part.agrees for answer in answers for part in answer.sbc], [], []
     for plan, answer in zip(plans, answers, strict=True):
         for own in answer.estimators:
@@ -247,43 +255,56 @@ def _headline(data_sets: int, hold: bool, detected: bool, findings: Sequence[str
     return " ".join(parts)
 
 
-def _studied(plan: StudiedPlan, count: int, seed: int, tell: Callable[[float], None]) -> CoveragePlan:
-    problem = plan.problem
-    rng = np.random.default_rng([seed, *plan.name.encode()])
-    parameters = problem.parameters
-    which = np.flatnonzero(parameters.free & parameters.group("offset"))
-    status = [identify(problem, problem.nominal()).status[i] for i in which]
-    data = drawn(problem, count, rng)
-    tell(0.1)
-    fits = fitted(data)
-    tell(0.2)
-    estimates = [likelihood(data, fits, which), understated(data, which)]
-    if plan.degenerate:
-        estimates.append(pseudo_inverse(data, fits, which))
-    else:
-        estimates.insert(1, midpoint(data, which))
-    tell(0.3)
-    draws, acceptance = many_posteriors(
-        lambda part: Density(data.problem, data.joints[part], data.spots[part]),
-        fits,
-        DRAWS,
-        rng,
-        lambda share: tell(0.3 + 0.7 * share),
-    )
-    draws = draws[:, :, parameters.among_free[which]]
-    scale, mean, true = parameters.prior_std[which], parameters.prior_mean[which], data.truths[:, which]
-    ranks = (draws < ((true - mean) / scale)[:, None]).sum(axis=1)
-    items = [parameters.items[i] for i in which]
-    of_draws = Estimates(
-        "posterior",
-        f"posterior, intervals between quantiles of {DRAWS} draws",
-        False,
-        draws.mean(axis=1) * scale + mean,
-        draws.std(axis=1, ddof=1) * scale,
-        fits.converged,
-    )
-    rows = [_estimator(own, items, status, true) for own in estimates]
-    rows.insert(1, _estimator(of_draws, items, status, true, ranks))
+def studied(
+    plans: Sequence[StudiedPlan],
+    count: int,
+    seed: int,
+    progress: Progress,
+    kept: CaseStore[PieceAnswer] | None = None,
+    processes: int | None = None,
+) -> list[CoveragePlan]:
+    """The answers of the plans, `count` data sets each. Data sets and random numbers are those of the seed,
+    the plan and the piece, whoever works it out."""
+    pieces = -(-count // SIZE)
+    found = {} if kept is None else kept.done
+    numbers: list[int] = []
+    data: list[DataSets] = []
+
+    def tell() -> None:
+        progress(f"piece {len(found)}/{pieces * len(plans)}", len(found) / (pieces * len(plans)))
+
+    def left() -> Iterator[Piece]:
+        for k, plan in enumerate(plans):
+            rng = np.random.default_rng([seed, *plan.name.encode()])
+            with threadpool_limits(limits=1, user_api="blas"), compiled_at_once():
+                drawn_sets = drawn(plan.problem, count, rng)
+            data.append(drawn_sets)
+            for c, own in enumerate(rng.spawn(-(-len(drawn_sets.truths) // SIZE))):
+                if k * pieces + c not in found:
+                    numbers.append(k * pieces + c)
+                    yield Piece(drawn_sets.some(slice(c * SIZE, (c + 1) * SIZE)), plan.degenerate, own)
+
+    tell()
+    processes = min(processes or os.cpu_count() or 1, pieces * len(plans))
+    with closing(side_by_side(answer_of, left(), processes)) as answers:
+        for job, answer in answers:
+            found[numbers[job]] = answer
+            if kept is not None:
+                kept.add(numbers[job], answer)
+            tell()
+    return [
+        _joined(plan, own, [found[k * pieces + c] for c in range(-(-len(own.truths) // SIZE))])
+        for k, (plan, own) in enumerate(zip(plans, data, strict=True))
+    ]
+
+
+def _joined(plan: StudiedPlan, data: DataSets, answers: Sequence[PieceAnswer]) -> CoveragePlan:
+    problem, which = plan.problem, estimated(plan.problem)
+    items = [problem.parameters.items[i] for i in which]
+    nominal = identify(problem, problem.nominal()).status
+    status, true = [nominal[i] for i in which], data.truths[:, which]
+    estimates, ranks = joined(answers, len(which))
+    sizes = [len(answer.estimates[0].kept) for answer in answers]
     return CoveragePlan(
         name=plan.name,
         words=plan.words,
@@ -292,8 +313,11 @@ def _studied(plan: StudiedPlan, count: int, seed: int, tell: Callable[[float], N
         noise=NoiseLevel(float(np.degrees(problem.noise.joint[0])), float(problem.noise.spot)),
         data_sets=len(data.truths),
         failed=data.failed,
-        acceptance=acceptance,
-        estimators=tuple(rows),
+        acceptance=float(np.average([answer.accepted for answer in answers], weights=sizes)),
+        estimators=tuple(
+            _estimator(own, items, status, true, ranks if own.name == "posterior" else None)
+            for own in estimates
+        ),
         sbc=(calibration(items, ranks, _CHANCE),),
     )
 

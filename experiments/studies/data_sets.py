@@ -25,6 +25,10 @@ class DataSets:
     spots: Matrix
     failed: int
 
+    def some(self, rows: slice) -> DataSets:
+        """Some of them; who failed is counted with all."""
+        return DataSets(self.problem, self.truths[rows], self.joints[rows], self.spots[rows], 0)
+
 
 def drawn(problem: Problem, count: int, rng: np.random.Generator, spread: Matrix | None = None) -> DataSets:
     """Truths drawn from the priors, or with the stds `spread` (p,), and one run of the problem's postures

@@ -30,7 +30,7 @@ def study_of(plans, names, count=COUNT, seed=SEED):
     told = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(coverage, "studied_plans", lambda seed: [plans[name] for name in names])
-        answer = to_json(coverage_study(count, seed, lambda name, share: told.append((name, share))))
+        answer = to_json(coverage_study(count, seed, lambda *own: told.append(own), processes=1))
     return answer, told
 
 
@@ -124,7 +124,7 @@ def test_the_structure(two):
         assert row["chi2"] == pytest.approx(chi2)
         assert row["p_value"] == pytest.approx(stats.chi2.sf(chi2, BINS - 1))
     names = [name for name, _ in told]
-    assert list(dict.fromkeys(names)) == ["plan 1/2, good", "plan 2/2, degenerate"]
+    assert names == [f"piece {k}/4" for k in range(5)]
     shares = [share for _, share in told]
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
@@ -149,23 +149,25 @@ def test_the_same_seed_gives_the_same_study(plans):
 def test_a_study_that_was_stopped_goes_on_with_the_next_plan(plans, tmp_path, monkeypatch):
     whole, _ = study_of(plans, ["good", "weak"], 10)
     store, worked = tmp_path / "own.cases.jsonl", []
+    how = {"store": store, "processes": 1}
     monkeypatch.setattr(coverage, "studied_plans", lambda seed: [plans["good"], plans["weak"]])
-    studied = coverage._studied
+    answer_of = coverage.answer_of
 
-    def stopped(plan, *rest):
-        worked.append(plan.name)
+    def stopped(piece):
+        worked.append(float(piece.data.joints[0, 0, 0]))
         if len(worked) == 2:
             raise KeyboardInterrupt
-        return studied(plan, *rest)
+        return answer_of(piece)
 
-    monkeypatch.setattr(coverage, "_studied", stopped)
+    monkeypatch.setattr(coverage, "answer_of", stopped)
     with pytest.raises(KeyboardInterrupt):
-        coverage_study(10, SEED, lambda *_: None, store=store)
-    resumed = to_json(coverage_study(10, SEED, lambda *_: None, store=store))
-    assert worked == ["good", "weak", "weak"]
+        coverage_study(10, SEED, lambda *_: None, **how)
+    resumed = to_json(coverage_study(10, SEED, lambda *_: None, **how))
+    assert len(worked) == 3
+    assert worked[1] == worked[2] != worked[0]
     assert without_clock(resumed) == without_clock(whole)
     with pytest.raises(BadInput, match="of another study: data_sets differs"):
-        coverage_study(11, SEED, lambda *_: None, store=store)
+        coverage_study(11, SEED, lambda *_: None, **how)
 
 
 @pytest.mark.long

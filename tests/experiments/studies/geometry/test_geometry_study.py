@@ -186,7 +186,7 @@ def test_the_coverage_study_runs_and_holds_for_a_header_with_geometry() -> None:
     targets = {"psd": plan.header.targets["psd"].model_copy(update={"sigma_mm": 30.0})}
     near = dataclasses.replace(plan, header=plan.header.model_copy(update={"targets": targets}))
     studied = coverage.StudiedPlan("geometry", "12 measurements", Problem.from_plan(near))
-    answer = coverage._studied(studied, 100, 3, lambda share: None)
+    (answer,) = coverage.studied([studied], 100, 3, lambda *_: None)
     own = {row.name: row for row in answer.estimators}
     assert own["likelihood"].agrees
     assert own["posterior"].agrees
