@@ -1,22 +1,31 @@
-"""How long the app takes to start and to answer a change of a plan, and what it promises.
+"""How long the app takes to start, to show its page and to answer a change of a plan, and what it promises.
 
 python benchmarks/app_latency.py
+
+By the server alone: from the question to the whole answer. In the browser (headless Chromium, where there
+is one): from the input event of a slider to the new number in the table, and to the first paint of the page.
 """
 
 from __future__ import annotations
 
 import json
+import os
+import shutil
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
 import urllib.request
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from zerobeam.model.robot import Matrix
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
+from chromium import BROWSERS, Tab, chromium
 
 POSTURES = {12: 100.0, 100: 300.0}  # and the promised ms
 REPEATS = 21
@@ -48,8 +57,50 @@ def ask(address: str, plan: dict[str, Any]) -> float:
     return 1000 * (time.perf_counter() - begun)
 
 
+_DRAG = """new Promise((then) => {
+  const slider = document.querySelector('#plan-joints input'), cell = '#plan-table [data-of=delta2] .u';
+  const all = () => document.querySelector('#plan-table').getAttribute('aria-busy') === 'false' ? 1 : 0;
+  const begun = performance.now();
+  slider.value = Number(slider.value) + 0.1;
+  slider.dispatchEvent(new Event('input', {bubbles: true}));
+  const seen = new MutationObserver(() => {
+    if (!all()) return;
+    seen.disconnect();
+    then(performance.now() - begun);
+  });
+  seen.observe(document.querySelector('#plan-table'), {attributes: true, childList: true, subtree: true});
+})"""
+_PAINT = "performance.getEntriesByName('first-contentful-paint')[0]?.startTime ?? null"
+_READY = "document.querySelector('#plan-table')?.getAttribute('aria-busy') === 'false'"
+
+
+def until(tab: Tab, expression: str) -> Any:
+    """What a JavaScript expression comes to, once it is neither null nor false."""
+    while (found := tab.value(expression)) in (None, False):
+        time.sleep(0.05)
+    return found
+
+
+def in_browser(address: str, folder: Path) -> None:
+    """Print what a person waits for."""
+    for count, promised in POSTURES.items():
+        content = HEADER | {"postures_deg": postures(count).tolist()}
+        (folder / f"{count}.yaml").write_text(json.dumps(content), encoding="utf-8")
+        with chromium().opened(f"{address}#plan/{count}.yaml") as tab:
+            paint = until(tab, _PAINT)
+            until(tab, _READY)
+            times = [float(tab.value(_DRAG)) for _ in range(REPEATS)][1:]
+        print(f"in the browser: first paint {paint:.0f} ms (promised: 1000 ms)")
+        print(
+            f"in the browser, {count} postures: from slider to number median"
+            f" {statistics.median(times):.0f} ms, at most {max(times):.0f} ms ({promised:g} ms)"
+        )
+
+
 def main() -> None:
     """Print the table."""
+    load = ", ".join(f"{own:.2f}" for own in os.getloadavg())
+    print(f"{os.cpu_count()} processors, load {load}")
     with tempfile.TemporaryDirectory() as folder:
         begun = time.perf_counter()
         command = [*ZEROBEAM, "app", "--port", "0", "--no-open", "--dir", folder]
@@ -70,6 +121,8 @@ def main() -> None:
                     print(
                         f"{count} postures: median {median:.0f} ms, at most {most:.0f} ms ({promised:g} ms)"
                     )
+                if any(shutil.which(name) for name in BROWSERS):
+                    in_browser(address, Path(folder))
             finally:
                 process.terminate()
 

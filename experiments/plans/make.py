@@ -71,15 +71,14 @@ class MadePlan:
     def said(self) -> list[str]:
         """How good the choice is and why it may not be better, or why there is no plan; a sentence each."""
         made, fewest = self.proposal, self.fewest
-        if self.checked is None:
-            assert fewest is not None  # without a tolerance there is a plan
+        if self.checked is None and fewest is not None:
             most, worst = fewest.curve[-1]
             return [
                 f"No plan of up to {fewest.most} measurements brings every standard uncertainty within"
                 f" {numbers.exact(fewest.tolerance)}; with {most} measurements the largest is"
                 f" {numbers.spread(worst)}. The limit is {fewest.limit}."
             ]
-        if made is None:
+        if made is None or self.checked is None:
             return []
         count = len(self.checked.postures)
         seconds = "" if made.travel_s is None else f"; travel {numbers.significant(made.travel_s, 2)} s"

@@ -203,6 +203,7 @@ async function start(plan, robot, file) {
 async function open(file) {
   const found = await get(`/api/plan?file=${encodeURIComponent(file)}`);
   await start(found.plan, found.robot, found.file);
+  by("plan-open").value = found.file;
 }
 
 // A first plan: postures about a bent arm, of which the servo turns the wrist onto the target.
