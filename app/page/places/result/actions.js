@@ -29,13 +29,16 @@ export function offerReport(run) {
   rejoin(run).catch((error) => said(error, by("result-making")));
 }
 
-// A report that is under way, begun before the page was loaded again.
+// A report that was begun before the page was loaded again: it is followed, or has been made meanwhile.
 async function rejoin(run) {
-  const job = (await get("/api/jobs")).find((one) => ["waiting", "running"].includes(one.state) && one.command[0] === "report" && one.command.at(-1) === run.file);
+  const job = (await get("/api/jobs")).find((one) => one.command[0] === "report" && one.command.at(-1) === run.file);
   if (!job || by("result-make").disabled) return;
   const folder = job.command.find((word) => word.startsWith("--out=")).slice("--out=".length);
-  await report(run, folder, job.id);
+  if (["waiting", "running"].includes(job.state)) await report(run, folder, job.id);
+  else if (job.state === "done" && await there(`${folder}/result.json`)) await finished(`${folder}/result.json`);
 }
+
+const there = (file) => get(`/api/result?file=${encodeURIComponent(file)}`).then(() => true, () => false);
 
 const report = (run, folder, under = null) => during(by("result-make"), by("result-making"), async () => {
   const job = await carryOut(["report", run.file, "-o", folder], by("result-making"), `The report of ${run.file}`, { under });
@@ -45,6 +48,7 @@ const report = (run, folder, under = null) => during(by("result-make"), by("resu
 export function offerExport(found) {
   by("export-file").value = `${stem(found.inputs.run) || "run"}-offsets.yaml`;
   by("export-form").value = "robot";
+  by("export-without").value = "";
   by("export-job").hidden = true;
   by("export-do").disabled = found.run === null;
   for (const box of document.querySelectorAll("#result-export-fields input[type=checkbox]")) box.checked = false;
@@ -61,7 +65,8 @@ export function beginActions(opened, made) {
   by("result-make").addEventListener("click", () => report(opened(), by("result-folder").value));
   by("export-do").addEventListener("click", () => during(by("export-do"), by("export-job"), async () => {
     const flags = [...document.querySelectorAll("#result-export-fields input:checked")].map((box) => box.dataset.flag);
-    const file = by("export-file").value, command = ["export", by("export-form").value, opened().run, "-o", file, ...flags];
+    const without = by("export-without").value.split(/[\s,]+/).filter(Boolean);
+    const file = by("export-file").value, command = ["export", by("export-form").value, opened().run, "-o", file, ...flags, ...without.flatMap((name) => ["--without", name])];
     const job = await carryOut(command, by("export-job"), `Export of ${opened().run}`, { refusal: true });
     if (!job.well) return;
     by("export-job").append(make("p", {}, make("a", { href: `/api/file?file=${encodeURIComponent(file)}`, download: "" }, `Download ${file}`)));

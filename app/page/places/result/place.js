@@ -36,9 +36,12 @@ function failed(error) {
   by("result-error").hidden = false;
 }
 
-async function show(file) {
+// A run that has a result is shown by its newest one.
+async function show(wanted) {
   by("result-error").hidden = true;
-  if (!file) return;
+  if (!wanted) return;
+  const made = history && history.runs.find((own) => own.file === wanted)?.results.find((own) => !own.error);
+  const file = made ? made.file : wanted;
   chosen(file);
   window.history.replaceState(null, "", `#result/${file.split("/").map(encodeURIComponent).join("/")}`);
   const run = history && history.runs.find((own) => own.file === file);
@@ -88,7 +91,11 @@ export const place = {
   async begin() {
     beginPairs();
     beginMeasurements();
-    beginActions(() => open, async (file) => { await load(); await show(file); });
+    beginActions(() => open, async (file) => {
+      const asked = by("result-open").value;
+      await load();
+      if (by("result-open").value === asked) await show(file);
+    });
     by("result-open").addEventListener("change", () => show(by("result-open").value));
     for (const link of document.querySelectorAll("#result .contents a")) {
       link.addEventListener("click", (event) => {
