@@ -72,3 +72,25 @@ def test_ros(tmp_path, asked):
         written(zerobeam("import", "ros", path, *still, *asked), tmp_path), POSTURES, atol=1e-9
     )
     assert read_run(tmp_path / "run.jsonl").target_names == ("left",)
+
+
+def test_a_dry_run_says_the_same_and_writes_nothing(tmp_path, asked):
+    rows = (POSTURES * [1, -1, 1, 1, -1, 1]).tolist()
+    (tmp_path / "a.csv").write_text("\n".join(",".join(map(str, row)) for row in rows))
+    command = ["import", "csv", tmp_path / "a.csv", "--units", "deg", "--target", "a", *asked]
+    tried = zerobeam(*command, "--reversed", "j2,joint5", "--dry-run")
+    assert (tried.status, tried.err) == (0, "")
+    assert tried.out.endswith(f"dry run: nothing was written to {tmp_path / 'run.jsonl'}\n")
+    assert not (tmp_path / "run.jsonl").exists()
+    told = zerobeam(*command, "--reversed", "j2,joint5")
+    np.testing.assert_allclose(written(told, tmp_path), POSTURES, atol=1e-9)
+    assert "signs reversed: j2, joint5" in told.out
+    assert told.out.splitlines()[:-1] == tried.out.splitlines()[:-1]
+    assert "exists already" in zerobeam(*command, "--dry-run").refused()
+
+
+@pytest.mark.parametrize(("stated", "said"), [("j7", "not understood"), ("j2,joint2", "duplicate joint")])
+def test_a_joint_to_be_reversed_is_one_of_the_robot(tmp_path, asked, stated, said):
+    (tmp_path / "a.csv").write_text("10,20,30,40,50,60\n")
+    command = ["import", "csv", tmp_path / "a.csv", "--units", "deg", "--target", "a", *asked]
+    assert said in zerobeam(*command, "--reversed", stated).refused()

@@ -102,7 +102,7 @@ export class Form {
       };
     }
     input.setAttribute("aria-describedby", id);
-    input.addEventListener("input", () => this.changed());
+    input.addEventListener("input", () => { this.unmark(element); this.changed(); });
     const listed = this.lists[path.at(-1)];
     const element = make("div", { class: "stated", "data-header-key": path.join("/"), "data-required": required },
       make("label", {}, `${title(key)}${unit(key) ? ` (${unit(key)})` : ""}${required ? ", required" : ""} `, input),
@@ -160,6 +160,13 @@ export class Form {
     const input = element.matches(".stated") && element.querySelector("input, select");
     if (input) input.setAttribute("aria-invalid", "true");
     element.append(make("span", { class: "error help", role: "alert" }, text));
+  }
+
+  // What is stated anew is not wrong any more, until it is checked.
+  unmark(element) {
+    element.querySelector(":scope > .error")?.remove();
+    element.removeAttribute("data-wrong");
+    element.querySelector("input, select").removeAttribute("aria-invalid");
   }
 
   right() {

@@ -135,7 +135,7 @@ function row(joint, i) {
     make("td", { class: "right", "data-head": "seen" }, joint.seen ? range(joint.seen, joint.unit) : joint.recorded ? `${range(joint.recorded, "1")} recorded` : "—"),
     make("td", { class: "right", "data-head": "limits" }, range([joint.lower, joint.upper], joint.unit)),
     make("td", { class: joint.outside ? "beyond" : "", "data-head": "against the limits" }, joint.seen ? bar(joint) : "", joint.outside === null ? "" : joint.outside ? `${joint.outside} of ${answer.rows} rows outside` : "all within"),
-    make("td", { class: wish ? "proposed" : "", "data-head": "what the limits say" }, found ? make("small", {}, `Sign ${found.why}`) : "", wish ? make("button", { type: "button", onclick: () => edit(() => reverse(i + 1, found.choice === "reversed")) }, found.choice === "reversed" ? "Reverse it" : "Do not reverse") : ""));
+    make("td", { class: wish ? "proposed" : "", "data-head": "what the limits say" }, found ? make("small", {}, found.choice || !found.outside.recorded ? `Sign ${found.why}` : "Neither sign fits") : "", wish ? make("button", { type: "button", onclick: () => edit(() => reverse(i + 1, found.choice === "reversed")) }, found.choice === "reversed" ? "Reverse it" : "Do not reverse") : ""));
 }
 
 export function reverse(joint, on) {
