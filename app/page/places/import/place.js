@@ -145,10 +145,10 @@ async function importNow(dry) {
   if (dry) by("import-done").textContent = "Tried: nothing was written.";
   else {
     written = out;
-    fill(by("import-done"), [`Written to ${out}. `, make("a", { href: `#result/${encodeURIComponent(out)}` }, "Show its result")]);
     await listFiles();
     by("import-out").value = freeName("run.jsonl");
     command();
+    fill(by("import-done"), [`Written to ${out}. `, make("a", { href: `#result/${encodeURIComponent(out)}` }, "Show its result")]);
   }
   say(by("import-done").textContent);
 }
