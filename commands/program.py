@@ -29,7 +29,7 @@ from . import (
     studying,
 )
 from .console import FAULT, UNREAD, OutputLost, err, guarded_streams, out, plain
-from .history import keeping
+from .history import keeping, reporting
 
 
 class _Stopped(Exception):
@@ -51,6 +51,7 @@ class _Commands(TyperGroup):
 
 for points, importer in importing_points.COMMANDS.items():
     importing.imports.command(points, hidden=points == "kuka")(importer)
+keeping.histories.command("drift")(reporting.drift)
 exporting.exports.command("plan")(exporting_plans.export_plan)
 exporting.exports.command("program")(exporting_programs.export_program)
 _COMMANDS = {

@@ -77,6 +77,19 @@ def study_geometry(
     _study(folder, as_json, lambda tell: geometry_study(arms, seed, tell, store=store), store, within)
 
 
+@studies.command("drift")
+def study_drift(
+    folder: StudyFolder,
+    arms: Annotated[int, typer.Option(min=20, help="Simulated arms.")] = 500,
+    seed: Seed = 0,
+    as_json: Json = False,
+) -> None:
+    """Intervals, false alarms and power of `history drift`: arms with known walks and jumps."""
+    from ..experiments.studies.drift import drift_study
+
+    _study(folder, as_json, lambda tell: drift_study(arms, seed, tell), _store(folder))
+
+
 @studies.command("table2")
 def study_table2(
     folder: StudyFolder,

@@ -13,6 +13,7 @@ from ..style.canvas import Picture
 from .cell_page import cell_page, cell_pictures, parameter_rows, time_rows
 from .cell_page import plan_rows as cell_plan_rows
 from .coverage_page import coverage_page, coverage_pictures, coverage_rows, rank_rows
+from .drift_page import drift_page, drift_pictures, power_rows
 from .geometry.page import geometry_page, geometry_pictures
 from .geometry.page import parameter_rows as geometry_parameter_rows
 from .geometry.page import plan_rows as geometry_plan_rows
@@ -56,6 +57,7 @@ STUDIES: dict[str, Study[Any]] = {
         geometry_pictures,
         {"parameters.csv": geometry_parameter_rows, "plans.csv": geometry_plan_rows},
     ),
+    "drift": Study(drift_page, drift_pictures, {"power.csv": power_rows}),
 }
 
 # Every study over settings, whatever its name: people write their own.

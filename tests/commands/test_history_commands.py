@@ -107,3 +107,43 @@ def test_it_is_exported_backed_up_and_restored(kept: Path) -> None:
 def test_without_the_extra_it_says_how_to_install_it() -> None:
     with mock.patch("zerobeam.commands.history.shared.find_spec", return_value=None):
         assert 'pip install "zerobeam[history]"' in zerobeam("history", "list").refused()
+
+
+def test_drift_says_which_changes_are_real_and_what_was_logged(tmp_path: Path) -> None:
+    db = tmp_path / "history.sqlite"
+    for number in range(8):
+        answer = a_result("A-1", f"202{number // 4}-{3 * (number % 4) + 1:02}-15")
+        answer["without_prior"]["values"][1] += 1.0 if number > 4 else 0.0
+        write_result(tmp_path / "in" / str(number) / "result.json", answer)
+    misfit = a_result("A-1", "2022-06-01")
+    misfit["verdict"] = "misfit"
+    write_result(tmp_path / "in" / "misfit" / "result.json", misfit)
+    zerobeam("history", "add", tmp_path / "in", "--db", db)
+    zerobeam("history", "event", "A-1", "--date", "2021-03-01", "--what", "collision", "--db", db)
+    (arm,) = zerobeam("history", "drift", "A-1", "--json", "--db", db).json["arms"]
+    assert len(arm["used"]) == 8
+    assert [own["reason"] for own in arm["left_out"]] == [
+        "misfit: the model does not describe the measurements"
+    ]
+    (jump,) = arm["jumps"]
+    assert jump["offset"] == "delta3"
+    assert (jump["after"][:10], jump["before"][:10]) == ("2021-01-15", "2021-04-15")
+    assert jump["interval95"][0] < 1 < jump["interval95"][1]
+    assert [own["what"] for own in jump["events"]] == ["collision"]
+    assert arm["due"]["date"] is not None
+    told = zerobeam("history", "drift", "A-1", "--db", db)
+    assert "collision" in told.out
+    assert "Not counted: the result of 2022-06-01" in told.out
+    assert "J3" in zerobeam("history", "drift", "--db", db).out
+
+
+def test_no_due_date_without_what_it_depends_on(tmp_path: Path) -> None:
+    db = tmp_path / "history.sqlite"
+    for number in range(3):
+        answer = a_result("X", f"2026-0{number + 1}-01", demo="x-pattern")
+        write_result(tmp_path / "in" / str(number) / "result.json", answer)
+    zerobeam("history", "add", tmp_path / "in", "--db", db)
+    (arm,) = zerobeam("history", "drift", "X", "--json", "--db", db).json["arms"]
+    assert arm["due"]["date"] is None
+    assert "no accuracy" in arm["due"]["reason"]
+    assert "delta2" not in [own["name"] for own in arm["offsets"]]

@@ -1,0 +1,223 @@
+"""What an arm's results say of its drift: rates of the walk, jumps, the offsets at each result.
+
+The rate of each offset's walk is unknown and integrated over: its logarithm is normal about `MEDIAN` with the
+standard deviation `SPREAD`, per root year. Nodes are Sobol points of that prior and, in more passes, of a
+normal distribution about what those before found, all weighted as one mixture (Cappe et al. 2004).
+
+Jumps: an offset may change by any amount between two results. The test of one offset and interval is
+predictive. Given the rate and whatever of the data such a jump leaves unchanged, the score of the jump is
+standard normal; the rate's distribution is taken from that part of the data alone. So the p-value is uniform
+if there is no jump, over the prior of the rates, and a jump does not hide itself by a larger rate. The
+p-values are multiplied by their number (Bonferroni): false alarms of an arm have at most the probability
+`ALARM`. The clearest jump is allowed for, and the rest tested again, until none is left.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass
+
+import numpy as np
+from scipy import special
+from scipy.stats import qmc
+
+from ...model.errors import BadInput
+from ...model.robot import Matrix
+from .series import Series
+from .smoother import Smoothed, smooth
+
+ALARM = 0.01  # probability of a false alarm, of an arm
+MEDIAN, SPREAD = 0.01, 1.5  # deg or mm per root year, and of its natural logarithm
+LEVEL = 0.95
+_NODES = 256  # of each pass; a power of two
+_PASSES = 4  # after the first
+_WIDER, _FLOOR = 1.2, 0.25  # the std of a pass over that of the weights so far, and the least one
+_MOST_JUMPS = 20
+
+
+@dataclass(frozen=True)
+class Jump:
+    """A change of one offset between the results `after` and `after` + 1 that the walk does not explain.
+
+    `p_value` is multiplied by the number of tests; `size` is in the unit of the offset.
+    """
+
+    offset: str
+    unit: str
+    after: int
+    p_value: float
+    size: float
+    interval95: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Drift:
+    """The offsets of an arm over time.
+
+    `smoothed` is of the K walk rates `rates` (K, m) with the `weights` (K,); `p_first` (T - 1, m) are the
+    p-values of the first tests, before any jump was allowed, not multiplied, nan where no result determines
+    the offset on one side. `jumps` in the order of time. `effective` is the effective number of rates.
+    """
+
+    series: Series
+    smoothed: Smoothed
+    rates: Matrix
+    weights: Matrix
+    p_first: Matrix
+    jumps: tuple[Jump, ...]
+    effective: float
+
+    def interval(self, t: int, along: Matrix, level: float = LEVEL) -> tuple[float, float]:
+        """The interval of the combination `along` (m,) of the offsets at result t."""
+        mean = self.smoothed.mean[:, t] @ along
+        variance = np.einsum("i,kij,j->k", along, self.smoothed.covariance[:, t], along)
+        variance = variance + self._shared(along)
+        return mixture_interval(mean, np.sqrt(variance), self.weights, level)
+
+    def value(self, t: int, along: Matrix) -> tuple[float, float]:
+        """Mean and standard uncertainty of the same."""
+        mean = self.smoothed.mean[:, t] @ along
+        variance = np.einsum("i,kij,j->k", along, self.smoothed.covariance[:, t], along)
+        centre = float(self.weights @ mean)
+        spread = float(self.weights @ (variance + (mean - centre) ** 2)) + self._shared(along)
+        return centre, math.sqrt(spread)
+
+    def _shared(self, along: Matrix) -> float:
+        """What deviations of the geometry add, which many results do not average out: the most of any."""
+        found = [0.0]
+        for own in self.series.observations:
+            part = along[[self.series.names.index(name) for name in own.names]]
+            found.append(float(part @ own.shared @ part))
+        return max(found)
+
+    def rate(self, offset: str) -> tuple[float, tuple[float, float]]:
+        """Median and 95 % interval of an offset's walk, per root year."""
+        own = self.rates[:, self.series.names.index(offset)]
+        order = np.argsort(own)
+        at = np.cumsum(self.weights[order])
+        places = np.minimum(np.searchsorted(at, (0.025, 0.5, 0.975)), len(own) - 1)
+        low, middle, high = own[order][places].tolist()
+        return middle, (low, high)
+
+
+def drift(series: Series, *, alarm: float = ALARM, seed: int = 0) -> Drift:
+    """The drift of an arm with two results or more; BadInput where there are fewer."""
+    if len(series.observations) < 2 or not series.names:
+        raise BadInput(
+            "drift needs two results of the arm that determine an offset",
+            found=str(len(series.observations)),
+            remedy="add more results to the history",
+        )
+    jumps = np.zeros((len(series.observations) - 1, len(series.names)), dtype=bool)
+    jumps[list(series.reset)] = True
+    first: Matrix | None = None
+    found: list[tuple[int, int, float]] = []
+    while True:
+        rates, log_weight, smoothed = _integrated(series, jumps, seed)
+        p = _p_values(series, smoothed, log_weight, jumps)
+        first = p if first is None else first
+        tests = int(np.isfinite(first).sum())
+        if not np.isfinite(p).any() or len(found) >= _MOST_JUMPS:
+            break
+        t, j = np.unravel_index(np.nanargmin(p), p.shape)
+        adjusted = min(1.0, float(p[t, j]) * tests)
+        if adjusted > alarm:
+            break
+        jumps[t, j] = True
+        found.append((int(t), int(j), adjusted))
+    weights = _normalised(log_weight)
+    return Drift(
+        series=series,
+        smoothed=smoothed,
+        rates=rates,
+        weights=weights,
+        p_first=first,
+        jumps=tuple(_jump(series, smoothed, weights, *own) for own in sorted(found)),
+        effective=float(1 / (weights**2).sum()),
+    )
+
+
+def mixture_interval(mean: Matrix, std: Matrix, weights: Matrix, level: float) -> tuple[float, float]:
+    """The central interval of a mixture of normal distributions, by bisection."""
+
+    def quantile(q: float) -> float:
+        low, high = float((mean - 12 * std).min()), float((mean + 12 * std).max())
+        for _ in range(60):
+            middle = (low + high) / 2
+            below = float(weights @ special.ndtr((middle - mean) / std)) < q
+            low, high = (middle, high) if below else (low, middle)
+        return (low + high) / 2
+
+    return quantile((1 - level) / 2), quantile((1 + level) / 2)
+
+
+def _integrated(series: Series, jumps: Matrix, seed: int) -> tuple[Matrix, Matrix, Smoothed]:
+    """Rates (K, m), the logarithms of their weights (K,), and the states for each."""
+    size = len(series.names)
+    centre, root = np.full(size, math.log(MEDIAN)), SPREAD * np.eye(size)
+    passes = [(centre, root)]
+    points = centre + _normal_points(size, seed) @ root.T
+    parts = [smooth(series, np.exp(points), jumps)]
+    for number in range(1, _PASSES + 1):
+        log_weight = np.concatenate([own.log_likelihood for own in parts]) + _over_passes(points, passes)
+        weights = _normalised(log_weight)
+        centre = np.asarray(weights @ points)
+        apart = points - centre
+        scatter = (weights[:, None] * apart).T @ apart + _FLOOR**2 * np.eye(size)
+        root = np.asarray(_WIDER * np.linalg.cholesky(scatter), float)
+        passes.append((centre, root))
+        near = centre + _normal_points(size, seed + number) @ root.T
+        parts.append(smooth(series, np.exp(near), jumps))
+        points = np.concatenate([points, near])
+    smoothed = Smoothed(*(np.concatenate(own) for own in zip(*map(astuple, parts), strict=True)))
+    return np.exp(points), smoothed.log_likelihood + _over_passes(points, passes), smoothed
+
+
+def _over_passes(points: Matrix, passes: Sequence[tuple[Matrix, Matrix]]) -> Matrix:
+    """(K,) the logarithm of the prior, the first of the `passes`, over the mixture of all of them."""
+    each = np.array([_log_normal(points, *own) for own in passes])
+    return np.asarray(each[0] - np.logaddexp.reduce(each, axis=0) + math.log(len(passes)))
+
+
+def _normal_points(size: int, seed: int) -> Matrix:
+    points = qmc.Sobol(size, seed=seed).random(_NODES)
+    return np.asarray(special.ndtri(np.clip(points, 1e-12, 1 - 1e-12)))
+
+
+def _log_normal(points: Matrix, centre: Matrix, root: Matrix) -> Matrix:
+    z = np.linalg.solve(root, (points - centre).T)
+    return np.asarray(-0.5 * (z**2).sum(axis=0) - np.linalg.slogdet(root)[1])
+
+
+def _normalised(log_weight: Matrix) -> Matrix:
+    weight = np.exp(log_weight - log_weight.max(axis=0))
+    return np.asarray(weight / weight.sum(axis=0))
+
+
+def _p_values(series: Series, smoothed: Smoothed, log_weight: Matrix, jumps: Matrix) -> Matrix:
+    """(T - 1, m), nan where a jump is allowed already or one side has no result of the offset."""
+    observed = series.observed
+    result = np.full(jumps.shape, np.nan)
+    for j in range(jumps.shape[1]):
+        ends = [-1, *np.flatnonzero(jumps[:, j]).tolist(), len(jumps)]
+        for t in np.flatnonzero(np.logical_not(jumps[:, j])):
+            start = max(end for end in ends if end < t) + 1
+            stop = min(end for end in ends if end > t) + 1
+            if not (observed[start : t + 1, j].any() and observed[t + 1 : stop, j].any()):
+                continue
+            score, power = smoothed.score[:, t, j], smoothed.power[:, t, j]
+            if not (power > 0).all():
+                continue
+            weights = _normalised(log_weight + score**2 / 2 - np.log(power) / 2)
+            below, above = weights @ special.ndtr(score), weights @ special.ndtr(-score)
+            result[t, j] = min(1.0, 2 * min(below, above))
+    return result
+
+
+def _jump(series: Series, smoothed: Smoothed, weights: Matrix, t: int, j: int, p_value: float) -> Jump:
+    """The size of a jump that is allowed for, the walk of that interval in it."""
+    step = smoothed.mean[:, t + 1, j] - smoothed.mean[:, t, j]
+    variance = smoothed.step_variance[:, t, j]
+    low, high = mixture_interval(step, np.sqrt(variance), weights, LEVEL)
+    return Jump(series.names[j], series.units[j], t, p_value, float(weights @ step), (low, high))

@@ -1,0 +1,133 @@
+"""The drift of an arm by its results in a history: which of them count, jumps and events, the due date."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+
+import numpy as np
+
+from ...analysis.drift.drift import Drift, Jump, drift
+from ...analysis.drift.due import due_after
+from ...analysis.drift.series import Observation, series_of
+from .store import Event, StoredResult
+
+_YEAR = timedelta(days=365.25)
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A result that does not count, and why."""
+
+    result: StoredResult
+    reason: str
+
+
+@dataclass(frozen=True)
+class DatedJump:
+    """A jump between two results, and the events that were logged in between."""
+
+    jump: Jump
+    after: datetime
+    before: datetime
+    events: tuple[Event, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ArmDrift:
+    """What an arm's results say of its drift. `drift` is None with fewer than two results that count.
+
+    `due` is None where no date can be given; `due_reason` says why, "" where nothing is to be said.
+    """
+
+    serial: str
+    model: str
+    used: tuple[StoredResult, ...]
+    left_out: tuple[LeftOut, ...]
+    drift: Drift | None
+    jumps: tuple[DatedJump, ...]
+    tolerance_mm: float
+    due: datetime | None
+    due_reason: str
+
+
+def arm_drift(results: Sequence[StoredResult], events: Sequence[Event], tolerance_mm: float) -> ArmDrift:
+    """The drift of the arm that all of the results (one at least) and events are of."""
+    used: list[StoredResult] = []
+    left_out: list[LeftOut] = []
+    for own in results:
+        reason = _why_not(own)
+        if reason is None:
+            used.append(own)
+        else:
+            left_out.append(LeftOut(own, reason))
+    found, due, reason = None, None, "fewer than two results count"
+    jumps: tuple[DatedJump, ...] = ()
+    if len(used) >= 2:
+        units = {row["name"]: row["unit"] for own in used for row in own.offsets}
+        at = [own.measured_at for own in used]
+        reset = [t for t in range(len(at) - 1) if _between(events, at[t], at[t + 1], "mastering")]
+        found = drift(series_of([_observation(own, used[0].measured_at) for own in used], units, reset))
+        jumps = tuple(
+            DatedJump(
+                own, at[own.after], at[own.after + 1], _between(events, at[own.after], at[own.after + 1])
+            )
+            for own in found.jumps
+        )
+        due, reason = _due(found, used[-1], tolerance_mm)
+    first = results[0]
+    return ArmDrift(
+        first.serial, first.model, tuple(used), tuple(left_out), found, jumps, tolerance_mm, due, reason
+    )
+
+
+def _why_not(own: StoredResult) -> str | None:
+    if own.verdict == "misfit":
+        return "misfit: the model does not describe the measurements"
+    if own.without_prior is None:
+        return "it has no covariance of the offsets without prior: add it again, made by this version"
+    dof = own.without_prior["dof"]
+    if dof is not None and dof <= 2:
+        return "its noise is estimated with two degrees of freedom or fewer"
+    return None
+
+
+def _observation(own: StoredResult, first: datetime) -> Observation:
+    alone = own.without_prior
+    assert alone is not None
+    dof = alone["dof"]
+    # An estimated noise: the variance of Student's t.
+    factor = 1.0 if dof is None else dof / (dof - 2)
+    by_geometry = np.array(alone["by_geometry"], float).reshape(len(alone["names"]), -1)
+    return Observation(
+        at=(own.measured_at - first) / _YEAR,
+        names=tuple(alone["names"]),
+        values=np.array(alone["values"], float),
+        covariance=factor * np.array(alone["covariance"], float),
+        shared=by_geometry @ by_geometry.T,
+    )
+
+
+def _between(
+    events: Sequence[Event], after: datetime, before: datetime, what: str | None = None
+) -> tuple[Event, ...]:
+    return tuple(own for own in events if after <= own.at <= before and what in (None, own.what))
+
+
+def _due(found: Drift, last: StoredResult, tolerance_mm: float) -> tuple[datetime | None, str]:
+    if last.sensitivity_mm2 is None:
+        return None, "the last result claims no accuracy at the TCP"
+    names, matrix = [row["name"] for row in last.offsets], np.array(last.sensitivity_mm2, float)
+    unknown = [name for i, name in enumerate(names) if matrix[i, i] > 0 and name not in found.series.names]
+    if unknown:
+        return None, f"the TCP depends on offsets that no result determines: {', '.join(unknown)}"
+    at = [names.index(name) for name in found.series.names if name in names]
+    if len(at) < len(found.series.names):
+        return None, "the last result has other offsets than the results before"
+    years = due_after(found, matrix[np.ix_(at, at)], tolerance_mm)
+    if years is None:
+        return None, "not within 20 years"
+    if years == 0:
+        return last.measured_at, "the uncertainty at the last result is beyond the tolerance already"
+    return last.measured_at + years * _YEAR, ""

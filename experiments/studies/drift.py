@@ -1,0 +1,201 @@
+"""Do the intervals and alarms of `history drift` hold? Arms with known walks and jumps, simulated and judged.
+
+Each arm has results at equal intervals with the covariance of a real plan, some without one of the offsets.
+Every other arm has one jump. The control ignores the correlation of the offsets of a result.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import stats
+
+from ...analysis.drift.drift import ALARM, LEVEL, MEDIAN, SPREAD, Drift, drift
+from ...analysis.drift.series import Observation, Series, series_of
+from ...analysis.repeatability.prior_free import offsets_without_prior
+from ...analysis.solved import solved
+from ...analysis.status import versions
+from ...model.files.run import read_run
+from ...model.problem import Problem
+from ...model.robot import Matrix
+from ..demos import demo_runs
+from .answer import Share, StudyAnswer
+from .binomial import held_share, share_interval
+
+_RESULTS, _QUARTER = 12, 0.25  # results of an arm, years between two
+_LOST = 0.1  # share of the results that do not determine the first offset
+_BETTER, _WORSE = 0.5, 2.0  # a result's standard uncertainties over those of the plan
+_SIZES = (2.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0)  # of a jump, in u of the plan
+_CHANCE = 0.001  # of a false alarm of each comparison of this study
+
+
+@dataclass(frozen=True)
+class DriftSettings:
+    """How the study was carried out: `alarm` is the stated probability of a false alarm of an arm."""
+
+    arms: int
+    results: int
+    years_between: float
+    alarm: float
+    level: float
+    rate_median: float
+    rate_spread: float
+    chance: float
+    seed: int
+
+
+@dataclass(frozen=True)
+class Alarms:
+    """Arms without a jump, and those of them with an alarm; `p_uniform` of the p-values of single tests
+    (Kolmogorov and Smirnov)."""
+
+    arms: int
+    alarms: int
+    share: float
+    low: float
+    high: float
+    p_uniform: float
+    agrees: bool
+
+
+@dataclass(frozen=True)
+class Power:
+    """Jumps of one size, in standard uncertainties of the plan: how many were found at their offset and
+    interval; the 95 % binomial interval of the share."""
+
+    size_u: float
+    found: int
+    of: int
+    share: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriftStudy(StudyAnswer):
+    """The whole answer. `intervals`: of a random combination of the offsets at a random result of each arm;
+    `control`: the same by the control."""
+
+    settings: DriftSettings
+    intervals: Share
+    control: Share
+    alarms: Alarms
+    power: tuple[Power, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Arm:
+    series: Series
+    true: Matrix  # (T, m)
+    jump: tuple[int, int, float] | None  # interval, offset, size in u
+
+
+def drift_study(arms: int, seed: int, tell: Callable[[str, float], None]) -> DriftStudy:
+    """Simulate and judge so many arms."""
+    began = time.monotonic()
+    names, units, covariance = _plan()
+    held, by_control, alarmed, singles = 0, 0, 0, []
+    found: dict[float, list[bool]] = {size: [] for size in _SIZES}
+    quiet = 0
+    for number in range(arms):
+        tell(f"arm {number + 1} of {arms}", number / arms)
+        random = np.random.default_rng([seed, number])
+        own = _simulated(random, names, units, covariance, number)
+        judged, control = drift(own.series, seed=number), drift(_uncorrelated(own.series), seed=number)
+        t, along = int(random.integers(_RESULTS)), random.normal(size=len(names))
+        held += _holds(judged, t, along, own.true[t])
+        by_control += _holds(control, t, along, own.true[t])
+        if own.jump is None:
+            quiet += 1
+            alarmed += bool(judged.jumps)
+            singles.append(float(random.choice(judged.p_first[np.isfinite(judged.p_first)])))
+        else:
+            after, joint, size = own.jump
+            found[size].append(any((one.after, one.offset) == (after, names[joint]) for one in judged.jumps))
+    intervals, wrong = (held_share(own, arms, LEVEL, _CHANCE) for own in (held, by_control))
+    low, high = share_interval(alarmed, quiet)
+    p_uniform = float(stats.kstest(singles, "uniform").pvalue)
+    too_many = stats.binomtest(alarmed, quiet, ALARM, alternative="greater").pvalue < _CHANCE
+    told = Alarms(
+        quiet, alarmed, alarmed / quiet, low, high, p_uniform, bool(not too_many and p_uniform >= _CHANCE)
+    )
+    agrees = intervals.agrees and told.agrees and not wrong.agrees
+    return DriftStudy(
+        study="drift",
+        title="Do intervals and alarms of a drift hold?",
+        headline=_headline(intervals, told, wrong),
+        agrees=agrees,
+        seconds=time.monotonic() - began,
+        versions=versions(),
+        notes=(),
+        settings=DriftSettings(arms, _RESULTS, _QUARTER, ALARM, LEVEL, MEDIAN, SPREAD, _CHANCE, seed),
+        intervals=intervals,
+        control=wrong,
+        alarms=told,
+        power=tuple(_power(size, own) for size, own in found.items() if own),
+    )
+
+
+def _headline(intervals: Share, alarms: Alarms, control: Share) -> str:
+    said = "hold" if intervals.agrees else "do not hold"
+    rate = "at most as often as stated" if alarms.agrees else "not as stated"
+    other = "is found wrong" if not control.agrees else "is not found wrong"
+    return f"the intervals {said}, false alarms are {rate}; the control without correlations {other}"
+
+
+def _power(size: float, found: list[bool]) -> Power:
+    low, high = share_interval(sum(found), len(found))
+    return Power(size, sum(found), len(found), sum(found) / len(found), low, high)
+
+
+def _plan() -> tuple[tuple[str, ...], tuple[str, ...], Matrix]:
+    """Offsets of the demo's good run with their whole covariance."""
+    run = read_run(next(demo.path for demo in demo_runs() if demo.name == "good"))
+    alone = offsets_without_prior(solved(Problem.from_run(run), run.header).solution)
+    assert alone is not None
+    return alone.names, alone.units, np.array(alone.covariance)
+
+
+def _simulated(
+    random: np.random.Generator,
+    names: tuple[str, ...],
+    units: tuple[str, ...],
+    covariance: Matrix,
+    number: int,
+) -> _Arm:
+    size = len(names)
+    rates = MEDIAN * np.exp(SPREAD * random.normal(size=size))
+    steps = random.normal(size=(_RESULTS - 1, size)) * rates * np.sqrt(_QUARTER)
+    true = np.cumsum(np.vstack([random.normal(size=size), steps]), axis=0)
+    jump = None
+    if number % 2:
+        after, joint = int(random.integers(_RESULTS - 1)), int(random.integers(size))
+        jump = after, joint, _SIZES[number // 2 % len(_SIZES)]
+        true[after + 1 :, joint] += jump[2] * np.sqrt(covariance[joint, joint])
+    observations = []
+    for t in range(_RESULTS):
+        own = covariance * random.uniform(_BETTER, _WORSE) ** 2
+        values = random.multivariate_normal(true[t], own)
+        kept = np.arange(int(random.random() < _LOST), size)
+        named = tuple(names[i] for i in kept)
+        part = own[np.ix_(kept, kept)]
+        observations.append(Observation(t * _QUARTER, named, values[kept], part, np.zeros_like(part)))
+    return _Arm(series_of(observations, dict(zip(names, units, strict=True))), true, jump)
+
+
+def _uncorrelated(series: Series) -> Series:
+    """The control: every result with the variances of its offsets alone."""
+    return replace(
+        series,
+        observations=tuple(
+            replace(own, covariance=np.diag(np.diag(own.covariance))) for own in series.observations
+        ),
+    )
+
+
+def _holds(judged: Drift, t: int, along: Matrix, true: Matrix) -> bool:
+    low, high = judged.interval(t, along)
+    return bool(low <= along @ true <= high)

@@ -1,0 +1,151 @@
+"""The drift of an arm as tables and JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...experiments.history.arm_drift import ArmDrift, DatedJump
+from ..style.blocks import Block, Cell, Paragraph, row_of, table_of
+from ..words import numbers
+from ..words.wording import clipped, counted, label, shown
+from .lists import day, event_json, utc
+
+SCHEMA = "zerobeam/drift/1"
+_FEW = 30  # rates: below, the numbers are coarse
+
+
+def drift_blocks(found: ArmDrift) -> Iterator[Block]:
+    """Jumps, the offsets now and how fast they walk, the due date, what does not count."""
+    if found.drift is not None:
+        yield _jumps(found.jumps)
+        yield _offsets(found)
+        if found.drift.effective < _FEW:
+            yield Paragraph("Few walk rates explain these results: intervals and p-values are approximate.")
+    yield Paragraph(f"{due_sentence(found)} {counted(len(found.used), 'result')} counted.")
+    for own in found.left_out:
+        yield Paragraph(f"Not counted: the result of {day(own.result.measured_at)}. {own.reason}.")
+
+
+def due_sentence(found: ArmDrift) -> str:
+    """When the next calibration is due, or why there is no date."""
+    limit = f"TCP error within {numbers.exact(found.tolerance_mm, 'mm')} (95 %, rms of the workspace)"
+    if found.due is not None and not found.due_reason:
+        return f"Next calibration due: {found.due:%Y-%m-%d}, for a {limit}."
+    word = "due now" if found.due is not None else "no due date"
+    return f"Next calibration: {word} for a {limit}: {found.due_reason}."
+
+
+def arms_drift_table(arms: Sequence[ArmDrift]) -> Block:
+    """A row for each arm: its clearest jump, and when it is due."""
+    rows = [
+        row_of(
+            clipped(own.serial, 24),
+            clipped(own.model, 20),
+            str(len(own.used)),
+            _clearest(own.jumps),
+            "none" if own.due is None else f"{own.due:%Y-%m-%d}",
+            tone="weak" if own.jumps else "",
+        )
+        for own in arms
+    ]
+    heads = ("arm", "model", "results", "clearest jump", "due")
+    columns = [(head, "right" if head == "results" else "left") for head in heads]
+    return table_of("Drift of all arms", columns, rows)
+
+
+def drift_json(found: ArmDrift) -> dict[str, Any]:
+    """The same for programs."""
+    return {
+        "serial": found.serial,
+        "model": found.model,
+        "used": [own.sha256 for own in found.used],
+        "left_out": [{"sha256": own.result.sha256, "reason": own.reason} for own in found.left_out],
+        "offsets": list(_offset_rows(found)),
+        "jumps": [
+            {
+                "offset": own.jump.offset,
+                "unit": own.jump.unit,
+                "after": utc(own.after),
+                "before": utc(own.before),
+                "p_value": own.jump.p_value,
+                "size": own.jump.size,
+                "interval95": list(own.jump.interval95),
+                "events": [event_json(event) for event in own.events],
+            }
+            for own in found.jumps
+        ],
+        "effective_rates": None if found.drift is None else found.drift.effective,
+        "due": {
+            "tolerance_mm": found.tolerance_mm,
+            "date": None if found.due is None else f"{found.due:%Y-%m-%d}",
+            "reason": found.due_reason or None,
+        },
+    }
+
+
+def _offset_rows(found: ArmDrift) -> Iterator[dict[str, Any]]:
+    """Of each offset at the last result: estimate, std, interval, the rate of its walk."""
+    if found.drift is None:
+        return
+    names = found.drift.series.names
+    for i, name in enumerate(names):
+        along, last = np.eye(len(names))[i], len(found.used) - 1
+        value, std = found.drift.value(last, along)
+        median, interval = found.drift.rate(name)
+        yield {
+            "name": name,
+            "unit": found.drift.series.units[i],
+            "estimate": value,
+            "std": std,
+            "interval95": list(found.drift.interval(last, along)),
+            "rate": {"median": median, "interval95": list(interval)},
+        }
+
+
+def _offsets(found: ArmDrift) -> Block:
+    rows = [
+        row_of(
+            label(own["name"]),
+            f"{numbers.estimate(own['estimate'], own['std'])} ± {numbers.spread(own['std'], own['unit'])}",
+            numbers.significant(own["rate"]["median"], 2, own["unit"]),
+            " to ".join(numbers.significant(end, 2) for end in own["rate"]["interval95"]),
+        )
+        for own in _offset_rows(found)
+    ]
+    heads = ("offset", "at the last result", "walk", "95 % interval")
+    columns = [(head, "left" if head == "offset" else "right") for head in heads]
+    return table_of("Offsets by all results, and their random walk per root year", columns, rows)
+
+
+def _jumps(jumps: Sequence[DatedJump]) -> Block:
+    if not jumps:
+        return Paragraph("No jump: the random walk explains every change.")
+    rows = [
+        row_of(
+            Cell(label(own.jump.offset), mark="weak"),
+            f"{day(own.after)} to {day(own.before)}",
+            numbers.interval(own.jump.interval95, _half(own), own.jump.unit),
+            numbers.p_value(own.jump.p_value),
+            ", ".join(f"{event.what} {day(event.at)} {shown(event.note)}".strip() for event in own.events)
+            or "none logged",
+        )
+        for own in jumps
+    ]
+    heads = ("offset", "between", "change", "p-value", "events")
+    columns = [(head, "right" if head in ("change", "p-value") else "left") for head in heads]
+    return table_of("Jumps; p-values adjusted for the number of tests (Bonferroni)", columns, rows)
+
+
+def _half(own: DatedJump) -> float:
+    low, high = own.jump.interval95
+    return max((high - low) / 4, 1e-12)
+
+
+def _clearest(jumps: Sequence[DatedJump]) -> str:
+    if not jumps:
+        return "none"
+    own = min(jumps, key=lambda jump: jump.jump.p_value)
+    return f"{label(own.jump.offset)}, {day(own.before)}"

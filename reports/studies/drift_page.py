@@ -1,0 +1,120 @@
+"""The page of the study `drift`: intervals, false alarms, the power of the test for jumps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ...experiments.studies.drift import DriftStudy, Power
+from ..style.blocks import FigureBlock, Page, Paragraph, Table, row_of, section_of, table_of
+from ..style.canvas import Picture, new_figure, style, to_svg
+from ..style.palette import light
+from ..style.typeface import in_font
+from ..words import numbers
+from .phrases import about_study, files_block, view_of
+from .shares import STANDING, PlainRow, percent, share, share_interval, share_text
+
+
+def drift_page(answer: DriftStudy) -> Page:
+    """The display strings of the study of drift."""
+    settings, alarms = answer.settings, answer.alarms
+    sections = [
+        section_of(
+            "Intervals",
+            _intervals(answer),
+            Paragraph(
+                "Of each arm one random combination of its offsets at one random result. The control takes"
+                " the offsets of a result as uncorrelated."
+            ),
+        ),
+        section_of(
+            "False alarms",
+            Paragraph(
+                f"{alarms.alarms} of {alarms.arms} arms without a jump have an alarm:"
+                f" {share_text(alarms.share, alarms.low, alarms.high, alarms.arms)} %; stated is at most"
+                f" {percent(settings.alarm)}. The p-values of single tests are uniform: p"
+                f" {numbers.p_value(alarms.p_uniform)}."
+            ),
+        ),
+        section_of("Jumps that are found", _power(answer), FigureBlock("power")),
+        section_of(
+            "How it was done",
+            about_study(
+                answer,
+                [
+                    ("Arms", str(settings.arms)),
+                    ("Results of an arm", f"{settings.results}, every {settings.years_between:g} years"),
+                    (
+                        "Walk of an offset",
+                        f"log-normal: median {settings.rate_median:g}° per root year, standard deviation"
+                        f" {settings.rate_spread:g} of its logarithm",
+                    ),
+                    ("Seed", str(settings.seed)),
+                ],
+            ),
+            files_block("power.csv holds the jumps that were found"),
+        ),
+    ]
+    subtitle = f"{settings.arms} simulated arms of {settings.results} results, seed {settings.seed}"
+    return view_of(answer, subtitle, sections)
+
+
+def _intervals(answer: DriftStudy) -> Table:
+    heads = ("covariance", "share that holds, %", "95 % interval", "as it must be")
+    columns = [(head, "right" if "%" in head else "left") for head in heads]
+    rows = []
+    for name, own, control in (
+        ("in full", answer.intervals, False),
+        ("correlations ignored (control)", answer.control, True),
+    ):
+        _, words = STANDING[control, own.agrees]
+        rows.append(row_of(name, share(own), share_interval(own.low, own.high, own.of), words))
+    return table_of(f"Intervals of {percent(answer.settings.level)} that hold the true value", columns, rows)
+
+
+def _power(answer: DriftStudy) -> Table:
+    columns = [(head, "right") for head in ("size of the jump", "found", "share, %", "95 % interval")]
+    rows = []
+    for own in answer.power:
+        interval = share_interval(own.low, own.high, own.of)
+        rows.append(row_of(f"{own.size_u:g} u", f"{own.found} of {own.of}", _share(own), interval))
+    caption = "Jumps found at their offset and interval; u is the standard uncertainty of the plan"
+    return table_of(caption, columns, rows)
+
+
+def _share(own: Power) -> str:
+    return share_text(own.share, own.low, own.high, own.of).partition(" ")[0]
+
+
+def drift_pictures(answer: DriftStudy) -> list[Picture | None]:
+    """The power curve."""
+    power = answer.power
+    if not power:
+        return [None]
+    with style():
+        figure = new_figure(2.6)
+        axes = figure.subplots()
+        at, blue = [own.size_u for own in power], light("identified")
+        for own in power:
+            axes.plot([own.size_u] * 2, [own.low, own.high], "-", linewidth=1.3, color=blue)
+        axes.plot(at, [own.share for own in power], "o-", markersize=4.2, linewidth=1, color=blue)
+        axes.axhline(answer.settings.alarm, color=light("muted"), linewidth=0.8, linestyle="--")
+        axes.set_ylim(-0.03, 1.03)
+        axes.set_xlabel(in_font("size of the jump, in standard uncertainties u of the plan"))
+        axes.set_ylabel(in_font("share found"))
+        svg = to_svg(figure, "power")
+    alt = "; ".join(f"{own.size_u:g} u: {_share(own)} %" for own in power)
+    title = "Share of the jumps that are found, by size (bars: 95 % intervals; dashed: stated false alarms)"
+    return [Picture("power", title, f"Share of jumps found. {alt}.", svg)]
+
+
+def power_rows(answer: DriftStudy) -> Iterator[PlainRow]:
+    """`power.csv`: a row for each size of jump."""
+    for own in answer.power:
+        yield {
+            "size_u": own.size_u,
+            "found": own.found,
+            "of": own.of,
+            "share": own.share,
+            "low": own.low,
+            "high": own.high,
+        }
