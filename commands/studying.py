@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
@@ -87,7 +87,7 @@ def study_drift(
     """Intervals, false alarms and power of `history drift`: arms with known walks and jumps."""
     from ..experiments.studies.drift import drift_study
 
-    _study(folder, as_json, lambda tell: drift_study(arms, seed, tell), _store(folder))
+    _study(folder, as_json, lambda tell: drift_study(arms, seed, tell), _store(folder), nullcontext())
 
 
 @studies.command("table2")
