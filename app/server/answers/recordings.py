@@ -23,6 +23,7 @@ from ..named_files import require_named_inside
 from .notes import noted
 
 _MOST = 20  # of its measurements after each of which u is said
+_MOST_RUNS = 5  # that are offered to be resumed
 _LARGEST = 2 * 10**6  # bytes of a run file that is read while somebody waits
 _SAID = "plan sha256"  # in the provenance of a run that was carried out
 _BY_HAND = "by hand"
@@ -36,47 +37,60 @@ def recording(folder: Folder, name: str) -> dict[str, Any]:
     that is not in the folder), `ended` (null: not known), `torn` (its last line is cut off), and `resume`,
     the command that goes on with it, or null and `why_not`.
     """
+    with noted() as notes:
+        run, facts = _read(folder, name)
+        states = _states(run)
+        state = states[-1][1] if states else None
+    return facts | {
+        "std": {} if state is None else state.std,
+        "course": [{"recorded": count, "std": own.std} for count, own in states],
+        "worst_std": None if state is None else state.worst,
+        "headline": None if state is None else headline(state, person),
+        "notes": notes,
+    }
+
+
+def unfinished(folder: Folder) -> list[dict[str, Any]]:
+    """The runs that the app began and that have not reached their end, the newest first, `_MOST_RUNS` at the
+    most: the same of each but what its measurements determine; `why_not` alone where it cannot be read."""
+    found = []
+    with noted():
+        for name in BegunRuns(folder).unfinished()[:_MOST_RUNS]:
+            try:
+                found.append(_read(folder, name)[1])
+            except BadInput as error:
+                found.append({"file": name, "resume": None, "why_not": folder.without(str(error))})
+    return found
+
+
+def _read(folder: Folder, name: str) -> tuple[Run, dict[str, Any]]:
+    """A run, and what is said of it without a fit."""
     path = folder.file(name)
     require_named_inside(folder, path)
     if path.stat().st_size > _LARGEST:
         remedy = "use zerobeam analyse"
         raise BadInput("the run is too long to be looked at here", remedy=remedy, file=Path(name))
-    with noted() as notes:
-        run, torn = recorded(path.read_bytes(), path)
-        states = _states(run)
-        state = states[-1][1] if states else None
-        resume, plan, why_not = _resume(folder, folder.called(path), run)
-        postures = None if plan is None else len(read_plan(folder.inside(plan)).postures)
+    called, begun = folder.called(path), BegunRuns(folder)
+    run, torn = recorded(path.read_bytes(), path)
+    resume, plan, why_not = _resume(folder, called, run)
+    postures = None if plan is None else len(read_plan(folder.inside(plan)).postures)
     done = [shot.shot for shot in run.shots]
-    begun = BegunRuns(folder)
-    ended: bool | None = begun.ended(folder.called(path))
+    ended: bool | None = begun.ended(called)
     if not ended and postures is not None and set(range(postures)) <= set(done):
         ended = True
-    elif not ended and begun.command(folder.called(path)) is None:
+    elif not ended and begun.command(called) is None:
         ended = None
-    return {
-        "file": folder.called(path),
+    return run, {
+        "file": called,
         "origin": run.header.provenance.get("origin"),
         "plan": plan,
         "postures": postures,
         "recorded": done,
         "ended": ended,
         "torn": torn is not None,
-        "std": {} if state is None else state.std,
-        "course": [{"recorded": count, "std": own.std} for count, own in states],
-        "worst_std": None if state is None else state.worst,
-        "headline": None if state is None else headline(state, person),
         "resume": resume,
         "why_not": why_not,
-        "notes": notes,
     }
-
-
-def unfinished(folder: Folder) -> list[dict[str, Any]]:
-    """The runs that the app began and that have not reached their end, the newest first: `file`, and the
-    command that goes on with each (`resume`)."""
-    begun = BegunRuns(folder)
-    return [{"file": name, "resume": begun.command(name)} for name in begun.unfinished()]
 
 
 def _states(run: Run) -> list[tuple[int, SoFar]]:

@@ -4,7 +4,8 @@ import { posed, show } from "/page/parts/picture.js";
 import { course, picture, psd, span, trace } from "/page/places/measure/pictures.js";
 
 const ANSWERS = { yes: "Record it all the same", rad: "They are radians" };
-const MOVING_MS = 250; // an arm that is sent elsewhere is seen going there
+const MOVING_MS = 80; // an arm that is sent elsewhere is seen going there
+const NEAR_MM = 2;
 const left = (s) => (s < 90 ? `${Math.round(s)} s` : `${Math.round(s / 60)} min`);
 const counted = (n, what) => `${n} ${what}${n === 1 ? "" : "s"}`;
 
@@ -22,7 +23,8 @@ export class Live {
   begin() {
     this.earlier = [];
     this.shown = {};
-    this.at = null;
+    this.at = this.goal = null;
+    this.moving = false;
     by("measure-run").hidden = false;
     by("measure-line").value = "";
   }
@@ -150,17 +152,24 @@ export class Live {
     if (!run.arm) { this.shown.planned = plan; this.draw(null, null); return; }
     if (this.shown.arm === run.arm) return;
     this.shown.arm = run.arm;
-    const from = this.at, to = [...run.arm.arm, ...run.arm.beam];
-    const far = from && from.length === to.length && Math.max(...to.map((p, i) => Math.hypot(...p.map((v, k) => v - from[i][k])))) > 20;
-    if (!far || matchMedia("(prefers-reduced-motion: reduce)").matches) { this.draw(run.arm, to); return; }
-    const began = performance.now();
-    const step = (time) => {
-      if (this.shown.arm !== run.arm) return;
-      const share = Math.min(1, (time - began) / MOVING_MS);
-      this.draw(run.arm, to.map((p, i) => p.map((v, k) => from[i][k] + share * (v - from[i][k]))));
-      if (share < 1) requestAnimationFrame(step);
-    };
-    requestAnimationFrame(step);
+    this.goal = [...run.arm.arm, ...run.arm.beam];
+    const still = !this.at || this.at.length !== this.goal.length || matchMedia("(prefers-reduced-motion: reduce)").matches;
+    if (still) { this.draw(run.arm, this.goal); return; }
+    if (!this.moving) this.move(performance.now());
+  }
+
+  // One step of the way at each frame, however often the arm is sent elsewhere meanwhile.
+  move(before) {
+    this.moving = true;
+    requestAnimationFrame((now) => {
+      this.moving = false;
+      const arm = this.shown.arm, to = this.goal;
+      if (!arm || !this.visible || this.at.length !== to.length) return;
+      const share = 1 - Math.exp(-(now - before) / MOVING_MS);
+      const near = Math.max(...to.map((p, i) => Math.hypot(...p.map((v, k) => v - this.at[i][k])))) < NEAR_MM;
+      this.draw(arm, near ? to : to.map((p, i) => p.map((v, k) => this.at[i][k] + share * (v - this.at[i][k]))));
+      if (!near) this.move(now);
+    });
   }
 
   draw(arm, points) {

@@ -1,6 +1,6 @@
 // The place Measure: a plan carried out by a simulation, by hand or by a robot, and what is seen of it.
 import { get, post, Refused, remove } from "/page/parts/api.js";
-import { by, fill, make, named, options, say, spread } from "/page/parts/dom.js";
+import { by, fill, make, options, say } from "/page/parts/dom.js";
 import { follow } from "/page/places/measure/follow.js";
 import { Live } from "/page/places/measure/live.js";
 
@@ -188,26 +188,25 @@ function showForm() {
   else listUnfinished();
 }
 
+let listing = 0;
 async function listUnfinished() {
+  const own = (listing += 1); // the last that was asked for is shown
   try {
     const [open, jobs] = await Promise.all([get("/api/unfinished"), get("/api/jobs")]);
+    if (own !== listing || underWay()) return;
     const busy = jobs.filter((job) => !OVER.includes(job.state)).flatMap((job) => job.command);
-    const free = open.filter((run) => !busy.includes(`--out=${run.file}`)).slice(0, 5);
-    const told = await Promise.all(free.map((run) => get(`/api/run?file=${encodeURIComponent(run.file)}`).catch((error) => ({ ...run, error }))));
-    if (underWay()) return;
-    by("measure-open").hidden = !told.length;
-    fill(by("measure-unfinished"), told.map((run) => unfinished(run)));
+    const free = open.filter((run) => !busy.includes(`--out=${run.file}`));
+    by("measure-open").hidden = !free.length;
+    fill(by("measure-unfinished"), free.map((run) => unfinished(run)));
   } catch (error) {
-    if (!underWay()) fault(error);
+    if (own === listing && !underWay()) fault(error);
   }
 }
 
 function unfinished(run) {
-  if (run.error) return make("li", {}, make("p", {}, run.file, make("small", {}, run.error.text || String(run.error))));
-  const of = run.postures === null ? "" : ` of ${run.postures}`;
-  const worst = run.worst_std === null ? "not every offset is determined yet" : `largest u ${spread(run.worst_std, "deg")}`;
-  const facts = run.recorded.length ? `${run.recorded.length}${of} recorded; ${worst}. ${named(run.headline || "")}` : `nothing recorded yet${of && `, ${run.postures} postures`}`;
-  const item = make("li", {}, make("p", {}, run.file, make("small", {}, run.why_not ? `${facts} ${run.why_not}` : facts)));
+  const of = run.postures ? ` of ${run.postures}` : "";
+  const facts = run.recorded ? `${run.recorded.length}${of} recorded.${run.torn ? " The last line is torn and will be left out." : ""}` : "";
+  const item = make("li", {}, make("p", {}, run.file, make("small", {}, [facts, run.why_not].filter(Boolean).join(" "))));
   if (!run.resume) return item;
   // A controller asks for a password, and it is kept nowhere.
   const password = run.resume.includes("--rig=abb") ? make("input", { type: "password", autocomplete: "off", "aria-label": `Password of the controller, for ${run.file}`, placeholder: "Password" }) : null;
