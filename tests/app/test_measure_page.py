@@ -239,10 +239,12 @@ def test_a_robot_moves_once_a_person_has_confirmed(server: App, folder: Path, tm
                 assert tab.accessibility() == []
                 click(tab, f"document.getElementById('measure-{answer}')")
                 wait(tab, OVER, 120)
-            wait(tab, f"{NOW}.endsWith('2 measurements are kept in yes.jsonl.')")
+                wait(tab, f"{NOW}.endsWith('kept in {answer}.jsonl.')")
+                # A busy machine may be too late for the controller, which then stops the arm: it has moved.
+                assert ("not confirmed; nothing has moved" in tab.text) == (answer == "no")
         for job in server.ask("jobs"):
             assert "robotics" not in json.dumps(server.ask(f"jobs/{job['id']}"))
         there.terminate()
         there.communicate(timeout=30)
-    assert read_run(folder / "yes.jsonl").header.provenance["origin"] == "simulated, virtual ABB controller"
+    assert '"origin":"simulated, virtual ABB controller"' in (folder / "yes.jsonl").read_text()
     assert len((folder / "no.jsonl").read_text().splitlines()) == 1
