@@ -97,9 +97,8 @@ def _add(connection: sa.Connection, entry: Entry, replace: bool) -> Outcome:
     content = zlib.compress(entry.text.encode(), _LEVEL)
     if (here := _held(connection, entry.sha256)) is None:
         arms = {"serial": entry.serial, "model": entry.model, "vendor": entry.vendor}
-        connection.execute(_insert(connection, arm).values(arms).on_conflict_do_nothing())
-        made = connection.execute(_insert(connection, result).values(row).on_conflict_do_nothing())
-        if made.rowcount:
+        _inserted(connection, arm, arms)
+        if _inserted(connection, result, row):
             connection.execute(sa.insert(document).values(sha256=entry.sha256, content=content))
             return "added"
         here = _held(connection, entry.sha256) or {}  # of another writer, between the two
@@ -131,13 +130,15 @@ def add_event(history: Database, found: Event) -> bool:
     if found.what not in get_args(What):
         raise BadInput("there is no event of this kind", found=found.what, allowed=", ".join(get_args(What)))
     with history.writing() as connection:
-        made = connection.execute(_insert(connection, event).values(asdict(found)).on_conflict_do_nothing())
-    return bool(made.rowcount)
+        return _inserted(connection, event, asdict(found))
 
 
-def _insert(connection: sa.Connection, table: sa.Table) -> Any:
-    own = {"sqlite": sqlite.insert, "postgresql": postgresql.insert}
-    return own[connection.dialect.name](table)
+def _inserted(connection: sa.Connection, table: sa.Table, row: dict[str, Any]) -> bool:
+    """Insert a row; False where its key is there already."""
+    insert: Any = {"sqlite": sqlite.insert, "postgresql": postgresql.insert}[connection.dialect.name]
+    # What comes back says so: the number of rows does not with every driver.
+    made = insert(table).values(row).on_conflict_do_nothing().returning(*table.primary_key)
+    return connection.execute(made).first() is not None
 
 
 def arms(history: Database) -> list[Arm]:

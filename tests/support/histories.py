@@ -9,6 +9,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -53,7 +54,7 @@ def write_result(path: Path, answer: dict[str, Any]) -> Path:
 
 
 @contextmanager
-def postgresql(folder: Path) -> Iterator[str]:
+def postgresql() -> Iterator[str]:
     """The URL of an empty database of a real PostgreSQL server, started for the test; skipped without one."""
     program = shutil.which("pg_ctl") or next(
         map(str, sorted(Path("/usr/lib/postgresql").glob("*/bin/pg_ctl"))), None
@@ -61,45 +62,38 @@ def postgresql(folder: Path) -> Iterator[str]:
     if program is None:
         pytest.skip("PostgreSQL is not installed (no pg_ctl)")
     programs = Path(os.path.realpath(program)).parent
-    as_user: dict[str, Any] = {}
-    if os.getuid() == 0:  # the server refuses to run as root
+    # A folder of its own: pytest's are closed to the user that the server runs as.
+    with tempfile.TemporaryDirectory(prefix="zerobeam-server-") as name:
+        folder = Path(name)
+        as_user: dict[str, Any] = {}
+        if os.getuid() == 0:  # the server refuses to run as root
+            import pwd
+
+            nobody = pwd.getpwnam("nobody")
+            os.chown(folder, nobody.pw_uid, nobody.pw_gid)
+            as_user = {"user": nobody.pw_uid, "group": nobody.pw_gid, "extra_groups": []}
+
+        def do(*command: object) -> None:
+            ran = subprocess.run(
+                [str(part) for part in command],
+                stdout=subprocess.DEVNULL,  # the server would keep a pipe open
+                stderr=subprocess.DEVNULL,
+                cwd=folder,
+                timeout=120,
+                check=False,
+                **as_user,
+            )
+            assert ran.returncode == 0, command
+
+        data = folder / "data"
+        do(programs / "initdb", "-D", data, "-U", "plant", "-A", "trust", "--no-sync", "-E", "UTF8")
+        listen = f"-c listen_addresses='' -c unix_socket_directories='{folder}'"
+        do(programs / "pg_ctl", "-D", data, "-w", "-o", listen, "-l", folder / "log", "start")
         try:
-            shutil.chown(folder, "nobody")
-        except LookupError:
-            pytest.skip("PostgreSQL does not run as root, and there is no user nobody")
-        for parent in folder.parents:
-            if parent.stat().st_mode & 0o005 != 0o005 and os.stat(parent).st_uid == 0:
-                parent.chmod(parent.stat().st_mode | 0o011)
-        as_user = {"user": "nobody", "group": _group("nobody"), "extra_groups": []}
-    data = folder / "data"
-
-    def do(*command: object) -> None:
-        ran = subprocess.run(
-            [str(part) for part in command],
-            capture_output=True,
-            text=True,
-            cwd=folder,
-            timeout=120,
-            check=False,
-            **as_user,
-        )
-        assert ran.returncode == 0, (command, ran.stdout, ran.stderr)
-
-    do(programs / "initdb", "-D", data, "-U", "plant", "-A", "trust", "--no-sync", "-E", "UTF8")
-    listen = f"-c listen_addresses='' -c unix_socket_directories='{folder}'"
-    do(programs / "pg_ctl", "-D", data, "-w", "-o", listen, "-l", folder / "log", "start")
-    try:
-        do(programs / "createdb", "-h", folder, "-U", "plant", "history")
-        yield f"postgresql://plant@/history?host={folder}"
-    finally:
-        do(programs / "pg_ctl", "-D", data, "-m", "immediate", "stop")
-
-
-def _group(user: str) -> int:
-    """The group of a user."""
-    import pwd
-
-    return pwd.getpwnam(user).pw_gid
+            do(programs / "createdb", "-h", folder, "-U", "plant", "history")
+            yield f"postgresql://plant@/history?host={folder}"
+        finally:
+            do(programs / "pg_ctl", "-D", data, "-m", "immediate", "stop")
 
 
 # Adds the results of a folder one after the other, and says of each that it is there.

@@ -245,9 +245,9 @@ def test_two_processes_write_at_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_postgresql_keeps_what_sqlite_keeps(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_postgresql_keeps_what_sqlite_keeps(tmp_path: Path) -> None:
     files, sqlite = _files(tmp_path / "in", 60), open_history(str(tmp_path / "one.sqlite"), create=True)
-    with postgresql(tmp_path_factory.mktemp("server")) as url:
+    with postgresql() as url:
         with child(adding(url, files)) as one, child(adding(url, files)) as other:
             told = [*one.communicate()[0].splitlines(), *other.communicate()[0].splitlines()]
         assert sum(line.endswith(" added") for line in told) == 60
