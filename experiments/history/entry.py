@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import json
+import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +16,7 @@ import numpy as np
 
 from ...analysis.status import Verdict, known
 from ...model.errors import BadInput
-from ...model.files.reading import LARGEST_RECORDING, parse_json, read_text
+from ...model.files.reading import LARGEST_RECORDING, read_text
 from ...reports.words.provenance import (
     DATE,
     KEYS,
@@ -99,7 +101,7 @@ def read_entry(
     else:
         text = read_text(path, LARGEST_RECORDING)[0]
     try:
-        answer = parse_json(text, file=path, line=1)
+        answer = _parsed(text)
         if answer["schema"] != RESULT_SCHEMA:
             raise ValueError(f"schema {answer['schema']!r}")
         origin = _origin(answer["inputs"]["header"].get("provenance", {}), path, serial, when)
@@ -112,6 +114,19 @@ def read_entry(
             remedy="make it again with zerobeam report or zerobeam analyse --json",
             file=path,
         ) from None
+
+
+def _parsed(text: str) -> Any:
+    """Plain JSON; ValueError for NaN and infinity. The checks of `parse_json` would take most of the time of
+    adding; what a history counts with is checked on its own."""
+
+    def refuse(word: str) -> None:
+        raise ValueError(f"{word} is no number")
+
+    try:
+        return json.loads(text, parse_constant=refuse)
+    except RecursionError:
+        raise ValueError("the values are nested too deeply") from None
 
 
 @dataclass(frozen=True)
@@ -199,8 +214,10 @@ def _offset(row: dict[str, Any]) -> dict[str, Any]:
     kept = {key: row[key] for key in ("name", "unit", "status", "held", "estimate", "std", "interval95")}
     if row["status"] == "unidentifiable" and (row["estimate"], row["std"]) != (None, None):
         raise ValueError(f"{row['name']} is unidentifiable, yet it has a number")
-    if known(row["status"]) and not float(row["std"]) > 0:
-        raise ValueError(f"the std of {row['name']} is not above 0")
+    if known(row["status"]) and not (0 < float(row["std"]) < math.inf):
+        raise ValueError(f"the std of {row['name']} is not a number above 0")
+    if not all(math.isfinite(own) for own in (row["estimate"] or 0.0, *(row["interval95"] or ()))):
+        raise ValueError(f"a number of {row['name']} is not finite")
     return kept
 
 
@@ -214,8 +231,11 @@ def _without_prior(own: dict[str, Any] | None, offsets: list[dict[str, Any]]) ->
     if not size or len(sizes) > 1 or not set(own["names"]) <= allowed:
         raise ValueError("without_prior names what is not determined, or not all of it has a value")
     covariance = np.array(own["covariance"], float)
+    if not np.isfinite(np.array(own["values"], float)).all() or not np.isfinite(covariance).all():
+        raise ValueError("a number of without_prior is not finite")
     if covariance.shape != (size, size) or not np.linalg.eigvalsh(covariance + covariance.T).min() > 0:
         raise ValueError("without_prior.covariance is none of these offsets")
-    if np.array(own["by_geometry"], float).reshape(size, -1).shape != (size, shared):
+    by_geometry = np.array(own["by_geometry"], float).reshape(size, -1)
+    if by_geometry.shape != (size, shared) or not np.isfinite(by_geometry).all():
         raise ValueError("without_prior.by_geometry is none of these offsets")
     return own

@@ -22,8 +22,8 @@ def drift_page(answer: DriftStudy) -> Page:
             "Intervals",
             _intervals(answer),
             Paragraph(
-                "Of each arm one random combination of its offsets at one random result. The control takes"
-                " the offsets of a result as uncorrelated."
+                "Of each arm at one random result. The worst determined combination is the first principal"
+                " axis of the plan’s correlations; the control takes a result’s offsets as uncorrelated."
             ),
         ),
         section_of(
@@ -59,12 +59,13 @@ def drift_page(answer: DriftStudy) -> Page:
 
 
 def _intervals(answer: DriftStudy) -> Table:
-    heads = ("covariance", "share that holds, %", "95 % interval", "as it must be")
+    heads = ("combination of offsets", "share that holds, %", "95 % interval", "as it must be")
     columns = [(head, "right" if "%" in head else "left") for head in heads]
     rows = []
     for name, own, control in (
-        ("in full", answer.intervals, False),
-        ("correlations ignored (control)", answer.control, True),
+        ("random combination", answer.intervals, False),
+        ("worst determined", answer.along_axis, False),
+        ("correlations ignored", answer.control, True),
     ):
         _, words = STANDING[control, own.agrees]
         rows.append(row_of(name, share(own), share_interval(own.low, own.high, own.of), words))

@@ -119,7 +119,7 @@ def test_what_is_not_determined_has_no_number(history: Database, tmp_path: Path)
         (lambda own: own["inputs"].update(robot=None), "no text"),
         (lambda own: own["without_prior"]["covariance"][0].pop(), "ValueError"),
         (lambda own: own["without_prior"].update(covariance=[[0.0] * 5] * 5), "covariance"),
-        (lambda own: own["parameters"][1].update(std=0.0), "not above 0"),
+        (lambda own: own["parameters"][1].update(std=0.0), "above 0"),
         (lambda own: own["accuracy"].update(sensitivity_mm2=[[1.0]]), "joints"),
         (lambda own: own["inputs"]["header"]["provenance"].pop("serial"), "--serial"),
         (lambda own: own["inputs"]["header"]["provenance"].pop("when"), "--when"),
@@ -132,6 +132,16 @@ def test_a_bad_result_is_one_clear_error(tmp_path: Path, change: Any, told: str)
     with pytest.raises(BadInput, match=told) as caught:
         entry(tmp_path, answer)
     assert "one.json" in str(caught.value)
+
+
+@pytest.mark.parametrize("bad", ["NaN", "Infinity", "1e999", "[" * 100_000])
+def test_numbers_that_are_none_are_refused(tmp_path: Path, bad: str) -> None:
+    answer = a_result()
+    answer["without_prior"]["values"][0] = "HERE"
+    file = write_result(tmp_path / "one.json", answer)
+    file.write_text(file.read_text(encoding="utf-8").replace('"HERE"', bad), encoding="utf-8")
+    with pytest.raises(BadInput, match="not a whole result"):
+        read_entry(file, lambda sha256: None)
 
 
 def test_an_older_result_without_the_covariance_is_kept(history: Database, tmp_path: Path) -> None:

@@ -27,6 +27,7 @@ def test_a_small_study_is_carried_out_and_shown() -> None:
 def test_intervals_and_alarms_of_500_arms_hold_and_the_control_does_not() -> None:
     found = drift_study(500, 0, lambda stage, share: None)
     assert found.intervals.agrees
+    assert found.along_axis.agrees
     assert found.alarms.agrees
     assert not found.control.agrees
     assert found.agrees
