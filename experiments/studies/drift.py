@@ -150,7 +150,7 @@ def _headline(hold: bool, alarms: Alarms, control: Share) -> str:
     said = "hold" if hold else "do not hold"
     rate = "at most as often as stated" if alarms.agrees else "not as stated"
     other = "is found wrong" if not control.agrees else "is not found wrong"
-    return f"the intervals {said}, false alarms are {rate}; the control without correlations {other}"
+    return f"The intervals {said}, false alarms are {rate}; the control without correlations {other}."
 
 
 def _power(size: float, found: list[bool]) -> Power:
