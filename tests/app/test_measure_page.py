@@ -71,9 +71,8 @@ def start(tab: Tab) -> None:
 
 
 def reload(tab: Tab) -> None:
-    tab.value("window.before = true")
-    tab.call("Page.reload")
-    wait(tab, "window.before === undefined && document.querySelector('.stop-bar')")
+    tab.reload()
+    wait(tab, "document.querySelector('.stop-bar')")
 
 
 def paste(tab: Tab, text: str) -> None:

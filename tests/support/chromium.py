@@ -196,6 +196,13 @@ class Tab:
         assert "exceptionDetails" not in told, told["exceptionDetails"]
         return told["result"].get("value")
 
+    def reload(self) -> None:
+        """Load the page anew, whole."""
+        kept = self._browser.events
+        kept[:] = [event for event in kept if event["method"] != "Page.loadEventFired"]
+        self.call("Page.reload")
+        self._browser.wait_for("Page.loadEventFired")
+
     def key(self, key: str) -> None:
         """Press a key where the focus is."""
         self.call("Input.dispatchKeyEvent", type="keyDown", key=key)
