@@ -67,14 +67,12 @@ def study_geometry(
     arms: Annotated[int, typer.Option(min=20, help="Simulated arms for each plan.")] = 200,
     seed: Seed = 0,
     as_json: Json = False,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
 ) -> None:
     """Coverage for arms that deviate from nominal geometry: taken as nominal against estimated."""
     from ..experiments.studies.geometry.study import geometry_study
 
-    store, within = _store(folder), asked_cluster(workers, scheduler)
-    _study(folder, as_json, lambda tell: geometry_study(arms, seed, tell, store=store), store, within)
+    store = _store(folder)
+    _study(folder, as_json, lambda tell: geometry_study(arms, seed, tell, store=store), store)
 
 
 @studies.command("drift")
@@ -176,7 +174,7 @@ def _study(
     as_json: bool,
     studied: Callable[[Callable[[str, float], None]], StudyAnswer],
     store: Path,
-    within: Within,
+    within: Within | None = None,
 ) -> NoReturn:
     """Carry a study out, write it, print it; the exit status says whether it agrees.
 
@@ -188,7 +186,7 @@ def _study(
 
     check_target(folder)
     try:
-        with within, progress("study") as tell:
+        with within or nullcontext(), progress("study") as tell:
             answer = studied(tell)
             tell("writing", 1.0)
             paths = write_study(folder, answer)

@@ -198,9 +198,12 @@ def _side_by_side(
         traffic.sent += len(piece.payload)
 
     waiting = enumerate(jobs)
+    cores, asked = 1, -_LOOK_S
     try:
         while True:
-            cores = max(len(client.scheduler_info(n_workers=-1)["workers"]), 1)
+            if time.monotonic() - asked > _LOOK_S:  # it is a question to the scheduler
+                cores = max(len(client.scheduler_info(n_workers=-1)["workers"]), 1)
+                asked = time.monotonic()
             for number, job in islice(waiting, max(AHEAD * cores - len(under_way), 0)):
                 under_way[number] = _UnderWay(pickle.dumps((work, job)), time.monotonic())
                 give(number)
@@ -235,7 +238,8 @@ def _side_by_side(
             sound, value = answer
             if not sound:
                 raise value
-            client.cancel([own for own in piece.futures if own is not future], force=True)
+            if others := [own for own in piece.futures if own is not future]:
+                client.cancel(others, force=True)
             del under_way[number]
             traffic.pieces += 1
             spent.append(time.monotonic() - piece.since)

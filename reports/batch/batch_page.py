@@ -105,7 +105,8 @@ def batch_page(done: Batch) -> Page:
     count, passed = len(done.rows), done.counts["pass"]
     robots = sorted({clipped(row.robot) for row in done.rows if row.robot})
     key, word = ("pass", "All pass") if done.passed else ("weak", "Not all pass")
-    said = f"{passed:,} of {counted(count, 'run')} {'is a pass' if passed == 1 else 'are a pass'}"
+    runs = "run" if count == 1 else "runs"
+    said = f"{passed:,} of {count:,} {runs} {'is a pass' if passed == 1 else 'are a pass'}"
     others = [f"{done.counts[own]:,} {_WORDS[own].lower()}" for own in OUTCOMES[:-1] if done.counts[own]]
     return Page(
         "Batch of runs",
@@ -158,12 +159,16 @@ def _failures(done: Batch) -> list[Section]:
     rows = [row for row in done.rows if row.outcome == "failed"]
     if not rows:
         return []
-    columns = [("run", "left"), ("file", "left"), ("message", "left")]
+    columns = [("file", "left"), ("message", "left")]
     said = [
-        row_of(_run(row), clipped(row.file, 60), clipped(" ".join(row.message.split()), _LONGEST_MESSAGE))
+        row_of(clipped(row.file, 60), clipped("; ".join(_lines(row.message)), _LONGEST_MESSAGE))
         for row in rows[:_MOST_NAMED]
     ]
     return [section_of("Failures", table_of(_caption("Runs without a result", rows), columns, said))]
+
+
+def _lines(message: str) -> list[str]:
+    return [" ".join(line.split()) for line in message.splitlines()]
 
 
 def _misfits(done: Batch) -> list[Section]:

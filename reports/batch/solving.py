@@ -68,6 +68,8 @@ def failed(name: str, file: str, error: Exception, run: Run | None = None) -> Ba
     """The row of a run that could not be solved."""
     if isinstance(error, ZerobeamError):
         message = str(error)
+        if isinstance(error, BadInput) and error.file is not None:  # it has a column of its own
+            message = message.removeprefix(error.file).lstrip(",: ")
     else:
         last = traceback.extract_tb(error.__traceback__)[-1]
         what = f"{type(error).__name__}: {error} ({Path(last.filename).name}:{last.lineno})"
