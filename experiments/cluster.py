@@ -172,8 +172,8 @@ def _carried(source: str, payload: bytes) -> bytes:
     """On a worker: a piece in, its answer out; None in place of both where the sources differ."""
     if source_hash() != source:
         return pickle.dumps(None)
-    work, job = pickle.loads(payload)
     try:
+        work, job = pickle.loads(payload)
         return pickle.dumps((True, worked(work, job)))
     except Exception as error:  # noqa: BLE001 - it is raised again where the answer is awaited
         return pickle.dumps((False, error))
