@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 from xml.etree import ElementTree
 from xml.parsers import expat
 
@@ -37,19 +38,24 @@ def read_urdf(path: Path, base: str, tip: str) -> Robot:
     return _Reader(path).robot(base, tip)
 
 
-@dataclass(frozen=True, eq=False)
-class VisualMesh:
-    """A mesh of a link on the chain: the `file` as the URDF names it, its `scale` (3,), its `pose` (4, 4),
-    mm, in the frame of `link`, 0 the base and k the link behind joint k of the robot."""
+VisualKind = Literal["mesh", "box", "cylinder", "sphere"]
 
+
+@dataclass(frozen=True, eq=False)
+class Visual:
+    """What is drawn of a link on the chain: a mesh, its `file` as the URDF names it, and its `scale` (3,); or
+    a solid, without a file, its extent (3,) in metres as `scale`. Its `pose` (4, 4), mm, is in the frame of
+    `link`, 0 the base and k the link behind joint k of the robot."""
+
+    kind: VisualKind
     file: str
     scale: Matrix
     pose: Matrix
     link: int
 
 
-def visual_meshes(path: Path, base: str, tip: str) -> list[VisualMesh]:
-    """What a URDF file shows of the links from `base` to `tip`: meshes, not spheres, boxes and cylinders."""
+def visuals_of(path: Path, base: str, tip: str) -> list[Visual]:
+    """What a URDF file shows of the links from `base` to `tip`."""
     return _Reader(path).visuals(base, tip)
 
 
@@ -231,9 +237,9 @@ class _Reader:
         warn_of(self.name, too_long(origins, "metres in a URDF"))
         return Robot(self.name, tuple(joints), pending)
 
-    def visuals(self, base: str, tip: str) -> list[VisualMesh]:
+    def visuals(self, base: str, tip: str) -> list[Visual]:
         elements = dict(zip(self.links, self.elements, strict=True))
-        found: list[VisualMesh] = []
+        found: list[Visual] = []
         link, pose = 0, np.eye(4)
         for name, edge in ((base, None), *((edge.child, edge) for edge in self.chain(base, tip))):
             if edge is not None and edge.kind == "fixed":
@@ -241,12 +247,32 @@ class _Reader:
             elif edge is not None:
                 link, pose = link + 1, np.eye(4)
             for visual in elements[name].findall("visual"):
-                if (mesh := visual.find("geometry/mesh")) is not None:
-                    stated = mesh.get("scale") is not None
-                    scale = self._numbers(mesh, "scale", 3) if stated else [1.0] * 3
-                    file = self._attribute(mesh, "filename")
-                    found.append(VisualMesh(file, np.array(scale), pose @ self._origin(visual), link))
+                for shape in visual.iterfind("geometry/*"):
+                    if (stated := self._shape(shape)) is not None:
+                        found.append(Visual(*stated, pose @ self._origin(visual), link))
         return found
+
+    def _shape(self, element: ElementTree.Element) -> tuple[VisualKind, str, Matrix] | None:
+        """Kind, file and scale of what <geometry> holds; None for a shape that URDF does not have."""
+        match element.tag:
+            case "mesh":
+                scale = self._numbers(element, "scale", 3) if element.get("scale") is not None else [1.0] * 3
+                return "mesh", self._attribute(element, "filename"), np.array(scale)
+            case "box":
+                return "box", "", self._extent(element, "size", 3)
+            case "cylinder":
+                (radius,), (length,) = self._extent(element, "radius", 1), self._extent(element, "length", 1)
+                return "cylinder", "", np.array([2 * radius, 2 * radius, length])
+            case "sphere":
+                return "sphere", "", np.repeat(2 * self._extent(element, "radius", 1), 3)
+        return None
+
+    def _extent(self, element: ElementTree.Element, name: str, count: int) -> Matrix:
+        values = np.array(self._numbers(element, name, count))
+        if not (values > 0).all():
+            found = element.get(name)
+            raise self._bad(f"{name!r} of <{element.tag}> is no extent", element, found=found, allowed="> 0")
+        return values
 
     def _joint(self, edge: _Edge, fixed: Matrix) -> Joint:
         if edge.kind not in ("revolute", "continuous", "prismatic"):
@@ -308,7 +334,7 @@ class _Reader:
 
     def _origin(self, parent: ElementTree.Element) -> Matrix:
         """Fixed transform (4, 4) in mm that <origin> states: from the parent link to a joint, from a link to
-        its mesh."""
+        what is drawn of it."""
         element = parent.find("origin")
         if element is None:
             return np.eye(4)

@@ -1,4 +1,4 @@
-"""The shapes of links as triangles, for pictures: STL, OBJ and the triangles of COLLADA files."""
+"""The shapes of links as triangles, for pictures: STL, OBJ, the triangles of COLLADA files, and solids."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Literal
 from xml.etree import ElementTree
 
 import numpy as np
@@ -22,6 +23,7 @@ LARGEST_MESH = 30 * 10**6  # bytes
 MOST_TRIANGLES = 500_000  # of a file
 _MILLIMETRES = 1000.0  # in a metre, which URDF counts in
 _STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_SIDES = 24  # of a round solid
 _FINEST = 96  # cells along a mesh that is to have fewer triangles
 
 
@@ -60,6 +62,30 @@ def read_mesh(path: Path) -> Mesh:
         allowed = f"at most {MOST_TRIANGLES}"
         raise BadInput("the mesh has too many triangles", found=len(mesh.faces), allowed=allowed, file=path)
     return mesh
+
+
+def solid(kind: Literal["box", "cylinder", "sphere"]) -> Mesh:
+    """A solid of extent 1 about the origin, a cylinder along z."""
+    turns = np.radians(np.arange(0, 360, 90 if kind == "box" else 360 / _SIDES))
+    if kind == "box":
+        rings = [(np.sqrt(0.5), -0.5), (np.sqrt(0.5), 0.5)]
+        turns = turns + np.pi / 4
+    elif kind == "cylinder":
+        rings = [(0.5, -0.5), (0.5, 0.5)]
+    else:
+        heights = np.radians(np.linspace(-90, 90, _SIDES // 2 + 1))[1:-1]
+        rings = [(0.5 * np.cos(height), 0.5 * np.sin(height)) for height in heights]
+    around = [[radius * np.cos(turn), radius * np.sin(turn), z] for radius, z in rings for turn in turns]
+    vertices = np.array([*around, [0, 0, -0.5], [0, 0, 0.5]])
+    count, bottom, top = len(turns), len(around), len(around) + 1
+    here = np.arange(count)
+    after, last = (here + 1) % count, count * (len(rings) - 1)
+    faces = [(bottom, b, a) for a, b in zip(here, after, strict=True)]
+    faces += [(top, last + a, last + b) for a, b in zip(here, after, strict=True)]
+    for low in range(0, last, count):
+        for a, b in zip(low + here, low + after, strict=True):
+            faces += [(a, b, b + count), (a, b + count, a + count)]
+    return Mesh(vertices, np.array(faces, dtype=np.int64))
 
 
 def simplified(mesh: Mesh, most: int) -> Mesh:

@@ -98,3 +98,24 @@ def test_joints_are_as_many_as_the_robot_has(client: TestClient) -> None:
     error = client.post("/api/robot", json={"robot": "ur5e", "joints_deg": [1, 2]}).json()["error"]
     assert "another number of joints" in error["what"]
     assert (error["found"], error["allowed"]) == ("2 joint values", "6")
+
+
+def test_boxes_cylinders_and_spheres_are_drawn_where_the_links_have_them(client: TestClient, cell: Path) -> None:
+    path = cell / "sub" / "arm.urdf"
+    mesh = '<geometry><mesh filename="package://cell/base.stl"/></geometry></visual>'
+    shapes = ('<box size="0.2 0.4 0.6"/>', '<cylinder radius="0.1" length="0.5"/>', '<sphere radius="0.05"/>')
+    visuals = "".join(
+        f'<visual><origin xyz="0 0 1"/><geometry>{shape}</geometry></visual>' for shape in shapes
+    )
+    text = path.read_text()
+    assert mesh in text
+    path.write_text(text.replace(mesh, mesh + visuals))
+    found = client.post("/api/meshes", json={"robot": ROBOT}).json()
+    base = [np.array(row["vertices"]) for row in found["meshes"] if row["link"] == 0][1:]
+    extents = [np.ptp(own, axis=0).tolist() for own in base]
+    assert extents == [[200, 400, 600], [200, 200, 500], [100, 100, 100]]
+    assert all(own.mean(axis=0) == pytest.approx([0, 0, 1000], abs=0.1) for own in base)
+    path.write_text(path.read_text().replace('radius="0.05"', 'radius="-0.05"'))
+    refused = client.post("/api/meshes", json={"robot": ROBOT})
+    assert refused.status_code == 400
+    assert "'radius' of <sphere> is no extent" in refused.json()["error"]["what"]

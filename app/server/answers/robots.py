@@ -14,10 +14,10 @@ from ....experiments.arm_shown import ShownArm, arm_json, shown_arm
 from ....model.errors import BadInput
 from ....model.files.header import RobotRef, UrdfRef
 from ....model.files.robot_file import built_in_robots, stated_rows
-from ....model.files.urdf import visual_meshes
+from ....model.files.urdf import visuals_of
 from ....model.files.validation import FileModel, as_tuple
 from ....model.robot import Matrix
-from ....reports.scenes.meshes import read_mesh, simplified
+from ....reports.scenes.meshes import read_mesh, simplified, solid
 from ..end_point import EndPoint
 from ..folder import Folder
 from .notes import noted
@@ -98,10 +98,13 @@ def meshes(folder: Folder, wanted: AskedMeshes) -> dict[str, Any]:
     out."""
     path = folder.inside(wanted.robot.urdf)
     shown, notes = [], []
-    visuals = visual_meshes(path, wanted.robot.base, wanted.robot.tip)
+    visuals = visuals_of(path, wanted.robot.base, wanted.robot.tip)
     for visual in visuals:
         try:
-            mesh = read_mesh(_mesh_file(folder, visual.file, path.parent))
+            if visual.kind == "mesh":
+                mesh = read_mesh(_mesh_file(folder, visual.file, path.parent))
+            else:
+                mesh = solid(visual.kind)
             own = simplified(mesh.placed(visual.pose, visual.scale), MOST_TRIANGLES // len(visuals))
         except BadInput as error:
             notes.append(folder.without(f"{visual.file} is not drawn: {error.what}"))
@@ -130,5 +133,5 @@ def _mesh_file(folder: Folder, name: str, start: Path) -> Path:
 END_POINTS = [
     EndPoint("/api/robots", "GET", "The built-in robots: name, vendor, model.", robots),
     EndPoint("/api/robot", "POST", "A robot (zerobeam/arm/1), its skeleton and axes.", robot, AskedRobot),
-    EndPoint("/api/meshes", "POST", "The meshes of a URDF's links, as triangles.", meshes, AskedMeshes),
+    EndPoint("/api/meshes", "POST", "What a URDF shows of its links, as triangles.", meshes, AskedMeshes),
 ]

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import struct
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from zerobeam.model.errors import BadInput
-from zerobeam.reports.scenes.meshes import Mesh, read_mesh, simplified
+from zerobeam.reports.scenes.meshes import Mesh, read_mesh, simplified, solid
 
 CORNERS = np.array([[[0, 0, 0], [1, 0, 0], [0, 2, 0]], [[0, 0, 0], [0, 2, 0], [0, 0, 3]]], dtype=float)
 FACETS = "\n".join(
@@ -89,3 +90,16 @@ def test_fewer_triangles_keep_the_shape() -> None:
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(across, axis=1).sum() / 2
     assert area == pytest.approx(4 * np.pi * 100**2, rel=0.1)
+
+
+@pytest.mark.parametrize(("kind", "volume"), [("box", 1), ("cylinder", np.pi / 4), ("sphere", np.pi / 6)])
+def test_a_solid_is_closed_of_its_extent_and_faces_outwards(kind: Any, volume: float) -> None:
+    mesh = solid(kind)
+    assert mesh.vertices.min(axis=0) == pytest.approx([-0.5] * 3)
+    assert mesh.vertices.max(axis=0) == pytest.approx([0.5] * 3)
+    edges = [(face[i], face[(i + 1) % 3]) for face in mesh.faces.tolist() for i in range(3)]
+    assert len(edges) == len(set(edges))
+    assert {(b, a) for a, b in edges} == set(edges)
+    # By the divergence theorem; flat sides cut off less than 3 %.
+    found = np.linalg.det(mesh.vertices[mesh.faces]).sum() / 6
+    assert 0.97 * volume < found <= volume * (1 + 1e-9)
