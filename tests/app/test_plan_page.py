@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import quote
 
+import numpy as np
 import pytest
 from app_page import app, give, wait
 from arm_with_meshes import URDF, stl
@@ -243,3 +244,113 @@ def test_meshes_axes_and_frames_of_a_urdf(address: str) -> None:
         wait(tab, f"{element('robot-solid')}.hidden")
         assert faults(tab) == []
         assert tab.dialogs == []
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_a_field_shows_all_digits_of_what_it_has(address: str, size: str) -> None:
+    with chromium().opened(f"{address}#plan/plan.yaml", SIZES[size]) as tab:
+        wait(tab, f"document.querySelector('#plan-table tbody tr') && {SETTLED}")
+        clipped = tab.value(
+            "[...document.querySelectorAll('#plan .joint input[type=number]')].filter((e) => {"
+            " e.value = '-145.0028'; return e.scrollWidth > e.clientWidth; }).length"
+        )
+        assert clipped == 0
+
+
+def test_a_changed_joint_leaves_the_rows_of_other_postures_alone(tab: Tab) -> None:
+    tab.value(
+        "window.rewritten = new Set(); new MutationObserver((all) => { for (const one of all)"
+        " rewritten.add(one.target.closest('li').dataset.key); })"
+        f".observe({element('postures')}, {{childList: true, subtree: true}})"
+    )
+    u, joint = tab.value(U2), "document.querySelector('#plan-joints [data-joint=\"1\"] input')"
+    give(tab, joint, float(tab.value(f"{joint}.value")) + 5)
+    wait(tab, f"{U2} !== {u!r} && {SETTLED}")
+    assert tab.value("[...rewritten]") == ["postures_deg/0"]
+
+
+def test_a_plan_is_made_edited_compared_and_saved_by_the_keyboard_alone(address: str, folder: Path) -> None:
+    with chromium().opened(f"{address}#plan/plan.yaml") as tab:
+        wait(tab, f"document.querySelector('#plan-table tbody tr') && {SETTLED}")
+        reach(tab, "#make-box > summary")
+        press(tab, "Enter")
+        for name, value in {"shots": "6", "candidates": "300", "file": "by-keys.yaml"}.items():
+            reach(tab, f"#make-{name}")
+            tab.call("Input.dispatchKeyEvent", type="keyDown", key="a", modifiers=2, commands=["selectAll"])
+            tab.call("Input.insertText", text=value)
+        press(tab, "Enter")
+        wait(tab, f"{element('plan-file')}.value === 'by-keys.yaml' && {SETTLED}")
+        u = tab.value(U2)
+        reach(tab, "#plan-joints [data-joint='1'] input[type=range]")
+        for _ in range(20):
+            press(tab, "ArrowRight")
+        wait(tab, f"{U2} !== {u!r} && {SETTLED}")
+        changed = tab.value(U2)
+        reach(tab, "#adds-box + details > summary", back=True)
+        press(tab, "Enter")
+        reach(tab, "#beside-with")
+        tab.call("Input.insertText", text="x")
+        press(tab, "x")
+        wait(tab, "document.querySelector('#beside-table tbody tr')")
+        assert changed in tab.value(f"{element('beside-table')}.textContent")
+        tab.call("Input.dispatchKeyEvent", type="keyDown", key="s", modifiers=2)
+        wait(tab, f"{element('plan-saved')}.textContent === 'Saved as by-keys.yaml.'")
+        first = tab.value("Number(document.querySelector('#plan-joints [data-joint=\"1\"] input').value)")
+        joints = read_plan(folder / "by-keys.yaml").postures[0]
+        assert np.degrees(joints[1]) == pytest.approx(first, abs=1e-6)
+        assert faults(tab) == []
+
+
+KEYS = {"Tab": (9, ""), "Enter": (13, "\r"), "ArrowRight": (39, ""), "x": (88, "x")}
+
+
+def press(tab: Tab, key: str, shift: bool = False) -> None:
+    code, text = KEYS[key]
+    own = {"key": key, "code": key, "windowsVirtualKeyCode": code, "modifiers": 8 if shift else 0}
+    tab.call("Input.dispatchKeyEvent", type="keyDown", text=text, **own)
+    tab.call("Input.dispatchKeyEvent", type="keyUp", **own)
+
+
+def reach(tab: Tab, selector: str, back: bool = False) -> None:
+    """Tab until the focus is there."""
+    for _ in range(150):
+        if tab.value(f"document.activeElement.matches({selector!r})"):
+            return
+        press(tab, "Tab", back)
+    raise AssertionError(f"{selector} is never reached")
+
+
+def test_a_box_is_dragged_in_the_picture(tab: Tab) -> None:
+    show(tab, "obstacles-open")
+    tab.value(f"{element('obstacles-add')}.click()")
+    corners = "[...document.querySelectorAll('#obstacles-boxes .corners input')].map((e) => Number(e.value))"
+    wait(tab, f"{SETTLED} && {corners}.length === 6")
+    # Away from the target, which is in the new box.
+    low, high = (f"document.querySelectorAll('#obstacles-boxes .corners')[{i}].children[2]" for i in (0, 1))
+    give(tab, low, 500)
+    give(tab, high, 700)
+    tab.value(
+        "document.getElementById('scene').addEventListener('scene',"
+        " (e) => { window.drawn = e.detail.scene.boxes })"
+    )
+    wait(tab, "window.drawn?.[0]?.max[2] === 700")
+    before = tab.value(corners)
+    found = tab.value(
+        "(() => { const c = document.querySelector('canvas'), box = c.getBoundingClientRect(); const all = [];"
+        " for (let y = box.top; y < box.bottom; y += 6) for (let x = box.left; x < box.right; x += 6) {"
+        " c.dispatchEvent(new PointerEvent('pointermove', {clientX: x, clientY: y, pointerType: 'mouse'}));"
+        " if (c.style.cursor === 'move') all.push([x, y]); } return all[0]; })()"  # the topmost
+    )
+    assert found is not None
+    x, y = found
+    mouse = {"button": "left", "buttons": 1, "clickCount": 1}
+    tab.call("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, **mouse)
+    for step in range(1, 6):
+        tab.call("Input.dispatchMouseEvent", type="mouseMoved", x=x + 8 * step, y=y, **mouse)
+    tab.call("Input.dispatchMouseEvent", type="mouseReleased", x=x + 40, y=y, **mouse)
+    after = tab.value(corners)
+    moved = [b - a for a, b in zip(before, after, strict=True)]
+    assert moved[:3] == moved[3:]
+    assert max(map(abs, moved[:2])) > 20
+    wait(tab, f"JSON.stringify(window.drawn[0].min) === JSON.stringify({after[:3]})")
+    assert float(tab.value("document.querySelector('#plan-targets input').value")) == 900  # stays

@@ -18,6 +18,11 @@ export function fill(parent, rows) {
   parent.replaceChildren(...rows);
 }
 
+// A text that is already there is left alone: a long list is only laid out anew where it changes.
+export function write(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}
+
 // Names as people read them: delta2 is J2 (δ2).
 export const named = (text) => text.replace(/\bdelta(\d+)\b/g, "J$1 (δ$1)");
 

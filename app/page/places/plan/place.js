@@ -5,7 +5,7 @@ import { beginExporting } from "/page/places/plan/exporting.js";
 import { beginMaking, listHeaders } from "/page/places/plan/making.js";
 import { beginObstacles, boxes, listObstacles, moveBox, obstacles, TOUCHED } from "/page/places/plan/obstacles.js";
 import { get, latest, post, put, Refused } from "/page/parts/api.js";
-import { by, fill, fixed, make, options, say } from "/page/parts/dom.js";
+import { by, fill, fixed, make, options, say, write } from "/page/parts/dom.js";
 import { headerFields, targetFields } from "/page/places/plan/header.js";
 import { History } from "/page/places/plan/history.js";
 import { jointRows } from "/page/parts/joints.js";
@@ -98,7 +98,7 @@ function renderButtons() {
   by("posture-remove").disabled = history.plan.postures_deg.length < 2;
   by("posture-up").disabled = chosen === 0;
   by("posture-down").disabled = chosen >= history.plan.postures_deg.length - 1;
-  by("plan-saved").textContent = JSON.stringify(history.plan) === saved ? "Saved." : "Changes are not saved.";
+  write(by("plan-saved"), JSON.stringify(history.plan) === saved ? "Saved." : "Changes are not saved.");
 }
 
 // The list of postures: made anew where their number changes, else its texts alone.
@@ -110,13 +110,13 @@ function renderPlaces() {
   postures.forEach((posture, i) => {
     const item = list.children[i], button = item.firstElementChild;
     const own = answer && answer.postures[i], place = answer && answer.scene[i];
-    button.firstElementChild.textContent = `${i}: ${row(posture).map((v) => fixed(v, 1)).join(", ")}`;
-    button.lastElementChild.textContent = own ? `${place.target_name}, ${offBy(own)}${own.hit && !place.reaches ? ", target behind the laser" : ""}${(place.touches || []).map((what) => `; ${TOUCHED[what]}`).join("")}` : "";
+    write(button.firstElementChild, `${i}: ${row(posture).map((v) => fixed(v, 1)).join(", ")}`);
+    write(button.lastElementChild, own ? `${place.target_name}, ${offBy(own)}${own.hit && !place.reaches ? ", target behind the laser" : ""}${(place.touches || []).map((what) => `; ${TOUCHED[what]}`).join("")}` : "");
     item.classList.toggle("misses", Boolean(place) && (!place.reaches || (place.touches || []).length > 0));
     if (i === chosen) button.setAttribute("aria-current", "true");
     else button.removeAttribute("aria-current");
   });
-  by("posture-title").textContent = `Joints of posture ${chosen}`;
+  write(by("posture-title"), `Joints of posture ${chosen}`);
   if (setRows) setRows(row(postures[chosen]));
 }
 
