@@ -78,13 +78,11 @@ def solid(kind: Literal["box", "cylinder", "sphere"]) -> Mesh:
     around = [[radius * np.cos(turn), radius * np.sin(turn), z] for radius, z in rings for turn in turns]
     vertices = np.array([*around, [0, 0, -0.5], [0, 0, 0.5]])
     count, bottom, top = len(turns), len(around), len(around) + 1
-    here = np.arange(count)
-    after, last = (here + 1) % count, count * (len(rings) - 1)
-    faces = [(bottom, b, a) for a, b in zip(here, after, strict=True)]
-    faces += [(top, last + a, last + b) for a, b in zip(here, after, strict=True)]
+    sides, last = [(k, (k + 1) % count) for k in range(count)], count * (len(rings) - 1)
+    faces = [(bottom, b, a) for a, b in sides] + [(top, last + a, last + b) for a, b in sides]
     for low in range(0, last, count):
-        for a, b in zip(low + here, low + after, strict=True):
-            faces += [(a, b, b + count), (a, b + count, a + count)]
+        for a, b in sides:
+            faces += [(low + a, low + b, low + b + count), (low + a, low + b + count, low + a + count)]
     return Mesh(vertices, np.array(faces, dtype=np.int64))
 
 

@@ -336,7 +336,7 @@ def test_a_box_is_dragged_in_the_picture(tab: Tab) -> None:
     wait(tab, "window.drawn?.[0]?.max[2] === 700")
     before = tab.value(corners)
     found = tab.value(
-        "(() => { const c = document.querySelector('canvas'), box = c.getBoundingClientRect(); const all = [];"
+        "(() => { const c = document.querySelector('canvas'), box = c.getBoundingClientRect(), all = [];"
         " for (let y = box.top; y < box.bottom; y += 6) for (let x = box.left; x < box.right; x += 6) {"
         " c.dispatchEvent(new PointerEvent('pointermove', {clientX: x, clientY: y, pointerType: 'mouse'}));"
         " if (c.style.cursor === 'move') all.push([x, y]); } return all[0]; })()"  # the topmost

@@ -100,7 +100,7 @@ def test_joints_are_as_many_as_the_robot_has(client: TestClient) -> None:
     assert (error["found"], error["allowed"]) == ("2 joint values", "6")
 
 
-def test_boxes_cylinders_and_spheres_are_drawn_where_the_links_have_them(client: TestClient, cell: Path) -> None:
+def test_boxes_cylinders_and_spheres_are_drawn_where_links_have_them(client: TestClient, cell: Path) -> None:
     path = cell / "sub" / "arm.urdf"
     mesh = '<geometry><mesh filename="package://cell/base.stl"/></geometry></visual>'
     shapes = ('<box size="0.2 0.4 0.6"/>', '<cylinder radius="0.1" length="0.5"/>', '<sphere radius="0.05"/>')
