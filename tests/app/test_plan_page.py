@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import quote
@@ -354,3 +355,36 @@ def test_a_box_is_dragged_in_the_picture(tab: Tab) -> None:
     assert max(map(abs, moved[:2])) > 20
     wait(tab, f"JSON.stringify(window.drawn[0].min) === JSON.stringify({after[:3]})")
     assert float(tab.value("document.querySelector('#plan-targets input').value")) == 900  # stays
+
+
+def test_axes_frames_and_meshes_of_the_chosen_posture(address: str, folder: Path) -> None:
+    plan = {
+        "schema": "zerobeam/plan/1",
+        "robot": {"urdf": "arm.urdf", "base": "base", "tip": "flange"},
+        "tool": {"kind": "laser", "calibrated": True, "point_mm": [0, 0, 65], "direction": [1, 0, 0]},
+        "noise": {"joint_deg": 0.01, "spot_mm": 0.05},
+        "targets": {"psd": {"guess_mm": [1500, 0, 400]}},
+        "postures_deg": [[0, 0], [10, 5], [-10, 5]],
+    }
+    (folder / "sub" / "urdf.yaml").write_text(json.dumps(plan))
+    with chromium().opened(f"{address}#plan") as tab:
+        wait(tab, "document.querySelector('#plan-open optgroup')")
+        tab.value(
+            "document.getElementById('scene').addEventListener('scene',"
+            " (e) => { window.drawn = e.detail.scene.postures })"
+        )
+        give(tab, element("plan-open"), "sub/urdf.yaml")
+        wait(tab, "window.drawn?.[0]?.meshes?.length === 2")
+        assert "is not drawn: " in tab.value(f"{element('plan-undrawn')}.textContent")
+        tab.value(f"{element('plan-frames')}.click(); {element('plan-axes')}.click()")
+        wait(tab, "window.drawn[0].frames?.length === 3 && window.drawn[0].axes?.length === 2")
+        tool = tab.value("window.drawn[0].frames[2]")
+        assert (tool["name"], tool["at"]) == ("tool", tab.value("window.drawn[0].beam[0]"))
+        flange = np.array(tab.value("window.drawn[0].frames[1]").pop("at"))
+        assert np.linalg.norm(flange - tool["at"]) == pytest.approx(65, abs=0.01)
+        tab.value("document.querySelectorAll('#postures button')[1].click()")
+        wait(tab, "window.drawn[1].meshes && !window.drawn[0].meshes")
+        for name in ("plan-frames", "plan-axes", "plan-meshes"):
+            tab.value(f"{element(name)}.click()")
+        wait(tab, "!window.drawn[1].meshes && !window.drawn[1].frames && !window.drawn[1].axes")
+        assert faults(tab) == []

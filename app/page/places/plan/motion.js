@@ -34,7 +34,7 @@ async function steps(robot, place, motion) {
       const direction = to(beam), length = dot(minus(target, from), direction) / dot(direction, direction);
       ray = [from, from.map((v, k) => v + Math.max(0, length) * direction[k])];
     }
-    return { posture: posed("along the direction", arm.skeleton, from, ray, place.reaches), target: { name: place.target_name, at: target, state: "nominal" } };
+    return { posture: posed("along the direction", arm.skeleton, from, ray, place.reaches), arm, target: { name: place.target_name, at: target, state: "nominal" } };
   });
 }
 

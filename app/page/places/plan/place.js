@@ -1,6 +1,7 @@
 // The place Plan: postures, targets and tolerances of a plan file, and what the plan will determine as they change.
 import { offBy, showAnswer, showRefusal } from "/page/places/plan/answer.js";
 import { beginAdding, beginComparing, listPlans, showCompared } from "/page/places/plan/beside.js";
+import { beginDrawing, bodyOf, dressed, wished } from "/page/places/plan/body.js";
 import { beginExporting } from "/page/places/plan/exporting.js";
 import { beginMaking, listHeaders } from "/page/places/plan/making.js";
 import { beginObstacles, boxes, listObstacles, moveBox, obstacles, TOUCHED } from "/page/places/plan/obstacles.js";
@@ -38,6 +39,7 @@ const ask = latest(
     const asked = history.plan, number = shown;
     const file = by("plan-file").value;
     const found = await post("/api/check", { plan: asked, scene: true, ...ofFile(file), ...(obstacles() ? { obstacles: obstacles() } : {}) });
+    if (wished() && found.scene[chosen]) found.body = { of: chosen, arm: await bodyOf(robotRef(asked), found.scene[chosen]) };
     return number === shown ? found : null;
   },
   (found, newest) => {
@@ -141,6 +143,8 @@ function draw(step = null) {
   const postures = answer.scene.map((place, i) => (step && i === chosen ? step.posture : posed(`posture ${i}`, place.skeleton, place.tool, place.beam, place.reaches)));
   const targets = new Map(answer.scene.map((place) => [place.target_name, { name: place.target_name, at: place.target, state: "nominal" }]));
   if (step) targets.set(step.target.name, step.target);
+  const body = step ? step.arm : answer.body && answer.body.of === chosen ? answer.body.arm : null;
+  if (body && postures[chosen]) postures[chosen] = dressed(postures[chosen], body, robotRef(history.plan), () => draw());
   show(`plan ${shown}`, postures, [...targets.values()], all ? null : chosen, arm.reach_mm,
     step ? "The arm moves along the null-space direction, with the target: the measurements hardly change." : "Postures as the servo will leave them, turned onto their targets.", boxes(answer.touched_boxes).flatMap((box) => [box.min, box.max]), { movable: !step, boxes: boxes(answer.touched_boxes) });
 }
@@ -171,6 +175,7 @@ function choose(i) {
   renderPlaces();
   renderButtons();
   draw();
+  if (wished()) ask();
   if (history.plan.postures_deg.length > 30) adds();
 }
 
@@ -196,6 +201,7 @@ async function start(plan, robot, file) {
   by("plan-none").hidden = true;
   by("plan-work").hidden = false;
   fill(by("postures"), []);
+  by("plan-solid").hidden = typeof plan.robot !== "object";
   renderAll();
   ask();
 }
@@ -300,6 +306,7 @@ export const place = {
     beginComparing(() => answer);
     beginObstacles(() => { if (history !== null) ask(); }, () => (answer ? answer.scene[chosen].target : [500, 0, 500]), listFiles);
     beginExporting(() => (history !== null && JSON.stringify(history.plan) === saved ? opened : ""));
+    beginDrawing(() => { if (history !== null) ask(); });
     by("scene").addEventListener("moved", (event) => moved(event.detail));
     picked("plan-open", open);
     picked("plan-begin", begin);
@@ -337,5 +344,6 @@ export const place = {
     chosen = which;
     renderPlaces();
     renderButtons();
+    if (wished()) ask();
   },
 };
