@@ -84,11 +84,12 @@ def answer(**how):
     return accept(made, solution, TOLERANCE)
 
 
-def test_the_power_is_that_of_the_count():
+@pytest.mark.parametrize("tests", [40, pytest.param(300, marks=pytest.mark.long)])
+def test_the_power_is_that_of_the_count(tests):
     stated = {own.name: own.power for own in answer(rows=range(5)).offsets}
-    noticed = [answer(rows=range(5), error={"delta2": 0.1}, seed=s).verdict == "fail" for s in range(150)]
+    noticed = [answer(rows=range(5), error={"delta2": 0.1}, seed=s).verdict == "fail" for s in range(tests)]
     power = stated["delta2"]
-    assert abs(np.mean(noticed) - power) < 4 * np.sqrt(power * (1 - power) / 150) + 0.02
+    assert abs(np.mean(noticed) - power) < 4 * np.sqrt(power * (1 - power) / tests) + 0.02
 
 
 def test_a_right_calibration_passes_and_one_that_was_not_entered_is_named():

@@ -296,7 +296,9 @@ def test_a_study_with_made_up_numbers_cannot_be_made(estimator: int) -> None:
 # ── one file, no network, names as text ───────────────────────────────────────────────────────
 
 
-@pytest.mark.parametrize("name", ["agreeing", pytest.param("disagreeing", marks=pytest.mark.long), "hostile"])
+@pytest.mark.parametrize(
+    "name", ["agreeing", *(pytest.param(name, marks=pytest.mark.long) for name in ("disagreeing", "hostile"))]
+)
 def test_the_page_is_one_well_formed_file_that_fetches_nothing(name: str) -> None:
     text = page_of(ANSWERS[name](), drawn_of(name))
     page = Page(text)
