@@ -10,7 +10,6 @@ import socket
 import threading
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import h11
 import uvicorn
@@ -33,7 +32,7 @@ def serve(root: Path, host: str | None, port: int, told: Callable[[str], None]) 
     """
     folder = Folder(root)
     access = Access() if host is None else Access(host, secrets.token_urlsafe(16))
-    with _listening(access.host, port) as open_socket:
+    with listening(access.host, port) as open_socket:
         number = open_socket.getsockname()[1]
         shown = f"[{access.host}]" if ":" in access.host else access.host
         token = "" if access.token is None else f"?token={access.token}"
@@ -47,7 +46,7 @@ def serve_beside(root: Path) -> str:
     It ends with the process, and its jobs with it.
     """
     folder, answers = Folder(root), threading.Event()
-    open_socket = _listening("127.0.0.1", 0)
+    open_socket = listening("127.0.0.1", 0)
     server = _Server(_config(folder, Access(framed=True)), answers.set)
     thread = threading.Thread(target=server.run, args=([open_socket],), name="zerobeam app", daemon=True)
     thread.start()
@@ -120,12 +119,14 @@ class _Server(uvicorn.Server):
             self._told()
 
 
-def _listening(host: str, port: int) -> Any:
+def listening(host: str, port: int) -> socket.socket:
+    """A socket at an address, which is free; BadInput where it is not."""
     try:
         family = socket.AF_INET6 if ipaddress.ip_address(host).version == 6 else socket.AF_INET
     except ValueError:
         family = socket.AF_INET
-    opened = socket.socket(family, socket.SOCK_STREAM)
+    # TCP by name: else asyncio leaves Nagle's algorithm on, and a body waits 40 ms for the ACK of its head.
+    opened = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     try:
         if (
             hasattr(socket, "SO_REUSEADDR")

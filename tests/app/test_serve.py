@@ -16,6 +16,8 @@ import pytest
 from child import ZEROBEAM, child
 from command_line import zerobeam
 
+from zerobeam.app.server.serve import listening
+
 APP = [*ZEROBEAM, "app", "--port", "0", "--no-open", "--dir"]
 
 
@@ -94,3 +96,11 @@ def test_other_commands_load_nothing_of_it(root: Path) -> None:
     names = set(done.stdout.splitlines()[-1].split())
     assert "zerobeam.commands.app" in names
     assert names & {"starlette", "uvicorn", "anyio", "zerobeam.app", "zerobeam.app.server"} == set()
+
+
+def test_answers_do_not_wait_for_the_acknowledgement_of_their_heads() -> None:
+    """asyncio turns Nagle's algorithm off for sockets that say that they are of TCP."""
+    with listening("127.0.0.1", 0) as there:
+        there.listen()
+        with socket.create_connection(there.getsockname()), there.accept()[0] as accepted:
+            assert accepted.proto == socket.IPPROTO_TCP

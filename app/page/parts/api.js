@@ -47,7 +47,7 @@ export async function upload(name, content) {
   return asked("PUT", `/api/file?file=${encodeURIComponent(name)}`, content);
 }
 
-// Asks for the newest state only, and says with an answer whether it is still the newest: at most once a frame, one request under way, what came meanwhile is left out.
+// Asks for the newest state only, and says with an answer whether it is still the newest: one request under way, what came meanwhile is left out, and between two the page is painted.
 export function latest(ask, shown, refused) {
   let wanted = false, waiting = false, busy = false;
   async function go() {
@@ -73,6 +73,6 @@ export function latest(ask, shown, refused) {
   }
   return () => {
     wanted = true;
-    if (!busy) soon();
+    if (!busy && !waiting) queueMicrotask(go);
   };
 }
