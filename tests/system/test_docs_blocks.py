@@ -42,7 +42,10 @@ SHORT = {
     ("report",): ("--ess", "100"),
     ("plan", "optimal"): ("--candidates", "300"),
 }
-SLOW = {f"docs/{name}.md" for name in ("tutorial", "how-to/uncalibrated-tool", "how-to/ur5e", "how-to/kr6")}
+SLOW = {
+    f"docs/{name}.md"
+    for name in ("tutorial", "how-to/uncalibrated-tool", "how-to/ur5e", "how-to/kr6", "how-to/cluster")
+}
 # A page whose recordings are not ours to ship: where the reader puts what of the shared data.
 RECORDED = {"docs/tutorial.md": {"panda.urdf": "mukca/urdf/panda.urdf", "panda_2": "mukca/panda_2"}}
 # Untitled examples that another block of their page reads.
