@@ -29,6 +29,8 @@ _ROW = (
     *("sha256", "serial", "model", "measured_at", "instrument", "operator", "run", "shots", "verdict"),
     *("made_by", "document_sha256"),
 )
+_SAME = ("serial", "model", "verdict", "offsets", "without_prior")  # of two results: they are one
+_ASKED_AT_ONCE = 500
 
 
 @dataclass(frozen=True)
@@ -82,47 +84,99 @@ def add(history: Database, entries: Sequence[Entry], *, replace: bool = False) -
     there, made otherwise or for another arm; with `replace` this one takes its place, unless it is of another
     arm.
     """
+    rows = [_row(own) for own in entries]
     with history.writing() as connection:
-        return [_add(connection, entry, replace) for entry in entries]
+        held = _held(connection, [row["sha256"] for row in rows])
+        added = _inserted_all(connection, {own.sha256: own for own in reversed(entries)}, rows, held)
+        outcomes: list[Outcome] = []
+        for entry, row in zip(entries, rows, strict=True):
+            if entry.sha256 in added:
+                added.remove(entry.sha256)
+                held[entry.sha256] = row
+                outcomes.append("added")
+            else:
+                outcomes.append(_add_again(connection, entry, row, held, replace))
+    return outcomes
 
 
-def _add(connection: sa.Connection, entry: Entry, replace: bool) -> Outcome:
-    row = {
+def _row(entry: Entry) -> dict[str, Any]:
+    return {
         **{name: getattr(entry, name) for name in _ROW},
         "added_at": datetime.now(UTC).replace(tzinfo=None, microsecond=0),
         "offsets": json.dumps(entry.offsets),
         "without_prior": entry.without_prior and json.dumps(entry.without_prior),
         "sensitivity_mm2": entry.sensitivity_mm2 and json.dumps(entry.sensitivity_mm2),
     }
-    content = zlib.compress(entry.text.encode(), _LEVEL)
-    if (here := _held(connection, entry.sha256)) is None:
-        arms = {"serial": entry.serial, "model": entry.model, "vendor": entry.vendor}
-        _inserted(connection, arm, arms)
-        if _inserted(connection, result, row):
-            connection.execute(sa.insert(document).values(sha256=entry.sha256, content=content))
-            return "added"
-        here = _held(connection, entry.sha256) or {}  # of another writer, between the two
-    same = ("serial", "model", "verdict", "offsets", "without_prior")
-    if all(here.get(name) == row[name] for name in same):
+
+
+def _content(entry: Entry) -> bytes:
+    return zlib.compress(entry.text.encode(), _LEVEL)
+
+
+def _inserted_all(
+    connection: sa.Connection,
+    entries: dict[str, Entry],
+    rows: Sequence[dict[str, Any]],
+    held: dict[str, dict[str, Any]],
+) -> set[str]:
+    """Insert the first row of each run that is not `held`; the runs whose row was inserted.
+
+    What another writer inserted in between is `held` afterwards. Rows are in the order of their keys, so that
+    no two writers wait for each other's.
+    """
+    new = {row["sha256"]: row for row in reversed(rows) if row["sha256"] not in held}
+    own = [entries[sha256] for sha256 in sorted(new)]
+    named = {(one.serial, one.model): one.vendor for one in reversed(own)}
+    _inserted(
+        connection,
+        arm,
+        [{"serial": key[0], "model": key[1], "vendor": vendor} for key, vendor in sorted(named.items())],
+    )
+    added = {sha256 for (sha256,) in _inserted(connection, result, [new[one.sha256] for one in own])}
+    held.update(_held(connection, sorted(set(new) - added)))
+    texts = [{"sha256": one.sha256, "content": _content(one)} for one in own if one.sha256 in added]
+    if texts:
+        connection.execute(sa.insert(document), texts)
+    return added
+
+
+def _add_again(
+    connection: sa.Connection,
+    entry: Entry,
+    row: dict[str, Any],
+    held: dict[str, dict[str, Any]],
+    replace: bool,
+) -> Outcome:
+    """Of a run that has a result."""
+    here = held[entry.sha256]
+    if all(here[name] == row[name] for name in _SAME):
         return "already there"
-    if not replace or (here.get("serial"), here.get("model")) != (entry.serial, entry.model):
+    if not replace or (here["serial"], here["model"]) != (entry.serial, entry.model):
         return "refused"
     connection.execute(sa.update(result).where(result.c.sha256 == entry.sha256).values(row))
-    connection.execute(sa.update(document).where(document.c.sha256 == entry.sha256).values(content=content))
+    content = {"content": _content(entry)}
+    connection.execute(sa.update(document).where(document.c.sha256 == entry.sha256).values(content))
+    held[entry.sha256] = row
     return "replaced"
 
 
-def _held(connection: sa.Connection, sha256: str) -> dict[str, Any] | None:
-    """The result that a run has in the history."""
-    row = connection.execute(sa.select(result).where(result.c.sha256 == sha256)).mappings().first()
-    return None if row is None else dict(row)
+def _held(connection: sa.Connection, runs: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """What says which result each of the runs has in the history, of those that have one."""
+    query = sa.select(result.c.sha256, *(result.c[name] for name in _SAME))
+    found: dict[str, dict[str, Any]] = {}
+    for start in range(0, len(runs), _ASKED_AT_ONCE):
+        part = query.where(result.c.sha256.in_(runs[start : start + _ASKED_AT_ONCE]))
+        found.update((row["sha256"], dict(row)) for row in connection.execute(part).mappings())
+    return found
 
 
 def arm_of(history: Database, sha256: str) -> tuple[str, str] | None:
     """The arm that a run has a result of, by the hash of the run."""
     with history.reading() as connection:
-        row = _held(connection, sha256)
-    return None if row is None else (row["serial"], row["model"])
+        row = connection.execute(
+            sa.select(result.c.serial, result.c.model).where(result.c.sha256 == sha256)
+        ).first()
+    return None if row is None else (row.serial, row.model)
 
 
 def add_event(history: Database, found: Event) -> bool:
@@ -130,15 +184,17 @@ def add_event(history: Database, found: Event) -> bool:
     if found.what not in get_args(What):
         raise BadInput("there is no event of this kind", found=found.what, allowed=", ".join(get_args(What)))
     with history.writing() as connection:
-        return _inserted(connection, event, asdict(found))
+        return bool(_inserted(connection, event, [asdict(found)]))
 
 
-def _inserted(connection: sa.Connection, table: sa.Table, row: dict[str, Any]) -> bool:
-    """Insert a row; False where its key is there already."""
+def _inserted(connection: sa.Connection, table: sa.Table, rows: list[dict[str, Any]]) -> list[Any]:
+    """Insert rows; the keys of those whose key was not there already."""
+    if not rows:
+        return []
     insert: Any = {"sqlite": sqlite.insert, "postgresql": postgresql.insert}[connection.dialect.name]
     # What comes back says so: the number of rows does not with every driver.
-    made = insert(table).values(row).on_conflict_do_nothing().returning(*table.primary_key)
-    return connection.execute(made).first() is not None
+    made = insert(table).on_conflict_do_nothing().returning(*table.primary_key)
+    return list(connection.execute(made, rows).all())
 
 
 def arms(history: Database) -> list[Arm]:
