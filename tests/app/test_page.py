@@ -158,6 +158,7 @@ def test_a_plan_is_begun_with_a_robot(address: str) -> None:
         assert tab.console == []
 
 
+@pytest.mark.long
 def test_a_name_is_shown_as_it_is(address: str) -> None:
     with plan(address, NAME) as tab:
         assert tab.value("document.getElementById('plan-file').value") == NAME

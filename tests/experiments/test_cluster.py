@@ -129,6 +129,7 @@ def test_no_scheduler_no_extra_and_two_clusters_are_said(tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.long
 def test_an_optimal_plan_is_the_same_by_a_cluster(within_this_process, tmp_path):
     header = tmp_path / "header.yaml"
     header.write_text(
