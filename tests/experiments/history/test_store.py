@@ -276,4 +276,19 @@ def test_postgresql_keeps_what_sqlite_keeps(tmp_path: Path) -> None:
         again = open_history(str(tmp_path / "again.sqlite"), create=True)
         restore(backup, again)
         assert list(results(again)) == list(results(server))
+        more = [entry(tmp_path, a_result(f"B-{n % 7}", f"2026-02-{n + 1:02}")) for n in range(28)]
+        outcomes: list[str] = []
+
+        def write(given: list[Entry]) -> None:
+            own = open_history(url)
+            outcomes.extend(add(own, given))
+            own.engine.dispose()
+
+        writers = [threading.Thread(target=write, args=(given,)) for given in (more, more[::-1]) * 3]
+        for writer in writers:
+            writer.start()
+        for writer in writers:
+            writer.join()
+        assert sorted(outcomes) == ["added"] * 28 + ["already there"] * 28 * 5
+        assert len(list(documents(server, [own.sha256 for own in more]))) == 28
         server.engine.dispose()
