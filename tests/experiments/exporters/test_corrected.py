@@ -75,6 +75,7 @@ def test_a_new_urdf_has_the_same(run: Run, answer: Calibration, tmp_path: Path) 
     np.testing.assert_allclose(robot.fk(postures(robot), "rad"), wanted(run, answer), atol=1e-9)
 
 
+@pytest.mark.long
 def test_the_same_run_on_the_exported_robot_has_nothing_left(
     run: Run, answer: Calibration, tmp_path: Path
 ) -> None:

@@ -142,6 +142,7 @@ def test_out_of_reach_says_which_constraint_removed_how_many(tmp_path: Path) -> 
     assert removed
 
 
+@pytest.mark.long
 def test_the_fewest_shots(tmp_path: Path) -> None:
     enough = made(tmp_path / "enough.yaml", shots=6).as_json()["predicted_std"]
     tolerance = 1.001 * max(enough[name] for name in OFFSETS)

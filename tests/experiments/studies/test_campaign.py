@@ -37,6 +37,7 @@ def told(run: CellRun) -> tuple[Any, ...]:
     return (run.seed, run.truth, run.shots, run.refused, run.seconds, run.failure, run.state.offsets)
 
 
+@pytest.mark.long
 def test_the_answer_is_the_same_for_any_number_of_processes() -> None:
     works, of = [WORK, Repeated(good_plan(6), BLIND, tolerance=0.05)], seeds(1, 2)
     shares: list[float] = []

@@ -32,7 +32,9 @@ def made(result: Result) -> str:
     return html(report_page(result), drawn(result), "report", dumps(to_json(result)))
 
 
-@pytest.mark.parametrize("name", EXAMPLES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.long) if name == "geometry" else name for name in EXAMPLES]
+)
 def test_it_is_one_well_formed_file_that_fetches_nothing(name: str) -> None:
     text = made(EXAMPLES[name])
     page = Page(text)

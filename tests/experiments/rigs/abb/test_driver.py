@@ -423,6 +423,7 @@ def test_the_beat_keeps_a_far_move_going(
     np.testing.assert_allclose(rig.joints()[0], 0.7, atol=5e-6)
 
 
+@pytest.mark.long
 def test_a_far_move_without_a_cable_is_stopped_by_rapid(
     controller: SimulatedController, rig: AbbRig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
