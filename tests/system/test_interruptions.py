@@ -39,7 +39,7 @@ base:
 axes:
   - {key: noise.joint_deg, label: joint noise, unit: deg, values: [0.003, 0.01, 0.03, 0.1]}
 """
-EARLY_S = 2.5  # in which the imports fall, too
+EARLY_S = 1.0  # in which the imports fall, too; every command takes longer
 
 
 @dataclass(frozen=True)
