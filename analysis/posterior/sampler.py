@@ -100,6 +100,7 @@ class Moves:
         emcee = load_emcee()
         moves = [(self.independence, 1 - self._share), (self.differential, self._share)]
         sampler = emcee.EnsembleSampler(*start.shape, log_density, moves=moves, vectorize=True)
+        sampler.log_prob_fn = log_density  # emcee's own prints a traceback at Ctrl-C
         self.independence.ahead = round((1 - self._share) * steps)
         # emcee's legacy generator has no more to do than to choose between the moves.
         choice = np.random.RandomState(self._random.integers(2**32)).get_state()

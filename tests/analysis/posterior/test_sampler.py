@@ -41,6 +41,22 @@ def test_the_proposal_is_a_multivariate_t():
     assert stats.kstest((inner**2).sum(axis=0) / 3, stats.f(3, 7).cdf).pvalue > 1e-4
 
 
+def test_a_walk_that_is_stopped_prints_nothing(capfd):
+    points, calls = np.random.default_rng(1).normal(size=(8, 2)), 0
+
+    def stopped(w):
+        nonlocal calls
+        calls += 1
+        if calls > 3:
+            raise KeyboardInterrupt
+        return normal(w)
+
+    moves = sampler.Moves(t_at_zero(2), np.random.default_rng(2), 0.5)
+    with pytest.raises(KeyboardInterrupt):
+        moves.walk(stopped, points, 20)
+    assert capfd.readouterr() == ("", "")
+
+
 class WrongSign(IndependenceMove):
     def factors(self, here, there):
         return -super().factors(here, there)
