@@ -7,6 +7,8 @@ from pathlib import Path
 NEWER = ("import-linter",)  # tools that need newer versions, and that `make lint` alone runs
 
 stated = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-lowest = [own.replace(">=", "==") for own in stated["dependencies"]]
-tools = [own for own in stated["optional-dependencies"]["test"] if not own.startswith(NEWER)]
-sys.stdout.writelines(f"{own}\n" for own in (*lowest, *tools))
+extras = stated["optional-dependencies"]
+used = [own for name, extra in extras.items() if name not in ("docs", "test") for own in extra]
+lowest = {own.replace(">=", "==") for own in (*stated["dependencies"], *used)}
+tools = [own for own in extras["test"] if not own.startswith(NEWER)]
+sys.stdout.writelines(f"{own}\n" for own in (*sorted(lowest), *tools))

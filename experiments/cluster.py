@@ -67,10 +67,11 @@ def cluster(workers: int | None = None, scheduler: str | None = None) -> Iterato
     zerobeam or of the libraries, or several threads.
     """
     try:
+        import cryptography  # noqa: F401 - Dask asks for it where the certificates are made
         import dask
         import distributed
-    except ImportError:
-        raise missing_extra("work on a cluster", "cluster", needed="distributed") from None
+    except ImportError as error:
+        raise missing_extra("work on a cluster", "cluster", needed=str(error.name)) from None
     traffic = Traffic()
     settings = {
         "distributed.comm.timeouts.connect": f"{_PATIENCE_S:g}s",
