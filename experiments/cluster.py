@@ -71,7 +71,7 @@ def cluster(workers: int | None = None, scheduler: str | None = None) -> Iterato
         import dask
         import distributed
     except ImportError as error:
-        raise missing_extra("work on a cluster", "cluster", needed=str(error.name)) from None
+        raise missing_extra("work on a cluster", "cluster", needed=error.name) from None
     traffic = Traffic()
     settings = {
         "distributed.comm.timeouts.connect": f"{_PATIENCE_S:g}s",

@@ -109,23 +109,28 @@ def test_a_worker_that_joins_later_is_looked_at_too():
     assert clusters.pickle.loads(clusters._carried("0" * 64, b"")) is None
 
 
-def test_no_scheduler_no_extra_and_two_clusters_are_said(tmp_path, monkeypatch):
+@pytest.mark.parametrize("missing", ["cryptography", "distributed"])
+def test_an_extra_that_is_not_whole_is_said(tmp_path, monkeypatch, missing):
+    real = builtins.__import__
+
+    def without(name, *rest, **how):
+        if name == missing:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+        return real(name, *rest, **how)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    told = zerobeam("study", "coverage", "-o", tmp_path / "study", "--workers", 2).refused()
+    assert f"{missing}, which is not installed" in told
+    assert 'pip install "zerobeam[cluster]"' in told
+    assert not list(tmp_path.iterdir())
+
+
+def test_no_scheduler_and_two_clusters_are_said(tmp_path, monkeypatch):
     monkeypatch.setattr(clusters, "_PATIENCE_S", 0.3)
     study = ("study", "coverage", "-o", tmp_path / "study", "--data-sets", 100)
     told = zerobeam(*study, "--scheduler", "tcp://127.0.0.1:9").refused()
     assert "no Dask scheduler answers at this address" in told
     assert "exclude each other" in zerobeam(*study, "--scheduler", "tcp://x:1", "--workers", 2).refused()
-    real = builtins.__import__
-
-    def without(name, *rest, **how):
-        if name in ("dask", "distributed"):
-            raise ImportError(name)
-        return real(name, *rest, **how)
-
-    monkeypatch.setattr(builtins, "__import__", without)
-    told = zerobeam(*study, "--workers", 2).refused()
-    assert "distributed, which is not installed" in told
-    assert 'pip install "zerobeam[cluster]"' in told
     assert not list(tmp_path.iterdir())
 
 
