@@ -24,6 +24,7 @@ from scipy.stats import qmc
 
 from ...model.errors import BadInput
 from ...model.robot import Matrix
+from ..status import UnsoundResult
 from .series import Series
 from .smoother import Smoothed, smooth
 
@@ -69,27 +70,44 @@ class Drift:
     effective: float
 
     def interval(self, t: int, along: Matrix, level: float = LEVEL) -> tuple[float, float]:
-        """The interval of the combination `along` (m,) of the offsets at result t."""
+        """The interval of the combination `along` (m,) of the offsets at result t; UnsoundResult where one
+        of them is not determined there (`Series.determined`)."""
+        self._require_determined(t, along)
         mean = self.smoothed.mean[:, t] @ along
         variance = np.einsum("i,kij,j->k", along, self.smoothed.covariance[:, t], along)
-        variance = variance + self._shared(along)
+        variance = variance + self.shared_variance(along)
         return mixture_interval(mean, np.sqrt(variance), self.weights, level)
 
     def value(self, t: int, along: Matrix) -> tuple[float, float]:
         """Mean and standard uncertainty of the same."""
+        self._require_determined(t, along)
         mean = self.smoothed.mean[:, t] @ along
         variance = np.einsum("i,kij,j->k", along, self.smoothed.covariance[:, t], along)
         centre = float(self.weights @ mean)
-        spread = float(self.weights @ (variance + (mean - centre) ** 2)) + self._shared(along)
+        spread = float(self.weights @ (variance + (mean - centre) ** 2)) + self.shared_variance(along)
         return centre, math.sqrt(spread)
 
-    def _shared(self, along: Matrix) -> float:
+    def _require_determined(self, t: int, along: Matrix) -> None:
+        lost = np.flatnonzero((along != 0) & ~self.series.determined[t])
+        if len(lost):
+            names = ", ".join(self.series.names[i] for i in lost)
+            raise UnsoundResult(f"no result since the last reset determines {names}")
+
+    def shared_variance(self, along: Matrix) -> float:
         """What deviations of the geometry add, which many results do not average out: the most of any."""
         found = [0.0]
         for own in self.series.observations:
             part = along[[self.series.names.index(name) for name in own.names]]
             found.append(float(part @ own.shared @ part))
         return max(found)
+
+    def walks(self, offset: str) -> bool:
+        """Whether the results say anything of an offset's walk: two determine it without a jump or a reset in
+        between. Where not, its rate is the prior alone."""
+        j = self.series.names.index(offset)
+        breaks = {*self.series.reset, *(own.after for own in self.jumps if own.offset == offset)}
+        segment = np.cumsum([0, *(t in breaks for t in range(len(self.series.observations) - 1))])
+        return bool(np.bincount(segment[self.series.observed[:, j]], minlength=1).max() > 1)
 
     def rate(self, offset: str) -> tuple[float, tuple[float, float]]:
         """Median and 95 % interval of an offset's walk, per root year."""
@@ -141,15 +159,18 @@ def drift(series: Series, *, alarm: float = ALARM, seed: int = 0) -> Drift:
 def mixture_interval(mean: Matrix, std: Matrix, weights: Matrix, level: float) -> tuple[float, float]:
     """The central interval of a mixture of normal distributions, by bisection."""
 
-    def quantile(q: float) -> float:
-        low, high = float((mean - 12 * std).min()), float((mean + 12 * std).max())
-        for _ in range(60):
-            middle = (low + high) / 2
-            below = float(weights @ special.ndtr((middle - mean) / std)) < q
-            low, high = (middle, high) if below else (low, middle)
-        return (low + high) / 2
+    low, high = (mixture_quantile(mean, std, weights, (1 + side * level) / 2) for side in (-1, 1))
+    return float(low), float(high)
 
-    return quantile((1 - level) / 2), quantile((1 + level) / 2)
+
+def mixture_quantile(mean: Matrix, std: Matrix, weights: Matrix, q: float, *, steps: int = 60) -> Matrix:
+    """The quantile q of mixtures of normal distributions (K, ...) with the `weights` (K,), by bisection."""
+    low, high = (mean - 12 * std).min(axis=0), (mean + 12 * std).max(axis=0)
+    for _ in range(steps):
+        middle = (low + high) / 2
+        below = weights @ special.ndtr((middle - mean) / std) < q
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return np.asarray((low + high) / 2)
 
 
 def _integrated(series: Series, jumps: Matrix, seed: int) -> tuple[Matrix, Matrix, Smoothed]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -49,9 +50,23 @@ class Series:
         """(T, m) whether a result determines an offset."""
         return np.array([[name in own.names for name in self.names] for own in self.observations])
 
+    @property
+    def determined(self) -> Matrix:
+        """(T, m) whether a result since the last reset, or until the next, determines an offset: where none
+        does, nothing is known of it."""
+        found = np.zeros((len(self.observations), len(self.names)), dtype=bool)
+        ends = [0, *(t + 1 for t in sorted(self.reset)), len(found)]
+        for begin, end in pairwise(ends):
+            found[begin:end] = self.observed[begin:end].any(axis=0)
+        return found
+
     def information(self) -> tuple[Matrix, Matrix]:
         """(T, m, m) and (T, m): the information of each result, 0 in every direction that it does not
-        determine, and its product with the values."""
+        determine, and its product with the values.
+
+        Where an offset is not `determined` between two resets, 1 stands at the first result of these: it
+        bears on nothing else, and the states of the offset there mean nothing.
+        """
         count, size = len(self.observations), len(self.names)
         matrix, vector = np.zeros((count, size, size)), np.zeros((count, size))
         for t, own in enumerate(self.observations):
@@ -59,6 +74,9 @@ class Series:
             inverse = np.linalg.inv(own.covariance + own.shared)
             matrix[t][np.ix_(at, at)] = (inverse + inverse.T) / 2
             vector[t, at] = inverse @ own.values
+        nowhere = np.logical_not(self.determined)
+        for begin in (0, *(t + 1 for t in self.reset)):
+            matrix[begin, nowhere[begin], nowhere[begin]] = 1.0
         return matrix, vector
 
 

@@ -6,25 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from drifting import NAMES, steady
 from scipy.stats import norm
 
 from zerobeam.analysis.drift.drift import drift, mixture_interval
 from zerobeam.analysis.drift.due import HORIZON_YEARS, due_after
-from zerobeam.analysis.drift.series import Observation, Series, series_of
+from zerobeam.analysis.drift.series import Observation, series_of
+from zerobeam.analysis.drift.smoother import smooth
+from zerobeam.analysis.status import UnsoundResult
 from zerobeam.model.errors import BadInput
-
-NAMES = ("delta2", "delta3")
-COVARIANCE = np.array([[4.0, 3.4], [3.4, 4.0]]) * 1e-4  # deg^2: u of 0.02 degrees, correlated by 0.85
-
-
-def steady(jump: float = 0.0, *, results: int = 12, walk: float = 0.0) -> Series:
-    """Quarterly results of an arm; delta3 jumps by so much after result 5."""
-    random, state, found = np.random.default_rng(3), np.zeros(2), []
-    for t in range(results):
-        values = random.multivariate_normal(state, COVARIANCE)
-        found.append(Observation(t / 4, NAMES, values, COVARIANCE, np.zeros((2, 2))))
-        state = state + walk * random.normal(size=2) + (jump if t == 5 else 0.0) * np.array([0.0, 1.0])
-    return series_of(found, dict.fromkeys(NAMES, "deg"))
 
 
 def test_a_jump_is_found_where_it_is_and_no_other() -> None:
@@ -117,3 +107,31 @@ def test_the_due_date_is_when_the_walk_has_used_up_the_tolerance() -> None:
     now += found.smoothed.mean[k, -1] - found.weights @ found.smoothed.mean[:, -1]
     apart = now + np.sqrt(years) * found.rates[k] * random.normal(size=(len(k), 2))
     assert np.mean(10 * np.linalg.norm(apart, axis=1) > 1.0) == pytest.approx(0.05, abs=0.008)
+
+
+def test_new_zeros_that_no_result_determines_leave_the_offset_unknown() -> None:
+    series = steady()
+    alone = tuple(
+        Observation(own.at, NAMES[:1], own.values[:1], own.covariance[:1, :1], own.shared[:1, :1])
+        for own in series.observations[6:]
+    )
+    found = drift(replace(series, observations=(*series.observations[:6], *alone), reset=(5,)))
+    assert found.series.determined[:, 1].tolist() == [True] * 6 + [False] * 6
+    with pytest.raises(UnsoundResult, match="delta3"):
+        found.value(6, np.array([0.0, 1.0]))
+    with pytest.raises(UnsoundResult, match="delta3"):
+        found.interval(11, np.array([1.0, 1.0]))
+    assert found.value(5, np.array([0.0, 1.0]))[1] < 0.02
+    assert not np.isfinite(found.p_first[5:, 1]).any()
+    rates, jumps = found.rates[:1], np.zeros((11, 2), dtype=bool)
+    jumps[5] = True
+    both = smooth(found.series, rates, jumps)
+    first = smooth(replace(series, observations=series.observations[:6]), rates, jumps[:5])
+    after = smooth(series_of(alone, {"delta2": "deg"}), rates[:, :1], jumps[6:, :1])
+    np.testing.assert_allclose(both.covariance[:, :6], first.covariance)
+    np.testing.assert_allclose(both.mean[:, 6:, :1], after.mean)
+    apart = both.log_likelihood - first.log_likelihood - after.log_likelihood
+    other = smooth(found.series, 3 * rates, jumps).log_likelihood
+    parts = smooth(replace(series, observations=series.observations[:6]), 3 * rates, jumps[:5])
+    more = smooth(series_of(alone, {"delta2": "deg"}), 3 * rates[:, :1], jumps[6:, :1])
+    np.testing.assert_allclose(other - parts.log_likelihood - more.log_likelihood, apart, atol=1e-9)
