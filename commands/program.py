@@ -52,6 +52,7 @@ class _Commands(TyperGroup):
 for points, importer in importing_points.COMMANDS.items():
     importing.imports.command(points, hidden=points == "kuka")(importer)
 keeping.histories.command("drift")(reporting.drift)
+keeping.histories.command("report")(reporting.report)
 exporting.exports.command("plan")(exporting_plans.export_plan)
 exporting.exports.command("program")(exporting_programs.export_program)
 _COMMANDS = {

@@ -9,11 +9,12 @@ from datetime import datetime, timedelta
 import numpy as np
 
 from ...analysis.drift.drift import Drift, Jump, drift
-from ...analysis.drift.due import due_after
+from ...analysis.drift.due import HORIZON_YEARS, due_after
 from ...analysis.drift.series import Observation, series_of
 from .store import Event, StoredResult
 
-_YEAR = timedelta(days=365.25)
+YEAR = timedelta(days=365.25)
+NOT_SOON = f"not within {HORIZON_YEARS:g} years"
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,8 @@ class DatedJump:
 class ArmDrift:
     """What an arm's results say of its drift. `drift` is None with fewer than two results that count.
 
-    `due` is None where no date can be given; `due_reason` says why, "" where nothing is to be said.
+    `due` is None where no date can be given; `due_reason` says why, or why it is due already, "" where
+    nothing is to be said.
     """
 
     serial: str
@@ -52,8 +54,14 @@ class ArmDrift:
     due_reason: str
 
 
-def arm_drift(results: Sequence[StoredResult], events: Sequence[Event], tolerance_mm: float) -> ArmDrift:
-    """The drift of the arm that all of the results (one at least) and events are of."""
+def arm_drift(
+    arm: tuple[str, str], results: Sequence[StoredResult], events: Sequence[Event], tolerance_mm: float
+) -> ArmDrift:
+    """The drift of an arm (serial number, model) by its results and events.
+
+    What may have changed the arm since the last result that counts (collision, motor, mastering) makes the
+    next calibration due when it happened.
+    """
     used: list[StoredResult] = []
     left_out: list[LeftOut] = []
     for own in results:
@@ -76,10 +84,9 @@ def arm_drift(results: Sequence[StoredResult], events: Sequence[Event], toleranc
             for own in found.jumps
         )
         due, reason = _due(found, used[-1], tolerance_mm)
-    first = results[0]
-    return ArmDrift(
-        first.serial, first.model, tuple(used), tuple(left_out), found, jumps, tolerance_mm, due, reason
-    )
+    if used and (since := _since(events, used[-1].measured_at)):
+        due, reason = since[0].at, f"{since[0].what} on {since[0].at:%Y-%m-%d}, after the last result"
+    return ArmDrift(*arm, tuple(used), tuple(left_out), found, jumps, tolerance_mm, due, reason)
 
 
 def _why_not(own: StoredResult) -> str | None:
@@ -101,7 +108,7 @@ def _observation(own: StoredResult, first: datetime) -> Observation:
     factor = 1.0 if dof is None else dof / (dof - 2)
     by_geometry = np.array(alone["by_geometry"], float).reshape(len(alone["names"]), -1)
     return Observation(
-        at=(own.measured_at - first) / _YEAR,
+        at=(own.measured_at - first) / YEAR,
         names=tuple(alone["names"]),
         values=np.array(alone["values"], float),
         covariance=factor * np.array(alone["covariance"], float),
@@ -115,6 +122,11 @@ def _between(
     return tuple(own for own in events if after <= own.at <= before and what in (None, own.what))
 
 
+def _since(events: Sequence[Event], last: datetime) -> tuple[Event, ...]:
+    """What may have changed the offsets after the last result."""
+    return tuple(own for own in events if own.at > last and own.what != "other")
+
+
 def _due(found: Drift, last: StoredResult, tolerance_mm: float) -> tuple[datetime | None, str]:
     if last.sensitivity_mm2 is None:
         return None, "the last result claims no accuracy at the TCP"
@@ -122,12 +134,19 @@ def _due(found: Drift, last: StoredResult, tolerance_mm: float) -> tuple[datetim
     unknown = [name for i, name in enumerate(names) if matrix[i, i] > 0 and name not in found.series.names]
     if unknown:
         return None, f"the TCP depends on offsets that no result determines: {', '.join(unknown)}"
+    lost = [
+        name
+        for name, is_known in zip(found.series.names, found.series.determined[-1], strict=True)
+        if not is_known
+    ]
+    if lost:
+        return None, f"no result since the last mastering determines {', '.join(lost)}"
     at = [names.index(name) for name in found.series.names if name in names]
     if len(at) < len(found.series.names):
         return None, "the last result has other offsets than the results before"
     years = due_after(found, matrix[np.ix_(at, at)], tolerance_mm)
     if years is None:
-        return None, "not within 20 years"
+        return None, NOT_SOON
     if years == 0:
         return last.measured_at, "the uncertainty at the last result is beyond the tolerance already"
-    return last.measured_at + years * _YEAR, ""
+    return last.measured_at + years * YEAR, ""

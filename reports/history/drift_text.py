@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
-from typing import Any
+from datetime import datetime
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -14,15 +16,15 @@ from ..words.wording import clipped, counted, label, shown
 from .lists import day, event_json, utc
 
 SCHEMA = "zerobeam/drift/1"
-_FEW = 30  # rates: below, the numbers are coarse
+FEW_RATES = 30  # rates: below, the numbers are coarse
 
 
 def drift_blocks(found: ArmDrift) -> Iterator[Block]:
     """Jumps, the offsets now and how fast they walk, the due date, what does not count."""
     if found.drift is not None:
-        yield _jumps(found.jumps)
-        yield _offsets(found)
-        if found.drift.effective < _FEW:
+        yield jumps_block(found.jumps)
+        yield offsets_block(found)
+        if found.drift.effective < FEW_RATES:
             yield Paragraph("Few walk rates explain these results: intervals and p-values are approximate.")
     yield Paragraph(f"{due_sentence(found)} {counted(len(found.used), 'result')} counted.")
     for own in found.left_out:
@@ -32,10 +34,16 @@ def drift_blocks(found: ArmDrift) -> Iterator[Block]:
 def due_sentence(found: ArmDrift) -> str:
     """When the next calibration is due, or why there is no date."""
     limit = f"TCP error within {numbers.exact(found.tolerance_mm, 'mm')} (95 %, rms of the workspace)"
+    reason = with_labels(found.due_reason)
     if found.due is not None and not found.due_reason:
         return f"Next calibration due: {found.due:%Y-%m-%d}, for a {limit}."
     word = "due now" if found.due is not None else "no due date"
-    return f"Next calibration: {word} for a {limit}: {found.due_reason}."
+    return f"Next calibration: {word} for a {limit}: {reason}."
+
+
+def with_labels(text: str) -> str:
+    """A sentence with the offsets in it as people write them."""
+    return re.sub(r"delta\d+", lambda name: label(name.group()), text)
 
 
 def arms_drift_table(arms: Sequence[ArmDrift]) -> Block:
@@ -78,40 +86,58 @@ def drift_json(found: ArmDrift) -> dict[str, Any]:
             for own in found.jumps
         ],
         "effective_rates": None if found.drift is None else found.drift.effective,
-        "due": {
-            "tolerance_mm": found.tolerance_mm,
-            "date": None if found.due is None else f"{found.due:%Y-%m-%d}",
-            "reason": found.due_reason or None,
-        },
+        "due": due_json(found),
+    }
+
+
+class Due(Protocol):
+    """What is said of a due date."""
+
+    @property
+    def tolerance_mm(self) -> float: ...
+    @property
+    def due(self) -> datetime | None: ...
+    @property
+    def due_reason(self) -> str: ...
+
+
+def due_json(found: Due) -> dict[str, Any]:
+    """The due date for programs."""
+    return {
+        "tolerance_mm": found.tolerance_mm,
+        "date": None if found.due is None else f"{found.due:%Y-%m-%d}",
+        "reason": found.due_reason or None,
     }
 
 
 def _offset_rows(found: ArmDrift) -> Iterator[dict[str, Any]]:
-    """Of each offset at the last result: estimate, std, interval, the rate of its walk."""
+    """Of each offset at the last result: estimate, std, interval (None where no result determines it since
+    the controller got new zeros), the rate of its walk (None where the results say nothing of it)."""
     if found.drift is None:
         return
     names = found.drift.series.names
     for i, name in enumerate(names):
         along, last = np.eye(len(names))[i], len(found.used) - 1
-        value, std = found.drift.value(last, along)
+        known = bool(found.drift.series.determined[last, i])
+        value, std = found.drift.value(last, along) if known else (None, None)
         median, interval = found.drift.rate(name)
         yield {
             "name": name,
             "unit": found.drift.series.units[i],
             "estimate": value,
             "std": std,
-            "interval95": list(found.drift.interval(last, along)),
-            "rate": {"median": median, "interval95": list(interval)},
+            "interval95": list(found.drift.interval(last, along)) if known else None,
+            "rate": {"median": median, "interval95": list(interval)} if found.drift.walks(name) else None,
         }
 
 
-def _offsets(found: ArmDrift) -> Block:
+def offsets_block(found: ArmDrift) -> Block:
+    """Every offset at the last result, and how fast it walks."""
     rows = [
         row_of(
             label(own["name"]),
-            f"{numbers.estimate(own['estimate'], own['std'])} ± {numbers.spread(own['std'], own['unit'])}",
-            numbers.significant(own["rate"]["median"], 2, own["unit"]),
-            " to ".join(numbers.significant(end, 2) for end in own["rate"]["interval95"]),
+            _now(own),
+            *_walk(own),
         )
         for own in _offset_rows(found)
     ]
@@ -120,7 +146,21 @@ def _offsets(found: ArmDrift) -> Block:
     return table_of("Offsets by all results, and their random walk per root year", columns, rows)
 
 
-def _jumps(jumps: Sequence[DatedJump]) -> Block:
+def _walk(own: dict[str, Any]) -> tuple[str | Cell, str]:
+    if own["rate"] is None:
+        return Cell("not determined", mark="unidentifiable"), ""
+    ends = " to ".join(numbers.significant(end, 2) for end in own["rate"]["interval95"])
+    return numbers.significant(own["rate"]["median"], 2, own["unit"]), ends
+
+
+def _now(own: dict[str, Any]) -> str | Cell:
+    if own["std"] is None:
+        return Cell("not determined since the mastering", mark="unidentifiable")
+    return f"{numbers.estimate(own['estimate'], own['std'])} ± {numbers.spread(own['std'], own['unit'])}"
+
+
+def jumps_block(jumps: Sequence[DatedJump]) -> Block:
+    """The changes that the walk does not explain, and what was logged in between."""
     if not jumps:
         return Paragraph("No jump: the random walk explains every change.")
     rows = [
@@ -147,5 +187,9 @@ def _half(own: DatedJump) -> float:
 def _clearest(jumps: Sequence[DatedJump]) -> str:
     if not jumps:
         return "none"
-    own = min(jumps, key=lambda jump: jump.jump.p_value)
-    return f"{label(own.jump.offset)}, {day(own.before)}"
+    return clearest_jump(min(jumps, key=lambda jump: jump.jump.p_value))
+
+
+def clearest_jump(own: DatedJump) -> str:
+    """A jump in a list of arms: offset, and the result that shows it."""
+    return f"{label(own.jump.offset)}, {own.before:%Y-%m-%d}"

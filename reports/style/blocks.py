@@ -14,11 +14,13 @@ from ..words.numbers import NO_BREAK
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell of a table; `mark` is the status (a role of the palette) whose shape is in it, or ""."""
+    """A cell of a table; `mark` is the status (a role of the palette) whose shape is in it, or ""; `link` the
+    file beside the page that the first cell of a row leads to, or ""."""
 
     text: str
     span: int = 1
     mark: str = ""
+    link: str = ""
 
 
 @dataclass(frozen=True)

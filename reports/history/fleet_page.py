@@ -1,0 +1,146 @@
+"""The page of all arms: what to do first, how many are due and when, every arm with the gravest first."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from functools import cached_property
+
+from ...experiments.history.arm_drift import NOT_SOON
+from ..style.blocks import Cell, Facts, FigureBlock, Page, Row, Section, Table, row_of, section_of, table_of
+from ..style.blocks import Verdict as Headline
+from ..words import numbers
+from ..words.wording import clipped, listed
+from .arm_page import DUE_MEANS, KEYS, VERDICTS, WORDS
+from .arm_state import MARKS, STATES, ArmState, State
+from .drift_text import clearest_jump, with_labels
+
+MOST_ROWS = 1000  # on the page, and with a page of their own
+_MOST_REASONS = 50
+_NO_TEXT = "—"
+_TO_DO: dict[State, str] = {
+    "overdue": "calibrate now",
+    "jump without event": "find out what happened, and log it: zerobeam history event",
+    "jump": "look at the arm’s page: an event was logged when it jumped",
+    "misfit": "see the report of the last result for what explains it, and measure again",
+    "no due date": "see why below",
+    "on schedule": "nothing before the due date",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Fleet:
+    """All arms of a history, the gravest first; `pages` has the file of an arm's page by serial number and
+    model, `as_of` is None without any result."""
+
+    rows: tuple[ArmState, ...]
+    pages: Mapping[tuple[str, str], str]
+    tolerance_mm: float
+    as_of: datetime | None
+
+    @cached_property
+    def counts(self) -> dict[State, int]:
+        """How many arms are in each state, the gravest first."""
+        found = Counter(own.state for own in self.rows)
+        return {state: found[state] for state in STATES}
+
+
+def fleet_page(own: Fleet) -> Page:
+    """The display strings of all arms."""
+    models = sorted({clipped(row.model) for row in own.rows})
+    facts = [("Arms", f"{len(own.rows):,}"), ("Results", f"{sum(row.results for row in own.rows):,}")]
+    facts.append(("Tolerance at the TCP", numbers.exact(own.tolerance_mm, "mm")))
+    if own.as_of is not None:
+        facts.append(("As of", f"{own.as_of:%Y-%m-%d}"))
+    sections = [
+        section_of("What to do", _counts(own), FigureBlock("due")),
+        *_reasons(own),
+        section_of("All arms", _every(own)),
+        section_of("How it is worked out", Facts(list(_about(own)))),
+    ]
+    return Page(
+        "All arms",
+        listed(models) if models else "No arm",
+        headline(own),
+        [],
+        sections if own.rows else [],
+        facts,
+    )
+
+
+def headline(own: Fleet) -> Headline:
+    """The gravest state that an arm is in, and how many are in each."""
+    count = len(own.rows)
+    if not count:
+        return Headline(
+            "degenerate", "No arms", "The history has no arm yet: zerobeam history add adds results."
+        )
+    gravest = next(state for state, number in own.counts.items() if number)
+    told = [f"{number:,} {state}" for state, number in own.counts.items() if number]
+    arms = "1 arm" if count == 1 else f"{count:,} arms"
+    return Headline(KEYS[gravest], WORDS[gravest], f"Of {arms}: {', '.join(told)}.")
+
+
+def _counts(own: Fleet) -> Table:
+    columns = [("state", "left"), ("arms", "right"), ("what to do", "left")]
+    rows = [row_of(state, f"{number:,}", _TO_DO[state]) for state, number in own.counts.items() if number]
+    return table_of("Arms by state, the gravest first", columns, rows)
+
+
+def _reasons(own: Fleet) -> Iterator[Section]:
+    """Why arms have no due date, or are due already; the reason of most arms first."""
+    found: dict[str, list[str]] = {}
+    for row in own.rows:
+        if row.due_reason and row.due_reason != NOT_SOON:
+            found.setdefault(row.due_reason, []).append(clipped(row.serial, 24))
+    if not found:
+        return
+    columns = [("why", "left"), ("arms", "right"), ("which", "left")]
+    ordered = sorted(found.items(), key=lambda pair: -len(pair[1]))[:_MOST_REASONS]
+    rows = [row_of(with_labels(why), f"{len(arms):,}", listed(arms, 4)) for why, arms in ordered]
+    caption = "The reason of most arms first"
+    if len(found) > _MOST_REASONS:
+        caption += f". {_MOST_REASONS} of {len(found):,}: fleet.csv has all"
+    yield section_of("Why due now, or without a date", table_of(caption, columns, rows))
+
+
+def _every(own: Fleet) -> Table:
+    columns = [
+        ("arm", "left"),
+        ("state", "left"),
+        ("model", "left"),
+        ("due", "right"),
+        ("clearest jump", "right"),
+        ("results", "right"),
+        ("last", "right"),
+        ("verdict", "left"),
+    ]
+    caption = "The gravest first, then by due date; each arm leads to its page"
+    if len(own.rows) > MOST_ROWS:
+        caption += f". The first {MOST_ROWS:,} of {len(own.rows):,}: fleet.csv and fleet.json have all"
+    return table_of(caption, columns, [_row(own, row) for row in own.rows[:MOST_ROWS]])
+
+
+def _row(own: Fleet, row: ArmState) -> Row:
+    return row_of(
+        Cell(clipped(row.serial, 24), link=own.pages.get((row.serial, row.model), "")),
+        Cell(row.state, mark=MARKS[row.state]),
+        clipped(row.model, 20),
+        _NO_TEXT if row.due is None else f"{row.due:%Y-%m-%d}",
+        _NO_TEXT if row.clearest is None else clearest_jump(row.clearest),
+        f"{row.counted} of {row.results}" if row.counted < row.results else str(row.results),
+        _NO_TEXT if row.last is None else f"{row.last:%Y-%m-%d}",
+        _NO_TEXT if row.verdict is None else VERDICTS[row.verdict],
+    )
+
+
+def _about(own: Fleet) -> Iterator[tuple[str, str]]:
+    yield "Due date", DUE_MEANS
+    yield (
+        "Overdue",
+        "due on the day of this page or before; or what may have changed the arm was logged since",
+    )
+    yield "Results", "those that count of all, where a misfit or an older result does not"
+    yield "Files", "arms/ has a page of each arm; fleet.json and fleet.csv have a row for every arm"

@@ -1,0 +1,177 @@
+"""The folders of a history: an arm's page, and that of all arms with a folder for each."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Callable, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from ..output import whole_folder
+from ..output.page_files import write_page
+from ..output.whole_folder import LITTER, Kind, write_folder
+from ..words.result_json import dumps
+from .arm_page import ArmHistory, arm_page, headline
+from .arm_state import ArmState, state_json, state_row
+from .drift_text import drift_json
+from .due_figure import due_picture
+from .fleet_page import MOST_ROWS, Fleet, fleet_page
+from .lists import event_json, offset_rows, result_json
+from .trend_figure import trend_pictures
+
+ARM_SCHEMA = "zerobeam/history-arm/1"
+FLEET_SCHEMA = "zerobeam/history-fleet/1"
+ARM_PAGE, FLEET_PAGE = "arm.html", "fleet.html"
+_ARM_JSON, _ARM_TABLE, _FLEET_JSON, _FLEET_TABLE, _ARMS = (
+    *("arm.json", "offsets.csv"),
+    *("fleet.json", "fleet.csv", "arms"),
+)
+_ARM = Kind(
+    "page of an arm",
+    frozenset({ARM_PAGE, "arm.pdf", _ARM_JSON, _ARM_TABLE, "figures"}),
+    _ARM_JSON,
+    ARM_SCHEMA,
+)
+_FLEET = Kind(
+    "page of all arms",
+    frozenset({FLEET_PAGE, "fleet.pdf", _FLEET_JSON, _FLEET_TABLE, "figures", _ARMS}),
+    _FLEET_JSON,
+    FLEET_SCHEMA,
+)
+_LONGEST_NAME = 40
+
+
+def write_arm(folder: Path, own: ArmHistory) -> None:
+    """Write arm.html, arm.pdf, arm.json, offsets.csv and the figures, replacing such a page that was there.
+
+    Whole or not at all. Raises BadInput where `folder` is a file, is not ours, or cannot be written.
+    """
+    write_folder(folder, _ARM, lambda aside: _write_arm(aside, own))
+
+
+def write_fleet(
+    folder: Path,
+    arms: Sequence[tuple[str, str]],
+    of: Callable[[tuple[str, str]], ArmHistory],
+    tolerance_mm: float,
+    as_of: datetime | None,
+    tell: Callable[[str, float], None],
+) -> Fleet:
+    """Write fleet.html, fleet.pdf, fleet.json and fleet.csv, and in arms/ a page for each of the `arms`; of
+    more than 1,000, for the gravest. `of` gives an arm by serial number and model.
+
+    One arm is in memory at a time. Whole or not at all, as `write_arm`.
+    """
+    check_fleet_target(folder)
+    return write_folder(
+        folder, _FLEET, lambda aside: _write_fleet(aside, arms, of, tolerance_mm, as_of, tell)
+    )
+
+
+def check_arm_target(folder: Path) -> None:
+    """Raise BadInput unless the page of an arm may be written to `folder`."""
+    whole_folder.check_target(folder, _ARM)
+
+
+def check_fleet_target(folder: Path) -> None:
+    """Raise BadInput unless the page of all arms may be written to `folder`, what is in arms/ included."""
+    whole_folder.check_target(folder, _FLEET)
+    inside = folder / _ARMS
+    if inside.is_dir():
+        for own in sorted(inside.iterdir()):
+            if own.name not in LITTER:
+                whole_folder.check_target(own, _ARM)
+
+
+def arm_json(own: ArmHistory) -> dict[str, Any]:
+    """`arm.json`: state, drift, results and events of an arm."""
+    return {
+        "schema": ARM_SCHEMA,
+        "serial": own.found.serial,
+        "model": own.found.model,
+        "as_of": None if own.as_of is None else f"{own.as_of:%Y-%m-%d}",
+        "headline": headline(own).sentence,
+        "state": own.state.state,
+        "undetermined": list(own.never),
+        "drift": drift_json(own.found),
+        "results": [result_json(one) for one in own.results],
+        "events": [event_json(one) for one in own.events],
+    }
+
+
+def fleet_json(own: Fleet) -> dict[str, Any]:
+    """`fleet.json`: every arm, the gravest first."""
+    return {
+        "schema": FLEET_SCHEMA,
+        "as_of": None if own.as_of is None else f"{own.as_of:%Y-%m-%d}",
+        "tolerance_mm": own.tolerance_mm,
+        "states": dict(own.counts),
+        "arms": [{**state_json(row), "page": own.pages.get((row.serial, row.model))} for row in own.rows],
+    }
+
+
+def safe_name(serial: str, model: str) -> str:
+    """A folder's name for an arm: what is plain of its serial number, and a hash that no two arms share."""
+    plain = re.sub(r"[^A-Za-z0-9_]+", "-", serial)[:_LONGEST_NAME].strip("-")
+    digest = hashlib.sha256(f"{serial}\0{model}".encode()).hexdigest()[:12]
+    return f"{plain}-{digest}" if plain else digest
+
+
+def _write_arm(folder: Path, own: ArmHistory) -> None:
+    pictures = {picture.name: picture for picture in trend_pictures(own.found, own.events, own.never)}
+    write_page(
+        folder,
+        "arm",
+        arm_page(own),
+        pictures,
+        "study",
+        answer=(_ARM_JSON, dumps(arm_json(own))),
+        tables={_ARM_TABLE: offset_rows(own.results)},
+    )
+
+
+def _write_fleet(
+    folder: Path,
+    arms: Sequence[tuple[str, str]],
+    of: Callable[[tuple[str, str]], ArmHistory],
+    tolerance_mm: float,
+    as_of: datetime | None,
+    tell: Callable[[str, float], None],
+) -> Fleet:
+    rows: list[ArmState] = []
+    few = len(arms) <= MOST_ROWS
+    for number, arm in enumerate(arms):
+        tell(f"{number} of {len(arms)}", number / len(arms) / (1 if few else 2))
+        own = of(arm)
+        rows.append(own.state)
+        if few:
+            _write_beside(folder, own)
+    rows.sort(key=lambda row: row.order)
+    shown = rows[:MOST_ROWS]
+    if not few:
+        for number, row in enumerate(shown):
+            tell(f"page {number} of {len(shown)}", 0.5 + number / len(shown) / 2)
+            _write_beside(folder, of((row.serial, row.model)))
+    pages = {
+        (row.serial, row.model): f"{_ARMS}/{safe_name(row.serial, row.model)}/{ARM_PAGE}" for row in shown
+    }
+    found = Fleet(tuple(rows), pages, tolerance_mm, as_of)
+    picture = None if as_of is None else due_picture(rows, as_of)
+    write_page(
+        folder,
+        "fleet",
+        fleet_page(found),
+        {} if picture is None else {picture.name: picture},
+        "study",
+        answer=(_FLEET_JSON, dumps(fleet_json(found))),
+        tables={_FLEET_TABLE: map(state_row, rows)},
+    )
+    return found
+
+
+def _write_beside(folder: Path, own: ArmHistory) -> None:
+    inside = folder / _ARMS / safe_name(own.found.serial, own.found.model)
+    inside.mkdir(parents=True)
+    _write_arm(inside, own)

@@ -1,0 +1,304 @@
+"""Figures: the offsets of an arm over time, with events, jumps and the due date."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from datetime import datetime, timedelta
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ...analysis.drift.band import Band, bands
+from ...analysis.drift.drift import Drift
+from ...experiments.history.arm_drift import YEAR, ArmDrift
+from ...experiments.history.store import Event
+from ...model.robot import Matrix
+from ..style.canvas import Picture, hatched, new_figure, style, to_svg
+from ..style.palette import SHAPES, light
+from ..style.typeface import in_font
+from ..words import numbers
+from ..words.wording import clipped, counted, label, listed
+from .lists import day
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+AT_ONCE = 6  # panels of a figure
+_PANEL, _STRIP = 1.18, 0.36  # inches
+_HIGHEST = 5.2  # inches of all panels: the page says what to do above them
+_HALF_WIDTH = 1.959964  # standard uncertainties of a 95 % interval
+_WIDEST = 20  # an interval so many times as wide as the median one does not set the scale
+_LABEL_ROWS = 3
+_LETTER = 4.6  # points, of a label
+_LEAST_SPAN = timedelta(days=60)
+
+
+class _Point(NamedTuple):
+    """Estimate and half width of the 95 % interval at a time (days), and the status of the offset there."""
+
+    at: float
+    value: float
+    half: float
+    status: str
+
+
+def trend_pictures(found: ArmDrift, events: Sequence[Event], never: Sequence[str]) -> Iterator[Picture]:
+    """A panel for each offset, six in a figure: `never` are those that no result determines, which have a
+    strip that says so. No figure without a drift."""
+    if found.drift is None:
+        return
+    names = sorted([*found.drift.series.names, *never], key=lambda name: (len(name), name))
+    parts = [names[at : at + AT_ONCE] for at in range(0, len(names), AT_ONCE)]
+    for number, part in enumerate(parts, 1):
+        name = "trend" if len(parts) == 1 else f"trend-{number}"
+        with style():
+            svg = to_svg(_drawn(found, found.drift, events, part), name)
+        title = "Offsets over time" + (f", {number} of {len(parts)}" if len(parts) > 1 else "")
+        yield Picture(name, title, _alt(found, found.drift, part), svg)
+
+
+def _drawn(found: ArmDrift, drift: Drift, events: Sequence[Event], names: Sequence[str]) -> Figure:
+    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+
+    known = [name in drift.series.names for name in names]
+    panel = min(_PANEL, _HIGHEST / len(names))
+    heights = [panel if own else _STRIP for own in known]
+    figure = new_figure(sum(heights) + 1.0)
+    panels = figure.subplots(
+        len(names), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights}
+    )[:, 0]
+    begin, end = _range(found)
+    events = [own for own in events if begin <= own.at <= end]
+    for axes, name, is_known in zip(panels, names, known, strict=True):
+        if is_known:
+            _panel(axes, found, drift, name, (end - found.used[-1].measured_at) / YEAR)
+        else:
+            axes.set_ylim(-0.5, 0.5)
+            axes.set_yticks([])
+            hatched(axes, 0, in_font(f"{label(name)}: no result determines it"), half=0.5)
+        for own in events:
+            line = "--" if own.what == "mastering" else ":"
+            axes.axvline(_day(own.at), color=light("muted"), linewidth=1, linestyle=line)
+        if found.due is not None:
+            axes.axvline(_day(found.due), color=light("misfit"), linewidth=1.2, linestyle="--")
+    panels[0].set_xlim(_day(begin), _day(end))
+    locator = AutoDateLocator(minticks=3, maxticks=7)  # type: ignore[no-untyped-call]
+    panels[-1].xaxis.set_major_locator(locator)
+    dates = ConciseDateFormatter(locator, show_offset=False)  # type: ignore[no-untyped-call]
+    panels[-1].xaxis.set_major_formatter(dates)
+    _name_lines(panels[0], found, events, begin, end)
+    _legend(figure, found)
+    return figure
+
+
+def _range(found: ArmDrift) -> tuple[datetime, datetime]:
+    """What the axis of time shows: all results, and the due date unless it is farther than they reach."""
+    times = [own.measured_at for own in (*found.used, *(left.result for left in found.left_out))]
+    first, last = min(times), max(times)
+    span = max(last - first, _LEAST_SPAN)
+    end = last + span / 2 if found.due is None else min(max(found.due, last), last + span)
+    edge = (end - first) / 30
+    return _moved(first, -edge), _moved(end, edge)
+
+
+def _moved(when: datetime, by: timedelta) -> datetime:
+    """Within the calendar."""
+    try:
+        return when + by
+    except OverflowError:
+        return when
+
+
+def _day(when: datetime) -> float:
+    """As matplotlib counts days."""
+    return (when - datetime(1970, 1, 1)) / timedelta(days=1)
+
+
+def _panel(axes: Axes, found: ArmDrift, drift: Drift, name: str, ahead_years: float) -> None:
+    j = drift.series.names.index(name)
+    origin = _day(found.used[0].measured_at)
+    days = np.array([_day(own.measured_at) for own in found.used])
+    drawn = list(bands(drift, name, max(ahead_years, 0.0)))
+    for band in drawn:
+        _shade(axes, band, origin, days)
+    points = _own_points(found, drift, name)
+    crowded = len(found.used) > 60
+    for status in sorted({own.status for own in points}):
+        at, values, halves = np.array([own[:3] for own in points if own.status == status]).T
+        colour = light(status)
+        axes.vlines(at, values - halves, values + halves, color=colour, linewidth=0.7 if crowded else 1.2)
+        axes.plot(at, values, SHAPES[status], color=colour, markersize=2 if crowded else 3.8)
+    for own in found.jumps:
+        if own.jump.offset == name:
+            axes.axvspan(_day(own.after), _day(own.before), color=light("weak"), alpha=0.25, linewidth=0)
+    begins = [0, *(t + 1 for t in drift.series.reset)]
+    for begin, end in zip(begins, [*(own - 1 for own in begins[1:]), len(days) - 1], strict=True):
+        if not drift.series.determined[begin, j]:
+            right = days[end] if end < len(days) - 1 else days[end] + 1e5
+            axes.axvspan(
+                days[begin], right, facecolor="none", edgecolor=light("line"), hatch="/////", linewidth=0
+            )
+    for left in found.left_out:
+        axes.plot(
+            _day(left.result.measured_at),
+            0.0,
+            SHAPES["unvalidated"],
+            color=light("unvalidated"),
+            markersize=4.5,
+            fillstyle="none",
+            clip_on=False,
+            transform=axes.get_xaxis_transform(),
+        )
+    _scale(axes, points, drawn)
+    axes.set_ylabel(
+        in_font(f"{label(name)}, {'°' if drift.series.units[j] == 'deg' else drift.series.units[j]}"),
+        color=light("muted"),
+    )
+    axes.locator_params(axis="y", nbins=5)
+    axes.axhline(0, color=light("line"), linewidth=0.8, zorder=0.5)
+
+
+def _own_points(found: ArmDrift, drift: Drift, name: str) -> list[_Point]:
+    """What each result alone says of an offset: of one that does not determine it nothing."""
+    points = []
+    for result, own in zip(found.used, drift.series.observations, strict=True):
+        if name not in own.names:
+            continue
+        at = own.names.index(name)
+        half = _HALF_WIDTH * float(np.sqrt(own.covariance[at, at] + own.shared[at, at]))
+        status = next(row["status"] for row in result.offsets if row["name"] == name)
+        points.append(_Point(_day(result.measured_at), float(own.values[at]), half, status))
+    return points
+
+
+def _shade(axes: Axes, band: Band, origin: float, days: Matrix) -> None:
+    at = origin + band.at * (YEAR / timedelta(days=1))
+    low, high = band.low, band.high
+    if len(at) == 1:  # one result alone: as wide as can be seen
+        width = max(float(days[-1] - days[0]), 60.0) / 150
+        at, low, high = np.array([at[0] - width, at[0] + width]), np.repeat(low, 2), np.repeat(high, 2)
+    axes.fill_between(
+        at, low, high, color=light("identified"), alpha=0.13 if band.forecast else 0.28, linewidth=0
+    )
+
+
+def _scale(axes: Axes, points: Sequence[_Point], drawn: Sequence[Band]) -> None:
+    """By what is narrow enough to be compared: an interval that is far wider runs out of the panel."""
+    most = _WIDEST * float(np.median([own.half for own in points]))
+    values, halves = np.array([(own.value, own.half) for own in points if own.half <= most]).T
+    low, high = [values - halves], [values + halves]
+    for band in drawn:
+        narrow = (band.high - band.low) / 2 <= most
+        low.append(band.low[narrow])
+        high.append(band.high[narrow])
+    least, greatest = float(np.concatenate(low).min()), float(np.concatenate(high).max())
+    edge = 0.06 * (greatest - least)
+    axes.set_ylim(least - edge, greatest + edge)
+
+
+def _name_lines(axes: Axes, found: ArmDrift, events: Sequence[Event], begin: datetime, end: datetime) -> None:
+    """Labels above the first panel, in rows where they would meet; the table of events has the others."""
+    wide = 390 / ((end - begin) / YEAR)  # points a year
+    named = [(own.at, _event_name(own), "muted") for own in events]
+    if found.due is not None and found.due <= end:
+        named.insert(0, (found.due, f"due {found.due:%Y-%m-%d}", "misfit"))
+    taken: list[list[tuple[float, float]]] = [[] for _ in range(_LABEL_ROWS)]
+    for when, text, role in named:
+        middle = (when - begin) / YEAR * wide
+        half = len(text) * _LETTER / 2
+        middle = min(max(middle, half), 390 - half)
+        for number, row in enumerate(taken):
+            if all(middle + half < low or high < middle - half for low, high in row):
+                row.append((middle - half, middle + half))
+                axes.annotate(
+                    text,
+                    (middle / 390, 1),
+                    (0, 3 + 11 * number),
+                    xycoords="axes fraction",
+                    textcoords="offset points",
+                    ha="center",
+                    va="bottom",
+                    fontsize=8.5,
+                    color=light(role),
+                )
+                break
+    if found.due is not None and found.due > end:
+        axes.annotate(
+            in_font(f"due {found.due:%Y-%m-%d} →"),
+            (1, 1),
+            (0, 3),
+            xycoords="axes fraction",
+            textcoords="offset points",
+            ha="right",
+            va="bottom",
+            fontsize=8.5,
+            color=light("misfit"),
+        )
+
+
+def _event_name(own: Event) -> str:
+    return in_font(clipped(own.note, 18)) if own.what == "other" and own.note else own.what
+
+
+def _legend(figure: Figure, found: ArmDrift) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    blue = light("identified")
+    keys = [
+        Line2D([], [], color=blue, marker="o", markersize=3.8, linewidth=1.2, label="a result alone"),
+        Patch(color=blue, alpha=0.28, linewidth=0, label="by all results"),
+        Patch(color=blue, alpha=0.13, linewidth=0, label="forecast"),
+    ]
+    if any(row["status"] == "weak" for own in found.used for row in own.offsets):
+        keys.insert(
+            1,
+            Line2D(
+                [],
+                [],
+                color=light("weak"),
+                marker=SHAPES["weak"],
+                markersize=3.8,
+                linewidth=1.2,
+                label="weakly observable",
+            ),
+        )
+    if found.jumps:
+        keys.append(Patch(color=light("weak"), alpha=0.25, linewidth=0, label="jump"))
+    if found.left_out:
+        keys.append(
+            Line2D(
+                [],
+                [],
+                color=light("unvalidated"),
+                marker=SHAPES["unvalidated"],
+                fillstyle="none",
+                markersize=4.5,
+                linewidth=0,
+                label="not counted",
+            )
+        )
+    figure.legend(
+        handles=keys, loc="outside lower center", ncols=3 if len(keys) > 5 else len(keys), handlelength=1.4
+    )
+
+
+def _alt(found: ArmDrift, drift: Drift, names: Sequence[str]) -> str:
+    told = []
+    for name in names:
+        if name not in drift.series.names:
+            told.append(f"{label(name)} is determined by no result")
+            continue
+        j = drift.series.names.index(name)
+        seen = np.flatnonzero(drift.series.observed[:, j])
+        ends = []
+        for t in (int(seen[0]), int(seen[-1])):
+            value, std = drift.value(t, np.eye(len(drift.series.names))[j])
+            unit = drift.series.units[j]
+            number = f"{numbers.estimate(value, std, unit)} ± {numbers.spread(std, unit)}"
+            ends.append(f"{number} ({day(found.used[t].measured_at)})")
+        told.append(f"{label(name)} in {counted(len(seen), 'result')}: {' to '.join(dict.fromkeys(ends))}")
+    jumps = [f"{label(own.jump.offset)} before {day(own.before)}" for own in found.jumps]
+    changed = f"Jumps: {listed(jumps)}" if jumps else "No jumps"
+    return f"Offsets over time, ± standard uncertainty. {'; '.join(told)}. {changed}."

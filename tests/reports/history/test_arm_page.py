@@ -1,0 +1,226 @@
+"""The page of an arm: what it says first, and that nothing undetermined is drawn or given a number."""
+
+from __future__ import annotations
+
+import json
+import re
+from datetime import datetime, timedelta
+from functools import cache
+from pathlib import Path
+
+import pytest
+from arms_over_years import FIRST, LOST, arm_history, happened, over_years
+from pages import Page, assert_fetches_nothing
+
+from zerobeam.model.errors import BadInput
+from zerobeam.reports.history.arm_page import ArmHistory, arm_page, headline
+from zerobeam.reports.history.history_folder import safe_name, write_arm
+from zerobeam.reports.history.trend_figure import trend_pictures
+from zerobeam.reports.output.html import html
+from zerobeam.reports.style.canvas import Picture
+from zerobeam.reports.style.palette import light
+
+LABEL = "J3 (δ3)"
+
+
+@cache
+def pictures(own: ArmHistory) -> dict[str, Picture]:
+    return {one.name: one for one in trend_pictures(own.found, own.events, own.never)}
+
+
+def shown(own: ArmHistory, *, drawn: bool = False) -> Page:
+    return Page(html(arm_page(own), pictures(own) if drawn else {}, "study"))
+
+
+def points(svg: str) -> int:
+    """How many results are drawn: marks in the colour of what is identified, less that of the legend."""
+    blue = light("identified")
+    return len(re.findall(rf'<use [^>]*style="fill: {blue}; stroke: {blue}', svg)) - 1
+
+
+def test_the_due_date_comes_first_and_every_calibration_is_listed() -> None:
+    own = arm_history(over_years(6, walk=0.01, psd="Hamamatsu 17", who="J. Doe"))
+    due = own.found.due
+    assert due is not None
+    said = headline(own)
+    assert (said.key, said.word) == ("pass", "On schedule")
+    assert f"Next calibration due: {due:%Y-%m-%d}" in said.sentence
+    page = shown(own, drawn=True)
+    assert page.words.index(f"{due:%Y-%m-%d}") < page.words.index("Calibrations")
+    dates = [row[0] for row in page.rows if row[1:2] == ["Pass"]]
+    assert dates == [f"{one.measured_at:%Y-%m-%d}" for one in reversed(own.results)]
+    assert page.row(dates[0])[3:] == ["Hamamatsu 17", "J. Doe", own.results[0].document_sha256[:10]]
+    assert f"due {due:%Y-%m-%d}" in page.words
+    assert_fetches_nothing(page)
+
+
+def test_a_result_has_no_point_for_what_it_does_not_determine() -> None:
+    whole, partly = (arm_history(over_years(6, walk=0.01, lost=lost)) for lost in ((), (2, 3)))
+    counts = [points(next(iter(pictures(own).values())).svg) for own in (whole, partly)]
+    assert counts == [6 * 5, 6 * 5 - 2]
+    assert f"{LABEL} in 4 results" in pictures(partly)["trend"].alt
+    (row,) = [row for row in shown(partly).rows if row[0] == f"{partly.results[3].measured_at:%Y-%m-%d}"]
+    assert row[1:3] == ["Degenerate", f"{LABEL} not determined"]
+
+
+def test_an_offset_that_no_result_determines_is_named_and_never_drawn_as_known() -> None:
+    own = arm_history(over_years(4, lost=range(4)))
+    assert own.never == (LOST,)
+    assert own.state.state == "no due date"
+    said = headline(own)
+    assert said.word == "No due date"
+    assert LABEL in said.sentence
+    picture = pictures(own)["trend"]
+    assert f"{LABEL} is determined by no result" in picture.alt
+    assert "no result determines it" in picture.svg
+    assert points(picture.svg) == 4 * 4
+    page = shown(own)
+    assert LABEL not in [row[0] for row in page.rows]
+    assert f"Determined by no result that counts: {LABEL}" in page.words
+
+
+def test_after_a_mastering_nothing_is_known_of_what_no_result_determines_since() -> None:
+    results = over_years(8, lost=(5, 6, 7))
+    mastering = happened("mastering", results[4].measured_at + timedelta(days=5))
+    own = arm_history(results, [mastering])
+    assert own.state.state == "no due date"
+    assert f"no result since the last mastering determines {LABEL}" in headline(own).sentence
+    page = shown(own, drawn=True)
+    (row,) = [row for row in page.rows if row[0] == LABEL]
+    assert row[1] == "not determined since the mastering"
+    assert f"Not determined since the last mastering: {LABEL}" in page.words
+    assert "mastering" in page.words
+    assert points(pictures(own)["trend"].svg) == 8 * 5 - 3
+
+
+def test_a_jump_is_tied_to_what_was_logged_or_asks_what_happened() -> None:
+    results = over_years(8, jump=(5, 1, 0.5))
+    alone = arm_history(results)
+    assert alone.state.state == "jump without event"
+    assert "no event is logged in between" in headline(alone).sentence
+    bump = happened("collision", results[4].measured_at + timedelta(days=3), "table 3")
+    told = arm_history(results, [bump])
+    assert told.state.state == "jump"
+    assert f"logged in between: collision of {bump.at:%Y-%m-%d}" in headline(told).sentence
+    page = shown(told)
+    assert "collision" in page.row(LABEL)[-1]
+    assert "table 3" in page.words
+    svg = pictures(told)["trend"].svg
+    assert (">collision<" in svg, ">jump<" in svg) == (True, True)
+
+
+@pytest.mark.parametrize("what", ["collision", "motor", "mastering"])
+def test_what_happened_after_the_last_result_makes_a_calibration_due(what: str) -> None:
+    results = over_years(4)
+    own = arm_history(results, [happened(what, results[-1].measured_at + timedelta(days=2))])
+    assert own.state.state == "overdue"
+    assert headline(own).word == "Calibrate now"
+    assert f"{what} on {results[-1].measured_at + timedelta(days=2):%Y-%m-%d}" in headline(own).sentence
+    other = arm_history(results, [happened("other", results[-1].measured_at + timedelta(days=2))])
+    assert other.state.state == "on schedule"
+
+
+def test_overdue_is_said_of_the_day_that_is_asked_about() -> None:
+    results = over_years(4, walk=0.01)
+    due = arm_history(results).found.due
+    assert due is not None
+    late = arm_history(results, as_of=due + timedelta(days=1))
+    assert late.state.state == "overdue"
+    assert f"Overdue on {due + timedelta(days=1):%Y-%m-%d}." in headline(late).sentence
+    assert arm_history(results, as_of=due - timedelta(days=1)).state.state == "on schedule"
+
+
+def test_an_arm_of_misfits_alone_says_so() -> None:
+    own = arm_history(over_years(3, misfits=(0, 1, 2)))
+    said = headline(own)
+    assert (said.key, said.word) == ("misfit", "Misfit")
+    assert said.sentence.startswith("All 3 results are misfits: the model does not describe")
+    assert own.state.state == "misfit"
+    assert pictures(own) == {}
+    page = shown(own)
+    assert [row[1:3] for row in page.rows if row[1:2] == ["Misfit"]] == [["Misfit", "unvalidated"]] * 3
+    assert "Offsets now" not in page.words
+
+
+def test_a_misfit_at_the_end_is_said_first_and_does_not_count() -> None:
+    own = arm_history(over_years(5, misfits=(4,)), tolerance_mm=2.0)
+    assert headline(own).word == "Misfit"
+    assert "is a misfit and does not count. Next calibration" in headline(own).sentence
+    assert "the model does not describe the measurements" in shown(own).words
+    assert points(pictures(own)["trend"].svg) == 4 * 5
+
+
+def test_one_result_says_nothing_of_drift() -> None:
+    own = arm_history(over_years(1))
+    assert own.state.state == "no due date"
+    assert headline(own).sentence.startswith("One result counts: two are needed to know a drift. ")
+    assert pictures(own) == {}
+    assert "Offsets over time" not in shown(own).words
+
+
+def test_an_arm_with_events_alone_has_a_page() -> None:
+    own = arm_history((), [happened("collision", FIRST)])
+    assert headline(own).word == "No results"
+    assert own.state.state == "no due date"
+    assert "collision" in shown(own).words
+
+
+def test_a_rate_that_the_results_say_nothing_of_has_no_number() -> None:
+    own = arm_history(over_years(4, lost=(1, 2, 3)))
+    row = shown(own).row(LABEL)
+    assert row[2:] == ["not determined", ""]
+    assert shown(own).row("J4 (δ4)")[2].endswith("°")
+
+
+@pytest.mark.parametrize(
+    "serial", ["<script>alert(1)</script>", "../../etc", "Ж" * 300, "名\u202eabc\x00", "CON", "a b", ""]
+)
+def test_names_hold_anything(serial: str, tmp_path: Path) -> None:
+    own = arm_history(over_years(1, serial=serial, who="<b>中</b>"))
+    write_arm(tmp_path / safe_name(serial, "irb1600"), own)
+    (folder,) = tmp_path.iterdir()
+    assert re.fullmatch(r"([A-Za-z0-9_][A-Za-z0-9_-]*-)?[0-9a-f]{12}", folder.name)
+    assert {one.name for one in folder.iterdir()} == {
+        *("arm.html", "arm.pdf", "arm.json", "offsets.csv", "figures"),
+    }
+    page = Page((folder / "arm.html").read_text(encoding="utf-8"))
+    assert not page.scripts
+    assert "<b>中</b>" in page.words
+    assert json.loads((folder / "arm.json").read_text(encoding="utf-8"))["serial"] == serial
+    assert (folder / "arm.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_names_of_folders_differ_where_arms_do() -> None:
+    same = {safe_name(*arm) for arm in (("a-1", "x"), ("A-1", "x"), ("a-1", "y"), ("a 1", "x"), ("a", "1x"))}
+    assert len({name.casefold() for name in same}) == 5
+    assert len(safe_name("x" * 10_000, "y" * 10_000)) <= 60
+
+
+def test_what_is_not_ours_is_never_replaced(tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_text("keep")
+    with pytest.raises(BadInput, match="holds other things"):
+        write_arm(tmp_path, arm_history(over_years(1)))
+    assert [one.name for one in tmp_path.iterdir()] == ["mine.txt"]
+
+
+@pytest.mark.long
+def test_dates_at_the_edges_of_the_calendar_and_results_at_one_time() -> None:
+    early = over_years(2, every=timedelta(0))
+    assert points(pictures(arm_history(early))["trend"].svg) == 2 * 5
+    for first in (datetime(1, 1, 1), datetime(9990, 1, 1)):
+        moved = tuple(
+            one.__class__(**{**one.__dict__, "measured_at": first + timedelta(days=400 * t)})
+            for t, one in enumerate(over_years(2))
+        )
+        assert shown(arm_history(moved), drawn=True).words
+
+
+@pytest.mark.long
+def test_two_hundred_results() -> None:
+    results = over_years(200, every=timedelta(days=30), walk=0.002, jump=(150, 3, 0.1), misfits=(30, 31))
+    own = arm_history(results)
+    assert points(pictures(own)["trend"].svg) == 198 * 5
+    page = shown(own, drawn=True)
+    assert len([row for row in page.rows if row[1:2] in (["Pass"], ["Misfit"])]) == 200
+    assert any(tag == "details" for tag, _ in page.tags)
+    assert [one.jump.offset for one in own.found.jumps] == ["delta5"]

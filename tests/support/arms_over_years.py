@@ -1,0 +1,108 @@
+"""Arms with results over years, made of one real result: known walks and jumps, misfits, offsets lost."""
+
+from __future__ import annotations
+
+import copy
+import tempfile
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from histories import a_result, write_result
+
+from zerobeam.experiments.history.arm_drift import arm_drift
+from zerobeam.experiments.history.entry import read_entry
+from zerobeam.experiments.history.store import Event, StoredResult
+from zerobeam.reports.history.arm_page import ArmHistory
+
+FIRST = datetime(2023, 1, 15)
+LOST = "delta3"
+
+
+def base(demo: str = "good", **provenance: object) -> StoredResult:
+    """A real result as a history gives it back."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = write_result(Path(folder) / "one.json", a_result(demo=demo, **provenance))
+        own = read_entry(path, lambda sha256: None)
+    assert own is not None
+    names = [name for name in StoredResult.__dataclass_fields__ if name != "document_sha256"]
+    return StoredResult(**{name: getattr(own, name) for name in names}, document_sha256=own.document_sha256)
+
+
+def over_years(
+    count: int,
+    *,
+    serial: str = "A-1",
+    model: str = "irb1600",
+    every: timedelta = timedelta(days=91),
+    walk: float = 0.0,
+    jump: tuple[int, int, float] | None = None,
+    misfits: Collection[int] = (),
+    lost: Collection[int] = (),
+    demo: str = "good",
+    **provenance: object,
+) -> tuple[StoredResult, ...]:
+    """So many results of an arm. `jump` is the result before which an offset, by its place, changes by so
+    much; results `lost` do not determine `LOST`."""
+    one = base(demo, **provenance)
+    random, made = np.random.default_rng(4), []
+    state = np.zeros(len(one.without_prior["names"]) if one.without_prior else 0)
+    for t in range(count):
+        alone, offsets, verdict = copy.deepcopy(one.without_prior), copy.deepcopy(one.offsets), one.verdict
+        if alone is not None:
+            values = random.multivariate_normal(np.add(alone["values"], state), alone["covariance"])
+            if jump is not None and t >= jump[0]:
+                values[jump[1]] += jump[2]
+            alone["values"] = values.tolist()
+            state = state + walk * random.normal(size=len(state))
+            if t in lost:
+                _lose(alone, offsets)
+                verdict = "degenerate"
+        if t in misfits:
+            verdict = "misfit"
+        made.append(
+            replace(
+                one,
+                serial=serial,
+                model=model,
+                sha256=f"{t:064x}",
+                measured_at=FIRST + t * every,
+                verdict=verdict,
+                offsets=offsets,
+                without_prior=alone,
+            )
+        )
+    return tuple(made)
+
+
+def _lose(alone: dict[str, Any], offsets: list[dict[str, Any]]) -> None:
+    kept = [i for i, name in enumerate(alone["names"]) if name != LOST]
+    for key in ("names", "values", "units", "by_geometry"):
+        alone[key] = [alone[key][i] for i in kept]
+    alone["covariance"] = [[alone["covariance"][i][j] for j in kept] for i in kept]
+    for row in offsets:
+        if row["name"] == LOST:
+            row.update(status="unidentifiable", estimate=None, std=None, interval95=None)
+
+
+def arm_history(
+    results: Sequence[StoredResult],
+    events: Sequence[Event] = (),
+    *,
+    arm: tuple[str, str] = ("A-1", "irb1600"),
+    tolerance_mm: float = 0.5,
+    as_of: datetime | None = None,
+) -> ArmHistory:
+    """What its page is made of."""
+    if results:
+        arm = (results[0].serial, results[0].model)
+    when = as_of or (results[-1].measured_at if results else None)
+    return ArmHistory(arm_drift(arm, results, events, tolerance_mm), tuple(results), tuple(events), when)
+
+
+def happened(what: Any, when: datetime, note: str = "", serial: str = "A-1") -> Event:
+    """An event of an arm."""
+    return Event(serial, "irb1600", when, what, note)
