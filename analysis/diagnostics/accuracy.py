@@ -21,16 +21,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
-import scipy
-from numpy.polynomial.chebyshev import chebpts1, chebval2d, chebvander
-from numpy.polynomial.legendre import leggauss
 
 from ...model.kernel import Index
 from ...model.problem import Problem
 from ...model.robot import Matrix
+from ..error_radius import radius95
 from ..observability.causes import Cause
 from ..solution import Solution
 from ..status import UnsoundResult
@@ -39,12 +37,10 @@ Grid = tuple[tuple[float | None, ...], ...]
 Counts = tuple[tuple[int, ...], ...]
 Place = Literal["stated point", "tool", "last axis"]
 
-COVERAGE = 0.95
 _POSTURES = 4096  # over the joints' limits; of those within the shots' ranges a quarter
 _CELLS = 20  # along the longer side of a map, at most
 _NO_EFFECT = 1e-3  # mm: an offset that moves the TCP by less in one prior std does not enter
 _ON_AXIS = 1e-6  # mm
-_NODES = 12  # of each ratio of stds
 
 
 @dataclass(frozen=True)
@@ -59,7 +55,8 @@ class Level:
 class Region:
     """Accuracy over so many `postures`.
 
-    `before_mm` is the error without offsets, `before_std_mm` its std at those very two postures; after the
+    `before_mm` is the error without offsets, `before_std_mm` its std at those very two postures (the largest
+    of several with that error); after the
     calibration, `after95_mm` is the radius that holds the error with 95 %, `after_rms_mm` the expected error.
     """
 
@@ -142,7 +139,8 @@ def accuracy(solution: Solution, point: Matrix | None = None) -> Accuracy:
     drawn = [spread_postures(*limits, _POSTURES), spread_postures(*own, _POSTURES // 4)]
     joints = np.concatenate([*drawn, problem.joints])
     position, jacobian = tool_point(problem, fit.x, point, joints)
-    effect = np.linalg.norm(jacobian[:, :, offsets], axis=1).max(axis=0) * parameters.prior_std[offsets]
+    by_offset = jacobian.transpose(1, 2, 0)[:, offsets]
+    effect = np.sqrt((by_offset**2).sum(axis=0).max(axis=1)) * parameters.prior_std[offsets]
     names = parameters.names[offsets]
     enters = effect > _NO_EFFECT
     undetermined = np.flatnonzero(enters & open_offsets)
@@ -154,8 +152,8 @@ def accuracy(solution: Solution, point: Matrix | None = None) -> Accuracy:
         whole, near = slice(_POSTURES), slice(_POSTURES, len(joints) - problem.shots)
         workspace, near_shots = _region(errors.select(whole)), _region(errors.select(near))
         maps = _maps(problem, position[whole], position[near.stop :], errors.select(whole))
-        by_offset = jacobian[whole, :, offsets] / parameters.display[offsets]
-        sensitivity = tuple(map(tuple, (np.einsum("pki,pkj->ij", by_offset, by_offset) / _POSTURES).tolist()))
+        shown = by_offset[:, :, whole] / parameters.display[offsets][:, None]
+        sensitivity = tuple(map(tuple, ((shown @ shown.transpose(0, 2, 1)).sum(axis=0) / _POSTURES).tolist()))
         weak = tuple(names[i] for i in np.flatnonzero(enters & np.equal(status, "weak")))
     return Accuracy(
         point_mm=(float(point[0]), float(point[1]), float(point[2])),
@@ -181,9 +179,10 @@ def tool_point(problem: Problem, x: Matrix, point: Matrix, joints: Matrix) -> tu
     x = x.copy()
     x[arm.start] = 0.0
     position, jacobian = problem.functions.kernel("placed")(joints, x[arm], point)
-    jacobian = jacobian[:, :, arm].copy()
-    jacobian[:, :, 0] = 0.0
-    return position, jacobian
+    # Postures next to each other in memory: what follows is done for all of them, number by number.
+    by_arm = np.ascontiguousarray(jacobian[:, :, arm].transpose(1, 2, 0))
+    by_arm[:, 0] = 0.0
+    return np.asfortranarray(position), by_arm.transpose(2, 0, 1)
 
 
 def arm_covariance(problem: Problem, covariance: Matrix) -> Matrix:
@@ -197,72 +196,20 @@ def arm_covariance(problem: Problem, covariance: Matrix) -> Matrix:
     return result
 
 
-def radius95(covariance: Matrix, dof: int | None = None) -> Matrix:
-    """(P,) the radius of the ball that holds 95 % of a normal error of covariance (P, 3, 3), or of Student's
-    t with `dof` and that matrix for a scale.
-
-    In units of the largest principal std it depends on the ratios of the three alone, and smoothly: it is
-    worked out at the Chebyshev points of two ratios, and interpolated. Good to 1e-4 of itself.
-    """
-    std = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance), 0.0))
-    second = std[:, 1] / np.where(std[:, 2] > 0, std[:, 2], 1.0)
-    third = std[:, 0] / np.where(std[:, 1] > 0, std[:, 1], 1.0)
-    return np.asarray(std[:, 2] * chebval2d(2 * second - 1, 2 * third - 1, _coefficients(dof)))
-
-
-@lru_cache(maxsize=64)
-def _coefficients(dof: int | None) -> Matrix:
-    """(k, k) of the Chebyshev polynomials of the two ratios."""
-    points = chebpts1(_NODES)
-    ratio = (points + 1) / 2
-    exact = _radius(np.repeat(ratio, _NODES), np.outer(ratio, ratio).reshape(-1), dof)
-    from_values = np.linalg.inv(chebvander(points, _NODES - 1))
-    return np.asarray(from_values @ exact.reshape(_NODES, _NODES) @ from_values.T)
-
-
-def _radius(second: Matrix, third: Matrix, dof: int | None) -> Matrix:
-    """(P,) the same for principal stds of 1, `second` and `third` (P,).
-
-    An error is C^(1/2) u times a length s: u even over the sphere, s^2 chi-squared of 3 (of Student's t:
-    s^2 / 3 is F of 3 and dof). So P(|e| < R) is the mean over u of P(s < R / w), w^2 = u' C u: over Gauss
-    points in one octant. The root is found by Newton's method on the logarithm of what is outside.
-    """
-    z, weight = leggauss(24)
-    z, weight = np.repeat((z + 1) / 2, 8), np.repeat(weight / 16, 8)
-    # Midpoints: over the period of an angle they are as good as Gauss's.
-    angle = np.tile((np.arange(8) + 0.5) * np.pi / 16, 24)
-    across = [second[:, None] * np.cos(angle), third[:, None] * np.sin(angle)]
-    w = np.sqrt(z**2 + (1 - z**2) * (across[0] ** 2 + across[1] ** 2))
-    radius = np.full(len(w), 1.96)  # of a normal error along a line: all others need more
-    for _ in range(60):
-        inside, density = _length_law(radius[:, None] / w, dof)
-        outside = np.maximum(1 - inside @ weight, 1e-12)
-        step = outside / ((density / w) @ weight) * np.log(outside / (1 - COVERAGE))
-        radius = radius + step
-        if np.abs(step).max() < 1e-7:
-            break
-    return radius
-
-
-def _length_law(s: Matrix, dof: int | None) -> tuple[Matrix, Matrix]:
-    """Of the length s, in stds, of an error in three dimensions: distribution function and density."""
-    if dof is None:
-        density = np.sqrt(2 / np.pi) * np.exp(-(s**2) / 2)
-        return scipy.special.erf(s / np.sqrt(2)) - s * density, s**2 * density
-    scale = 2 * np.exp(-scipy.special.betaln(1.5, dof / 2)) / dof**1.5
-    return scipy.special.fdtr(3, dof, s**2 / 3), scale * s**2 * (1 + s**2 / dof) ** (-(dof + 3) / 2)
-
-
 def spread_postures(lower: Matrix, upper: Matrix, count: int) -> Matrix:
     """(count, n) evenly between `lower` and `upper` (n,): Kronecker's sequence with the powers of the root of
     x^(n + 1) = x + 1 (Roberts 2018), which has no seed."""
-    n = len(lower)
+    return np.asarray(lower + _shares(len(lower), count) * (upper - lower))
+
+
+@lru_cache(maxsize=16)
+def _shares(n: int, count: int) -> Matrix:
+    """(count, n) from 0 to 1 of `spread_postures`."""
     root = 2.0
     for _ in range(60):
         root = (1 + root) ** (1 / (n + 1))
     steps = root ** -np.arange(1.0, n + 1)
-    share = (0.5 + np.arange(1, count + 1)[:, None] * steps) % 1.0
-    return np.asarray(lower + share * (upper - lower))
+    return np.asarray((0.5 + np.arange(1, count + 1)[:, None] * steps) % 1.0)
 
 
 def _default_point(problem: Problem, open_last: bool) -> tuple[Matrix, Place]:
@@ -301,30 +248,45 @@ def _errors(
 ) -> _Errors:
     problem, fit = solution.problem, solution.fit
     dof = max(solution.dof, 1) if problem.noise.estimated else None
-    nominal, _ = tool_point(problem, np.zeros(len(problem.parameters)), point, joints)
-    of_point = jacobian @ arm_covariance(problem, fit.covariance) @ jacobian.transpose(0, 2, 1)
-    apart = nominal - position
+    (nominal,) = problem.functions.kernel("place")(joints, np.zeros(problem.parameters.arm.stop), point)
+    of_point = _transferred(arm_covariance(problem, fit.covariance), jacobian)
+    apart = np.asfortranarray(nominal) - position
     length = np.linalg.norm(apart, axis=1)
-    along = np.einsum("pi,pij,pj->p", apart, of_point, apart)
+    along = sum(apart[:, i] * apart[:, j] * of_point[:, i, j] for i in range(3) for j in range(3))
     rms = np.sqrt(np.trace(of_point, axis1=1, axis2=2))
     # Of no length at all every direction is as good: the std of the worst is at most the rms.
     std = np.where(length > 0, np.sqrt(along) / np.where(length > 0, length, 1.0), rms)
     return _Errors(length, std, radius95(of_point, dof), rms)
 
 
+def _transferred(covariance: Matrix, jacobian: Matrix) -> Matrix:
+    """(P, 3, 3): J C J' of C (a, a) for each J of (P, 3, a)."""
+    by_arm = jacobian.transpose(1, 2, 0)
+    spread = covariance @ by_arm
+    result = np.empty((3, 3, len(jacobian)))
+    for i in range(3):
+        for j in range(i + 1):
+            result[i, j] = result[j, i] = (spread[i] * by_arm[j]).sum(axis=0)
+    return result.transpose(2, 0, 1)
+
+
 def _region(errors: _Errors) -> Region:
     count = len(errors.before)
+    middle = (count - 1) // 2
 
-    def level(value: Matrix, by: Matrix) -> Level:
-        order = np.argsort(by, kind="stable")
-        return Level(float(value[order[(count - 1) // 2]]), float(value[order[-1]]))
+    def level(value: Matrix) -> Level:
+        return Level(float(np.partition(value, middle)[middle]), float(value.max()))
 
+    def std_where(error: float) -> float:
+        return float(errors.before_std[errors.before == error].max())
+
+    before = level(errors.before)
     return Region(
         postures=count,
-        before_mm=level(errors.before, errors.before),
-        before_std_mm=level(errors.before_std, errors.before),
-        after95_mm=level(errors.after95, errors.after95),
-        after_rms_mm=level(errors.after_rms, errors.after_rms),
+        before_mm=before,
+        before_std_mm=Level(std_where(before.median), std_where(before.worst)),
+        after95_mm=level(errors.after95),
+        after_rms_mm=level(errors.after_rms),
     )
 
 
@@ -336,14 +298,21 @@ def _maps(problem: Problem, position: Matrix, shots: Matrix, errors: _Errors) ->
 
     def beside_axis(points: Matrix) -> Matrix:
         away = points - origin
-        return np.stack([np.linalg.norm(np.cross(away, axis), axis=1), points @ axis], axis=1)
+        return np.stack([np.linalg.norm(np.cross(away, axis), axis=1), points @ axis]).T
 
+    before, after = (_Ranked(order := np.argsort(own), own[order]) for own in (errors.before, errors.after95))
+    across = (f"distance from {name}", "height")
     return (
-        _map(
-            "vertical", (f"distance from {name}", "height"), beside_axis(position), beside_axis(shots), errors
-        ),
-        _map("horizontal", ("x", "y"), position[:, :2], shots[:, :2], errors),
+        _map("vertical", across, beside_axis(position), beside_axis(shots), before, after),
+        _map("horizontal", ("x", "y"), position[:, :2], shots[:, :2], before, after),
     )
+
+
+class _Ranked(NamedTuple):
+    """Values in their order: whose each is, and the value."""
+
+    order: Index
+    value: Matrix
 
 
 def _map(
@@ -351,7 +320,8 @@ def _map(
     axes: tuple[str, str],
     at: Matrix,
     shots: Matrix,
-    errors: _Errors,
+    before: _Ranked,
+    after: _Ranked,
 ) -> Map:
     """Cells of a round size over all that is there, `at` (P, 2) and `shots` (N, 2) mm."""
     every = np.concatenate([at, shots])
@@ -368,19 +338,19 @@ def _map(
         return tuple(tuple(row) for row in counts.tolist())
 
     where = cells(at).astype(np.uint16)  # that is sorted by counting
+    count = np.bincount(where, minlength=rows * columns)
+    filled = np.flatnonzero(count)
+    end, count = np.cumsum(count)[filled], count[filled]
 
-    def levels(value: Matrix) -> LevelMap:
-        order = np.argsort(value)
-        order = order[np.argsort(where[order], kind="stable")]
-        filled, start, count = np.unique(where[order], return_index=True, return_counts=True)
+    def levels(own: _Ranked) -> LevelMap:
+        value = own.value[np.argsort(where[own.order], kind="stable")]
 
         def grid(pick: Index) -> Grid:
-            cells: list[float | None] = [None] * (rows * columns)
-            for cell, number in zip(filled.tolist(), value[order[pick]].tolist(), strict=True):
-                cells[cell] = number
-            return tuple(tuple(cells[row * columns : (row + 1) * columns]) for row in range(rows))
+            numbers = np.full(rows * columns, None, dtype=object)
+            numbers[filled] = value[pick]
+            return tuple(map(tuple, numbers.reshape(rows, columns).tolist()))
 
-        return LevelMap(grid(start + (count - 1) // 2), grid(start + count - 1))
+        return LevelMap(grid(end - 1 - count // 2), grid(end - 1))
 
     return Map(
         plane=plane,
@@ -389,8 +359,8 @@ def _map(
         corner_mm=(float(corner[0] * size), float(corner[1] * size)),
         postures=counted(at),
         shots=counted(shots),
-        before_mm=levels(errors.before),
-        after95_mm=levels(errors.after95),
+        before_mm=levels(before),
+        after95_mm=levels(after),
     )
 
 

@@ -24,10 +24,10 @@ from scipy import stats
 from zerobeam.analysis.diagnostics.accuracy import (
     accuracy,
     arm_covariance,
-    radius95,
     spread_postures,
     tool_point,
 )
+from zerobeam.analysis.error_radius import radius95
 from zerobeam.analysis.estimation.fit import fit_likelihood, fit_rows, start_at
 from zerobeam.analysis.solution import Solution, judge
 from zerobeam.model.density import Density
@@ -58,38 +58,6 @@ def levels(answer):
         for level in (region.before_mm, region.before_std_mm, region.after95_mm, region.after_rms_mm)
         for value in dataclasses.astuple(level)
     ]
-
-
-# --- the radius of 95 % -----------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("dof", [None, 1, 4, 30])
-def test_the_radius_of_a_line_a_disc_and_a_ball(dof):
-    """Closed forms: chi of as many degrees of freedom as there are equal variances; with Student's t F."""
-    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
-    covariance = np.array([turn @ np.diag(3.0**2 * np.arange(3) >= 9 * k) @ turn.T for k in (2, 1, 0)]) * 4.0
-    by_f = [np.sqrt(k * stats.f.ppf(0.95, k, dof or 1e12)) for k in (1, 2, 3)]
-    np.testing.assert_allclose(radius95(covariance, dof), 2 * np.array(by_f), rtol=2e-4)
-
-
-def test_no_error_has_no_radius():
-    assert radius95(np.zeros((2, 3, 3))).tolist() == [0.0, 0.0]
-
-
-@pytest.mark.parametrize("dof", [None, 5])
-def test_the_radius_with_unequal_variances_by_drawing(dof):
-    rng = np.random.default_rng(1)
-    std = np.array([[1.0, 0.6, 0.3], [1.0, 0.9, 0.1], [1.0, 0.3, 0.05], [1.0, 0.05, 0.02]])
-    radius = radius95(np.array([np.diag(s**2) for s in std]), dof)
-    error = rng.normal(size=(4, 100_000, 3)) * std[:, None]
-    if dof is not None:
-        error /= np.sqrt(rng.chisquare(dof, (4, 100_000, 1)) / dof)
-    inside = (np.linalg.norm(error, axis=2) < radius[:, None]).sum(axis=1)
-    assert all(binomial(count, 100_000) for count in inside)
-    # Negative control: a ball of the same mean variance would do for none of them.
-    ball = np.sqrt((std**2).sum(axis=1) / 3) * radius95(np.eye(3)[None], dof)
-    wrong = (np.linalg.norm(error, axis=2) < ball[:, None]).sum(axis=1)
-    assert not any(binomial(count, 100_000) for count in wrong)
 
 
 # --- the tool point and its Jacobian ----------------------------------------------------------------
