@@ -112,6 +112,15 @@ ALLOWED: Mapping[tuple[str, ...], tuple[int, Mapping[str, Kind]]] = {
     ("analyse",): (1, _ANALYSE),
     ("report",): (1, {"--out": "write", **_ANALYSE}),
     ("compare",): (2, {"--out": "write", "--seed": "value"}),
+    ("history", "add"): (1, {"--db": "write", "--replace": "flag"}),
+    ("history", "report"): (
+        0,
+        {
+            "--out": "write",
+            "--db": "write",
+            **dict.fromkeys(("--tolerance-mm", "--as-of", "--model"), "value"),
+        },
+    ),
     ("run",): (
         1,
         {
@@ -166,7 +175,9 @@ ALLOWED: Mapping[tuple[str, ...], tuple[int, Mapping[str, Kind]]] = {
     },
 }
 _SHORT = {"-o": "--out"}
-_SEVERAL = {"compare", "import"}  # read that many files or more
+_SEVERAL = {("compare",), ("import",), ("history", "add")}  # read that many files or more
+_NAMED = {("history", "report")}  # their one word is a name, and no file; behind `--` it may begin with -
+_WITHIN = {"history": "--db"}  # what must be named, so that it is in the folder
 
 
 def job_command(folder: Folder, words: Sequence[str]) -> list[str]:
@@ -193,9 +204,15 @@ def _checked(
     called, stated = " ".join(name), list(name)
     read: list[str] = []
     named: list[str] = []
+    names: list[str] = []
     rig = "simulated"
     while rest:
         word = rest.pop(0)
+        if name in _NAMED and (word == "--" or not word.startswith("-")):
+            names += [word] if word != "--" else rest
+            if word == "--":
+                break
+            continue
         if not word.startswith("-"):
             read.append(_file(folder, word) if name[0] != "import" else folder.called(folder.file(word)))
             continue
@@ -228,10 +245,14 @@ def _checked(
             allowed=", ".join(f"--rig {name}" for name in RIGS),
             remedy="use the command line",
         )
-    if len(read) < files or (len(read) > files and name[0] not in _SEVERAL):
+    several = any(name[: len(own)] == own for own in _SEVERAL)
+    if len(read) < files or (len(read) > files and not several) or len(names) > 1:
         raise BadInput(f"{called} reads another number of files", found=len(read), allowed=files)
     if "--out" in options and not any(word.startswith("--out=") for word in stated):
         raise BadInput(f"{called} writes a file, and none is named", remedy="add --out")
+    needed = _WITHIN.get(name[0])
+    if needed is not None and not any(word.startswith(f"{needed}=") for word in stated):
+        raise BadInput(f"{called} needs a file in the app's folder", remedy=f"add {needed}")
     # Recordings name no files, and to look for some in a long table would take long.
     for file in (*(() if name[0] == "import" else read), *named):
         require_named_inside(folder, folder.inside(file))
@@ -241,7 +262,7 @@ def _checked(
         stated += ["--json-lines", "--scene"]
     elif name[0] != "import" and name[:2] != ("export", "plan"):
         stated.append("--json")
-    return [*stated, "--", *read] if read else stated
+    return [*stated, "--", *names, *read] if names or read else stated
 
 
 def _file(folder: Folder, name: str) -> str:

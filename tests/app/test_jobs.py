@@ -129,6 +129,27 @@ def test_options_cannot_be_taken_for_files(root: Path) -> None:
         job_command(folder, ["analyse", "-h", "run.jsonl"])
 
 
+def test_a_history_is_one_of_the_folder_and_a_serial_number_no_file(root: Path) -> None:
+    folder = Folder(root)
+    made = job_command(folder, ["history", "report", "../7", "--db", "plant.sqlite", "-o", "pages"])
+    assert made == ["history", "report", "--db=plant.sqlite", "--out=pages", "--json", "--", "../7"]
+    made = job_command(folder, ["history", "report", "--db=h", "-o", "pages", "--", "-h"])
+    assert made[-2:] == ["--", "-h"]
+    made = job_command(folder, ["history", "add", "a/result.json", "b/result.json", "--db", "h", "--replace"])
+    assert made == ["history", "add", "--db=h", "--replace", "--json", "--", "a/result.json", "b/result.json"]
+    for words in (
+        ["history", "report", "-o", "pages"],  # the user's own history
+        ["history", "add", "a/result.json"],
+        ["history", "report", "--db", "postgresql://plant@host/history", "-o", "pages"],
+        ["history", "report", "--db", "../history.sqlite", "-o", "pages"],
+        ["history", "report", "a", "b", "--db", "h", "-o", "pages"],
+        ["history", "add", "--db", "h"],
+        ["history", "restore", "backup.sqlite", "--db", "h"],
+    ):
+        with pytest.raises(BadInput):
+            job_command(folder, words)
+
+
 def test_the_description_has_every_end_point(client: TestClient) -> None:
     described = client.get("/openapi.json").json()
     told = {(path, method.upper()) for path, own in described["paths"].items() for method in own}

@@ -369,3 +369,39 @@ def test_a_notebook_of_this_machine_frames_its_own_app_alone(
                 assert bool(refused) != ours, tab.console
         finally:
             server.shutdown()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("size", SIZES.values(), ids=SIZES)
+def test_the_pages_of_the_history_are_made_and_shown(folder: Path, tmp_path: Path, size: Size) -> None:
+    there = tmp_path / "dir"
+    shutil.copytree(folder, there)
+    shutil.rmtree(there / "history", ignore_errors=True)
+    with served(there) as address, chromium().opened(f"{address}#result", size) as tab:
+        wait(tab, "document.getElementById('drift-about').textContent.includes('of 1 arm')")
+        tab.value("document.getElementById('drift-do').click()")
+        wait(tab, "document.getElementById('drift-frame').src", 120)
+        assert (
+            tab.value("document.getElementById('drift-frame').src") == f"{address}report/history/fleet.html"
+        )
+        answer = json.loads((there / "history/fleet.json").read_text())
+        assert [own["serial"] for own in answer["arms"]] == ["16-5"]
+        assert answer["as_of"] == tab.value("document.getElementById('drift-day').value")
+        with chromium().opened(f"{address}report/history/fleet.html", size) as page:
+            page.value("document.querySelector('th a').click()")
+            wait(page, "document.title === 'Arm 16-5'")
+        arm = "document.getElementById('drift-arm')"
+        tab.value(f"{arm}.value = '16-5'; {arm}.dispatchEvent(new Event('change'))")
+        tab.value("document.getElementById('drift-do').click()")  # again: nothing is added twice
+        wait(tab, "document.getElementById('drift-frame').src.endsWith('arm.html')", 120)
+        assert (
+            len(json.loads((there / "history-16-5/arm.json").read_text())["results"])
+            == answer["arms"][0]["results"]
+        )
+        assert tab.value("document.documentElement.scrollWidth <= innerWidth")
+        assert tab.accessibility() == []
+        tab.value("document.getElementById('drift-folder').value = 'run0'")  # another's: nothing is replaced
+        tab.value("document.getElementById('drift-do').click()")
+        wait(tab, "document.getElementById('drift-making').textContent.includes('other things')", 60)
+        assert tab.value("document.getElementById('drift-frame').hidden")
+        assert tab.console == []

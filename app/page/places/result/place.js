@@ -3,6 +3,7 @@ import { get, Refused } from "/page/parts/api.js";
 import { by, named, options, say } from "/page/parts/dom.js";
 import { beginActions, offerComparison, offerExport, offerReport } from "/page/places/result/actions.js";
 import { showAnswer, showRefit } from "/page/places/result/answer.js";
+import { beginDrift, offerDrift } from "/page/places/result/drift.js";
 import { bySerial, showHistory } from "/page/places/result/history.js";
 import { beginMeasurements, brushed, showMeasurements } from "/page/places/result/measurements.js";
 import { beginPairs, showPairs } from "/page/places/result/pairs.js";
@@ -20,6 +21,7 @@ async function listed() {
   options(by("result-open"), [...runs, ["results without their run", history.results.map((own) => [own.file, own.file])]], "choose …");
   showHistory(history, show);
   offerComparison(history);
+  offerDrift(history);
   if (open) chosen(open.file);
 }
 
@@ -91,6 +93,7 @@ export const place = {
   async begin() {
     beginPairs();
     beginMeasurements();
+    beginDrift();
     beginActions(() => open, async (file) => {
       const asked = by("result-open").value;
       await load();
