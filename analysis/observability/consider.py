@@ -11,6 +11,8 @@ tolerances. It costs one Jacobian, and needs no measurement: a plan's is known b
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from ...model.geometry import Geometry
@@ -34,8 +36,17 @@ def link_columns(problem: Problem, x: Matrix) -> Matrix | None:
     where the geometry is estimated: there it is no rival of other explanations."""
     if len(problem.tolerated):
         return None
-    whole, at = with_links(problem, x)
-    return whole.whiten(at).jacobian[:, whole.tolerated]
+    whole, jacobian = _with_links_whitened(problem, x.tobytes())
+    return jacobian[:, whole.tolerated]
+
+
+@lru_cache(maxsize=1)  # of one run it is asked for several times
+def _with_links_whitened(problem: Problem, x: bytes) -> tuple[Problem, Matrix]:
+    """The problem of `with_links`, and (M, p) its whitened Jacobian."""
+    whole, at = with_links(problem, np.frombuffer(x))
+    jacobian = whole.whiten(at).jacobian
+    jacobian.flags.writeable = False
+    return whole, jacobian
 
 
 def considered(problem: Problem, x: Matrix, weight: float = 1.0) -> Matrix:
@@ -43,9 +54,8 @@ def considered(problem: Problem, x: Matrix, weight: float = 1.0) -> Matrix:
     the tolerances of `with_links`; nan of what is held, of noise factors and of the geometry itself. `weight`
     is 1 / noise scale^2."""
     parameters = problem.parameters
-    whole, at = with_links(problem, x)
-    own = whole.parameters
-    jacobian = whole.whiten(at).jacobian
+    whole, jacobian = _with_links_whitened(problem, x.tobytes())
+    own, jacobian = whole.parameters, jacobian.copy()
     jacobian[: problem.shots * problem.tool.miss_size] *= np.sqrt(weight)
     estimated = own.free & ~own.group("geometry") & ~own.group("noise")
     by_own, by_geometry = jacobian[:, estimated], jacobian[:, whole.tolerated]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,7 +77,14 @@ def gauge_of(problem: Problem, x: Matrix, weight: float) -> Gauge:
 
 def information_root(problem: Problem, x: Matrix, weight: float) -> tuple[Problem, Matrix, NDArray[np.bool_]]:
     """The problem at shots that hit the centre, A (M, f) there by the free parameters, and (N,) which hit."""
-    (found,) = information_roots(problem, x[None], weight)
+    return _information_root(problem, x.tobytes(), weight)
+
+
+@lru_cache(maxsize=1)  # of one run it is asked for several times
+def _information_root(problem: Problem, x: bytes, weight: float) -> tuple[Problem, Matrix, NDArray[np.bool_]]:
+    (found,) = information_roots(problem, np.frombuffer(x)[None], weight)
+    for own in found[1:]:
+        own.flags.writeable = False
     return found
 
 

@@ -22,7 +22,7 @@ from ..estimation.fit import LikelihoodFit
 from ..holm import holm
 from ..solution import Solution
 from .effective import CHANCE, LARGE, correlation, equalised, lags, rho_of
-from .recordings import Recording, covariance, drawn, drawn_by_covariance, recordings, white_times
+from .recordings import Recording, covariance, drawn, drawn_by_covariance, recordings, traces, white_times
 
 _FEWEST = 6  # measurements of a recording that is tested
 _FEWEST_LEFT = 12.0  # degrees of freedom that the fit leaves to it
@@ -87,15 +87,19 @@ def all_steps(fit: LikelihoodFit, rival: Matrix | None = None, seed: int = 0) ->
     """The clearest run of each recording that is long enough, significant or not, and how many recordings
     there are."""
     recorded = recordings(fit, rival)
-    every, lag = recorded.every, lags(recorded)
+    every, plain = recorded.every, recorded.shared(0.0)
     tested = [
-        i for i, own in enumerate(every) if i in lag and own.shots >= _FEWEST and lag[i].left >= _FEWEST_LEFT
+        i
+        for i, own in enumerate(every)
+        if own.shots >= _FEWEST and traces(own, 0.0, plain)[0] >= _FEWEST_LEFT
     ]
+    lag = lags(recorded) if tested else {}
+    tested = [i for i in tested if i in lag]
     if not tested:
         return [], len(every)
     pooled, chance = correlation(equalised(list(lag.values())))
     shared = pooled if chance < CHANCE else 0.0
-    by_rho: dict[float, Matrix] = {0.0: recorded.shared(0.0)}
+    by_rho: dict[float, Matrix] = {0.0: plain}
     found = []
     rng = np.random.default_rng(seed)
     for i in tested:
