@@ -29,7 +29,7 @@ from . import (
     studying,
 )
 from .console import FAULT, UNREAD, OutputLost, err, guarded_streams, out, plain
-from .history import keeping, reporting
+from .history import certifying, keeping, reporting
 
 
 class _Stopped(Exception):
@@ -53,6 +53,8 @@ for points, importer in importing_points.COMMANDS.items():
     importing.imports.command(points, hidden=points == "kuka")(importer)
 keeping.histories.command("drift")(reporting.drift)
 keeping.histories.command("report")(reporting.report)
+for certified in (certifying.certify, certifying.key, certifying.verify):
+    keeping.histories.command(certified.__name__)(certified)
 exporting.exports.command("plan")(exporting_plans.export_plan)
 exporting.exports.command("program")(exporting_programs.export_program)
 _COMMANDS = {

@@ -86,8 +86,6 @@ def read_entry(
     """The entry of a result file, or of a run solved as `analyse` does; `serial` and `when` where the
     provenance states none. None for a run whose result is there: it is not solved again. BadInput says what
     is wrong."""
-    from ...analysis.result import RESULT_SCHEMA
-
     if is_run(path):
         from ...analysis.analyse import analyse
         from ...model.files.run import read_run
@@ -100,6 +98,13 @@ def read_entry(
         text = dumps(to_json(analyse(run, seed=seed).result))
     else:
         text = read_text(path, LARGEST_RECORDING)[0]
+    return entry_of(text, path, serial, when)
+
+
+def entry_of(text: str, path: Path, serial: str | None = None, when: str | None = None) -> Entry:
+    """The entry of the text of a result.json; `serial` and `when` as of `read_entry`."""
+    from ...analysis.result import RESULT_SCHEMA
+
     try:
         answer = _parsed(text)
         if answer["schema"] != RESULT_SCHEMA:

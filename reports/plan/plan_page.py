@@ -99,7 +99,7 @@ def _view(plan: Plan, check: Check, seen: Postures) -> PlanView:
         verdict=Verdict(check.verdict, VERDICT_WORDS[check.verdict], sentence(check_headline(check, person))),
         notes=[*(sentence(note) for note in check_notes(check)), *_outlook(check)],
         predicted=_predicted(check),
-        legend=Legend(legend(others, header), reasons(others)),
+        legend=Legend(legend((row.status for row in others), header), reasons(others)),
         undetermined=" ".join(
             filter(None, [_undetermined(check, shown_directions), tolerance_only(check.parameters)])
         ),

@@ -89,7 +89,7 @@ def offsets_section(result: Result) -> Section:
         "Offsets",
         offsets_table(result),
         None if worth is None else Paragraph(worth),
-        Legend(legend(others, result.inputs.header), reasons(others)),
+        Legend(legend((row.status for row in others), result.inputs.header), reasons(others)),
         FigureBlock("offsets"),
     )
 
@@ -160,7 +160,7 @@ def _parameter_row(row: ParameterResult) -> Row:
     return row_of(name, estimate, numbers.interval(row.interval95, row.std, unit), word, tone=status)
 
 
-def legend(parameters: Sequence[Judged], header: Mapping[str, object]) -> list[LegendEntry]:
+def legend(statuses: Iterable[Status], header: Mapping[str, object]) -> list[LegendEntry]:
     """What each status that occurs means, in words."""
     tolerance = header.get("tolerance")
     stated = []
@@ -179,7 +179,7 @@ def legend(parameters: Sequence[Judged], header: Mapping[str, object]) -> list[L
         "unidentifiable": "the data say less about it than its prior; it has no estimate",
         "held": "not estimated; the reason is stated below",
     }
-    present = {row.status for row in parameters}
+    present = set(statuses)
     return [LegendEntry(key, key, text) for key, text in meaning.items() if key in present]
 
 

@@ -36,10 +36,11 @@ class Offset(Protocol):
 
 def tolerances_words(own: GeometryResult) -> str:
     """The tolerances of the links: 0.3 mm and 0.1°; of lists the smallest and the largest."""
-    return f"{_tolerance(own.length_mm, 'mm')} and {_tolerance(own.angle_deg, 'deg')}"
+    return f"{tolerance_words(own.length_mm, 'mm')} and {tolerance_words(own.angle_deg, 'deg')}"
 
 
-def _tolerance(stated: Tolerance, unit: str) -> str:
+def tolerance_words(stated: Tolerance, unit: str) -> str:
+    """One tolerance; of a list the smallest and the largest."""
     if isinstance(stated, int | float):
         return numbers.exact(float(stated), unit)
     low, high = min(stated), max(stated)

@@ -1,0 +1,181 @@
+"""`zerobeam history key`, `certify` and `verify`: signed certificates of results."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ...model.errors import BadInput
+from ..console import out, plain, print_json
+from ..options import Json
+from .shared import Model, Serial, Url, opened
+
+VARIABLE = "ZEROBEAM_KEY_PASSPHRASE"
+SCHEMA = "zerobeam/verification/1"
+_LONGEST = 1000  # bytes of a passphrase
+
+
+def key(
+    file: Annotated[
+        Path, typer.Argument(help="File for the private key; the public one is FILE.pub.", show_default=False)
+    ],
+    passphrase: Annotated[
+        bool,
+        typer.Option(
+            "--passphrase",
+            help=f"Encrypt the private key: the passphrase is asked for, or taken from {VARIABLE}.",
+        ),
+    ] = False,
+) -> None:
+    """Make a pair of keys (Ed25519) to sign certificates with; no file is ever replaced."""
+    from ...experiments.history.signing import grouped, make_key, public_file, require_library
+
+    require_library()
+    found = make_key(file, _passphrase(twice=True) if passphrase else None)
+    if passphrase:
+        _say(f"Private key, encrypted: {file}. Keep it to yourself.")
+    else:
+        _say(f"Private key: {file}. Keep it to yourself: whoever can read it can sign.")
+    _say(f"Public key: {public_file(file)}. Give it to whoever is to verify.")
+    _say(f"Fingerprint: {grouped(found)}")
+
+
+def certify(
+    serial: Serial,
+    private: Annotated[
+        Path, typer.Option("--key", help="Private key to sign with.", metavar="FILE", show_default=False)
+    ],
+    folder: Annotated[
+        Path, typer.Option("-o", "--out", help="Folder for the certificate.", show_default=False)
+    ],
+    run: Annotated[
+        str | None,
+        typer.Option(help="The run, by the beginning of its SHA-256.", metavar="SHA256", show_default=False),
+    ] = None,
+    date: Annotated[
+        str | None,
+        typer.Option(help="The run, by its date or time (ISO 8601). Default: the last.", show_default=False),
+    ] = None,
+    model: Model = None,
+    db: Url = None,
+) -> None:
+    """Write a certificate of a result (JSON, HTML, PDF), each file signed."""
+    from ...experiments.history.signing import grouped, private_key, require_library
+
+    require_library()
+    with opened(db) as history:
+        from ...experiments.history.one_result import choose, whole_answer
+        from ...experiments.history.store import find_arm, results
+        from ...reports.history.certificate_folder import write_certificate
+
+        own = choose(list(results(history, find_arm(history, serial, model))), run, date)
+        answer = whole_answer(history, own)
+        by = write_certificate(folder, own, answer, private_key(private, _passphrase))
+    _say(f"Certificate of {plain(own.run)}, {own.measured_at:%Y-%m-%d}, verdict {own.verdict}: {folder}")
+    _say(f"Signed by: {grouped(by)}")
+
+
+def verify(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Signed files (the signature is beside each, FILE.sig), or folders of certificates.",
+            metavar="FILE...",
+            show_default=False,
+        ),
+    ],
+    public: Annotated[
+        Path,
+        typer.Option("--key", help="Public key of the signer (.pub).", metavar="FILE", show_default=False),
+    ],
+    db: Annotated[
+        str | None,
+        typer.Option(
+            "--db",
+            help="A history (SQLite file or URL): does it still hold the certified results?",
+            metavar="URL",
+            show_default=False,
+        ),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Check the signatures of certificates, and with --db whether the history still holds what they state."""
+    from ...experiments.history.signing import (
+        fingerprint,
+        grouped,
+        public_key,
+        read_signed,
+        require_library,
+        why_not_signed,
+    )
+    from ...reports.history.certificate_folder import files_of_certificate
+
+    require_library()
+    by = public_key(public)
+    read = {file: read_signed(file) for given in files for file in files_of_certificate(given)}
+    found = [_verdict(file, why_not_signed(*signed, by)) for file, signed in read.items()]
+    if db is not None:
+        valid = {row["file"] for row in found if row["valid"]}
+        found += _against_history(db, {file: content for file, (content, _) in read.items()}, valid)
+    if as_json:
+        print_json({"schema": SCHEMA, "fingerprint": fingerprint(by), "checks": found})
+    else:
+        _say(f"Key: {grouped(fingerprint(by))}")
+        for row in found:
+            words = f"NOT VALID: {row['reason']}" if not row["valid"] else "valid"
+            _say(f"{row['file']}, {row['check']}: {words}")
+    raise typer.Exit(0 if all(row["valid"] for row in found) else 1)
+
+
+def _verdict(file: Path, reason: str | None, check: str = "signature") -> dict[str, Any]:
+    return {"file": str(file), "check": check, "valid": reason is None, "reason": reason}
+
+
+def _against_history(db: str, contents: dict[Path, bytes], valid: set[str]) -> list[dict[str, Any]]:
+    """Of each certificate.json whether the history agrees; what is not signed is not asked about."""
+    from ...reports.history.certificate import read_certificate, why_history_differs
+
+    texts = {file: content for file, content in contents.items() if file.suffix == ".json"}
+    if not texts:
+        raise BadInput(
+            "none of the files can be held against a history",
+            found=", ".join(map(str, contents)),
+            allowed="a certificate.json among them",
+        )
+    signed = {file: content for file, content in texts.items() if str(file) in valid}
+    with opened(db) as history:
+        return [
+            _verdict(file, why_history_differs(history, read_certificate(content, file)), "history")
+            for file, content in signed.items()
+        ]
+
+
+def _passphrase(*, twice: bool = False) -> str:
+    """From the environment, or asked for on the terminal."""
+    stated = os.environ.get(VARIABLE)
+    if stated is None:
+        if not sys.stdin.isatty():
+            raise BadInput(
+                "the private key needs its passphrase, and there is no terminal to ask for it",
+                remedy=f"state it in the environment variable {VARIABLE}",
+            )
+        from getpass import getpass
+
+        stated = getpass("Passphrase of the private key: ")
+        if twice and getpass("Again: ") != stated:
+            raise BadInput("the two passphrases differ", remedy="the same command asks again")
+    if not 0 < len(stated.encode()) <= _LONGEST:
+        raise BadInput(
+            "the passphrase cannot be used",
+            found=f"{len(stated.encode())} bytes",
+            allowed=f"1 to {_LONGEST} bytes",
+        )
+    return stated
+
+
+def _say(text: str) -> None:
+    out.print(plain(text), soft_wrap=True, markup=False, highlight=False)

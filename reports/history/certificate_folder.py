@@ -1,0 +1,49 @@
+"""The folder of a certificate: certificate.json, .html, .pdf and their signatures; whole or not at all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ...experiments.history.signing import fingerprint, sign, signature_file
+from ...experiments.history.store import StoredResult
+from ..output.page_files import write_page
+from ..output.whole_folder import Kind, write_folder
+from ..words.result_json import dumps
+from .certificate import SCHEMA, certificate_json
+from .certificate_page import SIGNED, certificate_page
+
+if TYPE_CHECKING:
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+
+JSON = "certificate.json"
+_NAMES = [Path(name) for name in SIGNED]
+_KIND = Kind(
+    "certificate", frozenset({*SIGNED, *(signature_file(name).name for name in _NAMES)}), JSON, SCHEMA
+)
+
+
+def write_certificate(
+    folder: Path | str, own: StoredResult, answer: dict[str, Any], key: Ed25519PrivateKey
+) -> str:
+    """Write the certificate of a result, signed by `key`; returns the key's fingerprint.
+
+    `answer` is the whole result. Raises BadInput where it cannot be certified, or where `folder` is a file,
+    is not ours, or cannot be written.
+    """
+    by = fingerprint(key.public_key())
+    found = certificate_json(own, answer, by)
+
+    def fill(aside: Path) -> None:
+        write_page(aside, "certificate", certificate_page(found), {}, "study", answer=(JSON, dumps(found)))
+        (aside / "figures").rmdir()  # there is none
+        for name in SIGNED:
+            sign(aside / name, key)
+
+    write_folder(folder, _KIND, fill)
+    return by
+
+
+def files_of_certificate(given: Path) -> list[Path]:
+    """The signed files of a certificate's folder; a file as it is."""
+    return [given / name for name in SIGNED] if given.is_dir() else [given]

@@ -1,0 +1,244 @@
+"""The page of a certificate: the offsets, what they rest on, who signed and what that says."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from ...analysis.status import known
+from ...experiments.history.signing import grouped
+from ..run.parameters import NO_NUMBER, OFFSETS, legend, unit_of
+from ..style.blocks import (
+    Block,
+    Cell,
+    Commands,
+    Facts,
+    Legend,
+    Page,
+    Paragraph,
+    Reason,
+    Row,
+    Table,
+    Verdict,
+    row_of,
+    section_of,
+    table_of,
+)
+from ..words import numbers
+from ..words.geometry import IF_IT_DEVIATES, tolerance_words
+from ..words.verdict import VERDICT_WORDS
+from ..words.wording import NOT_DETERMINED, clipped, ended, label, listed, sentence, shown
+
+SIGNED = ("certificate.json", "certificate.html", "certificate.pdf")
+_NOT_STATED = "not stated"
+_MEANING = (
+    "A valid signature says that the holder of this key signed exactly these bytes. It does not say that the"
+    " measurements are right, nor who the holder is: compare the fingerprint with the one that"
+    " the signer gives you."
+)
+_GROUPS = {"offset": "offsets", "target": "targets", "tool": "tool", "geometry": "link geometry"}
+
+
+def certificate_page(own: Mapping[str, Any]) -> Page:
+    """The display strings of a certificate (`zerobeam/certificate/1`)."""
+    serial = clipped(own["serial"], 60)
+    return Page(
+        "Certificate of calibration",
+        f"{clipped(own['model'])}, serial number {serial}",
+        Verdict(own["verdict"], VERDICT_WORDS[own["verdict"]], _named(own["headline"])),
+        list(_notes(own)),
+        [
+            section_of("Offsets", *_offsets(own)),
+            section_of("What the offsets rest on", Facts(list(_assumed(own["assumed"], own["offsets"])))),
+            section_of("Fit", Paragraph(_fit(own["fit"]))),
+            section_of("Origin", Facts(_origin(own))),
+            section_of("Signature", *_signature(own["key"])),
+        ],
+        [
+            ("Date of the measurements", own["measured_at"][:10]),
+            ("Robot, serial number", serial),
+            ("Calibrated by", clipped(own["operator"] or _NOT_STATED, 40)),
+        ],
+    )
+
+
+def _named(text: str) -> str:
+    """A sentence of a result, with the offsets' names as people write them."""
+    return sentence(re.sub(r"\bdelta\d+\b", lambda found: label(found.group()), text))
+
+
+def _notes(own: Mapping[str, Any]) -> Iterator[str]:
+    if own["simulated"]:
+        yield "These measurements were simulated: no instrument took part, and nothing here is traceable."
+    if own["not_determined"]:
+        names = listed([label(name) for name in own["not_determined"]])
+        yield f"Not determined by these measurements and not certified: {names}."
+    for note in own["notes"]:
+        yield ended(_named(note))
+
+
+# ── sections ──────────────────────────────────────────────────────────────────────────────────
+
+
+def _offsets(own: Mapping[str, Any]) -> Iterator[Block]:
+    rows, assumed = own["offsets"], own["assumed"]
+    nominal = assumed["geometry"]["tolerance"] is None
+    columns = [
+        ("name", "left"),
+        ("estimate", "right"),
+        ("95 % interval", "right"),
+        ("status", "left"),
+        ("u", "right"),
+    ]
+    yield table_of(
+        OFFSETS,
+        [*columns, (IF_IT_DEVIATES, "right")] if nominal else columns,
+        [_offset(row, nominal) for row in rows],
+    )
+    if nominal:
+        yield Paragraph(
+            "u and the interval hold if the arm has its nominal geometry. The last column is u if its links"
+            f" deviate from it by {_tolerances(assumed['geometry']['considered_tolerance'])}."
+        )
+    if own["intervals"]:
+        yield _intervals(own["intervals"])
+    grouped_by: dict[tuple[str, str], list[str]] = {}
+    for row in rows:
+        if row["reason"]:
+            grouped_by.setdefault((row["status"], row["reason"]), []).append(label(row["name"]))
+    reasons = [Reason(f"{listed(names)}:", key, _named(text)) for (key, text), names in grouped_by.items()]
+    tolerance = {"tolerance": assumed["tolerance"]}
+    yield Legend(legend((row["status"] for row in rows), tolerance), reasons)
+
+
+def _offset(row: Mapping[str, Any], nominal: bool) -> Row:
+    """One offset. What is not determined has no number in its row."""
+    status, unit, name = row["status"], unit_of(row["unit"]), label(row["name"])
+    word, last = Cell(status, mark=status), [NO_NUMBER] if nominal else []
+    if not known(status):
+        said = f"held {_held_at(row)}" if row["held"] else NOT_DETERMINED
+        return row_of(name, Cell(said, span=2), word, NO_NUMBER, *last, tone=status)
+    if nominal and row["considered_std"] is not None:
+        last = [numbers.spread(row["considered_std"], unit)]
+    return row_of(
+        name,
+        numbers.estimate(row["estimate"], row["std"], unit),
+        numbers.interval(row["interval95"], row["std"], unit),
+        word,
+        numbers.spread(row["std"], unit),
+        *last,
+        tone=status,
+    )
+
+
+def _intervals(rows: list[Mapping[str, Any]]) -> Table:
+    methods = ("linear", "profile", "posterior")
+    heads = ("name", "curvature at the mode", "profile likelihood", "posterior")
+    columns = [(head, "left" if head == "name" else "right") for head in heads]
+    return table_of(
+        "95 % intervals by three methods, where they differ",
+        columns,
+        [row_of(label(row["name"]), *(_interval(row[key], row) for key in methods)) for row in rows],
+    )
+
+
+def _interval(bounds: tuple[float, float] | None, row: Mapping[str, Any]) -> str:
+    low, high = row["linear"]
+    return NO_NUMBER if bounds is None else numbers.interval(bounds, (high - low) / 4, unit_of(row["unit"]))
+
+
+def _assumed(own: Mapping[str, Any], offsets: list[Mapping[str, Any]]) -> Iterator[tuple[str, str]]:
+    geometry, tool, noise = own["geometry"], own["tool"], own["noise"]
+    if geometry["tolerance"] is not None:
+        yield "Geometry", f"estimated within tolerances of {_tolerances(geometry['tolerance'])}"
+    else:
+        yield "Geometry", "nominal, taken as the robot file states it"
+    yield "Tool", f"{tool['kind']}, {'calibrated: taken as stated' if tool['calibrated'] else 'estimated'}"
+    yield "Noise (standard deviation)", f"{_noise(noise)}; {_scale(own)}"
+    yield "Priors (standard deviation)", "; ".join(_priors(own["priors"])) or "none"
+    held_at = {row["name"]: _held_at(row) for row in offsets if row["held"]}
+    held = [f"{label(name)} {held_at.get(name, '')}".rstrip() for name in own["held"]]
+    yield "Held, not estimated", listed(held) if held else "nothing"
+
+
+def _tolerances(own: Mapping[str, Any]) -> str:
+    return f"{tolerance_words(own['length_mm'], 'mm')} and {tolerance_words(own['angle_deg'], 'deg')}"
+
+
+def _priors(rows: list[Mapping[str, Any]]) -> Iterator[str]:
+    for group in dict.fromkeys(row["group"] for row in rows):
+        own = [numbers.exact(row["std"], unit_of(row["unit"])) for row in rows if row["group"] == group]
+        yield f"{_GROUPS.get(group, group)} {listed(own)}"
+
+
+def _held_at(row: Mapping[str, Any]) -> str:
+    return f"at {numbers.exact(row['estimate'], unit_of(row['unit']))}"
+
+
+def _noise(own: Mapping[str, Any]) -> str:
+    said = []
+    for key, what, unit in (
+        ("joint_deg", "joints", "deg"),
+        ("joint_mm", "prismatic joints", "mm"),
+        ("spot_mm", "spot", "mm"),
+    ):
+        if own.get(key) is not None:
+            said.append(f"{what} {tolerance_words(own[key], unit)}")
+    return ", ".join(said)
+
+
+def _scale(own: Mapping[str, Any]) -> str:
+    scale = own["noise"].get("scale", "known")
+    if scale == "known":
+        return "taken as stated"
+    if scale == "estimated":
+        return "estimated up to one factor"
+    factors = [
+        f"{clipped(row['name'])} {numbers.estimate(row['estimate'], row['std'])}"
+        if known(row["status"])
+        else f"{clipped(row['name'])} {NOT_DETERMINED}"
+        for row in own["noise_factors"]
+    ]
+    return f"estimated up to two factors: {', '.join(factors)}"
+
+
+def _fit(own: Mapping[str, Any]) -> str:
+    rms = numbers.significant(own["rms_mm"], unit="mm")
+    said = [f"Residuals {rms} rms, {own['dof']} degrees of freedom."]
+    if own["noise_scale"] is not None:
+        said.append(f"The noise is {numbers.times(own['noise_scale'])} times the stated one.")
+    if own["p_value"] is not None:
+        chi2 = numbers.significant(own["chi2"])
+        said.append(f"χ²\u00a0{chi2}, p-value {numbers.p_value(own['p_value'])} for the stated noise.")
+    said.append("No misfit was found.")
+    if own["message"]:
+        said.append(ended(f"{own['message'][0].upper()}{own['message'][1:]}"))
+    return " ".join(said)
+
+
+def _origin(own: Mapping[str, Any]) -> list[tuple[str, str]]:
+    return [
+        ("Robot", ", ".join(shown(text) for text in (own["model"], own["vendor"]) if text)),
+        ("Serial number", shown(own["serial"])),
+        ("Measured at", own["measured_at"]),
+        ("Instrument", shown(own["instrument"] or _NOT_STATED)),
+        ("Calibrated by", shown(own["operator"] or _NOT_STATED)),
+        ("Run", f"{shown(own['run'])}, {own['shots']} measurements"),
+        ("SHA-256 of the run", own["sha256"]),
+        ("SHA-256 of the whole result", own["document_sha256"]),
+        ("zerobeam", f"{shown(own['zerobeam'])} (result), {own['written_by']} (certificate)"),
+    ]
+
+
+def _signature(key: Mapping[str, str]) -> Iterator[Block]:
+    yield Paragraph(f"{listed(list(SIGNED))} are signed, each in a file .sig beside it. {_MEANING}")
+    yield Facts([("Key", key["algorithm"]), ("Fingerprint (SHA-256)", grouped(key["fingerprint"]))])
+    yield Paragraph("Either command verifies a file:")
+    yield Commands(
+        (
+            "zerobeam history verify certificate.pdf --key PUBLIC_KEY",
+            "openssl pkeyutl -verify -pubin -inkey PUBLIC_KEY -rawin \\",
+            "  -in certificate.pdf -sigfile certificate.pdf.sig",
+        )
+    )

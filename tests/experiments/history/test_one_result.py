@@ -1,0 +1,88 @@
+"""Which result is meant, and whether the history still holds it as it was added."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from pathlib import Path
+from typing import Any
+
+import pytest
+import sqlalchemy as sa
+from certificates import kept, only
+from histories import a_result
+
+from zerobeam.experiments.history.entry import read_entry
+from zerobeam.experiments.history.one_result import choose, whole_answer
+from zerobeam.experiments.history.store import add, results
+from zerobeam.experiments.history.tables import document, result
+from zerobeam.model.errors import BadInput
+
+
+def test_the_result_that_is_meant(tmp_path: Path) -> None:
+    days = ("2026-01-31", "2026-02-28T08:00:00", "2026-02-28T17:00:00", "2026-03-31")
+    found = list(results(kept(tmp_path, *(a_result("A", day) for day in days))))
+    assert choose(found) == found[3]
+    assert choose(found, run=found[0].sha256[:8].upper()) == found[0]
+    assert choose(found, date="2026-01-31") == found[0]
+    assert choose(found, date="2026-02-28T18:00:00+01:00") == found[2]
+    with pytest.raises(BadInput, match=r"several results[\s\S]*--run"):
+        choose(found, date="2026-02-28")
+    with pytest.raises(BadInput, match="several results"):
+        choose([*found, found[3]])
+    for how in ({"run": "zz"}, {"run": ""}, {"date": "2026-02-27"}):
+        with pytest.raises(BadInput, match="no such result"):
+            choose(found, **how)
+    with pytest.raises(BadInput, match="exclude each other"):
+        choose(found, run="a", date="2026-01-31")
+    with pytest.raises(BadInput, match="ISO 8601"):
+        choose(found, date="31/1/26")
+    with pytest.raises(BadInput, match="no result in the history"):
+        choose([])
+
+
+def _tampered(text: str) -> bytes:
+    answer = json.loads(text)
+    answer["parameters"][1]["estimate"] += 0.1
+    return zlib.compress(json.dumps(answer).encode())
+
+
+@pytest.mark.parametrize(
+    ("table", "values", "told"),
+    [
+        (result, {"verdict": "weak"}, "verdict"),
+        (result, {"serial": "A"}, None),
+        (result, {"operator": "someone else"}, "operator"),
+        (result, {"offsets": "[]"}, "offsets"),
+        (result, {"without_prior": None}, "without_prior"),
+        (result, {"document_sha256": "0" * 64}, "document_sha256"),
+        (document, {"content": b"torn"}, "damaged"),
+        (document, {"content": zlib.compress(b"{}")}, "damaged"),
+        (document, "tampered", "document_sha256"),
+    ],
+)
+def test_a_history_that_was_altered_is_found_out(
+    tmp_path: Path, table: Any, values: Any, told: str | None
+) -> None:
+    answer = a_result("A")
+    history = kept(tmp_path, answer)
+    assert whole_answer(history, only(history)) == answer
+    if values == "tampered":
+        values = {"content": _tampered((tmp_path / "0.json").read_text(encoding="utf-8"))}
+    with history.writing() as connection:
+        connection.execute(sa.update(table).values(values))
+    if told is None:  # nothing was altered
+        assert whole_answer(history, only(history)) == answer
+        return
+    with pytest.raises(BadInput, match=rf"the history was altered[\s\S]*{told}"):
+        whole_answer(history, only(history))
+
+
+def test_what_the_run_did_not_state_is_as_it_was_given(tmp_path: Path) -> None:
+    answer = a_result(None, None, who="J. Doe")
+    history = kept(tmp_path)
+    (tmp_path / "one.json").write_text(json.dumps(answer), encoding="utf-8")
+    own = read_entry(tmp_path / "one.json", lambda sha256: None, serial="A", when="2026-03-31T14:05:00+02:00")
+    assert own is not None
+    add(history, [own])
+    assert whole_answer(history, only(history)) == answer

@@ -1,0 +1,289 @@
+"""A certificate states what the result determines, what it rests on, and no number of anything else."""
+
+from __future__ import annotations
+
+import copy
+import functools
+import io
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import example_results
+import pypdf
+import pytest
+from certificates import a_key, kept, no_passphrase, only
+from histories import a_result, postgresql
+from pages import Page, assert_fetches_nothing
+
+from zerobeam.analysis.result import Result
+from zerobeam.experiments.history.entry import read_entry
+from zerobeam.experiments.history.one_result import whole_answer
+from zerobeam.experiments.history.signing import (
+    fingerprint,
+    grouped,
+    private_key,
+    public_file,
+    public_key,
+    read_signed,
+    why_not_signed,
+)
+from zerobeam.experiments.history.store import add, results
+from zerobeam.model.errors import BadInput
+from zerobeam.reports.history.certificate import SCHEMA, certificate_json, why_history_differs
+from zerobeam.reports.history.certificate_folder import files_of_certificate, write_certificate
+from zerobeam.reports.history.certificate_page import certificate_page
+from zerobeam.reports.output import page_files
+from zerobeam.reports.output.html import html
+from zerobeam.reports.words.result_json import to_json
+
+pytest.importorskip("cryptography")
+
+
+def written(folder: Path, answer: dict[str, Any]) -> Path:
+    """The folder of the certificate of a result, that a history has kept."""
+    folder.mkdir(exist_ok=True)
+    history = kept(folder, answer)
+    own = only(history)
+    key = private_key(a_key(folder), no_passphrase)
+    write_certificate(folder / "certificate", own, whole_answer(history, own), key)
+    return folder / "certificate"
+
+
+def stated(folder: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((folder / "certificate.json").read_text(encoding="utf-8"))
+    return found
+
+
+def of_result(folder: Path, result: Result) -> dict[str, Any]:
+    """The certificate of a result of the examples."""
+    answer = copy.deepcopy(to_json(result))
+    answer["inputs"]["header"]["provenance"] = {"serial": "A-1", "when": "2026-01-31"}
+    own = only(kept(folder, answer))
+    return certificate_json(own, answer, "0" * 64)
+
+
+def page(certificate: dict[str, Any]) -> Page:
+    return Page(html(certificate_page(certificate), {}, "study"))
+
+
+@functools.cache
+def pdf_text(file: Path) -> str:
+    pages = pypdf.PdfReader(io.BytesIO(file.read_bytes())).pages
+    return "\n".join(own.extract_text() for own in pages)
+
+
+def test_it_states_the_result_and_is_signed(tmp_path: Path) -> None:
+    answer = a_result("A-1", "2026-03-31T14:05:00+02:00", psd="Hamamatsu 17", who="J. Doe")
+    folder = written(tmp_path, answer)
+    own = only(kept(tmp_path))
+    found = stated(folder)
+    assert found["schema"] == SCHEMA
+    assert (found["serial"], found["model"], found["vendor"]) == ("A-1", "irb1600", "abb")
+    assert (found["measured_at"], found["operator"]) == ("2026-03-31T12:05:00+00:00", "J. Doe")
+    assert (found["sha256"], found["document_sha256"]) == (answer["inputs"]["sha256"], own.document_sha256)
+    assert (found["verdict"], found["misfit"], found["not_determined"]) == ("pass", None, [])
+    for row, of in zip(found["offsets"], answer["parameters"], strict=False):
+        assert [row[key] for key in ("name", "status", "estimate", "std", "interval95")] == [
+            of[key] for key in ("name", "status", "estimate", "std", "interval95")
+        ]
+        assert row["considered_std"] == answer["geometry"]["consider"].get(row["name"])
+    assert found["assumed"]["noise"]["joint_deg"] == 0.01
+    assert found["assumed"]["priors"][0] == {"group": "offset", "unit": "deg", "std": 5.0}
+    assert found["assumed"]["held"] == ["delta1"]
+    by = public_key(public_file(a_key(tmp_path)))
+    assert found["key"] == {"algorithm": "Ed25519", "fingerprint": fingerprint(by)}
+    files = files_of_certificate(folder)
+    assert len(files) == 3
+    assert all(why_not_signed(*read_signed(file), by) is None for file in files)
+    assert {path.name for path in folder.iterdir()} == {
+        name for file in files for name in (file.name, f"{file.name}.sig")
+    }
+    shown = Page((folder / "certificate.html").read_text(encoding="utf-8"))
+    assert_fetches_nothing(shown)
+    for text in (shown.words, pdf_text(folder / "certificate.pdf")):
+        plain = " ".join(text.split())
+        for said in ("A-1", "J. Doe", "Hamamatsu 17", "−1.222°", "0.020°", "nominal", "No misfit"):
+            assert said in plain
+        assert own.document_sha256 in re.sub(r"\s", "", text)
+        assert grouped(fingerprint(by)).replace(" ", "") in re.sub(r"\s", "", text)
+        assert "signed exactly these bytes" in plain
+
+
+def test_the_same_result_and_key_give_the_same_bytes(tmp_path: Path) -> None:
+    folder = written(tmp_path, a_result())
+    first = {path.name: path.read_bytes() for path in folder.iterdir()}
+    assert {path.name: path.read_bytes() for path in written(tmp_path, a_result()).iterdir()} == first
+
+
+def test_what_is_not_determined_has_no_number_anywhere(tmp_path: Path) -> None:
+    answer = a_result(demo="x-pattern")
+    lost = next(row for row in answer["parameters"] if row["status"] == "unidentifiable")
+    assert (lost["name"], lost["data_std"] > 0) == ("delta2", True)
+    folder = written(tmp_path, answer)
+    found = stated(folder)
+    assert (found["verdict"], found["not_determined"]) == ("degenerate", ["delta2"])
+    row = next(row for row in found["offsets"] if row["name"] == "delta2")
+    assert [row[key] for key in ("estimate", "std", "interval95", "considered_std")] == [None] * 4
+    shown = Page((folder / "certificate.html").read_text(encoding="utf-8"))
+    cells = shown.row("J2 (δ2)")
+    assert cells[1:3] == ["not determined by these data", "unidentifiable"]
+    assert not re.search(r"\d", "".join(cells[1:]))
+    text = pdf_text(folder / "certificate.pdf")
+    (between,) = re.findall(r"J2 \(δ2\)([^J]*?)J3 \(δ3\)\s*−0\.36", text)
+    assert "not determined" in between
+    assert not re.search(r"\d", between)
+    whole = (folder / "certificate.json").read_text(encoding="utf-8") + shown.words + text
+    assert f"{lost['data_std']:.4g}" not in whole
+    # A document that claims a number for it is none of ours, and is not certified.
+    claimed = copy.deepcopy(answer)
+    next(own for own in claimed["parameters"] if own["name"] == "delta2")["estimate"] = 0.1
+    with pytest.raises(BadInput, match="unidentifiable, yet it has a number"):
+        kept(tmp_path / "certificate", claimed)
+
+
+def test_a_misfit_is_not_certified(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="misfit is not certified"):
+        of_result(tmp_path, example_results.misfit())
+
+
+@pytest.mark.parametrize("converged", [True, False])
+def test_what_determines_no_offset_is_not_certified(tmp_path: Path, converged: bool) -> None:
+    answer = a_result(demo="x-pattern")
+    for row in answer["parameters"]:
+        row |= {"status": "unidentifiable", "estimate": None, "std": None, "interval95": None, "held": False}
+    answer["without_prior"], answer["fits"]["likelihood"]["converged"] = None, converged
+    own = only(kept(tmp_path, answer))
+    with pytest.raises(BadInput, match="determines no offset" if converged else "did not converge"):
+        certificate_json(own, answer, "0" * 64)
+
+
+def test_a_posterior_that_did_not_converge_is_said(tmp_path: Path) -> None:
+    shown = page(of_result(tmp_path, example_results.unconverged()))
+    assert "No posterior is shown: the posterior has not converged" in shown.words
+
+
+def test_what_the_offsets_rest_on_is_stated(tmp_path: Path) -> None:
+    for name in ("geometry", "separate", "uncalibrated"):
+        (tmp_path / name).mkdir()
+    freed = of_result(tmp_path / "geometry", example_results.geometry())
+    assert freed["assumed"]["geometry"]["tolerance"] is not None
+    assert {row["considered_std"] for row in freed["offsets"]} == {None}
+    assert "geometry" in {row["group"] for row in freed["assumed"]["priors"]}
+    shown = page(freed)
+    assert "estimated within tolerances of" in shown.words
+    assert "u if the arm deviates" not in shown.words
+    noisy = of_result(tmp_path / "separate", example_results.separate())
+    assert [row["name"] for row in noisy["assumed"]["noise_factors"]] == ["noise.joint", "noise.spot"]
+    assert "estimated up to two factors" in page(noisy).words
+    free = of_result(tmp_path / "uncalibrated", example_results.uncalibrated())
+    assert free["assumed"]["tool"] == {"kind": "laser", "calibrated": False}
+    assert "laser, estimated" in page(free).words
+    assert "tool 3° and 10" in page(free).words
+
+
+def test_intervals_that_differ_between_methods_are_shown(tmp_path: Path) -> None:
+    answer = a_result()
+    ends = {"linear": [-1.26, -1.18], "profile": [-1.4, -1.18], "posterior": None}
+    answer["intervals"] = [
+        {"name": name, "unit": "deg", **ends, "differ": differ}
+        for name, differ in (("delta2", True), ("delta3", False), ("psd.x", True))
+    ]
+    found = certificate_json(only(kept(tmp_path, answer)), answer, "0" * 64)
+    assert [row["name"] for row in found["intervals"]] == ["delta2"]
+    assert ["J2 (δ2)", "−1.260 to −1.180°", "−1.400 to −1.180°", "—"] in page(found).rows
+
+
+def test_what_the_result_found_and_a_simulation_are_on_the_first_page(tmp_path: Path) -> None:
+    answer = a_result(origin="simulated")
+    answer["notes"] = ["Outlying: measurement 3; delta4 hangs on it"]
+    found = certificate_json(only(kept(tmp_path, answer)), answer, "0" * 64)
+    assert found["simulated"]
+    notes = certificate_page(found).notes
+    assert notes[0].startswith("These measurements were simulated")
+    assert notes[1] == "Outlying: measurement 3; J4 (δ4) hangs on it."
+
+
+def test_names_do_no_harm(tmp_path: Path) -> None:
+    name = "<script>alert('x')</script> #import \"/etc/passwd\" {{ 7*7 }} \u202eמ \x00 \ud800 🎯"
+    folder = written(tmp_path, a_result(name, who=name, psd=name))
+    shown = Page((folder / "certificate.html").read_text(encoding="utf-8"))
+    assert_fetches_nothing(shown)
+    text = pdf_text(folder / "certificate.pdf")
+    for said in (shown.words, text):
+        assert "<script>alert(" in said
+        assert "\\u202e" in said
+        assert not set("\x00\u202e\ud800") & set(said)
+    # `provenance` was made fit to be shown when the result was added.
+    assert stated(folder)["serial"].startswith("<script>")
+
+
+@pytest.mark.parametrize("fault", [OSError(28, "No space left on device"), KeyboardInterrupt()])
+def test_a_fault_leaves_what_was_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: BaseException
+) -> None:
+    folder = written(tmp_path, a_result())
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+
+    def fail(*_: object) -> bytes:
+        raise fault
+
+    monkeypatch.setattr(page_files, "pdf", fail)
+    with pytest.raises((BadInput, KeyboardInterrupt)):
+        written(tmp_path, a_result())
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    assert not list(tmp_path.glob(".zerobeam*"))
+
+
+def test_a_folder_with_other_things_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "certificate").mkdir()
+    (tmp_path / "certificate" / "plant.key").write_text("mine")
+    with pytest.raises(BadInput, match="holds other things"):
+        written(tmp_path, a_result())
+    assert [path.name for path in (tmp_path / "certificate").iterdir()] == ["plant.key"]
+
+
+def test_a_history_says_whether_it_still_holds_the_result(tmp_path: Path) -> None:
+    answer = a_result()
+    history = kept(tmp_path, answer)
+    certificate = certificate_json(only(history), answer, "0" * 64)
+    assert why_history_differs(history, certificate) is None
+    assert "no result" in (why_history_differs(history, {**certificate, "sha256": "0" * 64}) or "")
+    assert "operator" in (why_history_differs(history, {**certificate, "operator": "x"}) or "")
+    other = copy.deepcopy(answer)
+    other["parameters"][1]["estimate"] += 1.0
+    (tmp_path / "other.json").write_text(json.dumps(other), encoding="utf-8")
+    own = read_entry(tmp_path / "other.json", lambda sha256: None)
+    assert own is not None
+    assert add(history, [own], replace=True) == ["replaced"]
+    assert "replaced or altered" in (why_history_differs(history, certificate) or "")
+
+
+@pytest.mark.long
+def test_postgresql_gives_the_same_bytes(tmp_path: Path) -> None:
+    answers = [a_result("A-1", "2026-01-01"), a_result("A-1", "2026-02-01", demo="x-pattern")]
+    key = private_key(a_key(tmp_path), no_passphrase)
+    with postgresql() as url:
+        made: dict[str, list[dict[str, bytes]]] = {}
+        for name, at in (("sqlite", None), ("server", url)):
+            (tmp_path / name).mkdir()
+            history = kept(tmp_path / name, *answers, url=at)
+            for number, own in enumerate(results(history)):
+                folder = tmp_path / name / str(number)
+                write_certificate(folder, own, whole_answer(history, own), key)
+                assert why_history_differs(history, stated(folder)) is None
+                made.setdefault(name, []).append({path.name: path.read_bytes() for path in folder.iterdir()})
+            history.engine.dispose()
+    assert len(made["sqlite"]) == 2
+    assert made["sqlite"] == made["server"]
+
+
+def test_another_result_of_the_same_run_has_another_certificate(tmp_path: Path) -> None:
+    first = certificate_json(only(kept(tmp_path, a_result())), a_result(), "0" * 64)
+    (tmp_path / "other").mkdir()
+    answer = a_result()
+    answer["posterior"]["seconds"] += 1.0
+    second = certificate_json(only(kept(tmp_path / "other", answer)), answer, "0" * 64)
+    assert first["sha256"] == second["sha256"]
+    assert first["document_sha256"] != second["document_sha256"]
