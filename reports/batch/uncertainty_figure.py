@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from ...experiments.batch.rows import BatchRow
 from ..style.canvas import Picture, new_figure, style, to_svg
+from ..style.log_axis import set_log_scale
 from ..style.palette import light
 from ..words import numbers
 from ..words.wording import counted
 
 _BINS = 36
+_LEAST_RANGE = 4.0  # of the axis, so that it has ticks
 _COLOUR = {"pass": "identified", "weak": "weak", "misfit": "misfit"}
 
 
@@ -27,7 +30,10 @@ def uncertainty_picture(rows: Sequence[BatchRow]) -> Picture | None:
     if not len(every):
         return None
     low, high = float(every.min()) / 1.05, float(every.max()) * 1.05
+    room = max(1.1, math.sqrt(_LEAST_RANGE * low / high))
     edges = np.geomspace(low, high, _BINS + 1)
+    from matplotlib.ticker import MaxNLocator
+
     with style():
         figure = new_figure(2.2)
         axes = figure.subplots()
@@ -39,7 +45,8 @@ def uncertainty_picture(rows: Sequence[BatchRow]) -> Picture | None:
             color=[light(_COLOUR[name]) for name in shown],
             label=shown,
         )
-        axes.set_xscale("log")
+        set_log_scale(axes, "x", low / room, high * room)
+        axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
         axes.set_xlabel("largest standard uncertainty u of an offset, °")
         axes.set_ylabel("runs")
         axes.legend()

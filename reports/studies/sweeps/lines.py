@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from ....experiments.studies.sweeps.grid_answer import CaseParameter, GridAxis, GridCase, GridStudy
 from ...style.canvas import Picture, new_figure, style, to_svg
+from ...style.log_axis import plain, set_log_scale
 from ...style.palette import light
 from ...style.typeface import in_font
 from ...words import numbers
@@ -24,8 +25,6 @@ from .marks import (
     in_font_within,
     legend,
     log_scale,
-    plain,
-    set_log_scale,
     write_gap,
 )
 

@@ -8,11 +8,12 @@ from ....analysis.status import Status
 from ....experiments.studies.sweeps.grid_answer import Fit, GridStudy
 from ....model.robot import Matrix
 from ...style.canvas import Picture, new_figure, style, to_svg
+from ...style.log_axis import set_log_scale
 from ...style.palette import SHAPES, light
 from ...style.typeface import in_font
 from ...words import numbers
 from .grid_words import rmse_interval, unit_signs
-from .marks import FITS, UNCERTAINTY, dot_style, legend_above, set_log_scale
+from .marks import FITS, UNCERTAINTY, dot_style, legend_above
 
 # What is marked: fit, status, words, shape, colour's role, filled or not.
 _KINDS: tuple[tuple[Fit, Status | None, str, str, str, bool], ...] = (

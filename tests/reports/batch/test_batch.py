@@ -17,6 +17,7 @@ from zerobeam.reports.batch import carried_out, solving
 from zerobeam.reports.batch.batch_folder import batch_json
 from zerobeam.reports.batch.batch_page import Batch, batch_page
 from zerobeam.reports.batch.carried_out import batch
+from zerobeam.reports.batch.uncertainty_figure import uncertainty_picture
 from zerobeam.reports.words.result_json import dumps, to_json
 
 GOOD, X_PATTERN, UNCALIBRATED = (run.path for run in demo_runs())
@@ -199,3 +200,18 @@ def test_a_row_that_claims_too_much_is_refused():
         BatchOffset("delta2", "deg", "unidentifiable", 1.0, None, None)
     with pytest.raises(Exception, match="failed, yet"):
         replace(row("a", 0.1), outcome="failed")
+
+
+@pytest.mark.parametrize(
+    ("uncertainties", "ticks"),
+    [((0.004, 0.03), ["0.005", "0.01", "0.02"]), ((0.02, 0.02), ["0.02"]), ((1e-4, 5.0), ["0.01", "1"])],
+)
+def test_the_axis_of_uncertainties_has_plain_numbers(uncertainties, ticks):
+    def row(u):
+        offsets = (BatchOffset("delta2", "deg", "identified", 0.1, u, (0.0, 0.2)),)
+        return BatchRow(name="a", file="a.jsonl", outcome="pass", message="", offsets=offsets)
+
+    svg = uncertainty_picture([row(u) for u in uncertainties]).svg
+    assert "mathdefault" not in svg
+    for tick in ticks:
+        assert f">{tick}<" in svg

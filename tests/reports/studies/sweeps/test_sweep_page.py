@@ -45,10 +45,11 @@ from zerobeam.reports.studies.kinds import STUDIES, SWEEP, study_of, study_of_fi
 from zerobeam.reports.studies.phrases import NOT_DETERMINED
 from zerobeam.reports.studies.study_folder import write_study
 from zerobeam.reports.studies.sweeps.grid_words import dot_pages, figure_names, rmse_interval, tolerance
-from zerobeam.reports.studies.sweeps.marks import gap, log_ticks
+from zerobeam.reports.studies.sweeps.marks import gap
 from zerobeam.reports.style.blocks import FigureBlock, Row
 from zerobeam.reports.style.blocks import Page as BlockPage
 from zerobeam.reports.style.canvas import Picture
+from zerobeam.reports.style.log_axis import log_ticks
 from zerobeam.reports.words.wording import label
 
 Json = dict[str, Any]
