@@ -163,10 +163,8 @@ def _passphrase(*, twice: bool = False) -> str:
                 "the private key needs its passphrase, and there is no terminal to ask for it",
                 remedy=f"state it in the environment variable {VARIABLE}",
             )
-        from getpass import getpass
-
-        stated = getpass("Passphrase of the private key: ")
-        if twice and getpass("Again: ") != stated:
+        stated = _asked("Passphrase of the private key: ")
+        if twice and _asked("Again: ") != stated:
             raise BadInput("the two passphrases differ", remedy="the same command asks again")
     if not 0 < len(stated.encode()) <= _LONGEST:
         raise BadInput(
@@ -175,6 +173,15 @@ def _passphrase(*, twice: bool = False) -> str:
             allowed=f"1 to {_LONGEST} bytes",
         )
     return stated
+
+
+def _asked(question: str) -> str:
+    from getpass import getpass
+
+    try:
+        return getpass(question)
+    except EOFError:  # Ctrl-D
+        return ""
 
 
 def _say(text: str) -> None:

@@ -96,7 +96,7 @@ def _assumed(answer: dict[str, Any]) -> dict[str, Any]:
     free = [row for row in answer["parameters"] if not row["held"] and row["group"] != "noise"]
     priors = {(row["group"], row["unit"], row["prior_std"]): None for row in free if row["prior_std"]}
     return {
-        "geometry": {key: geometry[key] for key in ("tolerance", "considered_tolerance")},
+        "geometry": {key: geometry[key] for key in ("tolerance", "factors", "considered_tolerance")},
         "tool": {
             "kind": header["tool"]["kind"],
             "calibrated": header["tool"].get("calibrated", True),

@@ -151,7 +151,8 @@ def _interval(bounds: tuple[float, float] | None, row: Mapping[str, Any]) -> str
 def _assumed(own: Mapping[str, Any], offsets: list[Mapping[str, Any]]) -> Iterator[tuple[str, str]]:
     geometry, tool, noise = own["geometry"], own["tool"], own["noise"]
     if geometry["tolerance"] is not None:
-        yield "Geometry", f"estimated within tolerances of {_tolerances(geometry['tolerance'])}"
+        within = f"estimated within tolerances of {_tolerances(geometry['tolerance'])}"
+        yield "Geometry", f"{within}{_factors(geometry['factors'])}"
     else:
         yield "Geometry", "nominal, taken as the robot file states it"
     yield "Tool", f"{tool['kind']}, {'calibrated: taken as stated' if tool['calibrated'] else 'estimated'}"
@@ -166,10 +167,22 @@ def _tolerances(own: Mapping[str, Any]) -> str:
     return f"{tolerance_words(own['length_mm'], 'mm')} and {tolerance_words(own['angle_deg'], 'deg')}"
 
 
+def _factors(own: Mapping[str, float] | None) -> str:
+    if own is None:
+        return ""
+    length, angle = (numbers.significant(own[key], 2) for key in ("length", "angle"))
+    return f", which the data multiply by {length} (lengths) and {angle} (angles)"
+
+
 def _priors(rows: list[Mapping[str, Any]]) -> Iterator[str]:
     for group in dict.fromkeys(row["group"] for row in rows):
-        own = [numbers.exact(row["std"], unit_of(row["unit"])) for row in rows if row["group"] == group]
+        own = [_rounded(row["std"], unit_of(row["unit"])) for row in rows if row["group"] == group]
         yield f"{_GROUPS.get(group, group)} {listed(own)}"
+
+
+def _rounded(std: float, unit: str) -> str:
+    """As it was stated; to three digits where the data have multiplied it."""
+    return numbers.exact(float(f"{std:.3g}"), unit)
 
 
 def _held_at(row: Mapping[str, Any]) -> str:

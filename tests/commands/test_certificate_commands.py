@@ -8,6 +8,7 @@ import json
 import os
 import pty
 import random
+import select
 import shutil
 import time
 from pathlib import Path
@@ -155,35 +156,37 @@ def test_without_the_extra_it_says_how_to_install_it(plant: Path) -> None:
 @pytest.mark.long
 def test_a_passphrase_is_asked_for_on_the_terminal(plant: Path) -> None:
     def answered(*words: str, answers: list[str]) -> tuple[int, str]:
-        """Exit status and output of a command on a terminal, its questions answered."""
-        process, terminal = pty.fork()
-        if process == 0:
-            os.execv(ZEROBEAM[0], [*ZEROBEAM, *words])
-        said, told = "", 0
-        while True:
-            try:
-                part = os.read(terminal, 1000).decode()
-            except OSError:  # the terminal's end, on Linux
-                break
-            if not part:
-                break
-            said += part
-            asked = said.count("Passphrase of the private key: ") + said.count("Again: ")
-            if asked > told:
-                os.write(terminal, f"{answers[told]}\n".encode())
-                told = asked
+        """Exit status and output of a command on a terminal of its own, its questions answered."""
+        terminal, theirs = pty.openpty()
+        # A session's first process that opens a terminal has it as its own, for getpass.
+        opened = ["sh", "-c", 'exec "$@" <"$0" >"$0" 2>&1', os.ttyname(theirs)]
+        with child([*opened, *ZEROBEAM, *words], start_new_session=True) as process:
+            said, told = "", 0
+            while select.select([terminal], [], [], 0.1)[0] or process.poll() is None:
+                if not select.select([terminal], [], [], 0)[0]:
+                    continue
+                said += os.read(terminal, 1000).decode()
+                asked = said.count("Passphrase of the private key: ") + said.count("Again: ")
+                if asked > told:
+                    os.write(terminal, answers[told].encode())
+                    told = asked
+            status = process.wait()
         os.close(terminal)
-        return os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]), said
+        os.close(theirs)
+        return status, said
 
     key = ("history", "key", "asked.key", "--passphrase")
-    status, said = answered(*key, answers=["one", "other"])
+    status, said = answered(*key, answers=["one\n", "other\n"])
     assert (status, "differ" in said) == (2, True)
     assert not (plant / "asked.key").exists()
-    status, said = answered(*key, answers=["secret", "secret"])
+    status, said = answered(*key, answers=["secret\n", "secret\n"])
     assert (status, "secret" in said) == (0, False)
     certify = ("history", "certify", "A-1", "--key", "asked.key", "-o", "asked")
-    assert answered(*certify, answers=["wrong"])[0] == 2
-    status, said = answered(*certify, answers=["secret"])
+    assert answered(*certify, answers=["wrong\n"])[0] == 2
+    status, said = answered(*certify, answers=["\x04"])  # Ctrl-D
+    assert (status, "0 bytes" in said, "Traceback" in said) == (2, True, False)
+    assert answered(*certify, answers=["\x03"])[0] == 130  # Ctrl-C
+    status, said = answered(*certify, answers=["secret\n"])
     assert (status, "Signed by" in said) == (0, True)
 
 

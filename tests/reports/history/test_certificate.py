@@ -172,7 +172,11 @@ def test_what_the_offsets_rest_on_is_stated(tmp_path: Path) -> None:
     assert {row["considered_std"] for row in freed["offsets"]} == {None}
     assert "geometry" in {row["group"] for row in freed["assumed"]["priors"]}
     shown = page(freed)
-    assert "estimated within tolerances of" in shown.words
+    factors = example_results.geometry().geometry.factors
+    assert factors is not None
+    assert freed["assumed"]["geometry"]["factors"]["length"] == factors.length
+    within = "estimated within tolerances of 0.3\u00a0mm and 0.1°, which the data multiply by"
+    assert f"{within} {factors.length:.2f} (lengths) and {factors.angle:.2f} (angles)" in shown.words
     assert "u if the arm deviates" not in shown.words
     noisy = of_result(tmp_path / "separate", example_results.separate())
     assert [row["name"] for row in noisy["assumed"]["noise_factors"]] == ["noise.joint", "noise.spot"]
