@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ..model.errors import WorkersLost
 from .console import err, out, print_json, progress
 from .options import Json, Scheduler, Seed, Workers, asked_cluster
 
@@ -63,7 +64,7 @@ def batch(
     try:
         with asked_cluster(workers, scheduler), progress("batch") as tell:
             done = carry_out(files, folder, settings, tell, parquet=parquet)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, WorkersLost):
         if (folder / STORE).exists():
             kept = f"The finished runs are kept in {folder}: the same command goes on with them."
             err.print(kept, markup=False, soft_wrap=True)

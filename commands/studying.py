@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+from ..model.errors import WorkersLost
 from .console import err, out, print_json, progress
 from .options import Camera, Json, Scheduler, Seed, Workers, asked_cluster
 
@@ -190,7 +191,7 @@ def _study(
             answer = studied(tell)
             tell("writing", 1.0)
             paths = write_study(folder, answer)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, WorkersLost):
         if store.exists():
             kept = f"The finished cases are kept in {store}: the same command goes on with them."
             err.print(kept, markup=False, soft_wrap=True)

@@ -1,61 +1,40 @@
-"""Work that is done side by side by the workers of a Dask cluster: local ones, or those of a scheduler.
-
-What a worker gets and gives is bytes. A piece that is lost with its worker is done again by another; one that
-takes far longer than the others, at the end, is given to a second worker, and the first answer counts.
-"""
+"""Work that is done side by side by the workers of a Dask cluster: local ones, or those of a scheduler."""
 
 from __future__ import annotations
 
 import logging
-import pickle
 import shutil
-import statistics
+import signal
 import tempfile
-import time
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass, field
 from functools import partial
-from itertools import count, islice
-from queue import Empty, SimpleQueue
+from multiprocessing import resource_tracker
 from typing import Any
 
 from ..analysis.status import versions
-from ..interruption import obey
-from ..model.errors import BadInput, ZerobeamError, missing_extra
-from .processes import AHEAD, Answer, Job, carried_out_by, interruptions_put_off, worked
+from ..model.errors import BadInput, missing_extra
+from .cluster_pieces import PATIENCE_S, Traffic, about, by_workers
+from .processes import carried_out_by, interruptions_put_off
 from .source import source_hash
 
-_PATIENCE_S = 20.0  # for a scheduler to answer, and for its first worker
-_MOST_LOST = 20  # workers that one piece may take along before it is taken for the reason
-_SLOW, _SLOW_S = 4.0, 5.0  # times the median of the others, and at least: a piece is given to a second worker
-_LOOK_S = 0.5
-
-
-class ClusterLost(ZerobeamError):
-    """The scheduler has gone, or a piece ends every worker that takes it."""
-
-    exit_status = 3
-
-
-@dataclass
-class Traffic:
-    """What has gone through the scheduler: pieces, those that were lost or given out twice, bytes."""
-
-    pieces: int = 0
-    again: int = 0
-    sent: int = 0
-    received: int = 0
-
-
-@dataclass(eq=False)
-class _UnderWay:
-    """A piece: its bytes, since when, and the attempts that have not been given up."""
-
-    payload: bytes
-    since: float
-    futures: list[Any] = field(default_factory=list)
-    lost: int = 0
+_SETTINGS = {
+    "distributed.comm.timeouts.connect": f"{PATIENCE_S:g}s",
+    "distributed.scheduler.allowed-failures": 0,  # lost pieces are counted here
+    "distributed.scheduler.worker-saturation": 1.0,
+    "distributed.scheduler.work-stealing": False,
+    "distributed.scheduler.active-memory-manager.start": False,
+    "distributed.worker.daemon": True,
+    "distributed.worker.memory.monitor-interval": "500ms",
+    "distributed.admin.large-graph-warning-threshold": "1GB",
+    # What Dask measures of itself for its own pages took 3 % of a core in each of its processes.
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "500ms",
+    "distributed.admin.system-monitor.interval": "2s",
+    "distributed.admin.system-monitor.disk": False,
+    "distributed.admin.system-monitor.gil.enabled": False,
+}
+_LIBRARIES = ("distributed", "tornado", "asyncio")
 
 
 @contextmanager
@@ -73,19 +52,14 @@ def cluster(workers: int | None = None, scheduler: str | None = None) -> Iterato
     except ImportError as error:
         raise missing_extra("work on a cluster", "cluster", needed=error.name) from None
     traffic = Traffic()
-    settings = {
-        "distributed.comm.timeouts.connect": f"{_PATIENCE_S:g}s",
-        "distributed.scheduler.allowed-failures": _MOST_LOST,
-        "distributed.scheduler.worker-saturation": 1.0,
-        "distributed.worker.daemon": True,
-        "distributed.admin.large-graph-warning-threshold": "1GB",
-    }
     with ExitStack() as stack:
-        stack.enter_context(dask.config.set(settings))
+        stack.enter_context(dask.config.set(_SETTINGS))
         stack.enter_context(_quiet())
         if scheduler is None:
             place = tempfile.mkdtemp(prefix="zerobeam-dask-")
             stack.callback(shutil.rmtree, place, ignore_errors=True)
+            if hasattr(signal, "pthread_sigmask"):
+                resource_tracker.ensure_running()  # else its start would end the block of the next line
             with interruptions_put_off():  # their threads and processes must not hear Ctrl-C
                 local = distributed.LocalCluster(
                     n_workers=workers or 1,
@@ -101,13 +75,13 @@ def cluster(workers: int | None = None, scheduler: str | None = None) -> Iterato
             client = _client(distributed, scheduler, None if scheduler else local)
         stack.callback(_closed, client)
         _require_alike(client)
-        stack.enter_context(carried_out_by(partial(_side_by_side, client, traffic)))
+        stack.enter_context(carried_out_by(partial(by_workers, client, traffic, _require_alike)))
         yield traffic
 
 
 def _client(distributed: Any, address: str | None, local: Any) -> Any:
     try:
-        client = distributed.Client(address or local, set_as_default=False, timeout=_PATIENCE_S)
+        client = distributed.Client(address or local, set_as_default=False, timeout=PATIENCE_S)
     except (OSError, ValueError, TypeError) as error:  # TimeoutError is an OSError
         raise BadInput(
             "no Dask scheduler answers at this address",
@@ -116,7 +90,7 @@ def _client(distributed: Any, address: str | None, local: Any) -> Any:
             argument="--scheduler",
         ) from None
     try:
-        client.wait_for_workers(1, timeout=_PATIENCE_S)
+        client.wait_for_workers(1, timeout=PATIENCE_S)
     except TimeoutError:
         _closed(client)
         raise BadInput(
@@ -149,7 +123,7 @@ def _require_alike(client: Any) -> None:
 
 def _about(dask_worker: Any) -> dict[str, Any]:
     """On a worker: what its answers depend on."""
-    return {"threads": dask_worker.state.nthreads, "versions": versions(), "source": source_hash()}
+    return about(dask_worker.state.nthreads)
 
 
 def _difference(found: dict[str, Any]) -> str | None:
@@ -169,123 +143,6 @@ def _difference(found: dict[str, Any]) -> str | None:
     return None if found["threads"] == 1 else f"{found['threads']} threads"
 
 
-def _carried(source: str, payload: bytes) -> bytes:
-    """On a worker: a piece in, its answer out; None in place of both where the sources differ."""
-    if source_hash() != source:
-        return pickle.dumps(None)
-    try:
-        work, job = pickle.loads(payload)
-        return pickle.dumps((True, worked(work, job)))
-    except Exception as error:  # noqa: BLE001 - it is raised again where the answer is awaited
-        return pickle.dumps((False, error))
-
-
-def _side_by_side(
-    client: Any, traffic: Traffic, work: Callable[[Job], Answer], jobs: Iterable[Job]
-) -> Generator[tuple[int, Answer], None, None]:
-    done: SimpleQueue[tuple[int, Any]] = SimpleQueue()
-    under_way: dict[int, _UnderWay] = {}
-    spent: list[float] = []
-    names = count()
-
-    def give(number: int, **where: Any) -> None:
-        piece = under_way[number]
-        key = f"zerobeam-{source_hash()[:8]}-{id(done):x}-{next(names)}"
-        future = client.submit(
-            _carried, source_hash(), piece.payload, key=key, pure=False, retries=0, **where
-        )
-        piece.futures.append(future)
-        future.add_done_callback(partial(_note, done, number))
-        traffic.sent += len(piece.payload)
-
-    waiting = enumerate(jobs)
-    cores, asked = 1, -_LOOK_S
-    try:
-        while True:
-            if time.monotonic() - asked > _LOOK_S:  # it is a question to the scheduler
-                cores = max(len(client.scheduler_info(n_workers=-1)["workers"]), 1)
-                asked = time.monotonic()
-            for number, job in islice(waiting, max(AHEAD * cores - len(under_way), 0)):
-                under_way[number] = _UnderWay(pickle.dumps((work, job)), time.monotonic())
-                give(number)
-            if not under_way:
-                return
-            try:
-                number, future = done.get(timeout=_LOOK_S)
-            except Empty:
-                obey()
-                if client.status != "running":
-                    raise ClusterLost("the scheduler has gone") from None
-                _twice(client, under_way, spent, cores, give, traffic)
-                continue
-            piece = under_way.get(number)
-            if piece is None or future not in piece.futures:
-                continue  # of a piece that another worker has finished
-            content = _content(future)
-            if content is None:
-                piece.futures.remove(future)
-                piece.lost += 1
-                traffic.again += 1
-                if piece.lost > _MOST_LOST:
-                    raise ClusterLost(f"a piece of work has ended {piece.lost} workers: they may lack memory")
-                if not piece.futures:
-                    give(number)
-                continue
-            traffic.received += len(content)
-            answer = pickle.loads(content)
-            if answer is None:
-                _require_alike(client)
-                raise ClusterLost("a worker has other sources of zerobeam than this process")
-            sound, value = answer
-            if not sound:
-                raise value
-            if others := [own for own in piece.futures if own is not future]:
-                client.cancel(others, force=True)
-            del under_way[number]
-            traffic.pieces += 1
-            spent.append(time.monotonic() - piece.since)
-            yield number, value
-    finally:
-        left = [future for piece in under_way.values() for future in piece.futures]
-        with suppress(Exception):  # the scheduler may have gone
-            client.cancel(left, force=True)
-
-
-def _note(done: SimpleQueue[tuple[int, Any]], number: int, future: Any) -> None:
-    done.put((number, future))
-
-
-def _content(future: Any) -> bytes | None:
-    """The answer of a worker; None where it was lost with it."""
-    try:
-        found = future.result(timeout=600)
-    except Exception as error:  # noqa: BLE001 - all errors of the work itself are in the answer
-        logging.getLogger(__name__).info("a piece is done again: %r", error)
-        return None
-    return bytes(found)
-
-
-def _twice(
-    client: Any,
-    under_way: dict[int, _UnderWay],
-    spent: list[float],
-    cores: int,
-    give: Callable[..., None],
-    traffic: Traffic,
-) -> None:
-    """Give what takes far longer than the others to a second worker, if one has nothing to do."""
-    if not spent or len(under_way) >= cores:
-        return
-    limit = max(_SLOW * statistics.median(spent), _SLOW_S)
-    for number, piece in under_way.items():
-        if len(piece.futures) == 1 and time.monotonic() - piece.since > limit:
-            busy = {worker for worker, keys in client.processing().items() if keys}
-            free = [own for own in client.scheduler_info(n_workers=-1)["workers"] if own not in busy]
-            if free:
-                give(number, workers=free, allow_other_workers=False)
-                traffic.again += 1
-
-
 def _closed(closing: Any) -> None:
     with suppress(Exception):
         closing.close(timeout=5)
@@ -294,7 +151,8 @@ def _closed(closing: Any) -> None:
 @contextmanager
 def _quiet() -> Iterator[None]:
     """Dask's own words about workers that come and go are not for a person who reads zerobeam's."""
-    loggers = [logging.getLogger(name) for name in ("distributed", "tornado", "asyncio")]
+    names = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] in _LIBRARIES]
+    loggers = [logging.getLogger(name) for name in names]
     before = [logger.level for logger in loggers]
     for logger in loggers:
         logger.setLevel(logging.CRITICAL + 1)

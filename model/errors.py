@@ -135,6 +135,12 @@ class FitFailed(ZerobeamError):
     exit_status = 3
 
 
+class WorkersLost(ZerobeamError):
+    """The workers of a cluster cannot go on: the scheduler has gone, or a piece of work ends each of them."""
+
+    exit_status = 3
+
+
 class RigFault(ZerobeamError):
     """The rig (controller, sensor or simulated cell) did not do what it was asked to.
 

@@ -1,44 +1,28 @@
 """Work side by side on Dask: the answers of processes to the bit, whoever dies, and no foreign worker."""
 
 import builtins
-import contextlib
-import json
-import random
-import signal
-import subprocess
-import sys
-import threading
-import time
 from contextlib import closing
 
 import numpy as np
 import pytest
 from command_line import zerobeam
-from slow_work import slow_once
 
 from zerobeam.analysis.status import versions
 from zerobeam.experiments import cluster as clusters
 from zerobeam.experiments.cluster import cluster
 from zerobeam.experiments.processes import AHEAD, side_by_side
 from zerobeam.experiments.source import source_hash
-from zerobeam.experiments.studies import coverage
-from zerobeam.experiments.studies.answer import to_json
-from zerobeam.experiments.studies.coverage import coverage_study, studied_plans
+from zerobeam.experiments.studies.coverage import studied_plans
 from zerobeam.model.errors import BadInput
 
 distributed = pytest.importorskip("distributed")
-psutil = pytest.importorskip("psutil")  # distributed's own
+from dask_clusters import answers, scheduler_elsewhere, study_bytes  # noqa: E402
 
 
 def squared(number):
     if number < 0:
         raise BadInput("a number below 0", found=number)
     return number, np.float64(number) ** 2
-
-
-def answers(jobs, work=squared):
-    with closing(side_by_side(work, jobs)) as found:
-        return dict(found)
 
 
 @pytest.fixture
@@ -63,9 +47,9 @@ def test_the_answers_are_those_of_processes(within_this_process):
         assert traffic.sent > 20 * 20
         assert traffic.received > 20 * 20
         with pytest.raises(BadInput, match="a number below 0"):
-            answers([1, -1])
-        assert answers([7]) == {0: squared(7)}  # the cluster goes on after an error
-    assert answers([7]) == {0: squared(7)}
+            answers(squared, [1, -1])
+        assert answers(squared, [7]) == {0: squared(7)}  # the cluster goes on after an error
+    assert answers(squared, [7]) == {0: squared(7)}
 
 
 def with_other_sources(dask_worker):
@@ -104,11 +88,6 @@ def test_what_makes_a_worker_foreign():
     assert "No module" in clusters._difference({"missing": "No module named 'zerobeam'"})
 
 
-def test_a_worker_that_joins_later_is_looked_at_too():
-    """Sources are compared where each piece is worked out."""
-    assert clusters.pickle.loads(clusters._carried("0" * 64, b"")) is None
-
-
 @pytest.mark.parametrize("missing", ["cryptography", "distributed"])
 def test_an_extra_that_is_not_whole_is_said(tmp_path, monkeypatch, missing):
     real = builtins.__import__
@@ -126,7 +105,7 @@ def test_an_extra_that_is_not_whole_is_said(tmp_path, monkeypatch, missing):
 
 
 def test_no_scheduler_and_two_clusters_are_said(tmp_path, monkeypatch):
-    monkeypatch.setattr(clusters, "_PATIENCE_S", 0.3)
+    monkeypatch.setattr(clusters, "PATIENCE_S", 0.3)
     study = ("study", "coverage", "-o", tmp_path / "study", "--data-sets", 100)
     told = zerobeam(*study, "--scheduler", "tcp://127.0.0.1:9").refused()
     assert "no Dask scheduler answers at this address" in told
@@ -153,15 +132,6 @@ def test_an_optimal_plan_is_the_same_by_a_cluster(within_this_process, tmp_path)
 # --- with processes of their own --------------------------------------------------------------------
 
 
-def study_bytes(plans, **how):
-    """The answer of a small coverage study without its clock, as text."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(coverage, "studied_plans", lambda seed: plans)
-        answer = to_json(coverage_study(200, 5, lambda *_: None, **how))
-    answer.pop("seconds")
-    return json.dumps(answer)
-
-
 @pytest.fixture(scope="module")
 def plans():
     return studied_plans(5)[::3]  # the best, and one with a gauge
@@ -170,34 +140,6 @@ def plans():
 @pytest.fixture(scope="module")
 def expected(plans):
     return study_bytes(plans, processes=1)
-
-
-@contextlib.contextmanager
-def scheduler_elsewhere(tmp_path, workers):
-    """A scheduler and workers as `dask scheduler` and `dask worker` start them."""
-    file = tmp_path / "scheduler.json"
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": tmp_path}
-    dask = [sys.executable, "-m", "dask"]
-    where = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", file]
-    started = [subprocess.Popen([*dask, "scheduler", *where], **quiet)]
-    try:
-        limit = time.monotonic() + 60
-        while not file.exists() or not file.read_text().rstrip().endswith("}"):
-            assert time.monotonic() < limit
-            time.sleep(0.2)
-        address = json.loads(file.read_text())["address"]
-        started.append(
-            subprocess.Popen(
-                [*dask, "worker", address, "--nworkers", str(workers), "--nthreads", "1", "--no-dashboard"],
-                **quiet,
-            )
-        )
-        yield address
-    finally:
-        for process in reversed(started):
-            process.send_signal(signal.SIGTERM)
-        for process in started:
-            process.wait(60)
 
 
 @pytest.mark.long
@@ -210,44 +152,8 @@ def test_a_study_has_the_same_bytes_on_any_number_of_workers(workers, plans, exp
 
 @pytest.mark.long
 def test_a_study_has_the_same_bytes_by_a_scheduler_elsewhere(tmp_path, plans, expected):
-    with scheduler_elsewhere(tmp_path, 2) as address, cluster(scheduler=address):
+    with scheduler_elsewhere(tmp_path, 2) as (address, _), cluster(scheduler=address):
         assert study_bytes(plans) == expected
-
-
-@pytest.mark.long
-def test_workers_that_are_killed_change_no_byte(plans, expected):
-    over, killed = threading.Event(), []
-
-    def kill():
-        while len(killed) < 4 and not over.wait(6.0):  # for ever, on a busy machine none would get to its end
-            found = [
-                child
-                for child in psutil.Process().children(recursive=True)
-                if "spawn_main" in " ".join(child.cmdline())
-            ]
-            if found:
-                one = random.choice(found)
-                one.kill()
-                killed.append(one.pid)
-
-    with cluster(workers=2):
-        killer = threading.Thread(target=kill)
-        killer.start()
-        try:
-            assert study_bytes(plans) == expected
-        finally:
-            over.set()
-            killer.join()
-    assert killed
-
-
-@pytest.mark.long
-def test_a_piece_on_a_slow_worker_is_given_to_another(tmp_path, monkeypatch):
-    monkeypatch.setattr(clusters, "_SLOW_S", 0.5)
-    with cluster(workers=2) as traffic:
-        jobs = [(k, str(tmp_path / "mark")) for k in range(6)]
-        assert answers(jobs, slow_once) == {k: k for k in range(6)}
-        assert traffic.again >= 1
 
 
 @pytest.mark.long

@@ -16,3 +16,10 @@ def slow_once(job):
             return number
         time.sleep(30)
     return number
+
+
+def ends_its_worker(number):
+    """What takes the whole process along, as the kernel does where memory is short."""
+    if number == 30:
+        os._exit(9)
+    return number
