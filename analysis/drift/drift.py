@@ -1,8 +1,7 @@
 """What an arm's results say of its drift: rates of the walk, jumps, the offsets at each result.
 
-The rate of each offset's walk is unknown and integrated over: its logarithm is normal about `MEDIAN` with the
-standard deviation `SPREAD`, per root year. Nodes are Sobol points of that prior and, in more passes, of a
-normal distribution about what those before found, all weighted as one mixture (Cappe et al. 2004).
+The rate of each offset's walk is unknown and integrated over (`importance.py`): its logarithm is normal about
+`MEDIAN` with the standard deviation `SPREAD`, per root year.
 
 Jumps: an offset may change by any amount between two results. The test of one offset and interval is
 predictive. Given the rate and whatever of the data such a jump leaves unchanged, the score of the jump is
@@ -15,16 +14,16 @@ p-values are multiplied by their number (Bonferroni): false alarms of an arm hav
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import astuple, dataclass
+from collections.abc import Iterable
+from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 from scipy import special
-from scipy.stats import qmc
 
 from ...model.errors import BadInput
 from ...model.robot import Matrix
 from ..status import UnsoundResult
+from .importance import Pass, normalised, over_passes, sampled
 from .series import Series
 from .smoother import Smoothed, smooth
 
@@ -33,7 +32,6 @@ MEDIAN, SPREAD = 0.01, 1.5  # deg or mm per root year, and of its natural logari
 LEVEL = 0.95
 _NODES = 256  # of each pass; a power of two
 _PASSES = 4  # after the first
-_WIDER, _FLOOR = 1.2, 0.25  # the std of a pass over that of the weights so far, and the least one
 _MOST_JUMPS = 20
 
 
@@ -58,7 +56,8 @@ class Drift:
 
     `smoothed` is of the K walk rates `rates` (K, m) with the `weights` (K,); `p_first` (T - 1, m) are the
     p-values of the first tests, before any jump was allowed, not multiplied, nan where no result determines
-    the offset on one side. `jumps` in the order of time. `effective` is the effective number of rates.
+    the offset on one side. `jumps` in the order of time. `effective` is the effective number of rates,
+    `passes` what they are points of.
     """
 
     series: Series
@@ -68,6 +67,7 @@ class Drift:
     p_first: Matrix
     jumps: tuple[Jump, ...]
     effective: float
+    passes: tuple[Pass, ...]
 
     def interval(self, t: int, along: Matrix, level: float = LEVEL) -> tuple[float, float]:
         """The interval of the combination `along` (m,) of the offsets at result t; UnsoundResult where one
@@ -111,12 +111,23 @@ class Drift:
 
     def rate(self, offset: str) -> tuple[float, tuple[float, float]]:
         """Median and 95 % interval of an offset's walk, per root year."""
-        own = self.rates[:, self.series.names.index(offset)]
-        order = np.argsort(own)
-        at = np.cumsum(self.weights[order])
-        places = np.minimum(np.searchsorted(at, (0.025, 0.5, 0.975)), len(own) - 1)
-        low, middle, high = own[order][places].tolist()
-        return middle, (low, high)
+        return median_interval(self.rates[:, self.series.names.index(offset)], self.weights)
+
+    @property
+    def allowed(self) -> Matrix:
+        """(T - 1, m) where an offset may change by any amount: jumps that were found, and resets."""
+        return allowed(self.series, ((own.after, own.offset) for own in self.jumps))
+
+    def at_last(self) -> Drift:
+        """The same with the states at the last result alone: a tenth of the memory, for many arms."""
+        own = self.smoothed
+        few = Smoothed(
+            own.mean[:, -1:].copy(),
+            own.covariance[:, -1:].copy(),
+            own.log_likelihood,
+            *(part[:, :0].copy() for part in (own.score, own.power, own.step_variance)),
+        )
+        return replace(self, smoothed=few)
 
 
 def drift(series: Series, *, alarm: float = ALARM, seed: int = 0) -> Drift:
@@ -127,12 +138,11 @@ def drift(series: Series, *, alarm: float = ALARM, seed: int = 0) -> Drift:
             found=str(len(series.observations)),
             remedy="add more results to the history",
         )
-    jumps = np.zeros((len(series.observations) - 1, len(series.names)), dtype=bool)
-    jumps[list(series.reset)] = True
+    jumps = allowed(series, ())
     first: Matrix | None = None
     found: list[tuple[int, int, float]] = []
     while True:
-        rates, log_weight, smoothed = _integrated(series, jumps, seed)
+        rates, log_weight, smoothed, passes = integrated(series, jumps, seed)
         p = _p_values(series, smoothed, log_weight, jumps)
         first = p if first is None else first
         tests = int(np.isfinite(first).sum())
@@ -144,7 +154,7 @@ def drift(series: Series, *, alarm: float = ALARM, seed: int = 0) -> Drift:
             break
         jumps[t, j] = True
         found.append((int(t), int(j), adjusted))
-    weights = _normalised(log_weight)
+    weights = normalised(log_weight)
     return Drift(
         series=series,
         smoothed=smoothed,
@@ -153,7 +163,26 @@ def drift(series: Series, *, alarm: float = ALARM, seed: int = 0) -> Drift:
         p_first=first,
         jumps=tuple(_jump(series, smoothed, weights, *own) for own in sorted(found)),
         effective=float(1 / (weights**2).sum()),
+        passes=passes,
     )
+
+
+def allowed(series: Series, jumps: Iterable[tuple[int, str]]) -> Matrix:
+    """(T - 1, m) whether an offset may change by any amount: after `jumps` (result, offset), and resets."""
+    found = np.zeros((len(series.observations) - 1, len(series.names)), dtype=bool)
+    found[list(series.reset)] = True
+    for after, offset in jumps:
+        found[after, series.names.index(offset)] = True
+    return found
+
+
+def median_interval(values: Matrix, weights: Matrix) -> tuple[float, tuple[float, float]]:
+    """Median and central 95 % interval of weighted values."""
+    order = np.argsort(values)
+    at = np.cumsum(weights[order])
+    places = np.minimum(np.searchsorted(at, (0.025, 0.5, 0.975)), len(values) - 1)
+    low, middle, high = values[order][places].tolist()
+    return middle, (low, high)
 
 
 def mixture_interval(mean: Matrix, std: Matrix, weights: Matrix, level: float) -> tuple[float, float]:
@@ -173,47 +202,20 @@ def mixture_quantile(mean: Matrix, std: Matrix, weights: Matrix, q: float, *, st
     return np.asarray((low + high) / 2)
 
 
-def _integrated(series: Series, jumps: Matrix, seed: int) -> tuple[Matrix, Matrix, Smoothed]:
-    """Rates (K, m), the logarithms of their weights (K,), and the states for each."""
+def integrated(series: Series, jumps: Matrix, seed: int) -> tuple[Matrix, Matrix, Smoothed, tuple[Pass, ...]]:
+    """Rates (K, m), the logarithms of their weights (K,), the states for each, and the passes."""
     size = len(series.names)
-    centre, root = np.full(size, math.log(MEDIAN)), SPREAD * np.eye(size)
-    passes = [(centre, root)]
-    points = centre + _normal_points(size, seed) @ root.T
-    parts = [smooth(series, np.exp(points), jumps)]
-    for number in range(1, _PASSES + 1):
-        log_weight = np.concatenate([own.log_likelihood for own in parts]) + _over_passes(points, passes)
-        weights = _normalised(log_weight)
-        centre = np.asarray(weights @ points)
-        apart = points - centre
-        scatter = (weights[:, None] * apart).T @ apart + _FLOOR**2 * np.eye(size)
-        root = np.asarray(_WIDER * np.linalg.cholesky(scatter), float)
-        passes.append((centre, root))
-        near = centre + _normal_points(size, seed + number) @ root.T
-        parts.append(smooth(series, np.exp(near), jumps))
-        points = np.concatenate([points, near])
+    passes: list[Pass] = [(np.full(size, math.log(MEDIAN)), SPREAD * np.eye(size))]
+    parts: list[Smoothed] = []
+
+    def log_likelihood(points: Matrix) -> Matrix:
+        parts.append(smooth(series, np.exp(points), jumps))
+        return parts[-1].log_likelihood
+
+    points, _ = sampled(log_likelihood, passes, _PASSES, _NODES, seed)
     smoothed = Smoothed(*(np.concatenate(own) for own in zip(*map(astuple, parts), strict=True)))
-    return np.exp(points), smoothed.log_likelihood + _over_passes(points, passes), smoothed
-
-
-def _over_passes(points: Matrix, passes: Sequence[tuple[Matrix, Matrix]]) -> Matrix:
-    """(K,) the logarithm of the prior, the first of the `passes`, over the mixture of all of them."""
-    each = np.array([_log_normal(points, *own) for own in passes])
-    return np.asarray(each[0] - np.logaddexp.reduce(each, axis=0) + math.log(len(passes)))
-
-
-def _normal_points(size: int, seed: int) -> Matrix:
-    points = qmc.Sobol(size, seed=seed).random(_NODES)
-    return np.asarray(special.ndtri(np.clip(points, 1e-12, 1 - 1e-12)))
-
-
-def _log_normal(points: Matrix, centre: Matrix, root: Matrix) -> Matrix:
-    z = np.linalg.solve(root, (points - centre).T)
-    return np.asarray(-0.5 * (z**2).sum(axis=0) - np.linalg.slogdet(root)[1])
-
-
-def _normalised(log_weight: Matrix) -> Matrix:
-    weight = np.exp(log_weight - log_weight.max(axis=0))
-    return np.asarray(weight / weight.sum(axis=0))
+    log_weight = smoothed.log_likelihood + over_passes(points, passes)
+    return np.exp(points), log_weight, smoothed, tuple(passes)
 
 
 def _p_values(series: Series, smoothed: Smoothed, log_weight: Matrix, jumps: Matrix) -> Matrix:
@@ -230,7 +232,7 @@ def _p_values(series: Series, smoothed: Smoothed, log_weight: Matrix, jumps: Mat
             score, power = smoothed.score[:, t, j], smoothed.power[:, t, j]
             if not (power > 0).all():
                 continue
-            weights = _normalised(log_weight + score**2 / 2 - np.log(power) / 2)
+            weights = normalised(log_weight + score**2 / 2 - np.log(power) / 2)
             below, above = weights @ special.ndtr(score), weights @ special.ndtr(-score)
             result[t, j] = min(1.0, 2 * min(below, above))
     return result

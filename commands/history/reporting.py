@@ -35,8 +35,10 @@ def drift(
 ) -> None:
     """Which changes of the offsets are real, how fast they walk, and when the next calibration is due."""
     from ...experiments.history.arm_drift import arm_drift
+    from ...experiments.history.fleet_drift import fleet_drift
     from ...experiments.history.store import arms, events, find_arm, results
     from ...reports.history.drift_text import SCHEMA, arms_drift_table, drift_blocks, drift_json
+    from ...reports.history.fleet_text import fleet_blocks, fleet_json
     from ...reports.style.console import print_block
 
     found = []
@@ -47,12 +49,20 @@ def drift(
             else [find_arm(history, serial, model)]
         )
         for number, arm in enumerate(every):
-            tell(arm[0], number / len(every))
-            found.append(arm_drift(arm, list(results(history, arm)), events(history, arm), tolerance_mm))
+            tell(arm[0], number / len(every) / (1 if serial else 2))
+            own = arm_drift(arm, list(results(history, arm)), events(history, arm), tolerance_mm)
+            found.append(own if serial else own.at_last())
+        fleet = (
+            None
+            if serial is not None
+            else fleet_drift(found, lambda stage, share: tell(stage, (1 + share) / 2))
+        )
     if as_json:
-        print_json({"schema": SCHEMA, "arms": [drift_json(own) for own in found]})
-    elif serial is None:
-        print_block(out, arms_drift_table(found))
+        answer = {"schema": SCHEMA, "arms": [drift_json(own) for own in found]}
+        print_json(answer if fleet is None else {**answer, "fleet": fleet_json(fleet)})
+    elif fleet is not None:
+        for block in (arms_drift_table(found), *fleet_blocks(fleet)):
+            print_block(out, block)
     else:
         for own in found:
             out.print(f"{plain(own.serial)}, {plain(own.model)}", markup=False, highlight=False)

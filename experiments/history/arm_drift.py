@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 
 import numpy as np
 
 from ...analysis.drift.drift import Drift, Jump, drift
 from ...analysis.drift.due import HORIZON_YEARS, due_after
+from ...analysis.drift.instruments import change_at
 from ...analysis.drift.series import Observation, series_of
 from .store import Event, StoredResult
 
@@ -27,12 +28,14 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class DatedJump:
-    """A jump between two results, and the events that were logged in between."""
+    """A jump between two results, the events that were logged in between, and the instruments before and
+    after (of the nearest results that determine the offset) where these differ: a bias looks like a jump."""
 
     jump: Jump
     after: datetime
     before: datetime
     events: tuple[Event, ...]
+    instruments: tuple[str, str] | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +55,10 @@ class ArmDrift:
     tolerance_mm: float
     due: datetime | None
     due_reason: str
+
+    def at_last(self) -> ArmDrift:
+        """The same without the states before the last result (`Drift.at_last`), for many arms."""
+        return replace(self, drift=None if self.drift is None else self.drift.at_last())
 
 
 def arm_drift(
@@ -77,9 +84,14 @@ def arm_drift(
         at = [own.measured_at for own in used]
         reset = [t for t in range(len(at) - 1) if _between(events, at[t], at[t + 1], "mastering")]
         found = drift(series_of([_observation(own, used[0].measured_at) for own in used], units, reset))
+        instruments = [own.instrument for own in used]
         jumps = tuple(
             DatedJump(
-                own, at[own.after], at[own.after + 1], _between(events, at[own.after], at[own.after + 1])
+                own,
+                at[own.after],
+                at[own.after + 1],
+                _between(events, at[own.after], at[own.after + 1]),
+                change_at(found.series, instruments, own.after, own.offset),
             )
             for own in found.jumps
         )

@@ -82,6 +82,9 @@ def drift_json(found: ArmDrift) -> dict[str, Any]:
                 "size": own.jump.size,
                 "interval95": list(own.jump.interval95),
                 "events": [event_json(event) for event in own.events],
+                "instruments": None
+                if own.instruments is None
+                else [name or None for name in own.instruments],
             }
             for own in found.jumps
         ],
@@ -117,7 +120,7 @@ def _offset_rows(found: ArmDrift) -> Iterator[dict[str, Any]]:
         return
     names = found.drift.series.names
     for i, name in enumerate(names):
-        along, last = np.eye(len(names))[i], len(found.used) - 1
+        along, last = np.eye(len(names))[i], -1
         known = bool(found.drift.series.determined[last, i])
         value, std = found.drift.value(last, along) if known else (None, None)
         median, interval = found.drift.rate(name)
@@ -169,14 +172,21 @@ def jumps_block(jumps: Sequence[DatedJump]) -> Block:
             f"{day(own.after)} to {day(own.before)}",
             numbers.interval(own.jump.interval95, _half(own), own.jump.unit),
             numbers.p_value(own.jump.p_value),
-            ", ".join(f"{event.what} {day(event.at)} {shown(event.note)}".strip() for event in own.events)
-            or "none logged",
+            ", ".join(_happened(own)) or "none logged",
         )
         for own in jumps
     ]
     heads = ("offset", "between", "change", "p-value", "events")
     columns = [(head, "right" if head in ("change", "p-value") else "left") for head in heads]
     return table_of("Jumps; p-values adjusted for the number of tests (Bonferroni)", columns, rows)
+
+
+def _happened(own: DatedJump) -> Iterator[str]:
+    for event in own.events:
+        yield f"{event.what} {day(event.at)} {shown(event.note)}".strip()
+    if own.instruments is not None:
+        before, after = (clipped(name) if name else "not stated" for name in own.instruments)
+        yield f"instrument changed, a possible cause: {before} to {after}"
 
 
 def _half(own: DatedJump) -> float:
