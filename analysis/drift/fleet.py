@@ -123,7 +123,7 @@ class _Cloud:
         found = np.concatenate([-0.5 * precision, precision * centre], axis=1).astype(base.dtype) @ features
         found += base
         found -= constant[:, None].astype(base.dtype)
-        return found
+        return np.asarray(found)
 
     def extend(self, mu: Matrix, tau: Matrix, seed: int) -> None:
         """More rates about the product of the arm's likelihood, taken as normal, and of N(mu, tau^2)."""
@@ -151,8 +151,8 @@ class _Cloud:
 
 def model_rates(drifts: Sequence[Drift], seed: int = 0) -> ModelRates:
     """The walks of the arms of one model, by the drift of each."""
-    found = {name for own in drifts for name in own.series.names if own.walks(name)}
-    names = tuple(sorted(found, key=lambda name: (len(name), name)))
+    walking = {name for own in drifts for name in own.series.names if own.walks(name)}
+    names = tuple(sorted(walking, key=lambda name: (len(name), name)))
     clouds = [_cloud(own, names) for own in drifts]
     for number in range(_ROUNDS):
         mode = _mode(clouds, len(names))

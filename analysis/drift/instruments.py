@@ -107,7 +107,7 @@ class _Information:
     """Of an arm about the biases at the places `at` of all columns: for each of its rates a matrix (K, q, q)
     and a vector (K, q)."""
 
-    at: Matrix
+    at: list[int]
     matrix: Matrix
     vector: Matrix
 
@@ -287,8 +287,8 @@ def _drawn(arms: Sequence[_Arm], seed: int) -> _Draws:
     parts = [_information(own, columns, random) for own in arms if any(_changes(own))]
     held = np.zeros((size, size))
     for offset, found in groups.items():
-        for own in found:
-            at = [columns.index((name, offset)) for name in own]
+        for group in found:
+            at = [columns.index((name, offset)) for name in group]
             held[np.ix_(at, at)] = 1.0
     typical = sum(float(np.trace(own.matrix.mean(axis=0))) for own in parts) / size
     held *= typical
@@ -321,7 +321,7 @@ def _information(own: _Arm, columns: Sequence[Column], random: np.random.Generat
     some = np.searchsorted(np.cumsum(own.weights), (np.arange(_RATES) + random.random()) / _RATES)
     rates = own.rates[np.minimum(some, len(own.rates) - 1)]
     matrix, vector = bias_information(own.series, rates, own.allowed, design)
-    return _Information(np.array(at), matrix, vector)
+    return _Information(at, matrix, vector)
 
 
 def _choose(own: _Information, bias: Matrix, share: float) -> int:

@@ -38,7 +38,7 @@ def drift(
     from ...experiments.history.fleet_drift import fleet_drift
     from ...experiments.history.store import arms, events, find_arm, results
     from ...reports.history.drift_text import SCHEMA, arms_drift_table, drift_blocks, drift_json
-    from ...reports.history.fleet_text import fleet_blocks, fleet_json
+    from ...reports.history.fleet_text import fleet_blocks, fleet_drift_json
     from ...reports.style.console import print_block
 
     found = []
@@ -59,7 +59,7 @@ def drift(
         )
     if as_json:
         answer = {"schema": SCHEMA, "arms": [drift_json(own) for own in found]}
-        print_json(answer if fleet is None else {**answer, "fleet": fleet_json(fleet)})
+        print_json(answer if fleet is None else {**answer, "fleet": fleet_drift_json(fleet)})
     elif fleet is not None:
         for block in (arms_drift_table(found), *fleet_blocks(fleet)):
             print_block(out, block)

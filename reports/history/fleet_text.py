@@ -25,7 +25,7 @@ def fleet_blocks(found: FleetDrift) -> Iterator[Block]:
     yield from _instruments(found)
 
 
-def fleet_json(found: FleetDrift) -> dict[str, Any]:
+def fleet_drift_json(found: FleetDrift) -> dict[str, Any]:
     """The same for programs."""
     return {
         "alarm": found.alarm,

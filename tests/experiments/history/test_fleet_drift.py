@@ -14,7 +14,7 @@ from zerobeam.experiments.history.entry import read_entry
 from zerobeam.experiments.history.fleet_drift import FleetDrift, fleet_drift
 from zerobeam.experiments.history.store import StoredResult
 from zerobeam.reports.history.drift_text import drift_blocks
-from zerobeam.reports.history.fleet_text import fleet_blocks, fleet_json
+from zerobeam.reports.history.fleet_text import fleet_blocks, fleet_drift_json
 from zerobeam.reports.style.blocks import Block, Paragraph, Table
 
 
@@ -147,7 +147,7 @@ def test_an_offset_that_no_arm_determines_twice_is_not_known(one: StoredResult) 
     (own,) = [own for own in found.models if own.offset == "delta2"]
     assert (own.arms, own.median, own.probability, own.drifts) == (0, None, None, False)
     assert "not known" in texts(list(fleet_blocks(found)))
-    told = fleet_json(found)
+    told = fleet_drift_json(found)
     assert told["models"][0]["rate"] is None
     assert told["arms"][0]["offsets"][0]["rate"] is None
 
