@@ -36,6 +36,7 @@ from .lists import day, events_table, offset_names
 _MOST_ROWS = 500
 _FEW_ROWS = 24  # more are shown on demand
 _NO_TEXT = "—"
+_CERTIFY = "A signed certificate of one of them: zerobeam history certify, with --run or --date."
 DUE_MEANS = (
     "until then the TCP error stays within the tolerance with a probability of 95\u00a0%, if the offsets of"
     " the last result are applied; jumps are not foreseen"
@@ -191,7 +192,10 @@ def _sections(own: ArmHistory) -> Iterator[Section]:
         yield section_of("Jumps", jumps_block(found.jumps))
         yield section_of("Offsets now", offsets_block(found), *_never(own))
     if own.results:
-        yield replace(section_of("Calibrations", calibrations(own)), folded=len(own.results) > _FEW_ROWS)
+        yield replace(
+            section_of("Calibrations", calibrations(own), Paragraph(_CERTIFY)),
+            folded=len(own.results) > _FEW_ROWS,
+        )
     events = events_table(own.events)
     if events is not None:
         yield section_of("Events", events)

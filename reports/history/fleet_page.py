@@ -125,7 +125,7 @@ def _every(own: Fleet) -> Table:
 
 def _row(own: Fleet, row: ArmState) -> Row:
     return row_of(
-        Cell(clipped(row.serial, 24), link=own.pages.get((row.serial, row.model), "")),
+        Cell(clipped(row.serial, 20), link=own.pages.get((row.serial, row.model), "")),
         Cell(row.state, mark=MARKS[row.state]),
         clipped(row.model, 20),
         _NO_TEXT if row.due is None else f"{row.due:%Y-%m-%d}",

@@ -10,11 +10,12 @@ from pathlib import Path
 
 import pytest
 from arms_over_years import FIRST, LOST, arm_history, happened, over_years
+from chromium import PAPER, PHONE, Size, chromium
 from pages import Page, assert_fetches_nothing
 
 from zerobeam.model.errors import BadInput
 from zerobeam.reports.history.arm_page import ArmHistory, arm_page, headline
-from zerobeam.reports.history.history_folder import safe_name, write_arm
+from zerobeam.reports.history.history_folder import safe_name, write_arm, write_fleet
 from zerobeam.reports.history.trend_figure import trend_pictures
 from zerobeam.reports.output.html import html
 from zerobeam.reports.style.canvas import Picture
@@ -224,3 +225,21 @@ def test_two_hundred_results() -> None:
     assert len([row for row in page.rows if row[1:2] in (["Pass"], ["Misfit"])]) == 200
     assert any(tag == "details" for tag, _ in page.tags)
     assert [one.jump.offset for one in own.found.jumps] == ["delta5"]
+
+
+@pytest.mark.long
+@pytest.mark.browser
+@pytest.mark.parametrize("size", [PHONE, Size(820, 1180), Size(1440, 900), PAPER], ids=str)
+def test_the_pages_fit_every_screen_and_everybody_can_read_them(tmp_path: Path, size: Size) -> None:
+    results = over_years(30, jump=(8, 1, 0.3), misfits=(5,), lost=(3,), serial="Ж" * 300, who="J. Doe")
+    bump = happened("collision", results[20].measured_at, "table 3, " * 40, results[0].serial)
+    arms = [arm_history(results, [bump]), arm_history(over_years(4, lost=range(4), serial="A-1"))]
+    given = {(own.found.serial, own.found.model): own for own in arms}
+    found = write_fleet(
+        tmp_path / "out", list(given), given.__getitem__, 0.5, datetime(2031, 1, 1), lambda stage, share: None
+    )
+    for file in ("fleet.html", *found.pages.values()):
+        with chromium().opened(tmp_path / "out" / file, size) as tab:
+            assert tab.overflow() == 0
+            assert tab.accessibility() == []
+            assert tab.console == []
