@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import zlib
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -47,34 +48,33 @@ def _tampered(text: str) -> bytes:
     return zlib.compress(json.dumps(answer).encode())
 
 
-@pytest.mark.parametrize(
-    ("table", "values", "told"),
-    [
+def test_a_history_that_was_altered_is_found_out(tmp_path: Path) -> None:
+    answer = a_result("A")
+    history = kept(tmp_path, answer)
+    tampered = _tampered((tmp_path / "0.json").read_text(encoding="utf-8"))
+    for table, values, told in (
         (result, {"verdict": "weak"}, "verdict"),
-        (result, {"serial": "A"}, None),
         (result, {"operator": "someone else"}, "operator"),
+        (result, {"measured_at": datetime(2026, 2, 1)}, "measured_at"),
         (result, {"offsets": "[]"}, "offsets"),
         (result, {"without_prior": None}, "without_prior"),
         (result, {"document_sha256": "0" * 64}, "document_sha256"),
         (document, {"content": b"torn"}, "damaged"),
         (document, {"content": zlib.compress(b"{}")}, "damaged"),
-        (document, "tampered", "document_sha256"),
-    ],
-)
-def test_a_history_that_was_altered_is_found_out(
-    tmp_path: Path, table: Any, values: Any, told: str | None
-) -> None:
-    answer = a_result("A")
-    history = kept(tmp_path, answer)
-    assert whole_answer(history, only(history)) == answer
-    if values == "tampered":
-        values = {"content": _tampered((tmp_path / "0.json").read_text(encoding="utf-8"))}
-    with history.writing() as connection:
-        connection.execute(sa.update(table).values(values))
-    if told is None:  # nothing was altered
+        (document, {"content": tampered}, "document_sha256"),
+    ):
         assert whole_answer(history, only(history)) == answer
-        return
-    with pytest.raises(BadInput, match=rf"the history was altered[\s\S]*{told}"):
+        columns: Any = [table.c[name] for name in values]
+        with history.writing() as connection:
+            before = connection.execute(sa.select(*columns)).one()._asdict()
+            connection.execute(sa.update(table).values(values))
+        with pytest.raises(BadInput, match=rf"the history was altered[\s\S]*{told}"):
+            whole_answer(history, only(history))
+        with history.writing() as connection:
+            connection.execute(sa.update(table).values(before))
+    with history.writing() as connection:
+        connection.execute(sa.delete(document))
+    with pytest.raises(BadInput, match="missing or damaged"):
         whole_answer(history, only(history))
 
 

@@ -223,7 +223,10 @@ def test_names_do_no_harm(tmp_path: Path) -> None:
     assert stated(folder)["serial"].startswith("<script>")
 
 
-@pytest.mark.parametrize("fault", [OSError(28, "No space left on device"), KeyboardInterrupt()])
+@pytest.mark.parametrize(
+    "fault",
+    [OSError(28, "No space left on device"), pytest.param(KeyboardInterrupt(), marks=pytest.mark.long)],
+)
 def test_a_fault_leaves_what_was_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: BaseException
 ) -> None:
