@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TextIO, cast
@@ -102,11 +102,20 @@ def print_picture(picture: Path | None) -> None:
         out.print(f"Picture: {picture}", soft_wrap=True, markup=False)
 
 
+def print_json_pieces(pieces: Iterable[str]) -> None:
+    """The same of text that comes in pieces."""
+    for piece in pieces:
+        sys.stdout.write(_visible_json(piece))
+
+
 def json_text(answer: dict[str, Any], indent: int | None = None) -> str:
     """JSON in which what a person would not see is escaped: it may end up in a terminal."""
+    return _visible_json(json.dumps(answer, ensure_ascii=False, allow_nan=False, indent=indent))
+
+
+def _visible_json(text: str) -> str:
     from ..reports.words.wording import visible
 
-    text = json.dumps(answer, ensure_ascii=False, allow_nan=False, indent=indent)
     return visible(text, lambda letter: json.dumps(letter)[1:-1])
 
 

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from ...model.errors import BadInput
-from ..console import err, out, plain, print_json, progress
+from ..console import err, out, plain, print_json, print_json_pieces, progress
 from ..options import Force, Json, Seed
 from .shared import Model, Serial, Url, opened
 
 if TYPE_CHECKING:
     from ...experiments.history.entry import Entry
+    from ...experiments.history.store import StoredResult
 
 histories = typer.Typer(
     help="Results of many arms over the years, in a database: what drifted, and when the next one is due.",
@@ -118,12 +120,12 @@ def _other_result(path: Path, own: Entry, replace: bool) -> BadInput:
 def list_arms(db: Url = None, as_json: Json = False) -> None:
     """List the arms with their last results; with --json every result."""
     from ...experiments.history.store import arms, results
-    from ...reports.history.lists import SCHEMA, arms_table, result_json
+    from ...reports.history.lists import arms_table, history_text
     from ...reports.style.console import print_block
 
     with opened(db) as history:
         if as_json:
-            print_json({"schema": SCHEMA, "results": [result_json(own) for own in results(history)]})
+            print_json_pieces(history_text(results(history)))
         else:
             print_block(out, arms_table(arms(history)))
 
@@ -196,22 +198,24 @@ def export(
     """Write the results as a table (a row for each offset) or as JSON."""
     from ...experiments.history.store import events, find_arm, results
     from ...model.files.whole_file import write_whole
-    from ...reports.history.lists import SCHEMA, event_json, offset_rows, result_json
-    from ...reports.words.result_json import dumps
-    from ...reports.words.spreadsheet import csv_text
+    from ...reports.history.lists import history_text, offset_rows
+    from ...reports.words.spreadsheet import csv_lines
 
     if file.suffix not in (".csv", ".json"):
         raise BadInput("no table of this kind is written", found=file.name, allowed=".csv or .json")
     with opened(db) as history:
         arm = None if serial is None else find_arm(history, serial, model)
-        found, happened = list(results(history, arm)), events(history, arm)
-    if file.suffix == ".csv":
-        text = csv_text(offset_rows(found))
-    else:
-        rows, logged = [result_json(own) for own in found], [event_json(own) for own in happened]
-        text = dumps({"schema": SCHEMA, "results": rows, "events": logged})
-    write_whole(file, text, force=force)
-    out.print(f"{len(found)} results: {file}", soft_wrap=True, markup=False, highlight=False)
+        count = 0
+
+        def found() -> Iterator[StoredResult]:
+            nonlocal count
+            for count, own in enumerate(results(history, arm), start=1):  # noqa: B007 - told below
+                yield own
+
+        csv = file.suffix == ".csv"
+        text = csv_lines(offset_rows(found())) if csv else history_text(found(), events(history, arm))
+        write_whole(file, text, force=force)
+    out.print(f"{count} results: {file}", soft_wrap=True, markup=False, highlight=False)
 
 
 @histories.command("backup")

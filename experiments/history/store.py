@@ -261,17 +261,19 @@ def find_arm(history: Database, serial: str, model: str | None = None) -> tuple[
 
 
 def results(history: Database, of: tuple[str, str] | None = None) -> Iterator[StoredResult]:
-    """The results of an arm (serial number, model), or of all, in the order of arm and time."""
+    """The results of an arm (serial number, model), or of all, in the order of arm and time: those of one arm
+    at a time are in memory."""
     columns = [result.c[name] for name in (*_ROW, "offsets", "without_prior", "sensitivity_mm2")]
     query = sa.select(*columns).order_by(result.c.measured_at, result.c.sha256)
-    if of is not None:
-        query = query.where(result.c.serial == of[0], result.c.model == of[1])
     with history.reading() as connection:
-        rows = [row._asdict() for row in connection.execute(query)]
-    for row in sorted(rows, key=lambda own: (own["serial"], own["model"])):
-        for name in ("offsets", "without_prior", "sensitivity_mm2"):
-            row[name] = json.loads(row[name]) if row[name] is not None else None
-        yield StoredResult(**row)
+        every = [of] if of is not None else [(row[0], row[1]) for row in connection.execute(arm.select())]
+        every.sort()  # a database sorts by rules of its own
+        for serial, model in every:
+            for found in connection.execute(query.where(result.c.serial == serial, result.c.model == model)):
+                row = found._asdict()
+                for name in ("offsets", "without_prior", "sensitivity_mm2"):
+                    row[name] = json.loads(row[name]) if row[name] is not None else None
+                yield StoredResult(**row)
 
 
 def events(history: Database, of: tuple[str, str] | None = None) -> list[Event]:

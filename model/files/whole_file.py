@@ -14,7 +14,7 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
-from ...interruption import uninterrupted
+from ...interruption import interruptible, uninterrupted
 from ..errors import BadInput
 
 if sys.platform == "win32":
@@ -59,9 +59,10 @@ def refuse_existing(
 
 
 @uninterrupted()
-def write_whole(path: Path, content: str | bytes, *, force: bool = False) -> None:
+def write_whole(path: Path, content: str | bytes | Iterable[str], *, force: bool = False) -> None:
     """Write text as UTF-8, or bytes, next to `path`, bring it to the disk, then give it its name.
 
+    Text may come in pieces: between them a request to end is obeyed, and whatever they raise leaves no file.
     With `force` it takes the place of a file that is there.
     """
     refuse_existing(path, force=force)
@@ -69,7 +70,11 @@ def write_whole(path: Path, content: str | bytes, *, force: bool = False) -> Non
         handle, aside = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
         try:
             with os.fdopen(handle, "wb") as file:
-                file.write(content if isinstance(content, bytes) else content.encode("utf-8"))
+                if isinstance(content, str | bytes):
+                    file.write(content if isinstance(content, bytes) else content.encode("utf-8"))
+                else:
+                    with interruptible():
+                        file.writelines(piece.encode("utf-8") for piece in content)
                 file.flush()
                 os.fsync(file.fileno())
             os.chmod(aside, 0o666 & ~_umask())

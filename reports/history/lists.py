@@ -9,6 +9,7 @@ from typing import Any
 from ...experiments.history.store import Arm, Event, StoredResult
 from ..style.blocks import Cell, Table, row_of, table_of
 from ..words import numbers
+from ..words.result_json import one_line
 from ..words.wording import clipped, counted, label, shown
 
 SCHEMA = "zerobeam/history/1"
@@ -91,6 +92,24 @@ def result_json(own: StoredResult) -> dict[str, Any]:
         "offsets": own.offsets,
         "without_prior": own.without_prior,
     }
+
+
+def history_text(results: Iterable[StoredResult], events: Iterable[Event] | None = None) -> Iterator[str]:
+    """Results, and events where they are given, as JSON in pieces: a line each."""
+    yield f'{{\n "schema": "{SCHEMA}",\n "results": '
+    yield from _listed(map(result_json, results))
+    if events is not None:
+        yield ',\n "events": '
+        yield from _listed(map(event_json, events))
+    yield "\n}\n"
+
+
+def _listed(rows: Iterable[dict[str, Any]]) -> Iterator[str]:
+    between = "[\n  "
+    for row in rows:
+        yield between + one_line(row)
+        between = ",\n  "
+    yield "[]" if between[0] == "[" else "\n ]"
 
 
 def event_json(own: Event) -> dict[str, Any]:

@@ -103,8 +103,17 @@ def dumps(answer: dict[str, Any]) -> str:
     """The text of `result.json`: keys in their given order, floats to the last digit, UTF-8 safe."""
     # One line for each item of the second level: C writes them, and with an indent Python would.
     text = _item_by_item(answer, "", lambda value: _item_by_item(value, " ", _LINE.encode))
-    # A lone surrogate cannot be encoded in UTF-8, but its escape is legal JSON and says the same.
-    return re.sub("[\ud800-\udfff]", lambda found: f"\\u{ord(found.group()):04x}", text) + "\n"
+    return _encodable(text) + "\n"
+
+
+def one_line(value: object) -> str:
+    """The same of a part, on one line."""
+    return _encodable(_LINE.encode(value))
+
+
+def _encodable(text: str) -> str:
+    """A lone surrogate cannot be encoded in UTF-8, but its escape is legal JSON and says the same."""
+    return re.sub("[\ud800-\udfff]", lambda found: f"\\u{ord(found.group()):04x}", text)
 
 
 _LINE = json.JSONEncoder(ensure_ascii=False, allow_nan=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 from .wording import shown
 
@@ -15,14 +15,22 @@ _FORMULA = ("=", "+", "-", "@")  # what a cell begins with that a spreadsheet ev
 
 def csv_text(rows: Iterable[Row]) -> str:
     """Rows with the same keys as CSV with a header; what is not known is an empty cell."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
+    return "".join(csv_lines(rows))
+
+
+def csv_lines(rows: Iterable[Row]) -> Iterator[str]:
+    """The same line by line, as the rows come."""
     names: list[str] = []
     for row in rows:
         if not names:
             names = list(row)
-            writer.writerow(map(_cell, names))
-        writer.writerow(_cell(row[name]) for name in names)
+            yield _line(names)
+        yield _line(row[name] for name in names)
+
+
+def _line(cells: Iterable[object]) -> str:
+    out = io.StringIO()
+    csv.writer(out, lineterminator="\n").writerow(map(_cell, cells))
     return out.getvalue()
 
 

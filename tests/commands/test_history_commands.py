@@ -95,7 +95,9 @@ def test_it_is_exported_backed_up_and_restored(kept: Path) -> None:
     assert rows[0]["std"] == ""
     assert "exists" in zerobeam("history", "export", "-o", table).refused()
     assert zerobeam("history", "export", "A-1", "-o", plain).status == 0
-    assert len(json.loads(plain.read_text())["results"]) == 2
+    exported = json.loads(plain.read_text())
+    assert len(exported["results"]) == 2
+    assert exported == {**zerobeam("history", "list", "--json").json, "events": []}
     assert ".csv or .json" in zerobeam("history", "export", "-o", kept / "x.xls").refused()
     backup, new = kept / "backup.sqlite", kept / "new.sqlite"
     assert zerobeam("history", "backup", backup).status == 0
