@@ -21,7 +21,7 @@ from ...model.robot import Matrix
 from ..solution import Solution
 from .hypotheses import Cause
 from .link_rival import with_links_freed
-from .trials import CHANCE, Left, lefts, tried
+from .trials import CHANCE, Left, lefts, lefts_at, tried
 
 _SLACK = 3.0  # an estimated noise may be so many times the stated
 _MOST = 5  # explanations
@@ -67,7 +67,7 @@ def diagnose(solution: Solution, *, rivals: Sequence[Rival] = (with_links_freed,
     problem, x = _at_stated_noise(solution)
     slack = 1.0 if solution.problem.noise.known else _SLACK
     density = Density(problem)
-    _, (answer,) = lefts(density, x[None], most_steps=0)
+    (answer,) = lefts_at(density, x[None])
     if answer.agrees(slack):  # and so does the best fit at the stated noise
         return ()
     ended, (base,) = lefts(density, x[None])

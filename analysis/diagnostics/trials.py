@@ -99,8 +99,13 @@ def lefts(
     most_steps: int = 200,
 ) -> tuple[Matrix, list[Left]]:
     """The modes x (W, p) from each start, and what is left there, of no cause yet."""
-    problem = density.problem
     x = modes(density, start, of, most_steps=most_steps).x
+    return x, lefts_at(density, x, of)
+
+
+def lefts_at(density: Density, x: Matrix, of: Index | None = None) -> list[Left]:
+    """What is left at each x (W, p), of no cause yet."""
+    problem = density.problem
     slopes = density.slopes(x, of)
     z = density.scaled(x)
     distances = len(problem.distances)
@@ -111,7 +116,7 @@ def lefts(
     rank[finite] = (np.linalg.eigvalsh(information[finite]) >= 1.0).sum(axis=1)
     cost = np.nan_to_num(-2 * slopes.value, nan=_LARGEST, posinf=_LARGEST)
     squares = (z**2).sum(axis=1)
-    return x, [
+    return [
         Left(
             cause=None,
             chi2=max(float(cost[w] - squares[w]), 0.0),

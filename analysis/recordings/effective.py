@@ -75,18 +75,19 @@ def effective(fit: LikelihoodFit, rival: Matrix | None = None) -> Effective:
     found: dict[int, RecordingLag] = {}
     if fit.converged and any(len(own) >= _FEWEST for own in every):
         found = lags(recordings(fit, rival))
-    rows = []
+    alone, rows = {i: correlation([own]) for i, own in found.items()}, []
     for i, own in enumerate(every):
-        rho = p_value = None
-        if i in found:
-            rho, p_value = correlation([found[i]])
+        rho, p_value = alone.get(i, (None, None))
         kappa = None if rho is None else _kappa(rho)
         target, first, last = problem.targets[problem.target_index[own[0]]], numbers[own[0]], numbers[own[-1]]
         rows.append(RecordingCorrelation(target, first, last, len(own), rho, kappa, p_value))
     shots = problem.shots
     if not found:
         return Effective(tuple(rows), shots, None, None, None, 1.0)
-    rho, p_value = correlation(equalised(list(found.values())))
+    if len(alone) == 1:
+        ((rho, p_value),) = alone.values()
+    else:
+        rho, p_value = correlation(equalised(list(found.values())))
     kappa = _kappa(rho)
     return Effective(tuple(rows), shots, rho, kappa, p_value, max(kappa, 1.0) if p_value < CHANCE else 1.0)
 
