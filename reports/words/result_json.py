@@ -10,8 +10,8 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-import re
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -113,7 +113,7 @@ def one_line(value: object) -> str:
 
 def _encodable(text: str) -> str:
     """A lone surrogate cannot be encoded in UTF-8, but its escape is legal JSON and says the same."""
-    return re.sub("[\ud800-\udfff]", lambda found: f"\\u{ord(found.group()):04x}", text)
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 _LINE = json.JSONEncoder(ensure_ascii=False, allow_nan=False)
@@ -260,18 +260,20 @@ def _explanation(found: Explanation) -> dict[str, Any]:
 
 def _without(value: Any, where: str, *left_out: str) -> dict[str, Any]:
     """A dataclass as a dict, without some of its fields."""
-    return {
-        field.name: _plain(getattr(value, field.name), f"{where}.{field.name}")
-        for field in dataclasses.fields(value)
-        if field.name not in left_out
-    }
+    found = {name: getattr(value, name) for name in _fields(value.__class__) if name not in left_out}
+    for name, item in found.items():
+        if type(item) not in _SAME:
+            found[name] = _plain(item, f"{where}.{name}")
+    return found
 
 
-def _is_plain(value: object) -> bool:
-    """Whether `_plain` leaves it as it is: of the thousands of numbers of a result nearly all."""
-    if isinstance(value, float):
-        return type(value) is float and math.isfinite(value)
-    return value is None or type(value) in (int, str)
+@cache
+def _fields(kind: Any) -> tuple[str, ...]:
+    return tuple(field.name for field in dataclasses.fields(kind))
+
+
+_SAME = {type(None), bool, int, str}  # in Python and in JSON
+_NUMBERS = {type(None), float}
 
 
 def _plain(value: object, where: str) -> Any:
@@ -286,14 +288,16 @@ def _plain(value: object, where: str) -> Any:
                 f"the result is unsound and was not written: {where} is {value}, not a number"
             )
         return float(value)
+    if isinstance(value, list | tuple):
+        # Of the thousands of numbers of a result nearly all are in such rows: a sum finds what is not finite.
+        kinds = set(map(type, value))
+        if kinds <= _SAME or (kinds <= _NUMBERS and math.isfinite(sum(filter(None, value)))):
+            return list(value)
+        return [_plain(item, f"{where}[{i}]") for i, item in enumerate(value)]
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return _without(value, where)
     if isinstance(value, dict):
         return {str(key): _plain(item, f"{where}.{key}") for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        if all(map(_is_plain, value)):
-            return list(value)
-        return [_plain(item, f"{where}[{i}]") for i, item in enumerate(value)]
     raise UnsoundResult(
         f"the result is unsound and was not written: {where} is a {type(value).__name__}, which JSON lacks"
     )

@@ -89,6 +89,23 @@ def test_a_number_that_is_not_finite_is_an_error_and_never_a_quiet_null(bad: flo
         to_json(replace(good(), shots=(shot,)))
 
 
+@pytest.mark.parametrize("row", [(math.inf, -math.inf), (1, math.nan), (None, math.inf), ("a", math.inf)])
+def test_a_row_of_numbers_hides_none_that_is_not_finite(row: tuple[Any, ...]) -> None:
+    inputs = replace(good().inputs, header={"row": row})
+    with pytest.raises(UnsoundResult, match=r"inputs\.header\.row\[\d\] is (nan|inf)"):
+        to_json(replace(good(), inputs=inputs))
+
+
+def test_a_row_of_finite_numbers_stays_as_it_is() -> None:
+    row = (1e308, 1e308, None, 0.0, 3, True, "a", np.float64(0.1), np.int64(2))
+    inputs = replace(good().inputs, header={"row": row, "large": row[:4], "whole": (10**400, None)})
+    header = to_json(replace(good(), inputs=inputs))["inputs"]["header"]
+    assert header["row"] == list(row)
+    assert list(map(type, header["row"][-2:])) == [float, int]
+    assert header["large"] == list(row[:4])
+    assert header["whole"] == [10**400, None]
+
+
 def test_numpy_numbers_become_plain_ones_and_other_objects_are_refused() -> None:
     inputs = replace(good().inputs, header={"count": np.int64(3), "flag": np.bool_(True)})
     header = to_json(replace(good(), inputs=inputs))["inputs"]["header"]
