@@ -23,7 +23,7 @@ from scipy import special
 from ...model.errors import BadInput
 from ...model.robot import Matrix
 from ..status import UnsoundResult
-from .importance import Pass, normalised, over_passes, sampled
+from .importance import Pass, effective, normalised, over_passes, sampled
 from .series import Series
 from .smoother import Smoothed, smooth
 
@@ -162,7 +162,7 @@ def drift(series: Series, *, alarm: float = ALARM, seed: int = 0) -> Drift:
         weights=weights,
         p_first=first,
         jumps=tuple(_jump(series, smoothed, weights, *own) for own in sorted(found)),
-        effective=float(1 / (weights**2).sum()),
+        effective=effective(weights),
         passes=passes,
     )
 

@@ -26,7 +26,7 @@ from scipy import optimize, special
 
 from ...model.robot import Matrix
 from .drift import MEDIAN, SPREAD, Drift, median_interval
-from .importance import Pass, against_passes, from_pass, normalised, over_passes, sampled
+from .importance import Pass, against_passes, effective, from_pass, normalised, over_passes, sampled
 from .series import Series
 from .smoother import smooth
 
@@ -178,7 +178,7 @@ def model_rates(drifts: Sequence[Drift], seed: int = 0) -> ModelRates:
     mu, tau = _model(points)
     some = np.searchsorted(np.cumsum(weights), (np.arange(_SOME) + 0.5) / _SOME)
     arms = tuple(_arm(own, given, mu[some], tau[some]) for own, given in zip(clouds, drifts, strict=True))
-    return ModelRates(names, mu, tau, weights, float(1 / (weights**2).sum()), arms)
+    return ModelRates(names, mu, tau, weights, effective(weights), arms)
 
 
 def _cloud(own: Drift, names: tuple[str, ...]) -> _Cloud:

@@ -18,6 +18,7 @@ from ...model.robot import Matrix
 
 Pass = tuple[Matrix, Matrix]  # mean (d,), and a root (d, d) of the covariance
 
+ENOUGH, MOST = 100, 24
 _WIDER, _FLOOR = 1.2, 0.25  # the std of a pass over that of the weights so far, and the least one
 
 
@@ -25,16 +26,24 @@ def sampled(
     log_likelihood: Callable[[Matrix], Matrix], passes: list[Pass], rounds: int, nodes: int, seed: int
 ) -> tuple[Matrix, Matrix]:
     """The points (K, d), `nodes` (a power of two) of each of the `passes`, the first of which is the prior,
-    and of `rounds` more, which are appended to `passes`; and the log-likelihood of each point (K,)."""
+    and of `rounds` more, which are appended to `passes`; and the log-likelihood of each point (K,). Up to
+    `MOST` rounds follow while fewer than `ENOUGH` points count: where the data are far from the prior."""
     points = np.concatenate([from_pass(own, nodes, seed + k) for k, own in enumerate(passes)])
     found = log_likelihood(points)
-    for _ in range(rounds):
+    for number in range(max(rounds, MOST)):
         weights = normalised(found + over_passes(points, passes))
+        if number >= rounds and effective(weights) >= ENOUGH:
+            break
         passes.append(about(points, weights))
         near = from_pass(passes[-1], nodes, seed + len(passes) - 1)
         found = np.concatenate([found, log_likelihood(near)])
         points = np.concatenate([points, near])
     return points, found
+
+
+def effective(weights: Matrix) -> float:
+    """The effective number of points with these `weights`, which sum to 1."""
+    return float(1 / (weights**2).sum())
 
 
 def about(points: Matrix, weights: Matrix) -> Pass:

@@ -9,8 +9,9 @@ import pytest
 from drifting import NAMES, steady
 from scipy.stats import norm
 
-from zerobeam.analysis.drift.drift import drift, mixture_interval
+from zerobeam.analysis.drift.drift import MEDIAN, SPREAD, drift, mixture_interval
 from zerobeam.analysis.drift.due import HORIZON_YEARS, due_after
+from zerobeam.analysis.drift.importance import ENOUGH
 from zerobeam.analysis.drift.series import Observation, series_of
 from zerobeam.analysis.drift.smoother import smooth
 from zerobeam.analysis.status import UnsoundResult
@@ -31,6 +32,31 @@ def test_a_fast_walk_is_no_jump() -> None:
     found = drift(steady(walk=0.1))
     assert found.jumps == ()
     assert found.rate("delta3")[0] > 5 * drift(steady()).rate("delta3")[0]
+
+
+def test_walks_that_the_prior_did_not_expect_are_found_by_more_passes() -> None:
+    """Five offsets that move by a degree a year: their rates lie beyond the prior's 99.9 %. Without
+    correlations each has a posterior of its own, here on a grid."""
+    names = tuple(f"delta{joint}" for joint in range(2, 7))
+    states = np.cumsum(np.random.default_rng(8).normal(size=(4, 5)), axis=0)
+    noise, none = 1e-4 * np.eye(5), np.zeros((5, 5))
+    own = [Observation(float(t), names, row, noise, none) for t, row in enumerate(states)]
+    found = drift(series_of(own, dict.fromkeys(names, "deg")))
+    assert found.jumps == ()
+    assert found.effective > ENOUGH
+    log_rate = np.linspace(np.log(MEDIAN) - 6 * SPREAD, np.log(MEDIAN) + 6 * SPREAD, 4001)
+    for j, name in enumerate(names):
+        covariance = np.exp(2 * log_rate)[:, None, None] * np.eye(3) + 1e-4 * (
+            2 * np.eye(3) - np.eye(3, k=1) - np.eye(3, k=-1)
+        )
+        steps = np.diff(states[:, j])
+        squared = np.einsum("i,kij,j->k", steps, np.linalg.inv(covariance), steps)
+        prior = ((log_rate - np.log(MEDIAN)) / SPREAD) ** 2
+        density = -0.5 * (np.linalg.slogdet(covariance)[1] + squared + prior)
+        cumulated = np.cumsum(np.exp(density - density.max()))
+        expected = np.exp(np.interp([0.025, 0.5, 0.975], cumulated / cumulated[-1], log_rate))
+        median, (low, high) = found.rate(name)
+        np.testing.assert_allclose(np.log([low, median, high]), np.log(expected), atol=0.25)
 
 
 def test_the_correlation_of_the_offsets_counts() -> None:
