@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
@@ -68,12 +68,14 @@ def study_geometry(
     arms: Annotated[int, typer.Option(min=20, help="Simulated arms for each plan.")] = 200,
     seed: Seed = 0,
     as_json: Json = False,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Coverage for arms that deviate from nominal geometry: taken as nominal against estimated."""
     from ..experiments.studies.geometry.study import geometry_study
 
-    store = _store(folder)
-    _study(folder, as_json, lambda tell: geometry_study(arms, seed, tell, store=store), store)
+    store, within = _store(folder), asked_cluster(workers, scheduler)
+    _study(folder, as_json, lambda tell: geometry_study(arms, seed, tell, store=store), store, within)
 
 
 @studies.command("drift")
@@ -82,11 +84,14 @@ def study_drift(
     arms: Annotated[int, typer.Option(min=20, help="Simulated arms.")] = 500,
     seed: Seed = 0,
     as_json: Json = False,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Intervals, false alarms and power of `history drift`: arms with known walks and jumps."""
     from ..experiments.studies.drift import drift_study
 
-    _study(folder, as_json, lambda tell: drift_study(arms, seed, tell), _store(folder), nullcontext())
+    store, within = _store(folder), asked_cluster(workers, scheduler)
+    _study(folder, as_json, lambda tell: drift_study(arms, seed, tell, store=store), store, within)
 
 
 @studies.command("table2")
@@ -175,7 +180,7 @@ def _study(
     as_json: bool,
     studied: Callable[[Callable[[str, float], None]], StudyAnswer],
     store: Path,
-    within: Within | None = None,
+    within: Within,
 ) -> NoReturn:
     """Carry a study out, write it, print it; the exit status says whether it agrees.
 
@@ -187,7 +192,7 @@ def _study(
 
     check_target(folder)
     try:
-        with within or nullcontext(), progress("study") as tell:
+        with within, progress("study") as tell:
             answer = studied(tell)
             tell("writing", 1.0)
             paths = write_study(folder, answer)

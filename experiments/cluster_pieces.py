@@ -32,7 +32,7 @@ _SLOW, _SLOW_S = 4.0, 5.0  # times the median of the others, and at least: given
 _LOOK_S = 0.5
 _COUNT_S = 2.0  # from one question how many workers there are to the next
 _PARCEL_S = 1.0  # of work in a parcel; more where there are so many workers that
-_PARCELS_A_SECOND = 50  # would be exceeded: all of them pass through one client and one scheduler
+PARCELS_A_SECOND = 50  # would be exceeded: all of them pass through one client and one scheduler
 _PARCEL_PIECES, _PARCEL_BYTES = 64, 500_000  # at most
 _AT_HAND = 50  # parcels that wait for a worker, at most
 _NO_WORKER_S = 600.0  # without any worker: new ones may take a while to start
@@ -131,7 +131,7 @@ class _Given:
         """The pieces of the next parcel; one until it is known how long they take."""
         most = 1
         if self._piece_s is not None:
-            wanted = max(_PARCEL_S, self._workers / _PARCELS_A_SECOND)
+            wanted = max(_PARCEL_S, self._workers / PARCELS_A_SECOND)
             most = min(max(int(wanted / max(self._piece_s, 1e-6)), 1), _PARCEL_PIECES)
         if left is not None:  # all workers end at about the same time
             most = min(most, -(-left // (2 * self._workers)))

@@ -5,7 +5,8 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from io import FileIO
 from pathlib import Path
 from typing import Generic, TypeVar
@@ -18,10 +19,12 @@ from ...model.errors import BadInput
 from ...model.files.closing import Closing
 from ...model.files.reading import parse_json, shown
 from ...model.files.whole_file import lock
+from ..processes import side_by_side
 
 CASES_SCHEMA = "zerobeam/study-cases/1"
 
 Case = TypeVar("Case")
+Piece = TypeVar("Piece")
 
 
 class CaseStore(Closing, Generic[Case]):
@@ -149,6 +152,34 @@ def each_case(
                 if kept is not None:
                     kept.add(number, answers[number])
     return [answers[number] for number in range(count)]
+
+
+def each_piece(
+    store: Path | None,
+    heading: Mapping[str, object],
+    kind: type[Case],
+    work: Callable[[Piece], Case],
+    pieces: Sequence[Piece],
+    tell: Callable[[str, float], None],
+    processes: int | None = None,
+) -> list[Case]:
+    """The answers of all pieces: those that the store has, else worked out side by side by `work`, a function
+    of a module, and kept at once."""
+    with contextlib.nullcontext() if store is None else CaseStore(store, heading, kind) as kept:
+        answers = {} if kept is None else kept.done
+        left = [number for number in range(len(pieces)) if number not in answers]
+
+        def told() -> None:
+            tell(f"piece {len(answers)}/{len(pieces)}", len(answers) / len(pieces))
+
+        told()
+        with closing(side_by_side(work, [pieces[number] for number in left], processes)) as found:
+            for job, answer in found:
+                answers[left[job]] = answer
+                if kept is not None:
+                    kept.add(left[job], answer)
+                told()
+    return [answers[number] for number in range(len(pieces))]
 
 
 def _line(value: Mapping[str, object]) -> bytes:

@@ -9,9 +9,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from scipy import stats
+from threadpoolctl import threadpool_limits
 
 from ...analysis.drift.drift import ALARM, LEVEL, MEDIAN, SPREAD, Drift, drift
 from ...analysis.drift.series import Observation, Series, series_of
@@ -19,17 +21,22 @@ from ...analysis.repeatability.prior_free import offsets_without_prior
 from ...analysis.solved import solved
 from ...analysis.status import versions
 from ...model.files.run import read_run
+from ...model.kernel import compiled_at_once
 from ...model.problem import Problem
 from ...model.robot import Matrix
 from ..demos import demo_runs
 from .answer import Share, StudyAnswer
 from .binomial import held_share, share_interval
+from .case_store import each_piece
 
 _RESULTS, _QUARTER = 12, 0.25  # results of an arm, years between two
 _LOST = 0.1  # share of the results that do not determine the first offset
 _BETTER, _WORSE = 0.5, 2.0  # a result's standard uncertainties over those of the plan
 _SIZES = (2.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0)  # of a jump, in u of the plan
 _CHANCE = 0.001  # of a false alarm of each comparison of this study
+_SIZE = 5  # arms of a piece: a second or two of work
+
+Progress = Callable[[str, float], None]  # the stage, and the share of the whole that is done
 
 
 @dataclass(frozen=True)
@@ -95,30 +102,52 @@ class _Arm:
     jump: tuple[int, int, float] | None  # interval, offset, size in u
 
 
-def drift_study(arms: int, seed: int, tell: Callable[[str, float], None]) -> DriftStudy:
-    """Simulate and judge so many arms."""
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """Some arms by their numbers, and the plan by which all are measured."""
+
+    seed: int
+    numbers: tuple[int, ...]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    covariance: Matrix
+
+
+@dataclass(frozen=True)
+class JudgedArm:
+    """Whether the intervals hold, and whether there was an alarm; of an arm without a jump one p-value, else
+    the size of the jump in u and whether it was found."""
+
+    held: bool
+    on_axis: bool
+    by_control: bool
+    alarmed: bool
+    p_value: float | None
+    size_u: float | None
+    found: bool
+
+
+@dataclass(frozen=True)
+class PieceAnswer:
+    """The arms of a piece, judged."""
+
+    arms: tuple[JudgedArm, ...]
+
+
+def drift_study(
+    arms: int, seed: int, tell: Progress, *, store: Path | None = None, processes: int | None = None
+) -> DriftStudy:
+    """Simulate and judge so many arms. With a `store` the answer of each piece (some arms) is kept in that
+    file at once, and a study that was stopped goes on from there."""
     began = time.monotonic()
-    names, units, covariance = _plan()
-    axis = _principal_axis(covariance)
-    held, on_axis, by_control, alarmed, singles = 0, 0, 0, 0, []
-    found: dict[float, list[bool]] = {size: [] for size in _SIZES}
-    quiet = 0
-    for number in range(arms):
-        tell(f"arm {number + 1} of {arms}", number / arms)
-        random = np.random.default_rng([seed, number])
-        own = _simulated(random, names, units, covariance, number)
-        judged, control = drift(own.series, seed=number), drift(_uncorrelated(own.series), seed=number)
-        t, along = int(random.integers(_RESULTS)), random.normal(size=len(names))
-        held += _holds(judged, t, along, own.true[t])
-        on_axis += _holds(judged, t, axis, own.true[t])
-        by_control += _holds(control, t, axis, own.true[t])
-        if own.jump is None:
-            quiet += 1
-            alarmed += bool(judged.jumps)
-            singles.append(float(random.choice(judged.p_first[np.isfinite(judged.p_first)])))
-        else:
-            after, joint, size = own.jump
-            found[size].append(any((one.after, one.offset) == (after, names[joint]) for one in judged.jumps))
+    judged = _judged(arms, seed, tell, store, processes)
+    held, on_axis, by_control = (
+        sum(getattr(own, name) for own in judged) for name in ("held", "on_axis", "by_control")
+    )
+    still = [own for own in judged if own.p_value is not None]
+    quiet, alarmed = len(still), sum(own.alarmed for own in still)
+    singles = [own.p_value for own in still]
+    found = {size: [own.found for own in judged if own.size_u == size] for size in _SIZES}
     shares = (held_share(own, arms, LEVEL, _CHANCE) for own in (held, on_axis, by_control))
     intervals, along_axis, wrong = shares
     low, high = share_interval(alarmed, quiet)
@@ -144,6 +173,46 @@ def drift_study(arms: int, seed: int, tell: Callable[[str, float], None]) -> Dri
         alarms=told,
         power=tuple(_power(size, own) for size, own in found.items() if own),
     )
+
+
+def _judged(
+    arms: int, seed: int, tell: Progress, store: Path | None, processes: int | None
+) -> list[JudgedArm]:
+    with threadpool_limits(limits=1, user_api="blas"), compiled_at_once():
+        names, units, covariance = _plan()
+    heading = {"study": "drift", "seed": seed, "arms": arms, "piece": _SIZE, "versions": versions()}
+    pieces = [
+        _Piece(seed, tuple(range(first, min(first + _SIZE, arms))), names, units, covariance)
+        for first in range(0, arms, _SIZE)
+    ]
+    return [
+        own
+        for piece in each_piece(store, heading, PieceAnswer, _answer_of, pieces, tell, processes)
+        for own in piece.arms
+    ]
+
+
+def _answer_of(piece: _Piece) -> PieceAnswer:
+    axis = _principal_axis(piece.covariance)
+    return PieceAnswer(tuple(_judged_arm(piece, number, axis) for number in piece.numbers))
+
+
+def _judged_arm(piece: _Piece, number: int, axis: Matrix) -> JudgedArm:
+    names, random = piece.names, np.random.default_rng([piece.seed, number])
+    own = _simulated(random, names, piece.units, piece.covariance, number)
+    judged, control = drift(own.series, seed=number), drift(_uncorrelated(own.series), seed=number)
+    t, along = int(random.integers(_RESULTS)), random.normal(size=len(names))
+    held = (
+        _holds(judged, t, along, own.true[t]),
+        _holds(judged, t, axis, own.true[t]),
+        _holds(control, t, axis, own.true[t]),
+    )
+    if own.jump is None:
+        p_value = float(random.choice(judged.p_first[np.isfinite(judged.p_first)]))
+        return JudgedArm(*held, bool(judged.jumps), p_value, None, False)
+    after, joint, size = own.jump
+    found = any((one.after, one.offset) == (after, names[joint]) for one in judged.jumps)
+    return JudgedArm(*held, bool(judged.jumps), None, size, found)
 
 
 def _headline(hold: bool, alarms: Alarms, control: Share) -> str:

@@ -1,6 +1,7 @@
 """Work side by side on Dask: the answers of processes to the bit, whoever dies, and no foreign worker."""
 
 import builtins
+import json
 from contextlib import closing
 
 import numpy as np
@@ -10,9 +11,12 @@ from command_line import zerobeam
 from zerobeam.analysis.status import versions
 from zerobeam.experiments import cluster as clusters
 from zerobeam.experiments.cluster import cluster
-from zerobeam.experiments.processes import AHEAD, side_by_side
+from zerobeam.experiments.processes import AHEAD, side_by_side, worked
 from zerobeam.experiments.source import source_hash
+from zerobeam.experiments.studies.answer import to_json
 from zerobeam.experiments.studies.coverage import studied_plans
+from zerobeam.experiments.studies.drift import drift_study
+from zerobeam.experiments.studies.geometry.study import _piece
 from zerobeam.model.errors import BadInput
 
 distributed = pytest.importorskip("distributed")
@@ -154,6 +158,20 @@ def test_a_study_has_the_same_bytes_on_any_number_of_workers(workers, plans, exp
 def test_a_study_has_the_same_bytes_by_a_scheduler_elsewhere(tmp_path, plans, expected):
     with scheduler_elsewhere(tmp_path, 2) as (address, _), cluster(scheduler=address):
         assert study_bytes(plans) == expected
+
+
+@pytest.mark.long
+def test_the_studies_of_drift_and_geometry_have_the_same_bytes_on_workers(tmp_path):
+    pieces = [(k, 20, 0, 300) for k in (0, 10)]  # plan, arms, seed, candidates
+
+    def answered(name, **how):
+        answer = to_json(drift_study(12, 0, lambda *_: None, store=tmp_path / name, **how))
+        answer.pop("seconds")
+        return json.dumps(answer), sorted((tmp_path / name).read_text().splitlines())
+
+    own = answered("own", processes=2), {k: worked(_piece, piece) for k, piece in enumerate(pieces)}
+    with cluster(workers=2):
+        assert (answered("on"), answers(_piece, pieces)) == own
 
 
 @pytest.mark.long

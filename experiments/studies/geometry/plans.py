@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -65,8 +65,11 @@ def with_tolerance(header: Header, tolerance: ToleranceLevel | None) -> Header:
     return Header.model_validate(content if stated is None else {**content, "geometry": stated})
 
 
+@lru_cache(maxsize=1)
 def studied_plans(seed: int, count: int = CANDIDATES) -> list[Callable[[], StudiedPlan]]:
-    """What makes each plan of the study: choosing the plans takes as long as the arms do."""
+    """What makes each plan of the study: choosing the plans takes as long as the arms do.
+
+    The candidates of the last study are kept: every piece is one of its plans."""
 
     @cache
     def planner(chosen_for: ChosenFor) -> tuple[Planner, Robot]:

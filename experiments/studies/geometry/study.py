@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
-from threadpoolctl import threadpool_limits
 
 from ....analysis.observability.check import Check, check
 from ....analysis.observability.identifiability import identify
@@ -27,7 +26,7 @@ from ....model.problem import Problem
 from ....reports.words.wording import label, listed
 from ..answer import NoiseLevel
 from ..binomial import Accuracy, accuracy, held_share
-from ..case_store import each_case
+from ..case_store import each_piece
 from .answer import (
     CheckedOffset,
     EstimatorName,
@@ -45,7 +44,7 @@ _CHANCE = 0.01  # of a false alarm over the offsets of an estimator
 _OFFSET_DEG = 1.0  # of the simulated arms
 _UNDERSTATED = 3.0
 
-Progress = Callable[[str, float], None]  # the plan, and the share of the whole that is done
+Progress = Callable[[str, float], None]  # the stage, and the share of the whole that is done
 
 _WORDS: dict[EstimatorName, str] = {
     "freed": "geometry estimated, its tolerances as priors",
@@ -57,7 +56,13 @@ _CONTROLS: tuple[EstimatorName, ...] = ("nominal", "tolerances understated by 3"
 
 
 def geometry_study(
-    count: int, seed: int, progress: Progress, *, candidates: int = CANDIDATES, store: Path | None = None
+    count: int,
+    seed: int,
+    progress: Progress,
+    *,
+    candidates: int = CANDIDATES,
+    store: Path | None = None,
+    processes: int | None = None,
 ) -> GeometryStudy:
     """Carry out the whole study with `count` arms for each plan.
 
@@ -66,27 +71,15 @@ def geometry_study(
     kept in that file at once, and a study that was stopped goes on from there.
     """
     began = time.perf_counter()
-    with threadpool_limits(limits=1, user_api="blas"):
-        makers = studied_plans(seed, candidates)
-
-        def studied(k: int) -> GeometryPlan:
-            progress("plans", k / len(makers))
-            plan = makers[k]()
-
-            def tell(share: float) -> None:
-                progress(f"plan {k + 1}/{len(makers)}, {plan.name}", (k + share) / len(makers))
-
-            return answer_of(plan, count, seed, tell)
-
-        heading = {
-            "study": "geometry",
-            "seed": seed,
-            "arms": count,
-            "candidates": candidates,
-            "versions": versions(),
-        }
-        answers = each_case(store, heading, GeometryPlan, len(makers), studied)
-    progress("plans", 1.0)
+    heading = {
+        "study": "geometry",
+        "seed": seed,
+        "arms": count,
+        "candidates": candidates,
+        "versions": versions(),
+    }
+    pieces = [(k, count, seed, candidates) for k in range(len(studied_plans(seed, candidates)))]
+    answers = each_piece(store, heading, GeometryPlan, _piece, pieces, progress, processes)
     estimators = [own for answer in answers for own in answer.estimators]
     return GeometryStudy(
         study="geometry",
@@ -120,17 +113,19 @@ def geometry_study(
     )
 
 
-def answer_of(plan: StudiedPlan, count: int, seed: int, tell: Callable[[float], None]) -> GeometryPlan:
+def _piece(asked: tuple[int, int, int, int]) -> GeometryPlan:
+    k, count, seed, candidates = asked
+    return answer_of(studied_plans(seed, candidates)[k](), count, seed)
+
+
+def answer_of(plan: StudiedPlan, count: int, seed: int) -> GeometryPlan:
     """One plan of the study."""
     problem = Problem.from_plan(plan.plan)
     checks = _checks(plan)
-    tell(0.1)
     data = arms(problem, count, _OFFSET_DEG, np.random.default_rng([seed, *plan.name.encode()]))
     stated: dict[EstimatorName, Stated] = {"freed": freed(data)}
-    tell(0.4)
     own, weighed = nominal(data)
     stated |= {"considered": weighed, "nominal": own}
-    tell(0.7)
     stated["tolerances understated by 3"] = understated(data, _UNDERSTATED)
     return GeometryPlan(
         name=plan.name,

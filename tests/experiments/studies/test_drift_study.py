@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import pytest
 
+from zerobeam.experiments.studies import drift as module
 from zerobeam.experiments.studies.drift import DriftStudy, drift_study
+from zerobeam.model.errors import BadInput
 from zerobeam.reports.studies.drift_page import drift_pictures, power_rows
 from zerobeam.reports.studies.kinds import study_page
 
 
 def test_a_small_study_is_carried_out_and_shown() -> None:
     told: list[float] = []
-    found = drift_study(2, 0, lambda stage, share: told.append(share))
+    found = drift_study(2, 0, lambda stage, share: told.append(share), processes=1)
     assert isinstance(found, DriftStudy)
-    assert told == [0.0, 0.5]
+    assert told == [0.0, 1.0]
     assert found.alarms.arms == 1
     assert sum(own.of for own in found.power) == 1
     page = study_page(found)
@@ -21,6 +26,34 @@ def test_a_small_study_is_carried_out_and_shown() -> None:
     (picture,) = drift_pictures(found)
     assert picture is not None
     assert len(list(power_rows(found))) == len(found.power)
+
+
+def test_a_study_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In pieces, whose answers do not depend on which are worked out when."""
+    monkeypatch.setattr(module, "_SIZE", 1)
+    judged: list[int] = []
+
+    def once(piece: module._Piece, number: int, axis: object) -> module.JudgedArm:
+        judged.append(number)
+        if len(judged) == 2:
+            raise KeyboardInterrupt
+        return module.JudgedArm(True, number == 1, False, False, 0.1 * number, None, False)
+
+    monkeypatch.setattr(module, "_judged_arm", once)
+    how = {"store": tmp_path / "cases.jsonl", "processes": 1}
+    with pytest.raises(KeyboardInterrupt):
+        drift_study(3, 0, lambda stage, share: None, **how)
+    found = drift_study(3, 0, lambda stage, share: None, **how)
+    assert judged == [0, 1, 1, 2]
+    assert (found.intervals.held, found.along_axis.held, found.alarms.arms) == (3, 1, 3)
+    with pytest.raises(BadInput, match="arms differs"):
+        drift_study(4, 0, lambda stage, share: None, **how)
+
+
+@pytest.mark.long
+def test_any_number_of_processes_gives_the_same() -> None:
+    one, two = (drift_study(12, 0, lambda *_: None, processes=count) for count in (1, 2))
+    assert replace(one, seconds=0) == replace(two, seconds=0)
 
 
 @pytest.mark.long

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +40,8 @@ def study_of(count: int, *which: int, store: Path | None = None) -> GeometryStud
     every = studied_plans(0, FEW_CANDIDATES)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "studied_plans", lambda seed, candidates: [every[k] for k in which])
-        return geometry_study(count, 0, lambda name, share: None, candidates=FEW_CANDIDATES, store=store)
+        few = {"candidates": FEW_CANDIDATES, "store": store, "processes": 1}  # others have no patch
+        return geometry_study(count, 0, lambda name, share: None, **few)
 
 
 @pytest.fixture(scope="module")
@@ -113,11 +113,11 @@ def test_a_study_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.Mo
     store = tmp_path / "cases.jsonl"
     made: list[str] = []
 
-    def once(plan: StudiedPlan, count: int, seed: int, tell: Callable[[float], None]) -> GeometryPlan:
+    def once(plan: StudiedPlan, count: int, seed: int) -> GeometryPlan:
         made.append(plan.name)
         if len(made) == 2:
             raise KeyboardInterrupt
-        return answer_of(plan, count, seed, tell)
+        return answer_of(plan, count, seed)
 
     monkeypatch.setattr(module, "answer_of", once)
     with pytest.raises(KeyboardInterrupt):
@@ -156,7 +156,7 @@ def test_a_header_gets_tolerances_and_loses_them() -> None:
 @pytest.mark.parametrize("which", [SEVEN, TWELVE])
 def test_a_thousand_arms_scatter_within_a_tenth_of_what_check_says(which: int) -> None:
     """One relative standard error of a root mean square of a thousand is 2.2 %."""
-    own = by_name(answer_of(studied_plans(0)[which](), LONG_ARMS, 0, lambda share: None))
+    own = by_name(answer_of(studied_plans(0)[which](), LONG_ARMS, 0))
     for name in ("freed", "considered"):
         for row in own[name].parameters:
             assert row.rmse == pytest.approx(row.checked_std, rel=0.1)
