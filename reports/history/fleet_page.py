@@ -9,6 +9,7 @@ from datetime import datetime
 from functools import cached_property
 
 from ...experiments.history.arm_drift import NOT_SOON
+from ...experiments.history.fleet_drift import FleetDrift
 from ..style.blocks import Cell, Facts, FigureBlock, Page, Row, Section, Table, row_of, section_of, table_of
 from ..style.blocks import Verdict as Headline
 from ..words import numbers
@@ -16,6 +17,7 @@ from ..words.wording import clipped, listed
 from .arm_page import DUE_MEANS, KEYS, VERDICTS, WORDS
 from .arm_state import MARKS, STATES, ArmState, State
 from .drift_text import clearest_jump, with_labels
+from .fleet_text import fleet_blocks
 
 MOST_ROWS = 1000  # on the page, and with a page of their own
 _MOST_REASONS = 50
@@ -33,12 +35,13 @@ _TO_DO: dict[State, str] = {
 @dataclass(frozen=True, eq=False)
 class Fleet:
     """All arms of a history, the gravest first; `pages` has the file of an arm's page by serial number and
-    model, `as_of` is None without any result."""
+    model, `as_of` is None without any result. `drift` is what they say together."""
 
     rows: tuple[ArmState, ...]
     pages: Mapping[tuple[str, str], str]
     tolerance_mm: float
     as_of: datetime | None
+    drift: FleetDrift
 
     @cached_property
     def counts(self) -> dict[State, int]:
@@ -58,6 +61,7 @@ def fleet_page(own: Fleet) -> Page:
         section_of("What to do", _counts(own), FigureBlock("due")),
         *_reasons(own),
         section_of("All arms", _every(own)),
+        *_together(own),
         section_of("How it is worked out", Facts(list(_about(own)))),
     ]
     return Page(
@@ -104,6 +108,12 @@ def _reasons(own: Fleet) -> Iterator[Section]:
     if len(found) > _MOST_REASONS:
         caption += f". {_MOST_REASONS} of {len(found):,}: fleet.csv has all"
     yield section_of("Why due now, or without a date", table_of(caption, columns, rows))
+
+
+def _together(own: Fleet) -> Iterator[Section]:
+    blocks = list(fleet_blocks(own.drift))
+    if blocks:
+        yield section_of("Models, joints and instruments", *blocks)
 
 
 def _every(own: Fleet) -> Table:

@@ -101,7 +101,7 @@ def _rate_json(own: Rate | None) -> dict[str, Any] | None:
 
 
 def _models(found: FleetDrift) -> Block:
-    heads = (
+    heads = [
         "model",
         "offset",
         "arms",
@@ -109,13 +109,13 @@ def _models(found: FleetDrift) -> Block:
         "95 % interval",
         "u of a result",
         "walk > u in a year",
-        "note",
-    )
-    columns = [(head, "left" if head in ("model", "offset") else "right") for head in heads]
-    columns.append(("note", "left"))
+        *_note(found),
+    ]
+    columns = [(head, "left" if head in ("model", "offset", "note") else "right") for head in heads]
     return table_of(
-        "Walk of the median arm of each model, per root year; ◆ drifts: farther in a year than the standard"
-        f" uncertainty of a result, a false alarm of any with a probability of at most {found.alarm:.0%}",
+        "Walk of the median arm of each model, per root year; with a diamond it drifts: farther in a year"
+        " than the standard uncertainty of a result, any false alarm with a probability of at most"
+        f" {found.alarm:.0%}",
         columns,
         [
             row_of(
@@ -123,7 +123,7 @@ def _models(found: FleetDrift) -> Block:
                 Cell(label(own.offset), mark="weak" if own.drifts else ""),
                 str(own.arms),
                 *_walk(own),
-                _cause(own),
+                *_note(found, own),
                 tone="weak" if own.drifts else "",
             )
             for own in found.models
@@ -142,6 +142,13 @@ def _walk(own: ModelWalk) -> tuple[str, ...]:
         u,
         numbers.p_value(own.probability),
     )
+
+
+def _note(found: FleetDrift, own: ModelWalk | None = None) -> list[str]:
+    """The cell of a row, or the head, of a column that is there if any instrument is biased."""
+    if not any(one.biased for one in found.models):
+        return []
+    return ["note" if own is None else _cause(own)]
 
 
 def _cause(own: ModelWalk) -> str:
@@ -164,18 +171,18 @@ def _fastest(found: FleetDrift) -> Block:
     every = [(arm, walk) for arm in found.arms for walk in arm.walks if walk.shrunken]
     rows = [
         row_of(
-            clipped(arm.serial, 24),
+            clipped(arm.serial, 20),
             clipped(arm.model, 20),
             label(walk.offset),
             numbers.significant(walk.shrunken[0], 2, walk.unit),
             _interval(walk.shrunken[1]),
             "its model" if walk.borrowed else "own results",
-            _cause(models[arm.model, walk.offset]),
+            *_note(found, models[arm.model, walk.offset]),
         )
         for arm, walk in sorted(every, key=ratio, reverse=True)[:_FASTEST]
         if walk.shrunken
     ]
-    heads = ("arm", "model", "offset", "walk", "95 % interval", "mostly by", "note")
+    heads = ["arm", "model", "offset", "walk", "95 % interval", "mostly by", *_note(found)]
     columns = [(head, "right" if head in ("walk", "95 % interval") else "left") for head in heads]
     return table_of(
         "Fastest walks of single arms over the u of a result, by the rates of their model too", columns, rows
@@ -213,7 +220,7 @@ def _instruments(found: FleetDrift) -> Iterator[Block]:
         shown = ordered[: max(odd, _MOST)]
         caption = (
             "Biases of instruments, less the mean of those they are comparable to; p-values adjusted for the"
-            f" number of tests (Bonferroni); ◆ below {found.alarm:g}"
+            f" number of tests (Bonferroni); with a diamond below {found.alarm:g}"
         )
         if len(shown) < len(ordered):
             caption += f". {len(shown)} of {len(ordered)}: --json has all"

@@ -9,6 +9,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from ...experiments.history.arm_drift import ArmDrift
+from ...experiments.history.fleet_drift import fleet_drift
 from ..output import whole_folder
 from ..output.page_files import write_page
 from ..output.whole_folder import LITTER, Kind, write_folder
@@ -18,6 +20,7 @@ from .arm_state import ArmState, state_json, state_row
 from .drift_text import drift_json
 from .due_figure import due_picture
 from .fleet_page import MOST_ROWS, Fleet, fleet_page
+from .fleet_text import fleet_drift_json
 from .lists import event_json, offset_rows, result_json
 from .trend_figure import trend_pictures
 
@@ -41,6 +44,7 @@ _FLEET = Kind(
     FLEET_SCHEMA,
 )
 _LONGEST_NAME = 40
+_OF_ARMS = 0.9  # of the time: the pages of the arms
 
 
 def write_arm(folder: Path, own: ArmHistory) -> None:
@@ -62,7 +66,8 @@ def write_fleet(
     """Write fleet.html, fleet.pdf, fleet.json and fleet.csv, and in arms/ a page for each of the `arms`; of
     more than 1,000, for the gravest. `of` gives an arm by serial number and model.
 
-    One arm is in memory at a time. Whole or not at all, as `write_arm`.
+    One arm is in memory as a whole at a time, and of each what their fleet's drift needs. Whole or not at
+    all, as `write_arm`.
     """
     check_fleet_target(folder)
     return write_folder(
@@ -108,6 +113,7 @@ def fleet_json(own: Fleet) -> dict[str, Any]:
         "as_of": None if own.as_of is None else f"{own.as_of:%Y-%m-%d}",
         "tolerance_mm": own.tolerance_mm,
         "states": dict(own.counts),
+        "drift": fleet_drift_json(own.drift),
         "arms": [{**state_json(row), "page": own.pages.get((row.serial, row.model))} for row in own.rows],
     }
 
@@ -141,23 +147,26 @@ def _write_fleet(
     tell: Callable[[str, float], None],
 ) -> Fleet:
     rows: list[ArmState] = []
+    drifts: list[ArmDrift] = []
     few = len(arms) <= MOST_ROWS
     for number, arm in enumerate(arms):
-        tell(f"{number} of {len(arms)}", number / len(arms) / (1 if few else 2))
+        tell(f"{number} of {len(arms)}", _OF_ARMS * number / len(arms) / (1 if few else 2))
         own = of(arm)
         rows.append(own.state)
+        drifts.append(own.found.at_last())
         if few:
             _write_beside(folder, own)
     rows.sort(key=lambda row: row.order)
     shown = rows[:MOST_ROWS]
     if not few:
         for number, row in enumerate(shown):
-            tell(f"page {number} of {len(shown)}", 0.5 + number / len(shown) / 2)
+            tell(f"page {number} of {len(shown)}", _OF_ARMS * (0.5 + number / len(shown) / 2))
             _write_beside(folder, of((row.serial, row.model)))
     pages = {
         (row.serial, row.model): f"{_ARMS}/{safe_name(row.serial, row.model)}/{ARM_PAGE}" for row in shown
     }
-    found = Fleet(tuple(rows), pages, tolerance_mm, as_of)
+    drift = fleet_drift(drifts, lambda stage, share: tell(stage, _OF_ARMS + (1 - _OF_ARMS) * share))
+    found = Fleet(tuple(rows), pages, tolerance_mm, as_of, drift)
     picture = None if as_of is None else due_picture(rows, as_of)
     write_page(
         folder,

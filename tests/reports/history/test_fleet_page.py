@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -13,14 +14,17 @@ from arms_over_years import FIRST, arm_history, over_years
 from pages import Page
 
 from zerobeam.experiments.history.arm_drift import NOT_SOON
+from zerobeam.experiments.history.fleet_drift import fleet_drift
 from zerobeam.model.errors import BadInput
 from zerobeam.reports.history import history_folder
 from zerobeam.reports.history.arm_page import ArmHistory
 from zerobeam.reports.history.arm_state import STATES, ArmState, State
 from zerobeam.reports.history.due_figure import due_counts, due_picture
 from zerobeam.reports.history.fleet_page import MOST_ROWS, Fleet, fleet_page, headline
+from zerobeam.reports.history.fleet_text import fleet_blocks
 from zerobeam.reports.history.history_folder import write_fleet
 from zerobeam.reports.output.html import html
+from zerobeam.reports.style.blocks import Table
 
 AS_OF = datetime(2026, 4, 15)
 Arm = tuple[str, str]
@@ -31,7 +35,7 @@ def row(serial: str, state: State = "on schedule", due: datetime | None = None, 
 
 
 def fleet(*rows: ArmState) -> Fleet:
-    return Fleet(tuple(sorted(rows, key=lambda own: own.order)), {}, 0.5, AS_OF)
+    return Fleet(tuple(sorted(rows, key=lambda own: own.order)), {}, 0.5, AS_OF, fleet_drift([]))
 
 
 def plant(given: dict[str, ArmHistory]) -> tuple[list[Arm], Callable[[Arm], ArmHistory]]:
@@ -90,6 +94,30 @@ def test_every_arm_leads_to_its_page(tmp_path: Path) -> None:
     assert [one["serial"] for one in rows] == [one["serial"] for one in answer["arms"]]
     assert {one["page"] for one in answer["arms"]} == set(links)
     assert written(out, given).rows == found.rows  # over its own
+
+
+def test_models_and_instruments_are_on_the_page(tmp_path: Path) -> None:
+    given = {
+        serial: arm_history(over_years(4, serial=serial, psd=psd))
+        for serial, psd in (("A", "no. 1"), ("B", "no. 1"), ("C", "no. 2"))
+    }
+    out = tmp_path / "out"
+    written(out, given)
+    text = Page((out / "fleet.html").read_text(encoding="utf-8")).words
+    answer = json.loads((out / "fleet.json").read_text(encoding="utf-8"))["drift"]
+    assert [own["arms"] for own in answer["models"]] == [3] * 5
+    assert "A bias that all instruments have in common is never determined." in text
+    assert text.index("All arms") < text.index("Models, joints and instruments")
+
+
+def test_every_row_of_every_table_has_a_cell_for_each_column() -> None:
+    arms = [arm_history(over_years(3, serial=serial, psd="no. 1")).found for serial in ("A", "B")]
+    alone = fleet_drift(arms)
+    biased = replace(alone, models=tuple(replace(own, biased=("no. 2",)) for own in alone.models))
+    for found in (alone, biased):
+        for block in fleet_blocks(found):
+            if isinstance(block, Table):
+                assert {len(own.cells) for own in block.rows} == {len(block.columns)}, block.caption
 
 
 def test_what_is_not_ours_in_the_folder_of_the_arms_is_kept(tmp_path: Path) -> None:
