@@ -167,10 +167,6 @@ def why_not_signed(content: bytes, signature: bytes, key: Ed25519PublicKey) -> s
 
 def read_signed(file: Path) -> tuple[bytes, bytes]:
     """The bytes of a file and of its signature; BadInput where either is missing."""
-    if file.suffix == ".sig":
-        raise BadInput(
-            "this is a signature", file=file, remedy="name the signed file: the signature is found beside it"
-        )
     content = read_bytes(file, LARGEST_RECORDING)
     beside = signature_file(file)
     if not beside.exists():

@@ -45,5 +45,7 @@ def write_certificate(
 
 
 def files_of_certificate(given: Path) -> list[Path]:
-    """The signed files of a certificate's folder; a file as it is."""
-    return [given / name for name in SIGNED] if given.is_dir() else [given]
+    """The signed files of a certificate's folder; the file that a signature is of; another file as it is."""
+    if given.is_dir():
+        return [given / name for name in SIGNED]
+    return [given.with_suffix("") if given.suffix == ".sig" else given]
