@@ -165,8 +165,6 @@ def test_a_signed_file_is_read_with_its_signature(tmp_path: Path) -> None:
         read_signed(file)
     own = private_key(a_key(tmp_path), no_passphrase)
     sign(file, own)
-    with pytest.raises(BadInput, match="name the signed file"):
-        read_signed(signature_file(file))
     content, signature = read_signed(file)
     assert (content, len(signature)) == (b"%PDF", 64)
     signature_file(file).unlink()
