@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import random
+import signal
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -11,9 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from child import child
+from child import ZEROBEAM, child
 from histories import a_result, adding, postgresql, write_result
 
+from zerobeam.experiments.history import store
 from zerobeam.experiments.history.database import Database, back_up, open_history, restore
 from zerobeam.experiments.history.entry import Entry, read_entry
 from zerobeam.experiments.history.store import (
@@ -242,6 +245,65 @@ def _files(folder: Path, count: int) -> Path:
 @pytest.mark.long
 def test_fifty_killed_processes_lose_nothing_and_add_nothing_twice(tmp_path: Path) -> None:
     _killed_at_random(str(tmp_path / "history.sqlite"), _files(tmp_path / "in", 1200), 50)
+
+
+# zerobeam, killed when it is about to pack the result of this number: amid a transaction, whose results are
+# inserted, and their texts are not.
+KILLED = """
+import itertools, os, signal, sys
+from zerobeam.cli import main
+from zerobeam.experiments.history import store
+numbers, last, content = itertools.count(1), int(sys.argv.pop(1)), store._content
+def until_killed(entry):
+    if next(numbers) == last:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return content(entry)
+store._content = until_killed
+main()
+"""
+
+
+@pytest.mark.long
+def test_a_kill_amid_a_transaction_loses_nothing_and_adds_nothing_twice(tmp_path: Path) -> None:
+    """The command adds a hundred at once: what is there afterwards is whole hundreds, each with its text."""
+    url = str(tmp_path / "history.sqlite")
+    files = sorted(_files(tmp_path / "in", 250).iterdir())
+    add_all = ["history", "add", *map(str, files), "--db", url]
+    for last, here in ((1, 0), (130, 100), (100, 100), (150, 200)):
+        with child([sys.executable, "-c", KILLED, str(last), *add_all]) as process:
+            process.communicate()
+            assert process.returncode == -signal.SIGKILL
+        kept = list(results(open_history(url)))
+        assert sorted(own.run for own in kept) == [path.name for path in files[:here]]
+        assert len(list(documents(open_history(url), [own.sha256 for own in kept]))) == here
+    with child([*ZEROBEAM, *add_all]) as process:
+        process.communicate()
+        assert process.returncode == 0
+    kept = list(results(open_history(url)))
+    assert sorted(own.run for own in kept) == [path.name for path in files]
+    for sha256, text in documents(open_history(url), [own.sha256 for own in kept]):
+        assert json.loads(text)["inputs"]["sha256"] == sha256
+
+
+def test_a_transaction_that_fails_leaves_nothing_of_it(
+    history: Database, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    every = [entry(tmp_path, a_result("A", f"2026-01-{day:02}")) for day in range(1, 10)]
+    assert add(history, every[:3]) == ["added"] * 3
+    content = store._content
+
+    def full(own: Entry) -> bytes:
+        if own is every[7]:
+            raise OSError("no space left")
+        return content(own)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(store, "_content", full)
+        with pytest.raises(OSError, match="no space left"):
+            add(history, every)
+    assert [own.sha256 for own in results(history)] == [own.sha256 for own in every[:3]]
+    assert add(history, every) == ["already there"] * 3 + ["added"] * 6
+    assert len(list(documents(history, [own.sha256 for own in every]))) == 9
 
 
 @pytest.mark.long
