@@ -28,7 +28,7 @@ from batch_time import write_runs
 from zerobeam.experiments.batch.rows import BatchSettings
 from zerobeam.experiments.batch.run_files import PATTERN, run_files
 from zerobeam.experiments.cluster import cluster
-from zerobeam.experiments.cluster_pieces import PARCELS_A_SECOND, Traffic
+from zerobeam.experiments.cluster_pieces import PARCEL_BYTES, PARCELS_A_SECOND, Traffic
 from zerobeam.experiments.processes import side_by_side
 from zerobeam.experiments.studies.coverage import StudiedPlan, studied, studied_plans
 from zerobeam.reports.batch.carried_out import batch
@@ -129,21 +129,18 @@ def solved_batch(folder: Path, out: Path) -> tuple[float, float, float, Traffic]
         return *ended[0], traffic
 
 
-def on_paper(what: str, piece_s: float, client_s: float, parcel_s: float, bytes_a_piece: float) -> None:
+def on_paper(what: str, piece_s: float, client_s: float, parcel_s: float, traffic: Traffic) -> None:
     """How many workers one client keeps busy if each piece costs it `client_s` of a core, and of that
     `parcel_s` for its parcel; with so many workers, parcels hold more pieces."""
-    together = max(1, int(max(1.0, MANY / PARCELS_A_SECOND) / piece_s))
+    sent, received = (size / max(traffic.pieces, 1) for size in (traffic.sent, traffic.received))
+    together = max(1, min(int(max(1.0, MANY / PARCELS_A_SECOND) / piece_s), int(PARCEL_BYTES / sent)))
     each_s = max(client_s - parcel_s, 0.0) + parcel_s / together
     busy = min(MANY, piece_s / each_s)
     print(
         f"{what}, on paper: a piece is {piece_s:.2f} core s of a worker, and in parcels of {together}"
         f" {1000 * each_s:.1f} core ms of client and scheduler, which keep {busy:,.0f} of {MANY:,} workers"
-        f" busy; then {busy / piece_s * bytes_a_piece / 1e6:.0f} MB a second pass"
+        f" busy; then {busy / piece_s * (sent + received) / 1e6:.0f} MB a second pass"
     )
-
-
-def per_piece(traffic: Traffic) -> float:
-    return (traffic.sent + traffic.received) / max(traffic.pieces, 1)
 
 
 def main() -> None:
@@ -196,7 +193,7 @@ def main() -> None:
         ("batch", worker, own, spent, traffic),
     ):
         count = max(sent.pieces, 1)
-        on_paper(what, of_worker / count, (of_client - rest * clock) / count, parcel, per_piece(sent))
+        on_paper(what, of_worker / count, (of_client - rest * clock) / count, parcel, sent)
 
 
 if __name__ == "__main__":

@@ -33,7 +33,7 @@ _LOOK_S = 0.5
 _COUNT_S = 2.0  # from one question how many workers there are to the next
 _PARCEL_S = 1.0  # of work in a parcel; more where there are so many workers that
 PARCELS_A_SECOND = 50  # would be exceeded: all of them pass through one client and one scheduler
-_PARCEL_PIECES, _PARCEL_BYTES = 64, 500_000  # at most
+_PARCEL_PIECES, PARCEL_BYTES = 64, 500_000  # at most
 _AT_HAND = 50  # parcels that wait for a worker, at most
 _NO_WORKER_S = 600.0  # without any worker: new ones may take a while to start
 PATIENCE_S = 20.0  # for a scheduler to answer
@@ -140,7 +140,7 @@ class _Given:
         for number, job in islice(waiting, max(most, 1)):
             pieces[number] = pickle.dumps(job)
             size += len(pieces[number])
-            if size > _PARCEL_BYTES:
+            if size > PARCEL_BYTES:
                 break
         return pieces
 
