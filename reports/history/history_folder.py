@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from ...experiments.history.arm_drift import ArmDrift
 from ...experiments.history.fleet_drift import fleet_drift
+from ...experiments.processes import side_by_side
 from ..output import whole_folder
 from ..output.page_files import write_page
 from ..output.whole_folder import LITTER, Kind, write_folder
@@ -44,6 +47,7 @@ _FLEET = Kind(
     FLEET_SCHEMA,
 )
 _LONGEST_NAME = 40
+_SEVERAL = 8  # arms: fewer are written sooner than processes start
 _OF_ARMS = 0.9  # of the time: the pages of the arms
 
 
@@ -149,19 +153,28 @@ def _write_fleet(
     rows: list[ArmState] = []
     drifts: list[ArmDrift] = []
     few = len(arms) <= MOST_ROWS
-    for number, arm in enumerate(arms):
-        tell(f"{number} of {len(arms)}", _OF_ARMS * number / len(arms) / (1 if few else 2))
-        own = of(arm)
-        rows.append(own.state)
-        drifts.append(own.found.at_last())
-        if few:
-            _write_beside(folder, own)
+
+    def every() -> Iterator[ArmHistory]:
+        for number, arm in enumerate(arms):
+            tell(f"{number} of {len(arms)}", _OF_ARMS * number / len(arms) / (1 if few else 2))
+            own = of(arm)
+            rows.append(own.state)
+            drifts.append(own.found.at_last())
+            yield own
+
+    def gravest() -> Iterator[ArmHistory]:
+        for number, row in enumerate(shown):
+            tell(f"page {number} of {len(shown)}", _OF_ARMS * (0.5 + number / len(shown) / 2))
+            yield of((row.serial, row.model))
+
+    if few:
+        _write_beside(folder, every(), len(arms))
+    else:
+        deque(every(), maxlen=0)
     rows.sort(key=lambda row: row.order)
     shown = rows[:MOST_ROWS]
     if not few:
-        for number, row in enumerate(shown):
-            tell(f"page {number} of {len(shown)}", _OF_ARMS * (0.5 + number / len(shown) / 2))
-            _write_beside(folder, of((row.serial, row.model)))
+        _write_beside(folder, gravest(), len(shown))
     pages = {
         (row.serial, row.model): f"{_ARMS}/{safe_name(row.serial, row.model)}/{ARM_PAGE}" for row in shown
     }
@@ -180,7 +193,14 @@ def _write_fleet(
     return found
 
 
-def _write_beside(folder: Path, own: ArmHistory) -> None:
-    inside = folder / _ARMS / safe_name(own.found.serial, own.found.model)
-    inside.mkdir(parents=True)
-    _write_arm(inside, own)
+def _write_beside(folder: Path, arms: Iterator[ArmHistory], count: int) -> None:
+    """The pages of arms, by several processes where it is worth starting them."""
+    jobs = ((folder / _ARMS / safe_name(own.found.serial, own.found.model), own) for own in arms)
+    with closing(side_by_side(_written, jobs, None if count >= _SEVERAL else 1)) as done:
+        deque(done, maxlen=0)
+
+
+def _written(job: tuple[Path, ArmHistory]) -> None:
+    folder, own = job
+    folder.mkdir(parents=True)
+    _write_arm(folder, own)

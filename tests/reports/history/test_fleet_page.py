@@ -22,7 +22,7 @@ from zerobeam.reports.history.arm_state import STATES, ArmState, State
 from zerobeam.reports.history.due_figure import due_counts, due_picture
 from zerobeam.reports.history.fleet_page import MOST_ROWS, Fleet, fleet_page, headline
 from zerobeam.reports.history.fleet_text import fleet_blocks
-from zerobeam.reports.history.history_folder import write_fleet
+from zerobeam.reports.history.history_folder import write_arm, write_fleet
 from zerobeam.reports.output.html import html
 from zerobeam.reports.style.blocks import Table
 
@@ -173,3 +173,16 @@ def test_due_dates_are_counted_by_month() -> None:
     assert picture is not None
     assert "Overdue: 1. Apr 2026: 1; May 2026: 1; Mar 2028: 1. Later: 2 arms." in picture.alt
     assert due_picture(rows[5:6], AS_OF) is None
+
+
+@pytest.mark.long
+def test_several_processes_write_the_same_pages_as_one(tmp_path: Path) -> None:
+    given = {f"A-{n}": arm_history(over_years(3, serial=f"A-{n}", walk=0.01)) for n in range(9)}
+    found = written(tmp_path / "all", given)
+    for (serial, _), page in found.pages.items():
+        alone = tmp_path / "alone" / serial
+        write_arm(alone, given[serial])
+        for path in sorted(alone.rglob("*.*")):
+            assert (
+                (tmp_path / "all" / page).parent / path.relative_to(alone)
+            ).read_bytes() == path.read_bytes()
