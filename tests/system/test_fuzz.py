@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 from fuzzing import WHOLE, Damaged, Files, damaged, draw, judged, whole_files
 
-from zerobeam.model import kernel
+from zerobeam.model import constraint, kernel
 
 # As for a person: libraries' warnings are no errors. And without a compiler, since each damaged arm would be
 # compiled for a few evaluations.
@@ -31,6 +31,7 @@ LONG, PARTS = 5_200, 26
 def without_compiler() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(kernel, "_compiler", lambda: None)
+        patch.setattr(constraint, "_made", {})  # what is made in here stays in here
         yield
 
 

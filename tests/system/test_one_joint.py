@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from command_line import zerobeam
 
-from zerobeam.model import kernel
+from zerobeam.model import constraint, kernel
 
 pytestmark = pytest.mark.filterwarnings("ignore::zerobeam.model.compiling.KernelWarning")
 ROBOT = """schema: zerobeam/robot/1
@@ -25,6 +25,7 @@ JOINTS = (-20.0, -10.0, 0.0, 10.0, 20.0)
 def without_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each of these arms would be compiled for a few evaluations."""
     monkeypatch.setattr(kernel, "_compiler", lambda: None)
+    monkeypatch.setattr(constraint, "_made", {})  # what is made in here stays in here
 
 
 @pytest.fixture(params=["revolute laser", "revolute probe", "prismatic laser", "prismatic probe"])

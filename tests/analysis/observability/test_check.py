@@ -8,7 +8,7 @@ from cells import AXIS_LASER, TABLE_2, good_plan, header, pattern_plan, plan_of,
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.observability.aim import aim, aim_plan, servo_joints
 from zerobeam.analysis.observability.check import check
-from zerobeam.model import kernel
+from zerobeam.model import constraint, kernel
 from zerobeam.model.files.stated_geometry import StatedGeometry
 from zerobeam.model.problem import Problem
 from zerobeam.reports.words.causes import reason
@@ -163,6 +163,7 @@ def test_a_joint_turned_beyond_its_limits_is_noted():
 def test_no_compiler_is_asked_for(monkeypatch):
     plan = good_plan()
     monkeypatch.setattr(kernel, "_compiler", lambda: None)
+    monkeypatch.setattr(constraint, "_made", {})  # what is made in here stays in here
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert check(plan).verdict == "pass"
