@@ -6,7 +6,7 @@ import logging
 import shutil
 import signal
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from multiprocessing import resource_tracker
@@ -24,6 +24,7 @@ _SETTINGS = {
     "distributed.scheduler.worker-saturation": 1.0,
     "distributed.scheduler.work-stealing": False,
     "distributed.scheduler.active-memory-manager.start": False,
+    "distributed.deploy.lost-worker-timeout": "60s",  # on a busy machine a worker takes long to start
     "distributed.worker.daemon": True,
     "distributed.worker.memory.monitor-interval": "500ms",
     "distributed.admin.large-graph-warning-threshold": "1GB",
@@ -52,6 +53,7 @@ def cluster(workers: int | None = None, scheduler: str | None = None) -> Iterato
     except ImportError as error:
         raise missing_extra("work on a cluster", "cluster", needed=error.name) from None
     traffic = Traffic()
+    whole: Callable[[], object] = bool  # a scheduler elsewhere has its own ways
     with ExitStack() as stack:
         stack.enter_context(dask.config.set(_SETTINGS))
         stack.enter_context(_quiet())
@@ -71,12 +73,25 @@ def cluster(workers: int | None = None, scheduler: str | None = None) -> Iterato
                     security=True,  # certificates for this cluster alone: nobody else can give it work
                 )
             stack.callback(_closed, local)
+            whole = partial(_replace, local, workers or 1)
         with interruptions_put_off():
             client = _client(distributed, scheduler, None if scheduler else local)
         stack.callback(_closed, client)
         _require_alike(client)
-        stack.enter_context(carried_out_by(partial(by_workers, client, traffic, _require_alike)))
+        stack.enter_context(carried_out_by(partial(by_workers, client, traffic, _require_alike, whole)))
         yield traffic
+
+
+def _replace(local: Any, workers: int) -> None:
+    """Start workers anew that ended while they were starting: Dask does so only for those that ran."""
+
+    async def replaced() -> None:
+        for name, own in list(local.workers.items()):
+            if own.status.name in ("failed", "closed"):
+                del local.workers[name]
+        local.scale(workers)
+
+    local.loop.add_callback(replaced)
 
 
 def _client(distributed: Any, address: str | None, local: Any) -> Any:

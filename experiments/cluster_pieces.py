@@ -70,15 +70,17 @@ def by_workers(
     client: Any,
     traffic: Traffic,
     require_alike: Callable[[Any], None],
+    whole: Callable[[], object],
     work: Callable[[Job], Answer],
     jobs: Iterable[Job],
 ) -> Generator[tuple[int, Answer], None, None]:
     """The engine of `side_by_side`: number and answer of each job as they come, by the client's workers.
 
-    `require_alike` raises BadInput where a worker would give another answer. WorkersLost where the scheduler
-    has gone, or a piece ends every worker that takes it.
+    `require_alike` raises BadInput where a worker would give another answer; `whole` is called now and then,
+    to replace workers that have gone. WorkersLost where the scheduler has gone, or a piece ends every worker
+    that takes it.
     """
-    given = _Given(client, traffic, require_alike, pickle.dumps(work))
+    given = _Given(client, traffic, require_alike, whole, pickle.dumps(work))
     left = len(jobs) if isinstance(jobs, Sized) else None
     waiting = enumerate(jobs)
     try:
@@ -104,10 +106,16 @@ class _Given:
     """What the workers have at hand."""
 
     def __init__(
-        self, client: Any, traffic: Traffic, require_alike: Callable[[Any], None], work: bytes
+        self,
+        client: Any,
+        traffic: Traffic,
+        require_alike: Callable[[Any], None],
+        whole: Callable[[], object],
+        work: bytes,
     ) -> None:
         self.under_way: set[_Parcel] = set()
-        self._client, self._traffic, self._require_alike, self._work = client, traffic, require_alike, work
+        self._client, self._traffic, self._work = client, traffic, work
+        self._require_alike, self._whole = require_alike, whole
         self._done: SimpleQueue[tuple[_Parcel, Any]] = SimpleQueue()
         self._spent: deque[float] = deque(maxlen=200)  # seconds from giving a parcel to its answer
         self._piece_s: float | None = None  # that a piece takes a worker, on average
@@ -121,6 +129,7 @@ class _Given:
         if now - self._counted > _COUNT_S:
             self._counted, found = now, len(self._client.nthreads())
             self._workers = max(found, 1)
+            self._whole()
             if found:
                 self._seen = now
             elif now - self._seen > _NO_WORKER_S:

@@ -3,6 +3,7 @@
 import operator
 import random
 import threading
+import time
 
 import pytest
 
@@ -56,7 +57,7 @@ def test_short_pieces_travel_together(one_worker):
 
 
 def test_a_parcel_is_of_so_many_seconds_and_bytes(monkeypatch):
-    given = cluster_pieces._Given(None, cluster_pieces.Traffic(), lambda client: None, b"")
+    given = cluster_pieces._Given(None, cluster_pieces.Traffic(), lambda client: None, bool, b"")
     assert len(given.together(enumerate(range(100)), None)) == 1  # nobody knows yet how long they take
     given._piece_s = 0.1
     assert len(given.together(enumerate(range(100)), None)) == 10
@@ -126,6 +127,19 @@ def test_workers_that_are_killed_all_the_time_change_no_byte():
             killer.join()
     assert len(killed) >= 3
     assert traffic.again >= 1
+
+
+@pytest.mark.long
+def test_a_worker_that_ends_while_it_starts_is_replaced(monkeypatch):
+    monkeypatch.setattr(cluster_pieces, "_NO_WORKER_S", 120.0)
+    with cluster(workers=1):
+        assert answers(operator.neg, range(3)) == {k: -k for k in range(3)}
+        (first,) = local_workers()
+        first.kill()
+        while not (second := [own for own in local_workers() if own.pid != first.pid]):
+            time.sleep(0.01)
+        second[0].kill()
+        assert answers(operator.neg, range(3)) == {k: -k for k in range(3)}
 
 
 @pytest.mark.long
