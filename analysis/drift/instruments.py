@@ -25,22 +25,23 @@ first; then the results are corrected by it, and the jumps that still are found 
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from functools import partial
+from typing import Any
 
 import numpy as np
 from scipy import special
 
 from ...model.robot import Matrix
+from .comparable import Groups, change_at, changes, comparable_groups, connected
 from .drift import ALARM, LEVEL, Drift, drift, integrated, mixture_interval
 from .drift import allowed as allowed_at
 from .importance import normalised
 from .series import Observation, Series, series_of
 
 Column = tuple[str, str]  # instrument and offset
-Groups = tuple[tuple[str, ...], ...]
+Each = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]  # as `map`, in processes of its own
 
 _ROUNDS = 4  # of results corrected by the biases, at most
 _RATES = 256  # of an arm
@@ -92,24 +93,33 @@ class Instruments:
 
 @dataclass(frozen=True, eq=False)
 class _Arm:
-    """An arm whose results are corrected by biases, as `drift` finds it then: series, rates, weights and
-    where jumps are `allowed`."""
+    """An arm whose results are corrected by biases: its series, where jumps are `allowed`, and for each of
+    its rates the information about its biases `columns`: `matrix` (K, q, q), `vector` (K, q); none where the
+    instrument does not change."""
 
     series: Series
     instruments: tuple[str, ...]
-    rates: Matrix
-    weights: Matrix
     allowed: Matrix
+    columns: tuple[Column, ...]
+    matrix: Matrix
+    vector: Matrix
 
 
 @dataclass(frozen=True, eq=False)
-class _Information:
-    """Of an arm about the biases at the places `at` of all columns: for each of its rates a matrix (K, q, q)
-    and a vector (K, q)."""
+class _Part:
+    """The information of an arm about the biases at the places `at` of all that are sampled."""
 
     at: list[int]
     matrix: Matrix
     vector: Matrix
+
+    @staticmethod
+    def of(own: _Arm, places: Mapping[Column, int]) -> _Part:
+        """Of columns that have no place there is no information: no change of instrument touches them."""
+        kept = [k for k, column in enumerate(own.columns) if column in places]
+        return _Part(
+            [places[own.columns[k]] for k in kept], own.matrix[:, kept][:, :, kept], own.vector[:, kept]
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,24 +138,22 @@ class _Draws:
 
 def instrument_biases(
     arms: Sequence[Measured],
-    tell: Callable[[float], None] = lambda share: None,
+    each: Each = map,
     *,
     alarm: float = ALARM,
     seed: int = 0,
 ) -> Instruments:
-    """The biases of all instruments that the arms were measured by; `tell` hears the share that is done."""
+    """The biases of all instruments that the arms were measured by. `each` does what is done for each arm, in
+    the order of the arms."""
     unstated = sum(own.instruments.count("") for own in arms)
-    raw = [own for own in (_stated(one, seed) for one in arms) if own is not None]
+    raw = [own for own in each(partial(_stated, seed=seed), arms) if own is not None]
     now, shift = raw, dict[Column, float]()
     draws = _drawn(now, seed)
     for _ in range(_ROUNDS):
         if not draws.columns:
             break
         shift = draws.added_to(shift)
-        before, now = now, []
-        for own in raw:
-            tell(len(now) / len(raw))
-            now.append(_corrected(own, shift, seed) if any(_changes(own)) else own)
+        before, now = now, list(each(partial(_corrected, shift=shift, seed=seed), raw))
         draws = _drawn(now, seed)
         if all(np.array_equal(own.allowed, one.allowed) for own, one in zip(now, before, strict=True)):
             break
@@ -178,30 +186,6 @@ def bias_information(series: Series, rates: Matrix, allowed: Matrix, design: Mat
     return (matrix + matrix.transpose(0, 2, 1)) / 2, score
 
 
-def comparable_groups(changes: Iterable[tuple[str, str]]) -> Groups:
-    """Instruments that are connected by `changes` from one to another without any one of these."""
-    number = Counter(tuple(sorted(own)) for own in changes)
-    pairs = list(number)
-    bridges = [
-        own for own in pairs if number[own] == 1 and not _joined(own, [one for one in pairs if one != own])
-    ]
-    return connected([own for own in pairs if own not in bridges])
-
-
-def connected(pairs: Sequence[tuple[str, ...]]) -> Groups:
-    """The groups that the pairs connect, by name."""
-    groups: list[set[str]] = []
-    for pair in pairs:
-        touched = [own for own in groups if own & set(pair)]
-        groups = [own for own in groups if not own & set(pair)]
-        groups.append(set(pair).union(*touched))
-    return tuple(sorted(tuple(sorted(own)) for own in groups))
-
-
-def _joined(pair: tuple[str, ...], others: Sequence[tuple[str, ...]]) -> bool:
-    return any(set(pair) <= set(own) for own in connected(others))
-
-
 def _stated(own: Measured, seed: int) -> _Arm | None:
     """The arm by its results that state an instrument, without jumps where that changes."""
     series, found = own.drift.series, own.drift
@@ -214,58 +198,56 @@ def _stated(own: Measured, seed: int) -> _Arm | None:
         if not series.names:
             return None
         found = drift(series, seed=seed)
-    arm = _Arm(series, own.instruments, found.rates, found.weights, found.allowed)
     jumps = [(one.after, one.offset) for one in found.jumps]
     elsewhere = [one for one in jumps if change_at(series, own.instruments, *one) is None]
     if elsewhere == jumps:
-        return arm
+        return _informed(series, own.instruments, found.rates, found.weights, found.allowed)
     allowed = allowed_at(series, elsewhere)
     rates, log_weight, _, _ = integrated(series, allowed, seed)
-    return replace(arm, rates=rates, weights=normalised(log_weight), allowed=allowed)
-
-
-def change_at(series: Series, instruments: Sequence[str], after: int, offset: str) -> tuple[str, str] | None:
-    """The instruments before and after a jump between the results `after` and `after` + 1, of the nearest
-    results that determine the offset; None where they are the same."""
-    seen = np.flatnonzero(series.observed[:, series.names.index(offset)])
-    pair = instruments[seen[seen <= after][-1]], instruments[seen[seen > after][0]]
-    return None if pair[0] == pair[1] else pair
+    return _informed(series, own.instruments, rates, normalised(log_weight), allowed)
 
 
 def _corrected(own: _Arm, shift: Mapping[Column, float], seed: int) -> _Arm:
+    """The arm `own`, as it was measured, with the biases `shift` taken out of its results."""
+    if not own.columns:
+        return own
     observations = tuple(
         replace(one, values=one.values - [shift.get((instrument, name), 0.0) for name in one.names])
         for one, instrument in zip(own.series.observations, own.instruments, strict=True)
     )
     found = drift(replace(own.series, observations=observations), seed=seed)
-    return _Arm(found.series, own.instruments, found.rates, found.weights, found.allowed)
+    return _informed(found.series, own.instruments, found.rates, found.weights, found.allowed)
 
 
-def _changes(own: _Arm) -> Iterator[tuple[str, str, str]]:
-    """Offset, and the instruments of two results that follow each other and determine it, where these differ
-    and no jump of the offset is allowed in between."""
-    observed = own.series.observed
-    for j, offset in enumerate(own.series.names):
-        seen = np.flatnonzero(observed[:, j])
-        for t, later in pairwise(seen):
-            pair = own.instruments[t], own.instruments[later]
-            if pair[0] != pair[1] and not own.allowed[t:later, j].any():
-                yield offset, *pair
+def _informed(
+    series: Series, instruments: tuple[str, ...], rates: Matrix, weights: Matrix, allowed: Matrix
+) -> _Arm:
+    """By rates that are taken at equal steps of their weights, so that each counts the same."""
+    if not any(changes(series, instruments, allowed)):
+        return _Arm(series, instruments, allowed, (), np.zeros((0, 0, 0)), np.zeros((0, 0)))
+    columns = tuple((name, offset) for name in sorted({*instruments} - {""}) for offset in series.names)
+    design = np.zeros((len(instruments), len(series.names), len(columns)))
+    for k, (instrument, offset) in enumerate(columns):
+        rows = [t for t, name in enumerate(instruments) if name == instrument]
+        design[rows, series.names.index(offset), k] = 1.0
+    some = np.searchsorted(np.cumsum(weights), (np.arange(_RATES) + 0.5) / _RATES)
+    matrix, vector = bias_information(series, rates[np.minimum(some, len(rates) - 1)], allowed, design)
+    return _Arm(series, instruments, allowed, columns, matrix, vector)
 
 
 def _by_offset(arms: Sequence[_Arm]) -> dict[str, list[tuple[str, str]]]:
     found: dict[str, list[tuple[str, str]]] = {}
     for own in arms:
-        for offset, *pair in _changes(own):
+        for offset, *pair in changes(own.series, own.instruments, own.allowed):
             found.setdefault(offset, []).append((pair[0], pair[1]))
     return found
 
 
 def _comparable(arms: Sequence[_Arm]) -> Iterator[Comparable]:
-    changes = _by_offset(arms)
+    pairs = _by_offset(arms)
     names = {name for own in arms for name in own.series.names}
     for offset in sorted(names, key=lambda name: (len(name), name)):
-        groups = comparable_groups(changes.get(offset, []))
+        groups = comparable_groups(pairs.get(offset, []))
         single = {
             instrument
             for own in arms
@@ -284,7 +266,8 @@ def _drawn(arms: Sequence[_Arm], seed: int) -> _Draws:
     if not size:
         return _Draws((), np.zeros((0, 0)), np.zeros((0, 0, 0)))
     random = np.random.default_rng(seed)
-    parts = [_information(own, columns, random) for own in arms if any(_changes(own))]
+    places = {column: k for k, column in enumerate(columns)}
+    parts = [_Part.of(own, places) for own in arms if own.columns]
     held = np.zeros((size, size))
     for offset, found in groups.items():
         for group in found:
@@ -308,23 +291,7 @@ def _drawn(arms: Sequence[_Arm], seed: int) -> _Draws:
     return _Draws(columns, np.array(means[_FIRST:]), np.array(covariances[_FIRST:]))
 
 
-def _information(own: _Arm, columns: Sequence[Column], random: np.random.Generator) -> _Information:
-    """By rates that are drawn by their weights, so that each counts the same."""
-    places = {column: k for k, column in enumerate(columns)}
-    used = {(name, offset) for name in own.instruments for offset in own.series.names}
-    at = sorted(places[column] for column in used & places.keys())
-    design = np.zeros((len(own.instruments), len(own.series.names), len(at)))
-    for k, place in enumerate(at):
-        instrument, offset = columns[place]
-        rows = [t for t, name in enumerate(own.instruments) if name == instrument]
-        design[rows, own.series.names.index(offset), k] = 1.0
-    some = np.searchsorted(np.cumsum(own.weights), (np.arange(_RATES) + random.random()) / _RATES)
-    rates = own.rates[np.minimum(some, len(own.rates) - 1)]
-    matrix, vector = bias_information(own.series, rates, own.allowed, design)
-    return _Information(at, matrix, vector)
-
-
-def _choose(own: _Information, bias: Matrix, share: float) -> int:
+def _choose(own: _Part, bias: Matrix, share: float) -> int:
     squared = own.matrix.reshape(len(own.matrix), -1) @ np.outer(bias, bias).ravel()
     cumulated = np.cumsum(normalised(own.vector @ bias - squared / 2))
     return min(int(np.searchsorted(cumulated, share)), len(cumulated) - 1)

@@ -35,28 +35,23 @@ def drift(
 ) -> None:
     """Which changes of the offsets are real, how fast they walk, and when the next calibration is due."""
     from ...experiments.history.arm_drift import arm_drift
-    from ...experiments.history.fleet_drift import fleet_drift
+    from ...experiments.history.fleet_drift import drift_of_each, fleet_drift
     from ...experiments.history.store import arms, events, find_arm, results
     from ...reports.history.drift_text import SCHEMA, arms_drift_table, drift_blocks, drift_json
     from ...reports.history.fleet_text import fleet_blocks, fleet_drift_json
     from ...reports.style.console import print_block
 
-    found = []
     with opened(db) as history, progress("drift") as tell:
-        every = (
-            [(own.serial, own.model) for own in arms(history) if own.results]
-            if serial is None
-            else [find_arm(history, serial, model)]
-        )
-        for number, arm in enumerate(every):
-            tell(arm[0], number / len(every) / (1 if serial else 2))
-            own = arm_drift(arm, list(results(history, arm)), events(history, arm), tolerance_mm)
-            found.append(own if serial else own.at_last())
-        fleet = (
-            None
-            if serial is not None
-            else fleet_drift(found, lambda stage, share: tell(stage, (1 + share) / 2))
-        )
+        fleet = None
+        if serial is None:
+            every = [(own.serial, own.model) for own in arms(history) if own.results]
+            jobs = ((arm, list(results(history, arm)), events(history, arm)) for arm in every)
+            found = drift_of_each(jobs, len(every), tolerance_mm, lambda stage, share: tell(stage, share / 2))
+            fleet = fleet_drift(found, lambda stage, share: tell(stage, (1 + share) / 2))
+        else:
+            arm = find_arm(history, serial, model)
+            tell(serial, 0.0)
+            found = [arm_drift(arm, list(results(history, arm)), events(history, arm), tolerance_mm)]
     if as_json:
         answer = {"schema": SCHEMA, "arms": [drift_json(own) for own in found]}
         print_json(answer if fleet is None else {**answer, "fleet": fleet_drift_json(fleet)})

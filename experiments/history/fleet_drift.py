@@ -5,8 +5,11 @@ The answer of a single arm stays that of its own results: it does not depend on 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -14,8 +17,15 @@ from ...analysis.drift.drift import ALARM, SPREAD, Drift
 from ...analysis.drift.fleet import ArmRates, ModelRates, model_rates
 from ...analysis.drift.instruments import Bias, Comparable, Measured, instrument_biases
 from ...model.robot import Matrix
-from .arm_drift import ArmDrift, DatedJump
+from ..processes import side_by_side
+from .arm_drift import ArmDrift, DatedJump, arm_drift
+from .store import Event, StoredResult
 
+ArmJob = tuple[
+    tuple[str, str], Sequence[StoredResult], Sequence[Event]
+]  # of one arm, as `arm_drift` takes them
+
+_MANY = 100  # arms: with fewer, processes take longer to start than they save
 FEW = 30  # rates of an arm that agree with its model: below, its numbers are coarse
 
 Rate = tuple[float, tuple[float, float]]  # median and 95 % interval
@@ -91,6 +101,36 @@ class FleetDrift:
     alarm: float
 
 
+def drift_of_each(
+    jobs: Iterable[ArmJob], number: int, tolerance_mm: float, tell: Callable[[str, float], None]
+) -> list[ArmDrift]:
+    """The drift of each arm of so many (`arm_drift`), in the order given, with the states at the last result
+    alone; `tell` hears the share. By as many processes as there are cores, where there are many arms."""
+    work = partial(_at_last, tolerance_mm=tolerance_mm)
+    return _each(work, jobs, number, number, lambda share: tell("arms", share))
+
+
+def _at_last(job: ArmJob, tolerance_mm: float) -> ArmDrift:
+    return arm_drift(*job, tolerance_mm).at_last()
+
+
+def _each(
+    work: Callable[[Any], Any],
+    jobs: Iterable[Any],
+    number: int,
+    arms: int,
+    tell: Callable[[float], None],
+) -> list[Any]:
+    """The answers to so many jobs about so many arms, in the order of the jobs: the same bytes by one process
+    as by several."""
+    found: dict[int, Any] = {}
+    with closing(side_by_side(work, jobs, None if arms >= _MANY else 1)) as answers:
+        for k, answer in answers:
+            found[k] = answer
+            tell(len(found) / number)
+    return [found[k] for k in range(len(found))]
+
+
 def fleet_drift(
     arms: Sequence[ArmDrift], tell: Callable[[str, float], None] = lambda stage, share: None
 ) -> FleetDrift:
@@ -99,13 +139,17 @@ def fleet_drift(
     by_model: dict[str, list[tuple[ArmDrift, Drift]]] = {}
     for own, found in counted:
         by_model.setdefault(own.model, []).append((own, found))
-    rates: dict[str, ModelRates] = {}
-    for number, model in enumerate(sorted(by_model)):
-        tell(model, number / len(by_model) / 2)
-        rates[model] = model_rates([found for _, found in by_model[model]])
+    models = sorted(by_model)
+    members = [[found for _, found in by_model[model]] for model in models]
+    several = len(counted) if len(models) > 1 else 0
+    tell("models", 0.0)
+    found_rates = _each(model_rates, members, len(members), several, lambda share: tell("models", share / 3))
+    rates: dict[str, ModelRates] = dict(zip(models, found_rates, strict=True))
     biases = instrument_biases(
         [Measured(found, tuple(one.instrument for one in own.used)) for own, found in counted],
-        lambda share: tell("instruments", (1 + share) / 2),
+        lambda work, jobs: _each(
+            work, jobs, len(jobs), len(jobs), lambda share: tell("instruments", (1 + 2 * share) / 3)
+        ),
     )
     odd = {(own.instrument, own.offset) for own in biases.biases if own.alarm}
     tests = max(sum(len(own.names) for own in rates.values()), 1)

@@ -186,7 +186,8 @@ def _happened(own: DatedJump) -> Iterator[str]:
         yield f"{event.what} {day(event.at)} {shown(event.note)}".strip()
     if own.instruments is not None:
         before, after = (clipped(name) if name else "not stated" for name in own.instruments)
-        yield f"instrument changed, a possible cause: {before} to {after}"
+        changed = "changed" if all(own.instruments) else "may have changed"
+        yield f"instrument {changed}, a possible cause: {before} to {after}"
 
 
 def _half(own: DatedJump) -> float:

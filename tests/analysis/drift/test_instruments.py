@@ -10,15 +10,13 @@ import pytest
 from drifting_arms import COVARIANCE, NAMES, seen_by, walked
 from scipy import stats
 
-from zerobeam.analysis.drift import instruments as of
+from zerobeam.analysis.drift.comparable import change_at, comparable_groups, connected
 from zerobeam.analysis.drift.drift import ALARM, MEDIAN, SPREAD, drift
 from zerobeam.analysis.drift.instruments import (
     Bias,
     Instruments,
     Measured,
     bias_information,
-    change_at,
-    comparable_groups,
     instrument_biases,
 )
 from zerobeam.analysis.drift.series import Observation, Series, series_of
@@ -162,7 +160,7 @@ def test_directions_without_information_are_those_that_no_change_connects(orders
             0
         ][0]
     pairs = [pair for order in orders for pair in pairwise(order) if pair[0] != pair[1]]
-    joined = of.connected(pairs)
+    joined = connected(pairs)
     lone = set(names).difference(*joined)
     values = np.linalg.eigvalsh(total)
     assert int((values < 1e-6 * values[-1]).sum()) == 2 * (len(joined) + len(lone))
@@ -241,8 +239,8 @@ def test_some_intervals_hold_without_an_alarm() -> None:
 
 @pytest.mark.long
 def test_intervals_hold_and_false_alarms_are_as_stated() -> None:
-    fleets = 400
-    held, alarms, _, wrong = judged(fleets, 0.0)
+    fleets = 150
+    held, alarms, _, wrong = judged(fleets, 0.0, arms=4, results=7)
     assert stats.binomtest(held, fleets, 0.95).pvalue > 0.001, held
     assert stats.binomtest(alarms, fleets, ALARM, alternative="greater").pvalue > 0.001, alarms
     assert stats.binomtest(wrong, fleets, 0.95).pvalue < 1e-6, wrong
@@ -250,8 +248,8 @@ def test_intervals_hold_and_false_alarms_are_as_stated() -> None:
 
 @pytest.mark.long
 def test_a_bias_of_several_u_is_found_with_the_right_interval() -> None:
-    fleets = 150
-    held, _, right, _ = judged(fleets, 4.0)
+    fleets = 60
+    held, _, right, _ = judged(fleets, 4.0, arms=4, results=7)
     assert stats.binomtest(held, fleets, 0.95).pvalue > 0.001, held
     assert right > 0.8 * fleets, right
 
@@ -259,7 +257,7 @@ def test_a_bias_of_several_u_is_found_with_the_right_interval() -> None:
 @pytest.mark.long
 def test_p_values_are_uniform_without_a_bias() -> None:
     single = []
-    for number in range(300):
+    for number in range(150):
         random = np.random.default_rng([41, number])
         arms = [
             measured(walked(random, MEDIAN * np.exp(SPREAD * random.normal(size=2)), 6), "ABABAB")
