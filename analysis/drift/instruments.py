@@ -327,11 +327,24 @@ def _biases(
                 for own in named
                 if rest != [own]
             ]
-            odd = [own for own in found if own.alarm and own.instrument not in biased]
+            odd = [own.instrument for own in found if own.alarm and own.instrument not in biased]
             if not odd:
                 break
-            biased.append(min(odd, key=lambda own: (own.p_value, -abs(own.estimate) / own.std)).instrument)
+            explained = _explained(draws, shift, offset, rest)
+            biased.append(max(odd, key=lambda name: explained[rest.index(name)]))
         yield from found
+
+
+def _explained(draws: _Draws, shift: Mapping[Column, float], offset: str, rest: Sequence[str]) -> Matrix:
+    """(n,) by how much chi-squared of the differences falls if one instrument is biased and the others are
+    equal: the contrasts alone do not say whose bias it is, where that one has few results."""
+    at = [draws.columns.index((name, offset)) for name in rest]
+    mean = draws.mean[:, at] + [shift.get((name, offset), 0.0) for name in rest]
+    centred = np.eye(len(rest)) - 1 / len(rest)
+    middle = centred @ mean.mean(axis=0)
+    covariance = draws.covariance[:, at][:, :, at].mean(axis=0) + np.atleast_2d(np.cov(mean.T))
+    precision = np.linalg.pinv(centred @ covariance @ centred, rcond=1e-9, hermitian=True)
+    return np.asarray((precision @ middle) ** 2 / np.diag(precision))
 
 
 def _bias(

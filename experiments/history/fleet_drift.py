@@ -38,8 +38,8 @@ class ModelWalk:
 
     `arms` is how many do. `noticed` is the median standard uncertainty of a result: `probability` is that the
     median arm walks farther in a year, and `drifts` whether this is said of the model, with all false alarms
-    of the fleet below the stated probability. `biased` are instruments with a bias of this offset that
-    measured arms of the model.
+    of the fleet below the stated probability. `biased` are instruments that may be biased in this
+    offset and measured arms of the model.
     """
 
     model: str
@@ -78,12 +78,12 @@ class ArmWalks:
 
 @dataclass(frozen=True)
 class Suspect:
-    """A jump of an arm that coincides with a change of instrument, where that of one is biased."""
+    """A jump of an arm at a change of instrument, and which of the two may be biased."""
 
     serial: str
     model: str
     jump: DatedJump
-    biased: str
+    biased: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,7 @@ def fleet_drift(
             work, jobs, len(jobs), len(jobs), lambda share: tell("instruments", (1 + 2 * share) / 3)
         ),
     )
-    odd = {(own.instrument, own.offset) for own in biases.biases if own.alarm}
+    odd = set(_odd(biases.biases))
     tests = max(sum(len(own.names) for own in rates.values()), 1)
     walks = tuple(
         walk
@@ -228,9 +228,18 @@ def _log_variance(rates: Matrix, weights: Matrix) -> float:
     return float(weights @ (log_rate - weights @ log_rate) ** 2)
 
 
+def _odd(biases: Sequence[Bias]) -> Iterator[tuple[str, str]]:
+    """Instrument and offset that may be biased: of two of which only the difference is known, both."""
+    for own in biases:
+        if own.alarm:
+            yield own.instrument, own.offset
+            if len(own.against) == 1:
+                yield own.against[0], own.offset
+
+
 def _suspects(arms: Sequence[ArmDrift], odd: set[tuple[str, str]]) -> Iterator[Suspect]:
     for own in arms:
         for jump in own.jumps:
-            for instrument in jump.instruments or ():
-                if (instrument, jump.jump.offset) in odd:
-                    yield Suspect(own.serial, own.model, jump, instrument)
+            biased = tuple(name for name in jump.instruments or () if (name, jump.jump.offset) in odd)
+            if biased:
+                yield Suspect(own.serial, own.model, jump, biased)

@@ -7,7 +7,7 @@ from typing import Any
 
 from ...analysis.drift.instruments import Bias
 from ...experiments.history.fleet_drift import FEW, ArmWalk, ArmWalks, FleetDrift, ModelWalk, Rate, Suspect
-from ..style.blocks import Block, Cell, Paragraph, row_of, table_of
+from ..style.blocks import Block, Cell, Paragraph, Row, row_of, table_of
 from ..words import numbers
 from ..words.wording import clipped, counted, label, listed
 from .lists import utc
@@ -88,7 +88,7 @@ def fleet_drift_json(found: FleetDrift) -> dict[str, Any]:
                 "offset": own.jump.jump.offset,
                 "after": utc(own.jump.after),
                 "before": utc(own.jump.before),
-                "instrument": own.biased,
+                "instruments": list(own.biased),
             }
             for own in found.suspects
         ],
@@ -101,34 +101,29 @@ def _rate_json(own: Rate | None) -> dict[str, Any] | None:
 
 
 def _models(found: FleetDrift) -> Block:
-    heads = [
-        "model",
-        "offset",
-        "arms",
-        "walk",
-        "95 % interval",
-        "u of a result",
-        "walk > u in a year",
-        *_note(found),
-    ]
-    columns = [(head, "left" if head in ("model", "offset", "note") else "right") for head in heads]
+    heads = ("model", "offset", "arms", "walk", "95 % interval", "u of a result", "walk > u in a year")
+    columns = [(head, "left" if head in ("model", "offset") else "right") for head in heads]
+    columns.append(("says", "left"))
     return table_of(
-        "Walk of the median arm of each model, per root year; with a diamond it drifts: farther in a year"
-        " than the standard uncertainty of a result, any false alarm with a probability of at most"
-        f" {found.alarm:.0%}",
+        "Walk of the median arm of each model, per root year. It drifts if it walks farther in a year than"
+        f" the standard uncertainty of a result; false alarm of any: at most {found.alarm:.0%}",
         columns,
         [
             row_of(
                 clipped(own.model, 20),
-                Cell(label(own.offset), mark="weak" if own.drifts else ""),
+                label(own.offset),
                 str(own.arms),
                 *_walk(own),
-                *_note(found, own),
+                Cell(_said(own), mark="weak" if own.drifts else ""),
                 tone="weak" if own.drifts else "",
             )
             for own in found.models
         ],
     )
+
+
+def _said(own: ModelWalk) -> str:
+    return ", ".join(part for part in ("drifts" if own.drifts else "", _cause(own)) if part)
 
 
 def _walk(own: ModelWalk) -> tuple[str, ...]:
@@ -144,17 +139,10 @@ def _walk(own: ModelWalk) -> tuple[str, ...]:
     )
 
 
-def _note(found: FleetDrift, own: ModelWalk | None = None) -> list[str]:
-    """The cell of a row, or the head, of a column that is there if any instrument is biased."""
-    if not any(one.biased for one in found.models):
-        return []
-    return ["note" if own is None else _cause(own)]
-
-
 def _cause(own: ModelWalk) -> str:
     if not own.biased:
         return ""
-    return f"or the bias of {listed([clipped(name, 24) for name in own.biased], 3)}"
+    return f"perhaps a bias: {listed([clipped(name, 24) for name in own.biased], 3)}"
 
 
 def _interval(ends: tuple[float, float]) -> str:
@@ -171,18 +159,18 @@ def _fastest(found: FleetDrift) -> Block:
     every = [(arm, walk) for arm in found.arms for walk in arm.walks if walk.shrunken]
     rows = [
         row_of(
-            clipped(arm.serial, 20),
+            clipped(arm.serial, 24),
             clipped(arm.model, 20),
             label(walk.offset),
             numbers.significant(walk.shrunken[0], 2, walk.unit),
             _interval(walk.shrunken[1]),
             "its model" if walk.borrowed else "own results",
-            *_note(found, models[arm.model, walk.offset]),
+            _cause(models[arm.model, walk.offset]),
         )
         for arm, walk in sorted(every, key=ratio, reverse=True)[:_FASTEST]
         if walk.shrunken
     ]
-    heads = ["arm", "model", "offset", "walk", "95 % interval", "mostly by", *_note(found)]
+    heads = ("arm", "model", "offset", "walk", "95 % interval", "mostly by", "possible cause")
     columns = [(head, "right" if head in ("walk", "95 % interval") else "left") for head in heads]
     return table_of(
         "Fastest walks of single arms over the u of a result, by the rates of their model too", columns, rows
@@ -220,12 +208,13 @@ def _instruments(found: FleetDrift) -> Iterator[Block]:
         shown = ordered[: max(odd, _MOST)]
         caption = (
             "Biases of instruments, less the mean of those they are comparable to; p-values adjusted for the"
-            f" number of tests (Bonferroni); with a diamond below {found.alarm:g}"
+            f" number of tests (Bonferroni); an alarm below {found.alarm:g}"
         )
         if len(shown) < len(ordered):
             caption += f". {len(shown)} of {len(ordered)}: --json has all"
-        heads = ("instrument", "less", "offset", "difference", "95 % interval", "p-value")
-        columns = [(head, "left" if head in ("instrument", "less", "offset") else "right") for head in heads]
+        heads = ("instrument", "less", "offset", "difference", "95 % interval", "p-value", "says")
+        right = ("difference", "95 % interval", "p-value")
+        columns = [(head, "right" if head in right else "left") for head in heads]
         yield table_of(caption, columns, [_bias(own) for own in shown])
         if any(len(own.against) == 1 for own in shown):
             yield Paragraph("Of two instruments only the difference is known, not whose bias it is.")
@@ -234,14 +223,16 @@ def _instruments(found: FleetDrift) -> Iterator[Block]:
         yield Paragraph(_suspect(suspect))
 
 
-def _bias(own: Bias) -> Any:
+def _bias(own: Bias) -> Row:
+    said = "biased" if len(own.against) > 1 else "differs"
     return row_of(
-        Cell(clipped(own.instrument, 24), mark="weak" if own.alarm else ""),
+        clipped(own.instrument, 24),
         listed([clipped(name, 24) for name in own.against], 3),
         label(own.offset),
         f"{numbers.estimate(own.estimate, own.std)} ± {numbers.spread(own.std, own.unit)}",
         numbers.interval(own.interval95, own.std),
         numbers.p_value(own.p_value),
+        Cell(said if own.alarm else "", mark="weak" if own.alarm else ""),
         tone="weak" if own.alarm else "",
     )
 
@@ -273,8 +264,8 @@ def _not_determined(found: FleetDrift) -> Iterator[str]:
 
 
 def _suspect(own: Suspect) -> str:
+    biased = " or ".join(clipped(name, 24) for name in own.biased)
     return (
         f"The jump of {label(own.jump.jump.offset)} of {clipped(own.serial, 24)} before"
-        f" {own.jump.before:%Y-%m-%d} is at a change of instrument: the bias of {clipped(own.biased, 24)} is"
-        " a possible cause."
+        f" {own.jump.before:%Y-%m-%d} is at a change of instrument: the bias of {biased} is a possible cause."
     )

@@ -66,6 +66,12 @@ def test_of_three_the_odd_one_is_named() -> None:
     assert [own.against for own in rest] == [("C",), ("A",)]  # without the biased one
 
 
+def test_the_odd_one_is_named_though_it_has_few_results() -> None:
+    """By the contrasts alone the others of this fleet are named: each is far from a mean with C in it."""
+    found = instrument_biases(simulated(14, 4.0, arms=4, results=7)[0], seed=14)
+    assert named(found) == [("C", "delta3")]
+
+
 @pytest.mark.parametrize(
     ("orders", "expected"),
     [
@@ -217,7 +223,7 @@ def as_if_none_walked(arms: list[Measured]) -> tuple[float, float]:
 
 
 def judged(fleets: int, size_u: float, *, arms: int = 5, results: int = 8) -> tuple[int, int, int, int]:
-    """Intervals that hold (of C's bias of delta3), alarms of any, C named, intervals of the wrong model."""
+    """Intervals that hold (of C's bias of delta3), alarms of any, C alone named, intervals of the control."""
     held, alarms, right, wrong = 0, 0, 0, 0
     for number in range(fleets):
         fleet, bias = simulated(number, size_u, arms=arms, results=results)
@@ -225,7 +231,7 @@ def judged(fleets: int, size_u: float, *, arms: int = 5, results: int = 8) -> tu
         (own,) = [one for one in found.biases if (one.instrument, one.offset) == ("C", "delta3")]
         held += own.interval95[0] <= bias[1] <= own.interval95[1]
         alarms += bool(named(found))
-        right += ("C", "delta3") in named(found)
+        right += named(found) == [("C", "delta3")]
         low, high = as_if_none_walked(fleet)
         wrong += low <= bias[1] <= high
     return held, alarms, right, wrong

@@ -93,11 +93,14 @@ def test_the_biased_instrument_is_named_and_a_jump_says_so(mixed: tuple[list[Arm
     assert [(own.instrument, own.offset) for own in found.biases if own.alarm] == [("B", "delta3")]
     said = texts(list(fleet_blocks(found)))
     assert "B | A | J3" in said
-    assert "or the bias of B" in said
+    assert said.count("| differs") == 1
+    assert said.count("| drifts") == 1
+    assert "perhaps a bias: A and B" in said
     assert "not whose bias it is" in said
     assert "in common is never determined" in said
     suspected = [own for own in arms if any(jump.instruments for jump in own.jumps)]
     assert {own.serial for own in found.suspects} <= {own.serial for own in suspected}
+    assert {own.biased for own in found.suspects} <= {("A", "B"), ("B", "A")}
     for own in suspected:
         assert "instrument changed, a possible cause: " in texts(list(drift_blocks(own)))
 
