@@ -148,7 +148,6 @@ def test_a_misfit_at_the_end_is_said_first_and_does_not_count() -> None:
     assert headline(own).word == "Misfit"
     assert "is a misfit and does not count. Next calibration" in headline(own).sentence
     assert "the model does not describe the measurements" in shown(own).words
-    assert points(pictures(own)["trend"].svg) == 4 * 5
 
 
 def test_one_result_says_nothing_of_drift() -> None:

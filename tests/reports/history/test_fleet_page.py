@@ -96,6 +96,7 @@ def test_every_arm_leads_to_its_page(tmp_path: Path) -> None:
     assert written(out, given).rows == found.rows  # over its own
 
 
+@pytest.mark.long
 def test_models_and_instruments_are_on_the_page(tmp_path: Path) -> None:
     given = {
         serial: arm_history(over_years(4, serial=serial, psd=psd))
