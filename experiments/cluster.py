@@ -83,7 +83,7 @@ def cluster(workers: int | None = None, scheduler: str | None = None) -> Iterato
 
 
 def _replace(local: Any, workers: int) -> None:
-    """Start workers anew that ended while they were starting: Dask does so only for those that ran."""
+    """Start workers anew that Dask has given up, since they took long to start again or ended as they did."""
 
     async def replaced() -> None:
         for name, own in list(local.workers.items()):

@@ -130,15 +130,14 @@ def test_workers_that_are_killed_all_the_time_change_no_byte():
 
 
 @pytest.mark.long
-def test_a_worker_that_ends_while_it_starts_is_replaced(monkeypatch):
-    monkeypatch.setattr(cluster_pieces, "_NO_WORKER_S", 120.0)
+def test_a_worker_that_dask_gives_up_is_replaced(monkeypatch):
+    """As on a busy machine: what was killed takes longer to start again than Dask waits."""
+    monkeypatch.setitem(clusters._SETTINGS, "distributed.deploy.lost-worker-timeout", "100ms")
+    monkeypatch.setattr(cluster_pieces, "_NO_WORKER_S", 45.0)
     with cluster(workers=1):
         assert answers(operator.neg, range(3)) == {k: -k for k in range(3)}
-        (first,) = local_workers()
-        first.kill()
-        while not (second := [own for own in local_workers() if own.pid != first.pid]):
-            time.sleep(0.01)
-        second[0].kill()
+        local_workers()[0].kill()
+        time.sleep(2.0)
         assert answers(operator.neg, range(3)) == {k: -k for k in range(3)}
 
 
