@@ -34,10 +34,8 @@ LEAST = 0.04  # of rho: rates of two arms of a model are never taken as equal (t
 ENOUGH = 100  # rates of an arm that agree with mu and rho: with fewer, more are sampled
 _MORE, _ROUNDS, _WIDER = 256, 3, 1.3
 _NODES, _PASSES, _NEAR = 512, 2, 1.2  # of mu and rho; the pass about the mode is so much wider
-_AT_ONCE, _SOME = (
-    64,
-    128,
-)  # of mu and rho: asked at once, for what memory is fast; of which an arm's rates are
+_AT_ONCE = 64  # of mu and rho that are asked for at once: what fast memory holds
+_SOME = 128  # of mu and rho that an arm's rates are of
 _EXCLUDED = 20.0  # less than the highest log-likelihood
 _STEP = 1e-3
 _CENTRE = math.log(MEDIAN)
