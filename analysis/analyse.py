@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from ..model.errors import BadInput
 from ..model.files.run import Run
@@ -24,6 +23,7 @@ from .diagnostics.scene import scene
 from .estimation.fit import LikelihoodFit, start_at
 from .estimation.midpoint import MidpointFit, fit_midpoint
 from .estimation.robust import Loss
+from .estimation.threads import one_blas_thread
 from .findings import findings
 from .observability.geometry import geometry_result
 from .optima import undecided_names
@@ -84,8 +84,7 @@ def analyse(
             allowed=f"a number above 0, up to {MOST_ESS:g}",
             argument="ess",
         )
-    # Small matrices: threads in the linear algebra cost more than they give, and change the last bits.
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         try:
             return _analyse(
                 run, seed, ess, robust, held_out, sampling, fit, progress or (lambda stage, share: None)

@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from functools import cache
+
+from threadpoolctl import ThreadpoolController
+
+_WITH_BLAS = frozenset({"scipy.linalg", "scipy.optimize", "scipy.sparse", "scipy.special", "scipy.stats"})
 
 _limit: int | None = None
 
@@ -23,3 +29,18 @@ def one_thread() -> Iterator[None]:
         yield
     finally:
         _limit = before
+
+
+def one_blas_thread() -> AbstractContextManager[object]:
+    """Within, linear algebra is done by one thread: for small matrices more cost more than they give, and
+    change the last bits. `threadpool_limits` does so too, but looks for the libraries each time (2 ms)."""
+    limited: AbstractContextManager[object] = _libraries(_WITH_BLAS.intersection(sys.modules)).limit(
+        limits=1, user_api="blas"
+    )
+    return limited
+
+
+@cache
+def _libraries(loaded: frozenset[str]) -> ThreadpoolController:
+    """Those that are there once these modules are loaded."""
+    return ThreadpoolController()

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from ...model.files.plan import Plan
 from ...model.problem import Problem
 from ...model.robot import Matrix
+from ..estimation.threads import one_blas_thread
 
 _ITERATIONS = 60
 _LARGEST_STEP = 0.2  # rad (or as a share of a metre for prismatic joints): keeps Newton's steps local
@@ -52,7 +52,7 @@ class AimedPlan:
 
 def aim_plan(plan: Plan) -> AimedPlan:
     """Turn every posture of a plan onto its target; BadInput where the plan makes no problem."""
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         problem = Problem.from_plan(plan)
         x = problem.nominal()
         return AimedPlan(plan, problem, x, aim(problem, x, servo_joints(problem)))

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from ...model.errors import BadInput
 from ...model.files.plan import Plan
 from ...model.parameters import Group
 from ...model.problem import Problem
 from ...model.robot import Matrix
+from ..estimation.threads import one_blas_thread
 from ..rows import Rows, frame
 from ..status import Status, Verdict, known, require_no_more_than, verdict_of, versions
 from .aim import Aimed, AimedPlan, aim_plan
@@ -185,7 +185,7 @@ def check(plan: Plan, turned: AimedPlan | None = None) -> Check:
     """
     turned = aim_plan(plan) if turned is None else turned
     problem, x, aimed = turned.problem, turned.x, turned.aimed
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         shots = _shots(plan, aimed)
         identified = identify(shots, x)
         covariance = predicted_covariance(shots, x)
@@ -241,7 +241,7 @@ def without_posture(turned: AimedPlan, posture: int) -> WithoutPosture | None:
     if posture not in kept or len(kept) < 2:
         return None
     rest = turned.aimed.problem.select(kept[kept != posture])
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         identified = identify(rest, turned.x)
         spread = np.sqrt(np.diag(predicted_covariance(rest, turned.x)))
     items, std = rest.parameters.items, rest.parameters.unscaled(spread)

@@ -9,7 +9,6 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from ...model.errors import BadInput
 from ...model.files.header import Header
@@ -17,6 +16,7 @@ from ...model.files.reading import LARGEST_RECORDING, read_bytes
 from ...model.files.run import Run, read_run
 from ...model.problem import Problem
 from ...model.robot import Matrix, Robot
+from ..estimation.threads import one_blas_thread
 from .offset_table import read_table
 from .repeat import Kind, Repeat
 from .result_files import read_result
@@ -67,7 +67,7 @@ def read_repeats(given: Sequence[Path | Run], seed: int, progress: Progress) -> 
         _require_same_arm(first, robot, other, another)
     for one_repeat, other_repeat in pairwise(found):
         _require_comparable(one_repeat, other_repeat)
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         for k, (problem, header) in problems.items():
             progress(f"fit, run {k + 1}/{len(given)}", k / len(given))
             found[k] = fitted(found[k], problem, header, seed)

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from ...analysis.covariance import Covariance
+from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.findings import moved_target
 from ...analysis.solution import ParameterResult, ParameterTable, Solution, require_noise_data
 from ...analysis.solved import solved
@@ -167,7 +167,7 @@ def calibration(
     FitFailed where the fit did not converge.
     """
     # One thread, as in `analyse`: the last bits depend on it.
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         try:
             return _calibration(run, allow_weak, allow_displaced, unvalidated, as_data, without, holds)
         except BadInput as error:

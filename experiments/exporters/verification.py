@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from ...analysis.acceptance.acceptance_test import AcceptanceResult, Prediction, accept
 from ...analysis.acceptance.postures import VerificationPlan, choose
+from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.solution import Solution
 from ...model.errors import BadInput
 from ...model.files.header import Header, StatedTarget
@@ -49,7 +49,7 @@ def write_verification(
             found=f"--shots {shots}, {len(run.shots)} measurements",
             allowed="postures of the run: they are known to be reachable",
         )
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         solution = _solution(run)
         entered = _entered(run, solution)
         header = run.header.model_copy(update={"distances": ()})
@@ -63,7 +63,7 @@ def accepted(path: Path, new: Path, tolerance: float | None) -> AcceptanceResult
     run, verified = read_run(path), read_run(new)
     _require_of(run, verified)
     verified.require_analysable()
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         solution = _solution(run)
         entered = _entered(run, solution)
         targets = tuple(shot.target for shot in verified.shots)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from ...analysis.design.continuous_design import Candidates, Criterion, Index
 from ...analysis.design.exact_design import STARTS, Design, design
+from ...analysis.estimation.threads import one_blas_thread
 from ...model.errors import BadInput
 from ...model.files.header import Header
 from ...model.problem import Problem
@@ -108,7 +108,7 @@ class Planner:
                 found=f"{shots} measurements; {self._removed}",
                 remedy=_LOOSEN,
             )
-        with threadpool_limits(limits=1, user_api="blas"):
+        with one_blas_thread():
             return design(self.candidates, shots, criterion, seed, starts, on_cluster)
 
     def fewest(self, tolerance: float, most: int, criterion: Criterion = "A", *, seed: int = 0) -> Fewest:

@@ -13,9 +13,9 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from ...analysis.estimation.fit import fit_likelihood
+from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.so_far import SoFar, so_far
 from ...interruption import interruptible, obey, uninterrupted
 from ...model.errors import RigFault
@@ -94,7 +94,7 @@ class Procedure:
         try:
             with uninterrupted():
                 try:
-                    with interruptible(), threadpool_limits(limits=1, user_api="blas"):
+                    with interruptible(), one_blas_thread():
                         return self._carry_out()
                 finally:
                     self.rig.stop()  # before anything is said: who is told may be slow to listen

@@ -21,8 +21,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
-from threadpoolctl import threadpool_limits
 
+from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.identifiability import identify
 from ...analysis.posterior.many_posteriors import LEAST_STEPS
 from ...analysis.posterior.sampler import ROUND
@@ -192,7 +192,7 @@ def coverage_study(
     data sets of a plan) is kept in that file at once, and a study that was stopped goes on from there.
     """
     began = time.perf_counter()
-    with threadpool_limits(limits=1, user_api="blas"), compiled_at_once():
+    with one_blas_thread(), compiled_at_once():
         plans = studied_plans(seed)
     heading = {
         "study": "coverage",
@@ -276,7 +276,7 @@ def studied(
     def left() -> Iterator[Piece]:
         for k, plan in enumerate(plans):
             rng = np.random.default_rng([seed, *plan.name.encode()])
-            with threadpool_limits(limits=1, user_api="blas"), compiled_at_once():
+            with one_blas_thread(), compiled_at_once():
                 drawn_sets = drawn(plan.problem, count, rng)
             data.append(drawn_sets)
             for c, own in enumerate(rng.spawn(-(-len(drawn_sets.truths) // SIZE))):

@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 from scipy import stats
-from threadpoolctl import threadpool_limits
 
 from ...analysis.drift.drift import ALARM, LEVEL, MEDIAN, SPREAD, Drift, drift
 from ...analysis.drift.series import Observation, Series, series_of
+from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.repeatability.prior_free import offsets_without_prior
 from ...analysis.solved import solved
 from ...analysis.status import versions
@@ -178,7 +178,7 @@ def drift_study(
 def _judged(
     arms: int, seed: int, tell: Progress, store: Path | None, processes: int | None
 ) -> list[JudgedArm]:
-    with threadpool_limits(limits=1, user_api="blas"), compiled_at_once():
+    with one_blas_thread(), compiled_at_once():
         names, units, covariance = _plan()
     heading = {"study": "drift", "seed": seed, "arms": arms, "piece": _SIZE, "versions": versions()}
     pieces = [

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from ...analysis.analyse import Analysis, analyse
 from ...analysis.estimation.fit import LikelihoodFit
 from ...analysis.estimation.many_fits import fits_of
+from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.result import Result
 from ...analysis.solution import require_noise_data
 from ...experiments.batch.rows import BatchOffset, BatchRow, BatchSettings
@@ -59,7 +59,7 @@ class BatchAnswer:
 
 def solved_piece(piece: Piece) -> list[BatchAnswer]:
     """The answer of every run; what goes wrong with one is said in its row, and the others go on."""
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         fits = _fits(piece)
         return [_answer(one, piece.settings, fits.get(one.name)) for one in piece.runs]
 

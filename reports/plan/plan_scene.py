@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
+from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.aim import AimedPlan
 from ...model.files.plan import Plan
 from ...model.robot import Matrix
@@ -38,7 +38,7 @@ def postures_of(aimed_plan: AimedPlan) -> Postures:
     is as long as that is far."""
     problem, x, aimed = aimed_plan.problem, aimed_plan.x, aimed_plan.aimed
     joints = np.where(aimed.hit[:, None], aimed.problem.joints, problem.joints)
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         parts = problem.split(x)
         (points,) = problem.functions.kernel("skeleton")(joints, parts.arm)
         origin, direction = problem.moved(joints).beams(x)
