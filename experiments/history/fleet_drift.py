@@ -21,9 +21,8 @@ from ..processes import side_by_side
 from .arm_drift import ArmDrift, DatedJump, arm_drift
 from .store import Event, StoredResult
 
-ArmJob = tuple[
-    tuple[str, str], Sequence[StoredResult], Sequence[Event]
-]  # of one arm, as `arm_drift` takes them
+# Of one arm, as `arm_drift` takes them.
+ArmJob = tuple[tuple[str, str], Sequence[StoredResult], Sequence[Event]]
 
 _MANY = 100  # arms: with fewer, processes take longer to start than they save
 FEW = 30  # rates of an arm that agree with its model: below, its numbers are coarse
