@@ -159,8 +159,8 @@ def _fastest(found: FleetDrift) -> Block:
     every = [(arm, walk) for arm in found.arms for walk in arm.walks if walk.shrunken]
     rows = [
         row_of(
-            clipped(arm.serial, 20),
-            clipped(arm.model, 20),
+            clipped(arm.serial, 16),
+            clipped(arm.model, 16),
             label(walk.offset),
             numbers.significant(walk.shrunken[0], 2, walk.unit),
             _interval(walk.shrunken[1]),
