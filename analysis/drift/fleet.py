@@ -193,12 +193,12 @@ def _cloud(own: Drift, names: tuple[str, ...]) -> _Cloud:
 
 def _arm(own: _Cloud, given: Drift, mu: Matrix, tau: Matrix) -> ArmRates:
     of_each = normalised(own.log_weights(mu, tau).T.astype(float))  # (K, H)
-    effective = float((1 / (of_each**2).sum(axis=0)).mean())
-    return ArmRates(given.series.names, np.exp(own.points[own.kept]), of_each.mean(axis=1), effective)
+    agreeing = float((1 / (of_each**2).sum(axis=0)).mean())
+    return ArmRates(given.series.names, np.exp(own.points[own.kept]), of_each.mean(axis=1), agreeing)
 
 
 def _agreeing(own: _Cloud, mu: Matrix, tau: Matrix) -> float:
-    return float(1 / (normalised(own.log_weights(mu[None], tau[None])[0]) ** 2).sum())
+    return effective(normalised(own.log_weights(mu[None], tau[None])[0]))
 
 
 def _log_sum(log_weights: Matrix) -> Matrix:

@@ -30,10 +30,8 @@ from .trend_figure import trend_pictures
 ARM_SCHEMA = "zerobeam/history-arm/1"
 FLEET_SCHEMA = "zerobeam/history-fleet/1"
 ARM_PAGE, FLEET_PAGE = "arm.html", "fleet.html"
-_ARM_JSON, _ARM_TABLE, _FLEET_JSON, _FLEET_TABLE, _ARMS = (
-    *("arm.json", "offsets.csv"),
-    *("fleet.json", "fleet.csv", "arms"),
-)
+_ARM_JSON, _ARM_TABLE = "arm.json", "offsets.csv"
+_FLEET_JSON, _FLEET_TABLE, _ARMS = "fleet.json", "fleet.csv", "arms"
 _ARM = Kind(
     "page of an arm",
     frozenset({ARM_PAGE, "arm.pdf", _ARM_JSON, _ARM_TABLE, "figures"}),
