@@ -160,7 +160,7 @@ def _due(found: Drift, last: StoredResult, tolerance_mm: float) -> tuple[datetim
     if years is None:
         return None, NOT_SOON
     if years == 0:
-        return last.measured_at, "the uncertainty at the last result is beyond the tolerance already"
+        return last.measured_at, "the uncertainty at the last result exceeds the tolerance already"
     try:
         return last.measured_at + years * YEAR, ""
     except OverflowError:  # behind the last day of the calendar
