@@ -7,6 +7,7 @@ the arm to places that nobody has meant.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -47,6 +48,9 @@ class Language:
     head: Callable[[str], tuple[int, str]]
     pose: Callable[[Sequence[float]], Matrix]
     form: str  # of a pose on the command line
+    literals: Callable[[str], list[tuple[int, int]]] | None = (
+        None  # places of all literals of poses and joints
+    )
 
 
 LANGUAGES: Mapping[str, Language] = {
@@ -74,6 +78,7 @@ class Choices:
     leave: Sequence[str] = ()
     near: str | None = None
     j3: J3 | None = None
+    calls: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -137,8 +142,11 @@ def filtered(
         -1 if language.vendor == "kuka" else 1,
     )
     done = corrected(parsed, arms, stated.near)
+    _claim_all(language, source, parsed)
     if parsed.problems:
         raise _not_understood(parsed, parts, paths)
+    if language.literals is not None:
+        stated.check_names()
     if not parsed.targets:
         raise BadInput(
             "the program has no targets to correct", file=path, allowed="joint and Cartesian targets"
@@ -189,7 +197,26 @@ def _stated(language: Language, robot: Robot, choices: Choices) -> Stated:
         frozenset(_bare(name) if upper else _bare(name).lower() for name in choices.leave),
         near,
         choices.j3,
+        frozenset(name if upper else name.lower() for name in choices.calls),
     )
+
+
+def _claim_all(language: Language, source: Source, parsed: Parsed) -> None:
+    """A problem of each literal with the shape of a pose or of joints that no statement has said the
+    meaning of.
+
+    The literals are found a second time, without the grammar: what is corrected, left and defined must be
+    all of them.
+    """
+    if language.literals is None:
+        return
+    claimed = {(place.start, place.end) for place in parsed.literals}
+    lines = {line for line, _ in parsed.problems}
+    for span in sorted(claimed ^ set(language.literals(source.text))):
+        line = source.line(span[0])
+        if line not in lines:
+            literal = " ".join(source.text[slice(*span)].split())[:60]
+            parsed.problems.append((line, f"{literal}: it is not said what this position is (--leave?)"))
 
 
 def _bare(name: str) -> str:
@@ -226,9 +253,12 @@ def _not_understood(parsed: Parsed, texts: Sequence[str], paths: Sequence[Path])
 
 def _summary(calibration: Calibration, parsed: Parsed, done: Corrected, choices: Choices) -> list[str]:
     gone = [offset.name for offset in calibration.offsets if not offset.exported]
+    uses = Counter(place.use for place in parsed.literals)
     said = [
+        f"positions in the program: {uses.total()}; corrected: {uses['target']};"
+        f" left as they are: {uses['left']}; poses of tools and frames: {uses['frame']}",
         f"joint targets: {done.joint_targets}, moved by up to {done.most_joint:.3f} deg; Cartesian targets:"
-        f" {done.poses}, moved by up to {done.most_mm:.3f} mm"
+        f" {done.poses}, moved by up to {done.most_mm:.3f} mm",
     ]
     if gone:
         said.append(f"not corrected, as 0: {', '.join(gone)}")

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import re
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from ....model.arms.branches import Branch
 from ....model.arms.joint_three import J3
+from ....model.errors import BadInput
+from ....model.files.reading import did_you_mean
 from ....model.robot import Matrix, Robot
 from ..programs.steps import decimal
 
@@ -60,24 +63,39 @@ Target = JointTarget | PoseTarget
 
 
 class Motion(NamedTuple):
-    """To the target `name`, None for one that is left as it is; `linear` if the arm keeps its branch on the
-    way, `first` if it is not known where it comes from."""
+    """To the target `name`, None for one that is left as it is.
+
+    `linear`: the arm keeps its branch on the way. `first`: straight-line code does not lead here from the
+    motion above (a label, a branch of an if, a call, the begin of a routine stands between). `unchecked`:
+    the controller ignores the stated configuration of the target, and keeps the branch that the arm is in.
+    """
 
     name: str | None
     line: int
     linear: bool
     first: bool
+    unchecked: bool = False
+
+
+class Place(NamedTuple):
+    """A literal of the program, with the shape of a pose or of joints: from `start` to `end`, and what it
+    is."""
+
+    start: int
+    end: int
+    use: Literal["target", "frame", "left"]
 
 
 @dataclass
 class Parsed:
     """A program: `targets` by name, motions in the text's order, `problems` (line, sentence) that forbid to
-    write it, and sentences about what it `left` as it was or took for granted."""
+    write it, sentences about what it `left` as it was or took for granted, and the places of its literals."""
 
     targets: dict[str, Target] = field(default_factory=dict)
     motions: list[Motion] = field(default_factory=list)
     problems: list[tuple[int, str]] = field(default_factory=list)
     left: list[str] = field(default_factory=list)
+    literals: list[Place] = field(default_factory=list)
 
     def changed(self, line: int, name: str) -> None:
         """A target's name where it is neither declared nor the target of a motion."""
@@ -92,15 +110,83 @@ class Parsed:
 
 @dataclass(frozen=True)
 class Stated:
-    """What a person states of a program: poses (4, 4) of tools and frames by name ("" for any), names to
-    `leave`, joints (n,) degrees `near` which poses without a configuration are, and from where a FANUC counts
-    joint 3."""
+    """What a person states of a program: poses (4, 4) of tools and frames by name ("" for the one that the
+    program leaves open), names to `leave`, routines of other files that move no arm and change no frame
+    (`calls`), joints (n,) degrees `near` which poses without a configuration are, and from where a FANUC
+    counts joint 3.
+
+    A language looks names up here alone, so that `check_names` has seen all that the program has. Names are
+    in small letters where the language ignores case.
+    """
 
     tools: Mapping[str, Matrix] = field(default_factory=dict)
     frames: Mapping[str, Matrix] = field(default_factory=dict)
     leave: frozenset[str] = frozenset()
     near: Matrix | None = None
     j3: J3 | None = None
+    calls: frozenset[str] = frozenset()
+    _in_program: dict[str, dict[str, str]] = field(default_factory=lambda: defaultdict(dict))
+
+    def tool(self, name: str, declared: Matrix | None = None) -> Matrix | None:
+        """The pose (4, 4) of a tool of the program, which may declare it itself; None where nothing says
+        it."""
+        return self._pose("--tool", self.tools, name, declared)
+
+    def frame(self, name: str, declared: Matrix | None = None) -> Matrix | None:
+        """The same of a work object, base or user frame."""
+        return self._pose("--frame", self.frames, name, declared)
+
+    def leaves(self, name: str, written: str = "") -> bool:
+        """Whether a target of the program (as `written` there) is to be left as it is."""
+        self._in_program["--leave"][name] = written or name
+        return name in self.leave
+
+    def harmless(self, routine: str, written: str = "") -> bool:
+        """Whether a routine of another file is stated to move no arm and to change no frame, tool or
+        target."""
+        self._in_program["--call"][routine] = written or routine
+        return routine in self.calls
+
+    def _pose(
+        self, option: str, stated: Mapping[str, Matrix], name: str, declared: Matrix | None
+    ) -> Matrix | None:
+        self._in_program[option][name] = name
+        pose = stated.get(name)
+        if pose is not None and declared is not None and not np.allclose(pose, declared):
+            raise BadInput(
+                f"{option} {name} has another value in the program",
+                remedy=f"leave {option} {name} out, or correct the value in the program",
+            )
+        if declared is not None or pose is not None:
+            return declared if pose is None else pose
+        if "" in stated:
+            self._in_program[f"{option} without a name"][name] = name
+        return stated.get("")
+
+    def check_names(self) -> None:
+        """BadInput for a name in an option that the program does not have, or that may be either of two."""
+        for option, names in (
+            ("--tool", self.tools),
+            ("--frame", self.frames),
+            ("--leave", self.leave),
+            ("--call", self.calls),
+        ):
+            here = self._in_program[option]
+            for name in sorted(names):
+                if name and name not in here:
+                    raise BadInput(
+                        f"{option} names what the program does not have",
+                        found=name,
+                        allowed=", ".join(sorted(filter(None, here.values()))) or "nothing in this program",
+                        remedy=did_you_mean(name, here),
+                    )
+            open_names = self._in_program[f"{option} without a name"]
+            if "" in names and len(open_names) != 1:
+                raise BadInput(
+                    f"{option} without a name is for the one that the program leaves open",
+                    found=", ".join(sorted(open_names)) or "none",
+                    remedy=f"state {option} NAME=POSE for each" if open_names else f"leave {option} out",
+                )
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from .parts import Edit, JointTarget, Motion, Parsed, PoseTarget, Target
 
 _FAR = 5.0  # deg (mm) from the nominal joints less the offsets: such a solution is another posture
 _CLEAR = 1.2  # a nearest solution is taken if the next one is so many times as far
+_SAME_POSTURE = 0.01  # deg
 _ON_THE_WAY = 24  # poses of a linear motion that are followed
 
 
@@ -100,6 +101,7 @@ def corrected(parsed: Parsed, arms: Arms, near: Matrix | None) -> Corrected:
         work.go(motion)
     for target in parsed.targets.values():
         work.solved(target)
+    work.require_one_branch()
     return Corrected(
         work.edits,
         sum(isinstance(target, JointTarget) for target in parsed.targets.values()),
@@ -107,7 +109,7 @@ def corrected(parsed: Parsed, arms: Arms, near: Matrix | None) -> Corrected:
         work.most_joint,
         work.most_mm,
         work.changed,
-        work.nearest,
+        list(dict.fromkeys(work.nearest)),
     )
 
 
@@ -121,8 +123,10 @@ class _Work:
         self._joints: dict[str, Matrix | None] = {}
         self._last: Matrix | None = None
         self._linear = False
+        self._any_branch: list[tuple[Motion, Branch]] = []  # motions that keep the branch of an unknown start
 
     def go(self, motion: Motion) -> None:
+        """Solve the target of a motion, from where the arm is before it."""
         if motion.first:
             self._last = None
         if motion.name is None:
@@ -130,11 +134,13 @@ class _Work:
             return
         target = self.parsed.targets[motion.name]
         before, self._linear = self._last, motion.linear
-        self._last = self.solved(target)
+        self._last = self._reached(target, motion)
         self._linear = False
-        if not motion.linear or before is None or self._last is None or self.arms.branches is None:
+        if self._last is None or self.arms.branches is None:
             return
-        if self.arms.branch(before) != self.arms.branch(self._last):
+        if motion.unchecked and before is None and isinstance(target, PoseTarget):
+            self._any_branch.append((motion, self._branch(self._last)))
+        if motion.linear and before is not None and self.arms.branch(before) != self.arms.branch(self._last):
             self.parsed.problems.append(
                 (
                     motion.line,
@@ -142,6 +148,21 @@ class _Work:
                     " cannot: its stated configuration is not the one that the arm has there",
                 )
             )
+
+    def require_one_branch(self) -> None:
+        """A linear motion of which the controller ignores the configuration, and which does not follow
+        another in straight-line code, keeps the branch of whatever was before: known where all targets have
+        one."""
+        for motion, branch in self._any_branch:
+            others = [joints for joints in self._joints.values() if joints is not None]
+            if any(self.arms.branch(joints) != branch for joints in others):
+                self.parsed.problems.append(
+                    (
+                        motion.line,
+                        f"the configuration of the linear motion to {motion.name} is that of the motion"
+                        " before, which is not known here, and the targets of the program have several",
+                    )
+                )
 
     def solved(self, target: Target) -> Matrix | None:
         """The joints of the target as the program means it, degrees; None where they are not known."""
@@ -152,6 +173,25 @@ class _Work:
                 self._joints[target.name] = None
                 self.parsed.problems.append((target.line, f"{target.name}: {error}"))
         return self._joints[target.name]
+
+    def _reached(self, target: Target, motion: Motion) -> Matrix | None:
+        """The joints at the end of a motion, degrees. A pose without configuration may have others at each
+        use, and then has no correction."""
+        first_use = target.name not in self._joints
+        joints = self.solved(target)
+        if first_use or joints is None or not isinstance(target, PoseTarget) or target.matches is not None:
+            return joints
+        try:
+            again = self._chosen(target, target.frame @ target.pose @ np.linalg.inv(target.tool))
+        except _Unsolved as error:
+            self.parsed.problems.append((motion.line, f"{target.name}: {error}"))
+            return None
+        apart = np.abs((again - joints + 180) % 360 - 180).max()
+        if apart > _SAME_POSTURE:
+            self.parsed.problems.append(
+                (motion.line, f"{target.name} is reached in another configuration here than before")
+            )
+        return again
 
     def _solve(self, target: Target) -> Matrix:
         arms = self.arms
