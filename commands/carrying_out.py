@@ -118,6 +118,7 @@ def run(
     ] = False,
 ) -> None:
     """Carry a plan out: bring the beam to the target from each posture, record, identify."""
+    from ..experiments.plans.constraints import require_constraints
     from ..experiments.procedure.events import ConfirmationAsked, Event, event_json
     from ..experiments.recording import Answers, RunRequest, record
     from ..experiments.rigs.manual.lines import TypedLines, WatchedLines
@@ -157,7 +158,8 @@ def run(
 
         reached: Controller | None = None
         if rig is RigName.ABB:
-            # Access, then caution, then sensors: errors are reported before a port is opened.
+            # Plan, access, caution, then sensors: errors are reported before a port is opened.
+            require_constraints(planned)
             access, caution = _access(host, port, user, password), _caution(speed, egm_port, laser, confirm)
             reached = _controller(opened, planned, access, sensors, sensor_port, caution)
         answers: Answers | None = None

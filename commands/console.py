@@ -13,7 +13,7 @@ from typing import Any, TextIO, cast
 from ..interruption import obey
 from ..reports.style.terminal import Terminal
 
-EXIT_STATUS = {"pass": 0, "weak": 1, "degenerate": 1, "misfit": 1}
+EXIT_STATUS = {"pass": 0, "weak": 1, "degenerate": 1, "misfit": 1, "violated": 1}
 FAULT = 3
 
 UNREAD = 141  # 128 + SIGPIPE, as a shell has it

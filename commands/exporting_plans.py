@@ -81,11 +81,12 @@ def export_plan(
 def _write_sheet(planned: Plan, file: Path, force: bool, read: list[Path | None]) -> None:
     """The operator's sheet of a plan."""
     from ..analysis.observability.aim import aim_plan
-    from ..analysis.observability.check import check
+    from ..experiments.plans.constraints import check_plan, require_constraints
     from ..model.files.whole_file import refuse_existing, write_whole
     from ..reports.plan.operator_sheet import operator_sheet
 
     refuse_existing(file, force=force, keep=read)
+    require_constraints(planned)
     turned = aim_plan(planned)
-    write_whole(file, operator_sheet(turned, check(planned, turned)), force=force)
+    write_whole(file, operator_sheet(turned, check_plan(planned, turned)), force=force)
     out.print(f"Written to {file}", markup=False, soft_wrap=True)

@@ -83,13 +83,13 @@ def demo(
 def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> None:
     """Predict which offsets a plan identifies, and how precisely, before any measurement."""
     from ..analysis.observability.aim import aim_plan
-    from ..analysis.observability.check import check as judge
+    from ..experiments.plans.constraints import check_plan
     from ..model.files.plan import read_plan
     from ..reports.terminal.check import print_check
 
     planned = read_plan(plan)
     turned = aim_plan(planned)
-    found = judge(planned, turned)
+    found = check_plan(planned, turned)
     if picture is not None:
         from ..reports.plan.plan_file import write_plan_page
 

@@ -33,9 +33,11 @@ class CriterionName(StrEnum):
 _FARTHEST = 1e6  # mm, as in files
 _PLAN = {"candidates": 0.6, "choice": 0.3, "check": 0.1}
 _OPTIONS = {"facing": "--facing", "acceptance_deg": "--acceptance", "beam_mm": "--beam"}
+_CONSTRAINTS = ("facing", "acceptance", "beam", "margin", "obstacles")  # options of an optimal plan
 
 
 def plan(
+    context: typer.Context,
     kind: Annotated[
         PlanKind,
         typer.Argument(
@@ -115,11 +117,14 @@ def plan(
             found=str(run) if run is not None else "not both are stated",
             remedy=f"zerobeam plan {kind.value} --header HEADER --target X,Y,Z -o PLAN",
         )
+    if kind is not PlanKind.OPTIMAL:
+        _refuse_constraints(context, kind)
     from ..experiments.plans.make import PlanRequest, make_plan
-    from ..experiments.plans.obstacles import Obstacles, read_obstacles
+    from ..experiments.plans.obstacles import read_obstacles
     from ..model.files.header import read_header
     from ..model.files.plan import read_plan
     from ..model.files.robot_file import robot_path
+    from ..model.files.stated_plan.obstacles import Obstacles
     from ..model.files.whole_file import refuse_existing
     from ..reports.terminal.answers import print_proposal
 
@@ -149,11 +154,11 @@ def plan(
             raise error.renamed(_OPTIONS) from error
     if picture is not None and made.file is not None:
         from ..analysis.observability.aim import aim_plan
-        from ..analysis.observability.check import check as judge
+        from ..experiments.plans.constraints import check_plan
         from ..reports.plan.plan_file import write_plan_page
 
         turned = aim_plan(read_plan(made.file))
-        write_plan_page(picture, turned, judge(turned.plan, turned))
+        write_plan_page(picture, turned, check_plan(turned.plan, turned))
     if as_json:
         print_json(made.as_json())
     else:
@@ -163,6 +168,17 @@ def plan(
             print_picture(picture)
     # No plan within the tolerance is an answer, as a weak verdict is.
     raise typer.Exit(1 if made.checked is None else EXIT_STATUS[made.checked.verdict])
+
+
+def _refuse_constraints(context: typer.Context, kind: PlanKind) -> None:
+    """BadInput for a constraint of optimal plans that is stated for a pattern, which is not chosen by it."""
+    for name in _CONSTRAINTS:
+        source = context.get_parameter_source(name)
+        if source is not None and source.name != "DEFAULT":
+            raise BadInput(
+                f"plan {kind.value} does not choose its postures: it takes no --{name}",
+                remedy="leave it out; the key `constraints` of the plan file has it judged",
+            )
 
 
 def verify(

@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from ..analysis.observability.aim import aim_plan
 from ..model.arms.joint_three import COUNTED_FROM_GROUND, J3, require_coupled
 from ..model.errors import BadInput, RigFault
 from ..model.files.header import Header
@@ -19,7 +20,9 @@ from ..model.files.run import read_run
 from ..model.files.shot import Shot
 from ..reports.words.findings import finding_sentence, headline
 from ..reports.words.rehearsal import SIMULATED, true_values
+from ..reports.words.verdict import violation_words
 from ..reports.words.wording import person
+from .plans.constraints import require_constraints, violations
 from .procedure.events import Begun, Ended, KnownOffset, Told
 from .procedure.order import Adaptive, Closing, InTurn, Order
 from .procedure.session import Carried, Procedure, recorded_event, told_by
@@ -80,9 +83,13 @@ class RunRequest:
 def record(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
     """Carry the plan out into the run file `file`; the answer is the last event (docs/files.md).
 
+    A plan that breaks its constraints moves no robot: it can be rehearsed, with a note.
+
     Raises BadInput before anything moves, RigFault where the rig stops: the measurements so far are in the
     file.
     """
+    if request.rig in ("abb", "manual"):
+        require_constraints(plan)
     if request.rig == "manual":
         return _led(plan, file, request, told)
     if plan.header.tool.kind == "probe":
@@ -279,6 +286,9 @@ def _answer(
         raise RigFault(f"no measurement could be recorded: {'; '.join(why_not)}")
     notes = [f"Measurement {r.shot} was refused ({r.reason}): {r.found}" for r in carried.refused]
     notes += [torn] if torn else []
+    # Of a plan that moves a robot there are none.
+    broken = violations(aim_plan(plan)) if plan.constraints.model_fields_set else ()
+    notes += [f"Posture {each.posture}: {violation_words(each)}" for each in broken]
     return Ended(
         file=file.name,
         verdict=state.verdict,

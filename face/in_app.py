@@ -111,7 +111,14 @@ def write_plan_beside(plan: Plan, folder: Path) -> str:
     file = folder / "plan.yaml"
     display = plan.robot.display
     rows = (plan.postures * display).round(_DECIMALS)
-    write_plan(file, header, rows, plan.targets, via_deg=[between * display for between in plan.via])
+    write_plan(
+        file,
+        header,
+        rows,
+        plan.targets,
+        via_deg=[between * display for between in plan.via],
+        constraints=plan.constraints,
+    )
     return file.name
 
 

@@ -10,23 +10,24 @@ from typing import Any, Literal
 
 from ..analysis.observability.aim import AimedPlan, aim_plan
 from ..analysis.observability.check import Check, CheckedParameter, CheckedTable
-from ..analysis.observability.check import check as check_aimed
+from ..experiments.plans.constraints import check_plan
 from ..experiments.plans.make import MadePlan, PlanRequest, make_plan
-from ..experiments.plans.obstacles import Obstacles, read_obstacles
+from ..experiments.plans.obstacles import read_obstacles
 from ..model.errors import BadInput
 from ..model.files.arrays import checked, plain
 from ..model.files.header import Header, read_header
 from ..model.files.plan import Plan
+from ..model.files.stated_plan.obstacles import Obstacles
 from ..reports.output.cards import card, text
-from ..reports.plan.plan_page import plan_turnable
+from ..reports.plan.plan_page import plan_turnable, verdict_on
 from ..reports.plan.plan_scene import postures_of
 from ..reports.run.geometry import check_lines
 from ..reports.run.parameters import unit_of, worth_column
-from ..reports.style.blocks import Cell, Page, Row, Table, Verdict, row_of, table_of
+from ..reports.style.blocks import Cell, Page, Row, Table, row_of, table_of
 from ..reports.words import numbers
 from ..reports.words.result_json import check_json
-from ..reports.words.verdict import VERDICT_WORDS, check_headline, check_notes
-from ..reports.words.wording import clipped, counted, label, person, sentence
+from ..reports.words.verdict import check_notes
+from ..reports.words.wording import clipped, counted, label, sentence
 from .arguments import require_choice, require_kind, require_number, vector
 from .in_app import AppView, app_of, write_plan_beside
 from .pictures import SceneView
@@ -44,7 +45,8 @@ class CheckedPlan(Check):
     Attributes
     ----------
     verdict : str
-        "pass", "weak" or "degenerate", over all offsets.
+        "pass", "weak" or "degenerate", over all offsets; "violated" where a posture breaks a constraint of
+        the plan.
     parameters : tuple
         A row for each parameter, in their order.
     offsets : CheckedTable
@@ -109,7 +111,7 @@ class CheckedPlan(Check):
         return Page(
             f"Check of {clipped(self.inputs.plan, 60)}",
             f"{counted(len(self.postures), 'posture')}, {clipped(self.inputs.robot)}",
-            Verdict(self.verdict, VERDICT_WORDS[self.verdict], sentence(check_headline(self, person))),
+            verdict_on(self),
             [*(sentence(note) for note in check_notes(self)), *check_lines(self)],
             [],
         )
@@ -202,7 +204,7 @@ def check(plan: Plan) -> CheckedPlan:
     """
     require_kind(plan, Plan, "plan", "read a file with zerobeam.read_plan(path)")
     aimed = aim_plan(plan)
-    return _with_plan(check_aimed(plan, aimed), aimed)
+    return _with_plan(check_plan(plan, aimed), aimed)
 
 
 def optimal_plan(

@@ -24,6 +24,7 @@ from .geometry import GeometryResult, geometry_result
 from .identifiability import Identifiability, identify
 from .outlook import Advice, CurvePoint, OverTarget, advice, curve, over_target, predicted_covariance
 from .verdict import cause_for
+from .violations import PlanVerdict, Violation
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -137,7 +138,8 @@ class Check:
     Attributes
     ----------
     verdict : str
-        "pass", "weak" or "degenerate", over all offsets.
+        "pass", "weak" or "degenerate", over all offsets; "violated" where a posture breaks a constraint of
+        the plan.
     parameters : tuple of CheckedParameter
         A row for each parameter: `name`, `unit`, `status`, `u` (predicted standard uncertainty, None where
         the plan cannot determine it), `data_std` (without prior), `prior_std`, `cause`.
@@ -154,6 +156,8 @@ class Check:
         What a reader must not miss.
     inputs : PlanInputs
         What the check was made from.
+    violations : tuple of Violation
+        Which posture breaks which constraint of the plan.
 
     Examples
     --------
@@ -164,7 +168,7 @@ class Check:
     True
     """
 
-    verdict: Verdict
+    verdict: PlanVerdict
     parameters: tuple[CheckedParameter, ...]
     identifiability: Identifiability
     geometry: GeometryResult
@@ -175,12 +179,14 @@ class Check:
     findings: tuple[PlanFinding, ...]
     warnings: tuple[str, ...]
     inputs: PlanInputs
+    violations: tuple[Violation, ...] = ()
 
 
-def check(plan: Plan, turned: AimedPlan | None = None) -> Check:
+def check(plan: Plan, turned: AimedPlan | None = None, *, violations: tuple[Violation, ...] = ()) -> Check:
     """Judge a plan with the wrist turned onto the target, as the servo will turn it (`turned`, once it was).
 
-    Needs no compiler and no sampling: everything follows from the exact Jacobian at the nominal values
+    `violations` are what the plan breaks of its constraints (`experiments.plans.constraints.check_plan` finds
+    them). Needs no compiler and no sampling: everything follows from the exact Jacobian at the nominal values
     before any shot.
     """
     turned = aim_plan(plan) if turned is None else turned
@@ -193,8 +199,8 @@ def check(plan: Plan, turned: AimedPlan | None = None) -> Check:
         promised = curve(shots, x)
         elsewhere = over_target(problem, x, _stated_spread(plan, problem))
         parameters = problem.parameters
-        verdict = verdict_of(identified.status[parameters.block("offset")])
-        better = None if verdict == "pass" else advice(shots, x)
+        observable = verdict_of(identified.status[parameters.block("offset")])
+        better = None if observable == "pass" else advice(shots, x)
     std = parameters.unscaled(np.sqrt(np.diag(covariance)))
     share = parameters.unscaled(tolerance_share(shots, covariance)) / parameters.prior_std
     rows = []
@@ -215,7 +221,7 @@ def check(plan: Plan, turned: AimedPlan | None = None) -> Check:
             )
         )
     return Check(
-        verdict=verdict,
+        verdict="violated" if violations else observable,
         parameters=tuple(rows),
         identifiability=identified.facts,
         geometry=geometry,
@@ -229,6 +235,7 @@ def check(plan: Plan, turned: AimedPlan | None = None) -> Check:
         findings=tuple(_findings(plan, aimed)),
         warnings=plan.warnings,
         inputs=PlanInputs(plan.path.name, plan.sha256, plan.robot.name, versions()),
+        violations=violations,
     )
 
 

@@ -9,33 +9,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...analysis.observability.aim import aim, servo_joints
+from ...analysis.observability.violations import Condition
 from ...model.errors import BadInput
 from ...model.files.header import Header
+from ...model.files.stated_plan.obstacles import Obstacles
 from ...model.problem import Problem
 from ...model.robot import Matrix, Robot
-from .obstacles import Clearance, Obstacles
+from .constraints import Conditions, View
+from .obstacles import Clearance
 
 Mask = NDArray[np.bool_]
-Index = NDArray[np.int64]
 
 _BATCH = 20_000
 _MOST_DRAWN_PER_CANDIDATE = 60
 _LEAST_DRAWN = 60_000
 
 
-@dataclass(frozen=True)
-class View:
-    """What a measurement must satisfy. Lengths mm, angles rad.
-
-    `facing` is the outward normal of the PSD's face in the base frame (None: any side); `acceptance` the
-    largest angle between beam and normal; `beam` the shortest and longest beam; `margin` is kept to every
-    joint limit (rad; for prismatic joints as a share of a metre).
-    """
-
-    facing: tuple[float, float, float] | None = (0.0, 0.0, 1.0)
-    acceptance: float = float(np.radians(60.0))
-    beam: tuple[float, float] = (200.0, 2000.0)
-    margin: float = float(np.radians(5.0))
+# What is counted of the postures that break a condition.
+_REASONS: dict[Condition, str] = {
+    "limits": "come too near to a joint limit",
+    "behind": "have the target behind the laser",
+    "beam_mm": "have too short or too long a beam",
+    "facing": "meet the target's face from behind or at too flat an angle",
+    "itself": "make the arm hit itself",
+    "cell": "make the arm hit the floor or a box",
+    "beam": "have a box in the beam's way",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +73,7 @@ def candidates(
     """
     view = view or View()
     _check(view, count)
-    lower, upper = _limits(robot, view)
+    lower, upper = view.limits(robot)
     lowest, highest = _one_turn(robot, lower, upper)
     rng = np.random.default_rng(seed)
     problem = Problem.build(header, robot, np.zeros((_BATCH, robot.n)), [name] * _BATCH)
@@ -89,7 +88,7 @@ def candidates(
         joints = rng.uniform(lowest, highest, size=(_BATCH, robot.n))
         drawn += _BATCH
         aimed = aim(problem.moved(joints), x, servo_joints(problem))
-        left = _fit(aimed.problem, x, aimed.hit, lower, upper, view, clearance, removed)
+        left = _fit(Conditions(aimed.problem, x, view, clearance), aimed.hit, removed)
         kept.append(left)
         found += len(left)
         if progress is not None:
@@ -101,62 +100,27 @@ def candidates(
     return CandidatePostures(np.concatenate(kept)[:count], drawn, removed)
 
 
-def _fit(
-    problem: Problem,
-    x: Matrix,
-    hit: Mask,
-    lower: Matrix,
-    upper: Matrix,
-    view: View,
-    clearance: Clearance | None,
-    removed: dict[str, int],
-) -> Matrix:
+def _fit(conditions: Conditions, hit: Mask, removed: dict[str, int]) -> Matrix:
     """The joints of the measurements that satisfy everything; `removed` counts the others by their first
     fault."""
-    origin, direction = problem.beams(x)
-    targets = problem.split(x).targets
-    left = np.ones(problem.shots, dtype=bool)
+    left = hit.copy()
 
-    def keep(mask: Mask, reason: str) -> None:
-        removed[reason] = removed.get(reason, 0) + int((left & ~mask).sum())
-        left[:] &= mask
+    def remove(count: int, reason: str) -> None:
+        removed[reason] = removed.get(reason, 0) + count
 
-    keep(hit, "cannot be turned onto the target (out of reach or out of sight)")
-    joints = problem.joints
-    keep(np.all((joints >= lower) & (joints <= upper), axis=1), "come too near to a joint limit")
-    if problem.tool.kind == "laser":
-        to_target = targets[0] - origin
-        length = (to_target * direction).sum(axis=1)
-        keep(length > 0, "have the target behind the laser")
-        keep((length >= view.beam[0]) & (length <= view.beam[1]), "have too short or too long a beam")
-        if view.facing is not None:
-            normal = np.array(view.facing) / np.linalg.norm(view.facing)
-            steep: Mask = np.asarray(-(direction @ normal) >= np.cos(view.acceptance))
-            keep(steep, "meet the target's face from behind or at too flat an angle")
-    if clearance is not None:
-
-        def keep_clear(hits: Callable[[Index], Mask], reason: str) -> None:
-            # Judged only where all else is well: distances of links take the most time.
-            rows = np.flatnonzero(left)
-            mask = np.ones(len(left), dtype=bool)
-            if len(rows):
-                mask[rows] = ~hits(rows)
-            keep(mask, reason)
-
-        arm = clearance
-        keep_clear(lambda rows: arm.hits_itself(joints[rows]), "make the arm hit itself")
-        keep_clear(lambda rows: arm.hits_cell(joints[rows]), "make the arm hit the floor or a box")
-        if problem.tool.kind == "laser":
-            keep_clear(
-                lambda rows: arm.beam_blocked(origin[rows], targets[0]), "have a box in the beam's way"
-            )
-    return joints[left]
+    remove(int((~hit).sum()), "cannot be turned onto the target (out of reach or out of sight)")
+    for condition, breaks in conditions.in_order():
+        rows = np.flatnonzero(left)
+        broken = rows[breaks(rows)] if len(rows) else rows
+        remove(len(broken), _REASONS[condition])
+        left[broken] = False
+    return conditions.joints[left]
 
 
 def _check(view: View, count: int) -> None:
     if count < 1:
         raise BadInput("no candidates are asked for", found=count, allowed="1 or more")
-    shortest, longest = view.beam
+    shortest, longest = view.beam or (0.0, np.inf)
     if not 0 <= shortest < longest:
         raise BadInput(
             "no beam is within the stated lengths",
@@ -171,23 +135,6 @@ def _check(view: View, count: int) -> None:
             found=f"{np.degrees(view.acceptance):g} deg",
             allowed="above 0 and up to 90 deg",
         )
-
-
-def _limits(robot: Robot, view: View) -> tuple[Matrix, Matrix]:
-    """(n,) lower and upper limits with the margin kept."""
-    if not view.margin >= 0:
-        raise BadInput("the margin to the joint limits is negative", found=f"{view.margin:g} rad")
-    margin = np.array([view.margin * (1.0 if j.kind == "revolute" else 1000.0) for j in robot.joints])
-    lower, upper = robot.lower + margin, robot.upper - margin
-    for number, (joint, low, high) in enumerate(zip(robot.joints, lower, upper, strict=True), start=1):
-        if low >= high:
-            raise BadInput(
-                f"the margin leaves nothing of the range of joint {number} ({joint.name})",
-                found=f"{joint.lower * joint.display:.1f} to {joint.upper * joint.display:.1f} {joint.unit},"
-                f" a margin of {margin[number - 1] * joint.display:.1f} {joint.unit}",
-                allowed="a margin below half of every joint's range",
-            )
-    return lower, upper
 
 
 def _one_turn(robot: Robot, lower: Matrix, upper: Matrix) -> tuple[Matrix, Matrix]:

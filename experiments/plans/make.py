@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,16 +10,19 @@ from typing import Any, Literal
 import numpy as np
 
 from ...analysis.design.continuous_design import Criterion
-from ...analysis.observability.check import Check, check
+from ...analysis.observability.check import Check
 from ...model.errors import BadInput
+from ...model.files.arrays import checked
 from ...model.files.header import DEFAULT_TARGETS, Header, StatedTarget
 from ...model.files.plan import Plan, read_plan, write_plan
 from ...model.files.robot_file import load_robot, rebased
+from ...model.files.stated_plan.constraints import UNCONSTRAINED, StatedConstraints
+from ...model.files.stated_plan.obstacles import Obstacles
 from ...model.files.whole_file import refuse_existing
 from ...reports.words import numbers
 from ...reports.words.result_json import check_json
-from .candidates import View, candidates
-from .obstacles import Obstacles
+from .candidates import candidates
+from .constraints import View, check_plan
 from .optimal import Fewest, Planner, Proposal
 from .patterns import pattern
 
@@ -32,7 +34,10 @@ _DECIMALS = 6  # of degrees and millimetres in the file: finer than any controll
 
 @dataclass(frozen=True)
 class PlanRequest:
-    """What is asked of a plan: degrees and millimetres, as people state them."""
+    """What is asked of a plan: degrees and millimetres, as people state them.
+
+    From `facing` on the constraints of an optimal plan, which are kept in it; a pattern has none.
+    """
 
     kind: Literal["x", "y", "optimal"]
     header: Header
@@ -136,7 +141,7 @@ def make_plan(request: PlanRequest, file: Path | None, tell: Progress, *, force:
             robot,
             target,
             request.candidates,
-            view=_view(request),
+            view=View.stated(_constraints(request)),
             obstacles=request.obstacles,
             seed=request.seed,
             name=name,
@@ -164,13 +169,14 @@ def make_plan(request: PlanRequest, file: Path | None, tell: Progress, *, force:
     else:
         postures = pattern(header, robot, target, request.kind, request.shots, name=name)
     rows, targets = np.round(postures * robot.display, _DECIMALS), [name] * len(postures)
+    kept = _constraints(request) if request.kind == "optimal" else UNCONSTRAINED
     if file is None:
-        plan = Plan.of_postures(header, robot, rows, targets, request.kind)
+        plan = Plan.of_postures(header, robot, rows, targets, request.kind, kept)
     else:
-        write_plan(file, header, rows, targets, force=force)
+        write_plan(file, header, rows, targets, constraints=kept, force=force)
         plan = read_plan(file)
     tell("check", 0.0)
-    return MadePlan(request.kind, plan, file, check(plan), proposal, fewest, removed)
+    return MadePlan(request.kind, plan, file, check_plan(plan), proposal, fewest, removed)
 
 
 def _target_name(header: Header) -> str:
@@ -194,7 +200,8 @@ def _with_target(request: PlanRequest, folder: Path) -> Header:
     return request.header.model_copy(update={"targets": stated, "robot": robot_ref})
 
 
-def _view(request: PlanRequest) -> View:
+def _constraints(request: PlanRequest) -> StatedConstraints:
+    """What the plan's measurements are chosen by, as its file states it; a probe has no beam."""
     if request.facing is not None and not any(request.facing):
         raise BadInput(
             "this direction has no length",
@@ -216,9 +223,9 @@ def _view(request: PlanRequest) -> View:
             allowed="0 <= shortest < longest",
             argument="beam_mm",
         )
-    return View(
-        facing=None if request.facing is None else (request.facing[0], request.facing[1], request.facing[2]),
-        acceptance=math.radians(request.acceptance_deg),
-        beam=(request.beam_mm[0], request.beam_mm[1]),
-        margin=math.radians(request.margin_deg),
-    )
+    stated: dict[str, Any] = {"margin_deg": request.margin_deg, "obstacles": request.obstacles}
+    if request.header.tool.kind == "laser":
+        if request.facing is not None:
+            stated = {"facing": request.facing, "acceptance_deg": request.acceptance_deg, **stated}
+        stated["beam_mm"] = request.beam_mm
+    return checked(StatedConstraints, stated)

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
 from ruamel.yaml import YAML
 
-from ...analysis.observability.aim import AimedPlan
-from ...model.files.validation import FileModel, Name, Point, Positive, read_model, refusal
+from ...model.files.stated_plan.obstacles import Box, Obstacles
+from ...model.files.validation import read_model
 from ...model.files.whole_file import refuse_existing, write_whole
 from ...model.problem import Problem
 from ...model.robot import Matrix
@@ -20,38 +19,6 @@ Mask = NDArray[np.bool_]
 
 _SAME_POINT = 1e-6
 _DEFAULT_THICKNESS = 0.05  # of the stretched arm
-
-
-class Box(FileModel):
-    """A box along the axes of the base frame."""
-
-    name: Name = Field(description="name of the obstacle")
-    min_mm: Point = Field(description="its lowest corner, base frame, millimetres")
-    max_mm: Point = Field(description="its highest corner, base frame, millimetres")
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Box:
-        if any(low >= high for low, high in zip(self.min_mm, self.max_mm, strict=True)):
-            raise refusal(
-                f"the box {self.name!r} is empty",
-                key=("max_mm",),
-                found=f"min_mm {list(self.min_mm)}, max_mm {list(self.max_mm)}",
-                allowed="each of max_mm above that of min_mm",
-            )
-        return self
-
-
-class Obstacles(FileModel):
-    """The content of an obstacles file: boxes and floor in the cell, and the thickness of the arm."""
-
-    floor_mm: float | None = Field(
-        default=0.0, description="height of the floor, base frame, millimetres; null: none"
-    )
-    boxes: list[Box] = Field(default=[], description="boxes in the cell")
-    thickness_mm: Positive | None = Field(
-        default=None,
-        description="radius of the arm's links, millimetres; default 5 % of the stretched arm's length",
-    )
 
 
 def read_obstacles(path: Path) -> Obstacles:
@@ -67,29 +34,6 @@ def write_obstacles(path: Path, obstacles: Obstacles, *, force: bool = False) ->
     yaml.default_flow_style = None
     yaml.dump(obstacles.model_dump(mode="json"), text)
     write_whole(path, text.getvalue(), force=force)
-
-
-def touches(turned: AimedPlan, obstacles: Obstacles) -> list[tuple[str, ...]]:
-    """For each posture of a plan, turned onto its target, what `plan` would not choose it for: "itself",
-    "cell" (the arm touches the floor or a box), "beam" (a box is in its way)."""
-    problem, aimed = turned.aimed.problem, turned.aimed
-    clearance = Clearance(problem, obstacles)
-    joints = problem.joints
-    found = {"itself": clearance.hits_itself(joints), "cell": clearance.hits_cell(joints)}
-    if problem.tool.kind == "laser":
-        origin, _ = problem.beams(turned.x)
-        blocked = np.zeros(problem.shots, dtype=bool)
-        for k, target in enumerate(problem.split(turned.x).targets):
-            own = np.flatnonzero((problem.target_index == k) & aimed.hit)
-            blocked[own] = clearance.beam_blocked(origin[own], target)
-        found["beam"] = blocked
-    return [tuple(what for what, hits in found.items() if hits[i]) for i in range(problem.shots)]
-
-
-def touched_boxes(turned: AimedPlan, obstacles: Obstacles) -> list[bool]:
-    """Of each box, whether in any posture of the plan the arm touches it or it is in the beam's way."""
-    alone = [obstacles.model_copy(update={"floor_mm": None, "boxes": [box]}) for box in obstacles.boxes]
-    return [any({"cell", "beam"} & set(own) for own in touches(turned, one)) for one in alone]
 
 
 class Clearance:

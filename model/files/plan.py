@@ -7,56 +7,34 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BeforeValidator, Discriminator, Field, Tag
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from ..errors import BadInput
 from ..robot import Matrix, Robot
-from .arrays import Laser, Noise, Probe, RobotArgument, joint_positions, stated_header, target_of_each
+from .arrays import (
+    Laser,
+    Noise,
+    Probe,
+    RobotArgument,
+    checked,
+    joint_positions,
+    plain,
+    stated_header,
+    target_of_each,
+)
 from .header import PLAN_SCHEMA, Header, check_header, header_content
 from .limits import check_limits, require_joint_count
 from .reading import Document, read_yaml, require_schema
 from .robot_file import load_robot
-from .shot import JointValues, check_distances, unknown_targets
-from .validation import FileModel, TargetName, as_tuple, validate
+from .shot import check_distances, unknown_targets
+from .stated_plan.constraints import UNCONSTRAINED, StatedConstraints
+from .stated_plan.plan_file import PlanFile, StatedPosture
+from .validation import validate
 from .whole_file import flow, refuse_existing, short_in_one_line, write_whole, yaml_text
-
-
-class StatedPosture(FileModel):
-    """One posture with the target that it is meant for."""
-
-    joints_deg: JointValues = Field(
-        description="joint positions, joint 1 first, degrees (millimetres for a prismatic joint)"
-    )
-    target: TargetName = Field(description="name of the target to hit")
-    via_deg: Annotated[tuple[JointValues, ...], BeforeValidator(as_tuple)] = Field(
-        default=(),
-        description="safe intermediate postures on the way from the posture before, in order, degrees",
-    )
-
-
-def _posture_tag(value: object) -> str:
-    return "<row>" if isinstance(value, dict | StatedPosture) else "<list>"
-
-
-Posture = Annotated[
-    Annotated[JointValues, Tag("<list>")] | Annotated[StatedPosture, Tag("<row>")],
-    Discriminator(_posture_tag),
-]
-
-
-class PlanFile(Header):
-    """The content of a plan file: the header's keys and the postures."""
-
-    schema_: Literal["zerobeam/plan/1"] = Field(alias="schema", description="kind and version of the file")
-    postures_deg: Annotated[tuple[Posture, ...], BeforeValidator(as_tuple), Field(min_length=1)] = Field(
-        description="one row a measurement: its joints, degrees (millimetres for a prismatic joint), "
-        "or {joints_deg, target, via_deg}"
-    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -83,6 +61,8 @@ class Plan:
         Sentences that a reader must see, such as joints outside their limits.
     via : tuple of ndarray
         (N,) the intermediate postures on the way to each, (k, n) rad or mm; empty without any.
+    constraints : StatedConstraints
+        What every measurement must keep, in degrees and mm: `check` judges it.
 
     Examples
     --------
@@ -106,6 +86,7 @@ class Plan:
     sha256: str
     warnings: tuple[str, ...]
     via: tuple[Matrix, ...] = ()
+    constraints: StatedConstraints = UNCONSTRAINED
 
     @classmethod
     def from_arrays(
@@ -118,6 +99,7 @@ class Plan:
         unit: Literal["deg", "rad"] = "deg",
         targets: str | Sequence[str] | None = None,
         target_priors: Mapping[str, Mapping[str, Any]] | None = None,
+        constraints: Mapping[str, Any] | None = None,
         name: str = "arrays",
         **header: Any,
     ) -> Self:
@@ -141,6 +123,8 @@ class Plan:
         target_priors
             What is known of targets beforehand, {name: {"guess_mm": [x, y, z], "sigma_mm": std}}: the key
             `targets` of a file.
+        constraints
+            What every measurement must keep, with the keys of `constraints` in a plan file.
         name
             What reports call the plan.
         **header
@@ -167,13 +151,21 @@ class Plan:
         except BadInput as error:
             raise error.of_argument("targets") from None
         try:
-            return cls.of_postures(stated, arm, positions, names, name)
+            return cls.of_postures(
+                stated, arm, positions, names, name, checked(StatedConstraints, plain(constraints or {}))
+            )
         except BadInput as error:
             raise error.of_argument("postures") from None
 
     @classmethod
     def of_postures(
-        cls, header: Header, robot: Robot, postures_deg: Matrix, targets: Sequence[str], name: str
+        cls,
+        header: Header,
+        robot: Robot,
+        postures_deg: Matrix,
+        targets: Sequence[str],
+        name: str,
+        constraints: StatedConstraints = UNCONSTRAINED,
     ) -> Self:
         """A plan that is in no file, `postures_deg` (N, n) degrees or mm; BadInput where it is unsound."""
         if not len(postures_deg):
@@ -181,10 +173,20 @@ class Plan:
         nowhere = (None,) * len(postures_deg)
         warnings = _check_postures(header, robot, postures_deg.tolist(), targets, nowhere, None)
         check_distances(header, tuple(dict.fromkeys(targets)), file=None, line=None)
-        text = _plan_text(header, postures_deg.tolist(), targets)
+        text = _plan_text(header, postures_deg.tolist(), targets, constraints=constraints)
         sha256 = hashlib.sha256(text.encode("utf-8")).hexdigest()
         postures = postures_deg / robot.display
-        return cls(header, robot, postures, tuple(targets), nowhere, Path(name), sha256, warnings)
+        return cls(
+            header,
+            robot,
+            postures,
+            tuple(targets),
+            nowhere,
+            Path(name),
+            sha256,
+            warnings,
+            constraints=constraints,
+        )
 
     def __repr__(self) -> str:
         targets = ", ".join(self.target_names)
@@ -239,7 +241,7 @@ def plan_of(document: Document) -> Plan:
     require_schema(document.data, PLAN_SCHEMA, file=file, line=document.line(("schema",)))
     content = validate(PlanFile, document.data, file=file, line=document.line)
     header = Header.model_construct(
-        _fields_set=content.model_fields_set - {"postures_deg"},
+        _fields_set=content.model_fields_set & set(Header.model_fields),
         **{name: getattr(content, name) for name in Header.model_fields},
     )
     robot = load_robot(header.robot, file.parent, file=file, line=document.line(("robot",)))
@@ -261,7 +263,18 @@ def plan_of(document: Document) -> Plan:
     check_distances(header, tuple(dict.fromkeys(targets)), file=file, line=document.line(("distances",)))
     postures = np.array(rows) / robot.display
     passing = tuple(via) if any(len(between) for between in via) else ()
-    return Plan(header, robot, postures, tuple(targets), lines, file, document.sha256, warnings, passing)
+    return Plan(
+        header,
+        robot,
+        postures,
+        tuple(targets),
+        lines,
+        file,
+        document.sha256,
+        warnings,
+        passing,
+        content.constraints,
+    )
 
 
 def _checked_via(
@@ -328,10 +341,11 @@ def write_plan(
     targets: Sequence[str],
     *,
     via_deg: Sequence[Matrix] = (),
+    constraints: StatedConstraints = UNCONSTRAINED,
     force: bool = False,
 ) -> None:
     """Write a plan: `postures_deg` (N, n) degrees or mm, `targets` the target of each, `via_deg` the (k, n)
-    intermediate postures on the way to each, if there are any.
+    intermediate postures on the way to each, if there are any, `constraints` what each must keep.
 
     Written to another name, then renamed; BadInput if the path exists (unless `force`) or if the plan could
     not be read again. Paths in the header are taken relative to `path`.
@@ -347,14 +361,21 @@ def write_plan(
     check_header(header, robot, file=None, line=lambda _: None)
     _check_postures(header, robot, rows, targets, [0] * len(rows), None)
     check_distances(header, tuple(dict.fromkeys(targets)), file=None, line=None)
-    write_whole(path, _plan_text(header, rows, targets, via_deg), force=force)
+    write_whole(path, _plan_text(header, rows, targets, via_deg, constraints), force=force)
 
 
 def _plan_text(
-    header: Header, rows: Sequence[Sequence[float]], targets: Sequence[str], via: Sequence[Matrix] = ()
+    header: Header,
+    rows: Sequence[Sequence[float]],
+    targets: Sequence[str],
+    via: Sequence[Matrix] = (),
+    constraints: StatedConstraints = UNCONSTRAINED,
 ) -> str:
     """The text of a plan file: `rows` (N, n) degrees or mm."""
-    content = CommentedMap(short_in_one_line(header_content(header, PLAN_SCHEMA)))
+    stated = header_content(header, PLAN_SCHEMA)
+    if constraints.model_fields_set:
+        stated["constraints"] = constraints.model_dump(mode="json", exclude_unset=True)
+    content = CommentedMap(short_in_one_line(stated))
     plain = len(header.targets) < 2 and set(targets) == {header.only_target} and not via
     content["postures_deg"] = CommentedSeq(
         flow(row) if plain else flow({"joints_deg": flow(row), "target": target})

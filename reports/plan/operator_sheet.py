@@ -20,15 +20,14 @@ from ..style.blocks import (
     Row,
     Section,
     Table,
-    Verdict,
     row_of,
     section_of,
     table_of,
 )
 from ..style.canvas import Picture
 from ..words import numbers
-from ..words.verdict import VERDICT_WORDS, check_headline
-from ..words.wording import clipped, counted, listed, person, sentence, shown
+from ..words.wording import clipped, counted, listed, shown
+from .plan_page import verdict_on
 from .plan_scene import Postures, postures_of
 
 _FIELD = "\u2009".join(["_"] * 9)
@@ -49,7 +48,7 @@ def operator_sheet(aimed: AimedPlan, check: Check) -> bytes:
         title=f"Operator's sheet: {clipped(check.inputs.plan, 60)}",
         subtitle=f"{counted(len(plan.postures), 'posture')} of {clipped(plan.robot.name)} at {targets},"
         " in this order",
-        verdict=Verdict(check.verdict, VERDICT_WORDS[check.verdict], sentence(check_headline(check, person))),
+        verdict=verdict_on(check),
         notes=[
             "The way from posture to posture is not checked for obstacles. First time: reduced speed, a hand"
             " on the enabling switch.",

@@ -34,7 +34,7 @@ from ..style.blocks import (
 )
 from ..words import numbers
 from ..words.observability import advice_sentence, over_target_sentence, rank_facts
-from ..words.verdict import VERDICT_WORDS, check_headline, check_notes
+from ..words.verdict import VERDICT_WORDS, check_headline, check_notes, tone_of
 from ..words.wording import clipped, counted, label, listed, person, sentence, shown
 from .plan_scene import Postures, plan_scene, postures_of
 
@@ -84,6 +84,12 @@ def plan_turnable(aimed: AimedPlan, seen: Postures) -> Turnable:
 # ── what the page says ────────────────────────────────────────────────────────────────────────
 
 
+def verdict_on(check: Check) -> Verdict:
+    """The verdict on a plan, as a page has it."""
+    said = sentence(check_headline(check, person))
+    return Verdict(tone_of(check.verdict), VERDICT_WORDS[check.verdict], said)
+
+
 def _view(plan: Plan, check: Check, seen: Postures) -> PlanView:
     inputs, facts = check.inputs, check.identifiability
     targets = [clipped(name, 24) for name in plan.target_names]
@@ -96,7 +102,7 @@ def _view(plan: Plan, check: Check, seen: Postures) -> PlanView:
         title=f"Plan {clipped(inputs.plan, 60)}",
         subtitle=f"{counted(len(plan.postures), 'posture')} of {clipped(inputs.robot)} at"
         f" {counted(len(targets), 'target')}: {listed(targets)}",
-        verdict=Verdict(check.verdict, VERDICT_WORDS[check.verdict], sentence(check_headline(check, person))),
+        verdict=verdict_on(check),
         notes=[*(sentence(note) for note in check_notes(check)), *_outlook(check)],
         predicted=_predicted(check),
         legend=Legend(legend((row.status for row in others), header), reasons(others)),

@@ -25,6 +25,7 @@ VERDICT_STYLE = {
     "weak": "bold yellow",
     "degenerate": "bold magenta",
     "misfit": "bold red",
+    "violated": "bold red",
 }
 
 

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.check import Check
-from ...analysis.status import Verdict
+from ...analysis.observability.violations import PlanVerdict
 from ..run.geometry import check_lines
 from ..run.parameters import Judged, unit_of, worth_column
 from ..run.unobservable import beside_tolerances, direction_words
@@ -69,7 +69,7 @@ def print_check(console: Console, check: Check) -> None:
         )
 
 
-def print_verdict(console: Console, verdict: Verdict, said: str) -> None:
+def print_verdict(console: Console, verdict: PlanVerdict, said: str) -> None:
     """A verdict with its sentence."""
     console.print(Text(f"{VERDICT_WORDS[verdict]}. ", style=VERDICT_STYLE[verdict]) + Text(sentence(said)))
 

@@ -280,6 +280,26 @@ def test_obstacles_are_written_read_and_what_touches_them_is_said(
     assert kinds["cell.yaml"] == "obstacles"
 
 
+def test_constraints_are_judged_on_each_edit_and_kept(
+    client: TestClient, content: dict[str, Any], root: Path
+) -> None:
+    content["constraints"] = {"facing": [0, 0, 1], "acceptance_deg": 89, "beam_mm": [0, 3000]}
+    checked = client.post("/api/check", json={"plan": content, "scene": True}).json()
+    assert (checked["verdict"], checked["violations"]) == ("weak", [])
+    content["targets"]["psd"]["guess_mm"] = [900, 0, 1400]  # above the arm, where its face looks away
+    checked = client.post("/api/check", json={"plan": content, "scene": True}).json()
+    assert checked["verdict"] == "violated"
+    behind = [each["posture"] for each in checked["violations"] if each["at"] > 90]
+    assert behind
+    for i in behind:
+        assert "from behind" in " ".join(checked["scene"][i]["violations"])
+    assert client.put("/api/plan", json={"file": "held.yaml", "plan": content}).status_code == 200
+    assert client.get("/api/plan?file=held.yaml").json()["plan"]["constraints"] == content["constraints"]
+    content["constraints"] = {"beam_mm": [300, 200]}
+    refused = client.post("/api/check", json={"plan": content})
+    assert refused.json()["error"]["key"] == ["plan", "constraints", "beam_mm"]
+
+
 def test_obstacles_replace_nothing_but_obstacles(client: TestClient, root: Path) -> None:
     cell = {"floor_mm": 0.0, "boxes": [], "thickness_mm": None}
     for file in ("plan.yaml", "run.jsonl", "page.html", ".hidden.yaml", "../outside.yaml", "sub"):

@@ -81,7 +81,7 @@ def rows(tab: Tab, name: str) -> list[list[str]]:
 def test_everything_opened_leaves_nobody_out(address: str, size: str) -> None:
     with chromium().opened(f"{address}#plan/plan.yaml", SIZES[size]) as tab:
         wait(tab, f"document.querySelector('#plan-table tbody tr') && {SETTLED}")
-        for name in ("make", "adds-table", "beside-with", "obstacles-open", "program"):
+        for name in ("make", "adds-table", "beside-with", "plan-constraints", "obstacles-open", "program"):
             show(tab, name)
         give(tab, element("beside-with"), "x.yaml")
         tab.value(f"{element('obstacles-add')}.click()")
@@ -208,6 +208,39 @@ def test_obstacles_are_edited_flagged_and_saved(tab: Tab, folder: Path) -> None:
     wait(tab, f"{element('obstacles-saved')}.textContent === 'Saved as obstacles.yaml.'")
     assert read_obstacles(folder / "obstacles.yaml").boxes[0].name == HTML
     assert tab.value("document.querySelectorAll('img').length") == 0
+
+
+def test_a_constraint_is_part_of_the_plan_and_judged_on_each_edit(tab: Tab, folder: Path) -> None:
+    """The target is moved to where beams come from behind: the verdict says so; undone, no more."""
+    verdict = f"{element('plan-verdict')}.textContent"
+    give(tab, element("constraint-facing"), "0, 0, 1")
+    give(tab, element("constraint-acceptance_deg"), "89")
+    wait(tab, SETTLED)
+    assert tab.value(verdict).startswith("Weak")
+    z = "document.querySelectorAll('#plan-targets input[type=number]')[2]"
+    give(tab, z, 1400)
+    wait(tab, f"{verdict}.startsWith('Constraints violated')")
+    assert "from behind" in tab.value(f"{element('postures')}.textContent")
+    assert tab.value("document.querySelectorAll('#postures .misses').length") > 0
+    tab.value(f"{element('plan-undo')}.click()")
+    wait(tab, f"{verdict}.startsWith('Weak')")
+    give(tab, element("plan-file"), "constrained.yaml")
+    tab.value(f"{element('plan-save')}.click()")
+    wait(tab, f"{element('plan-saved')}.textContent === 'Saved as constrained.yaml.'")
+    stated = read_plan(folder / "constrained.yaml").constraints
+    assert (stated.facing, stated.acceptance_deg) == ((0, 0, 1), 89)
+    give(tab, element("constraint-facing"), "0, 0, -1")
+    wait(tab, f"{verdict}.startsWith('Constraints violated')")
+    give(tab, element("constraint-facing"), "0, 0, 0")
+    wait(tab, f"{verdict}.includes('has no length')")
+    give(tab, element("constraint-facing"), "")
+    wait(tab, f"{verdict}.startsWith('Weak')")
+    show(tab, "make")
+    for name, value in {"shots": 6, "candidates": 300, "file": "kept.yaml"}.items():
+        give(tab, element(f"make-{name}"), value)
+    tab.value(f"{element('make-go')}.click()")
+    wait(tab, f"{element('plan-file')}.value === 'kept.yaml' && {SETTLED}")
+    assert tab.value(f"{element('constraint-beam_mm')}.value") == "200, 2000"
 
 
 def test_a_plan_is_exported_and_fetched(tab: Tab, folder: Path) -> None:

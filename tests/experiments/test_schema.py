@@ -53,7 +53,7 @@ def test_the_examples_of_the_design_have_only_keys_of_the_schema():
     header = json_schema("run-header")["properties"]
     wanted = "schema robot tool noise prior targets distances held limits tolerance geometry provenance"
     assert set(header) == set(wanted.split())
-    assert set(json_schema("plan")["properties"]) == {*header, "postures_deg"}
+    assert set(json_schema("plan")["properties"]) == {*header, "constraints", "postures_deg"}
     shot = "shot target joints_deg spot_mm time_s comment"
     assert set(json_schema("run-shot")["properties"]) == set(shot.split())
 

@@ -29,7 +29,7 @@ export const named = (text) => text.replace(/\bdelta(\d+)\b/g, "J$1 (δ$1)");
 export const sentence = (text) => { const said = named(text); return said.charAt(0).toUpperCase() + said.slice(1) + (/[.?!]$/.test(said) ? "" : "."); };
 
 // Verdicts and the shapes of statuses, as in the reports.
-export const WORDS = { pass: "Pass", weak: "Weak", degenerate: "Degenerate", misfit: "Misfit" };
+export const WORDS = { pass: "Pass", weak: "Weak", degenerate: "Degenerate", misfit: "Misfit", violated: "Constraints violated" };
 export const SHAPES = { identified: "●", weak: "◆", unidentifiable: "✕", held: "■", unvalidated: "▲" };
 
 const tidy = (text) => text.replace("-", "−");

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,19 +14,21 @@ from pydantic import BeforeValidator, Field
 
 from ....analysis.observability.aim import AimedPlan, aim_plan
 from ....analysis.observability.check import Check, without_posture
-from ....analysis.observability.check import check as judge
 from ....experiments.arm_shown import shown_arm
-from ....experiments.plans.obstacles import Obstacles, read_obstacles, touched_boxes, touches, write_obstacles
+from ....experiments.plans.constraints import check_plan, touched_boxes
+from ....experiments.plans.obstacles import read_obstacles, write_obstacles
 from ....model.errors import BadInput
 from ....model.files.header import PLAN_SCHEMA
 from ....model.files.plan import Plan, plan_of, write_plan
 from ....model.files.reading import Document, Place, read_yaml, require_schema
+from ....model.files.stated_plan.obstacles import Obstacles
 from ....model.files.validation import FileModel, as_tuple
 from ....reports.plan.plan_scene import Postures, postures_of
 from ....reports.run.geometry import check_lines
 from ....reports.run.parameters import unit_of, worth_column
 from ....reports.words.observability import advice_sentence, over_target_sentence
 from ....reports.words.result_json import check_json
+from ....reports.words.verdict import violation_words
 from ..asked import NOWHERE, keyed
 from ..end_point import EndPoint
 from ..folder import Folder
@@ -46,7 +48,7 @@ class AskedCheck(FileModel):
     )
     scene: bool = Field(default=False, description="whether to say where arm, beam and target are")
     obstacles: Obstacles | None = Field(
-        default=None, description="obstacles in the cell: the scene says what touches them"
+        default=None, description="obstacles to judge the plan by, instead of those that it states"
     )
 
 
@@ -108,7 +110,15 @@ def write(folder: Folder, wanted: AskedPlan) -> dict[str, Any]:
     rows = stated.postures * stated.robot.display
     via = [between * stated.robot.display for between in stated.via]
     # What degrees lose on the way to radians and back is far below what a file states.
-    write_plan(path, stated.header, np.round(rows, 9), stated.targets, via_deg=via, force=path.exists())
+    write_plan(
+        path,
+        stated.header,
+        np.round(rows, 9),
+        stated.targets,
+        via_deg=via,
+        constraints=stated.constraints,
+        force=path.exists(),
+    )
     return {"file": folder.called(path), "notes": [*notes, *stated.warnings]}
 
 
@@ -117,15 +127,22 @@ def check(folder: Folder, wanted: AskedCheck) -> dict[str, Any]:
     command says besides."""
     with noted() as notes:
         turned = _turned(folder, wanted.plan, wanted.file)
-        found = judge(turned.plan, turned)
+        if wanted.obstacles is not None:
+            turned = _among(turned, wanted.obstacles)
+        found = check_plan(turned.plan, turned)
         answer = check_json(found)
         if wanted.scene:
             scene = _scene(turned.plan, postures_of(turned))
-            if wanted.obstacles is not None:
-                for place, touched in zip(scene, touches(turned, wanted.obstacles), strict=True):
-                    place["touches"] = list(touched)
-                answer["touched_boxes"] = touched_boxes(turned, wanted.obstacles)
-            answer |= {"scene": scene, "null_motion": _null_motion(found), "said": _said(found)}
+            for broken in found.violations:
+                scene[broken.posture]["violations"].append(violation_words(broken))
+                if broken.constraint == "obstacles" and broken.via is None and not broken.planned:
+                    scene[broken.posture]["touches"].append(broken.condition)
+            answer |= {
+                "scene": scene,
+                "touched_boxes": touched_boxes(turned),
+                "null_motion": _null_motion(found),
+                "said": _said(found),
+            }
     return answer | {"warnings": notes}
 
 
@@ -171,6 +188,12 @@ def _turned(folder: Folder, content: dict[str, Any], file: str | None) -> AimedP
     return aim_plan(_stated(folder, content, path))
 
 
+def _among(turned: AimedPlan, obstacles: Obstacles) -> AimedPlan:
+    """The same postures, judged by these obstacles."""
+    constraints = turned.plan.constraints.model_copy(update={"obstacles": obstacles})
+    return replace(turned, plan=replace(turned.plan, constraints=constraints))
+
+
 def _said(found: Check) -> dict[str, Any]:
     """What the command prints besides the table: `worth`, the head of the column beside u and what it says of
     each offset, `lines` on the geometry, `advice` on the postures, `over_target`."""
@@ -211,7 +234,8 @@ class _Placed(Document):
 
 def _scene(stated: Plan, seen: Postures) -> list[dict[str, Any]]:
     """Per posture, as the servo will leave it: joints, the arm's points, the beam from the laser to its end
-    (null for a probe), the target's place and name, and whether beam or probe comes to it."""
+    (null for a probe), the target's place and name, whether beam or probe comes to it, and empty lists for
+    what it breaks of the plan's constraints, in words, and what it touches."""
     laser = stated.header.tool.kind == "laser"
     joints = seen.joints * stated.robot.display
     return [
@@ -223,6 +247,8 @@ def _scene(stated: Plan, seen: Postures) -> list[dict[str, Any]]:
             "target": rounded(seen.targets[stated.target_index[i]], 3),
             "target_name": stated.targets[i],
             "reaches": bool(seen.reaches[i]),
+            "violations": [],
+            "touches": [],
         }
         for i in range(len(stated.postures))
     ]

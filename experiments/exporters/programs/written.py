@@ -10,6 +10,7 @@ from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ....model.files.robot_file import Vendor
 from ....model.files.whole_file import refuse_existing, write_whole
+from ...plans.constraints import require_constraints
 from ..vendors import require_vendor
 from .fanuc_program import fanuc_program
 from .krl_program import krl_program
@@ -65,8 +66,10 @@ def write_program(
 ) -> tuple[list[Path], list[str]]:
     """Write a plan as a program; the files, and sentences that a person must see.
 
-    With `force` other files are replaced, but none of those to `keep`.
+    With `force` other files are replaced, but none of those to `keep`. BadInput for a plan that breaks its
+    constraints.
     """
+    require_constraints(plan)
     texts = program_texts(kind, plan, motion, file)
     for path in texts:
         refuse_existing(path, force=force, keep=keep)

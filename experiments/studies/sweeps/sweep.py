@@ -28,7 +28,8 @@ from ....model.errors import BadInput
 from ....model.kernel import Index
 from ....model.problem import Problem
 from ....model.robot import Matrix
-from ...plans.candidates import View, candidates
+from ...plans.candidates import candidates
+from ...plans.constraints import View
 from ...plans.optimal import Planner
 from ...plans.patterns import pattern
 from ...processes import side_by_side

@@ -49,7 +49,7 @@ function kind(direction) {
 
 // Shows an answer; `move(index)` is asked for when a direction is to be shown as a motion.
 export function showAnswer(answer, move, moving) {
-  verdict(answer.verdict, WORDS[answer.verdict], named(answer.headline));
+  verdict(answer.verdict === "violated" ? "misfit" : answer.verdict, WORDS[answer.verdict], named(answer.headline));
   const geometry = new Set(answer.parameters.filter((p) => p.group === "geometry").map((p) => p.name));
   const { worth, lines, advice, over_target } = answer.said;
   by("plan-worth").textContent = worth.head;

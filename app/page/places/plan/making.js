@@ -8,7 +8,7 @@ const text = (id) => by(`make-${id}`).value.trim();
 
 // What all measurements have in common, as a header file beside the plan states it.
 function headerOf(plan) {
-  const { schema, postures_deg, targets, ...header } = plan;
+  const { schema, postures_deg, constraints, targets, ...header } = plan;
   const names = Object.keys(targets || {});
   return names.length === 1 && ["psd", "socket"].includes(names[0]) ? { ...header, targets } : header;
 }

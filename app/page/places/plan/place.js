@@ -4,7 +4,8 @@ import { beginAdding, beginComparing, listPlans, showCompared } from "/page/plac
 import { beginDrawing, bodyOf, dressed, wished } from "/page/places/plan/body.js";
 import { beginExporting } from "/page/places/plan/exporting.js";
 import { beginMaking, listHeaders } from "/page/places/plan/making.js";
-import { beginObstacles, boxes, listObstacles, moveBox, obstacles, TOUCHED } from "/page/places/plan/obstacles.js";
+import { constraintFields } from "/page/places/plan/constraints.js";
+import { beginObstacles, boxes, listObstacles, moveBox, renderObstacles } from "/page/places/plan/obstacles.js";
 import { get, latest, post, put, Refused } from "/page/parts/api.js";
 import { by, fill, fixed, make, options, say, write } from "/page/parts/dom.js";
 import { headerFields, targetFields } from "/page/places/plan/header.js";
@@ -38,7 +39,7 @@ const ask = latest(
     if (history === null) return null;
     const asked = history.plan, number = shown;
     const file = by("plan-file").value;
-    const found = await post("/api/check", { plan: asked, scene: true, ...ofFile(file), ...(obstacles() ? { obstacles: obstacles() } : {}) });
+    const found = await post("/api/check", { plan: asked, scene: true, ...ofFile(file) });
     if (wished() && found.scene[chosen]) found.body = { of: chosen, arm: await bodyOf(robotRef(asked), found.scene[chosen]) };
     return number === shown ? found : null;
   },
@@ -113,8 +114,8 @@ function renderPlaces() {
     const item = list.children[i], button = item.firstElementChild;
     const own = answer && answer.postures[i], place = answer && answer.scene[i];
     write(button.firstElementChild, `${i}: ${row(posture).map((v) => fixed(v, 1)).join(", ")}`);
-    write(button.lastElementChild, own ? `${place.target_name}, ${offBy(own)}${own.hit && !place.reaches ? ", target behind the laser" : ""}${(place.touches || []).map((what) => `; ${TOUCHED[what]}`).join("")}` : "");
-    item.classList.toggle("misses", Boolean(place) && (!place.reaches || (place.touches || []).length > 0));
+    write(button.lastElementChild, own ? `${place.target_name}, ${offBy(own)}${own.hit && !place.reaches ? ", target behind the laser" : ""}${place.violations.map((what) => `; ${what}`).join("")}` : "");
+    item.classList.toggle("misses", Boolean(place) && (!place.reaches || place.violations.length > 0));
     if (i === chosen) button.setAttribute("aria-current", "true");
     else button.removeAttribute("aria-current");
   });
@@ -127,9 +128,14 @@ function renderAll() {
   setRows = jointRows(by("plan-joints"), arm.joints, (j, value) => change(`joint/${chosen}/${j}`, (plan) => { row(plan.postures_deg[chosen])[j] = value; }));
   renderPlaces();
   headerFields(by("plan-header"), history.plan, change);
+  if (!typing("plan-constraints")) constraintFields(history.plan, change);
+  if (!typing("obstacles-fields")) renderObstacles();
   renderTargets();
   renderButtons();
 }
+
+// Fields in which somebody types are not made anew.
+const typing = (id) => by(id).contains(document.activeElement) && document.activeElement.tagName === "INPUT";
 
 function renderTargets() {
   const nominal = {};
@@ -304,7 +310,7 @@ export const place = {
       await open(file);
     });
     beginComparing(() => answer);
-    beginObstacles(() => { if (history !== null) ask(); }, () => (answer ? answer.scene[chosen].target : [500, 0, 500]), listFiles);
+    beginObstacles(() => history && history.plan, (key, edit) => { if (history !== null) change(key, edit); }, () => (answer ? answer.scene[chosen].target : [500, 0, 500]), listFiles);
     beginExporting(() => (history !== null && JSON.stringify(history.plan) === saved ? opened : ""));
     beginDrawing(() => { if (history !== null) ask(); });
     by("scene").addEventListener("moved", (event) => moved(event.detail));

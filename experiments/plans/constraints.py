@@ -1,0 +1,232 @@
+"""What a measurement must keep: the conditions that choose the postures of a plan, and that judge a plan."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...analysis.estimation.threads import one_blas_thread
+from ...analysis.observability.aim import AimedPlan, aim_plan
+from ...analysis.observability.check import Check
+from ...analysis.observability.check import check as check_observability
+from ...analysis.observability.violations import Condition, Violation
+from ...model.errors import BadInput
+from ...model.files.plan import Plan
+from ...model.files.stated_plan.constraints import StatedConstraints
+from ...model.problem import Problem
+from ...model.robot import Matrix, Robot
+from .obstacles import Clearance
+
+Mask = NDArray[np.bool_]
+Index = NDArray[np.int64]
+
+# A plan file has its postures to 1e-6 deg: what was chosen at a bound is still within it when read again.
+_ROUNDED_RAD = 1e-6
+_ROUNDED_MM = 1e-3
+
+
+@dataclass(frozen=True)
+class View:
+    """What a measurement must satisfy. Lengths mm, angles rad; None: not judged.
+
+    `facing` is the outward normal of the PSD's face in the base frame (None: any side); `acceptance` the
+    largest angle between beam and normal; `beam` the shortest and longest beam; `margin` is kept to every
+    joint limit (rad; for prismatic joints as a share of a metre).
+    """
+
+    facing: tuple[float, float, float] | None = (0.0, 0.0, 1.0)
+    acceptance: float = float(np.radians(60.0))
+    beam: tuple[float, float] | None = (200.0, 2000.0)
+    margin: float = float(np.radians(5.0))
+
+    @classmethod
+    def stated(cls, constraints: StatedConstraints) -> View:
+        """What a plan file states."""
+        return cls(
+            facing=constraints.facing,
+            acceptance=float(np.radians(constraints.acceptance)),
+            beam=constraints.beam_mm,
+            margin=float(np.radians(constraints.margin_deg or 0.0)),
+        )
+
+    def rounded(self) -> View:
+        """The same, as postures keep it that are rounded as a plan file rounds them."""
+        return replace(
+            self,
+            acceptance=self.acceptance + _ROUNDED_RAD,
+            beam=None if self.beam is None else (self.beam[0] - _ROUNDED_MM, self.beam[1] + _ROUNDED_MM),
+            margin=max(self.margin - _ROUNDED_RAD, 0.0),
+        )
+
+    def limits(self, robot: Robot) -> tuple[Matrix, Matrix]:
+        """(n,) lower and upper limits with the margin kept; BadInput where that leaves nothing of a joint."""
+        if not self.margin >= 0:
+            raise BadInput("the margin to the joint limits is negative", found=f"{self.margin:g} rad")
+        margin = np.array([self.margin * (1.0 if j.kind == "revolute" else 1000.0) for j in robot.joints])
+        lower, upper = robot.lower + margin, robot.upper - margin
+        for number, (joint, low, high) in enumerate(zip(robot.joints, lower, upper, strict=True), start=1):
+            if low >= high:
+                raise BadInput(
+                    f"the margin leaves nothing of the range of joint {number} ({joint.name})",
+                    found=f"{joint.lower * joint.display:.1f} to {joint.upper * joint.display:.1f}"
+                    f" {joint.unit}, a margin of {margin[number - 1] * joint.display:.1f} {joint.unit}",
+                    allowed="a margin below half of every joint's range",
+                )
+        return lower, upper
+
+
+class Conditions:
+    """The conditions on the postures of a problem that are turned onto their targets at the parameters x."""
+
+    def __init__(self, problem: Problem, x: Matrix, view: View, clearance: Clearance | None) -> None:
+        self._problem, self._view, self._clearance = problem, view, clearance
+        self._lower, self._upper = view.limits(problem.robot)
+        self.joints = problem.joints
+        self._origin, self._direction = problem.beams(x)
+        self._targets = problem.split(x).targets
+        places = self._targets[problem.target_index]
+        self.length = ((places - self._origin) * self._direction).sum(axis=1)
+
+    @property
+    def incidence(self) -> Matrix:
+        """(N,) rad between the way back along the beam and the target's normal, where one is stated."""
+        assert self._view.facing is not None
+        normal = np.array(self._view.facing) / np.linalg.norm(self._view.facing)
+        return np.asarray(np.arccos(np.clip(-(self._direction @ normal), -1.0, 1.0)))
+
+    def in_order(self) -> Iterator[tuple[Condition, Callable[[Index], Mask]]]:
+        """Each condition that is stated, with a function that says of rows (m,) which of them break it.
+
+        Distances between links take the most time: they come last.
+        """
+        laser, view, clearance = self._problem.tool.kind == "laser", self._view, self._clearance
+        yield "limits", lambda rows: np.asarray(self.beyond(rows).any(axis=1))
+        if laser:
+            yield "behind", lambda rows: self.length[rows] <= 0
+            if (beam := view.beam) is not None:
+                yield (
+                    "beam_mm",
+                    lambda rows: (self.length[rows] < beam[0]) | (self.length[rows] > beam[1]),
+                )
+            if view.facing is not None:
+                yield "facing", lambda rows: self.incidence[rows] > view.acceptance
+        if clearance is not None:
+            yield "itself", lambda rows: clearance.hits_itself(self.joints[rows])
+            yield "cell", lambda rows: clearance.hits_cell(self.joints[rows])
+            if laser:
+                yield "beam", self._blocked
+
+    def beyond(self, rows: Index) -> Mask:
+        """(m, n) True where a joint is outside its limits with the margin."""
+        joints = self.joints[rows]
+        return np.asarray((joints < self._lower) | (joints > self._upper))
+
+    def _blocked(self, rows: Index) -> Mask:
+        assert self._clearance is not None
+        blocked = np.zeros(len(rows), dtype=bool)
+        for k, target in enumerate(self._targets):
+            there = self._problem.target_index[rows] == k
+            blocked[there] = self._clearance.beam_blocked(self._origin[rows[there]], target)
+        return blocked
+
+
+def check_plan(plan: Plan, turned: AimedPlan | None = None) -> Check:
+    """The judgement of a plan: what it will determine, and which of its constraints it breaks.
+
+    Judged with the wrist turned onto the target (`turned`, once it was), as the servo will turn it.
+    """
+    turned = aim_plan(plan) if turned is None else turned
+    return check_observability(plan, turned, violations=violations(turned))
+
+
+def require_constraints(plan: Plan) -> None:
+    """BadInput for a plan that breaks its own constraints: no robot is to be moved by it."""
+    if not plan.constraints.model_fields_set:
+        return
+    broken = violations(aim_plan(plan))
+    if broken:
+        postures = list(dict.fromkeys(each.posture for each in broken))
+        keys = list(dict.fromkeys(each.constraint for each in broken))
+        raise BadInput(
+            "the plan breaks its own constraints, and no robot is moved by it",
+            found=f"posture {', '.join(map(str, postures))} ({', '.join(keys)})",
+            remedy="correct the postures or targets that zerobeam check names, or the plan's `constraints`",
+            file=plan.path,
+        )
+
+
+def violations(turned: AimedPlan) -> tuple[Violation, ...]:
+    """What each posture of a plan breaks of the plan's constraints, in the order of the postures.
+
+    Postures that cannot be turned onto their targets have no beam to be judged: `check` names them. What the
+    arm may touch is judged in the postures as written and in the intermediate ones as well.
+    """
+    stated = turned.plan.constraints
+    if not stated.model_fields_set:
+        return ()
+    with one_blas_thread():
+        try:
+            return tuple(sorted(_broken(turned), key=lambda each: each.posture))
+        except BadInput as error:
+            raise error.at(turned.plan.path, None) from None
+
+
+def touched_boxes(turned: AimedPlan) -> list[bool]:
+    """Of each box of the plan's obstacles, whether the arm touches it in any posture or it blocks a beam."""
+    obstacles = turned.plan.constraints.obstacles
+    if obstacles is None:
+        return []
+    touched = []
+    for box in obstacles.boxes:
+        one = obstacles.model_copy(update={"floor_mm": None, "boxes": [box]})
+        plan = replace(turned.plan, constraints=StatedConstraints(obstacles=one))
+        broken = violations(replace(turned, plan=plan))
+        touched.append(any(each.condition in ("cell", "beam") for each in broken))
+    return touched
+
+
+def _broken(turned: AimedPlan) -> Iterator[Violation]:
+    plan, problem, stated = turned.plan, turned.aimed.problem, turned.plan.constraints
+    view = View.stated(stated).rounded()
+    clearance = None if stated.obstacles is None else Clearance(problem, stated.obstacles)
+    conditions = Conditions(problem, turned.x, view, clearance)
+    every, hit = np.arange(problem.shots), np.flatnonzero(turned.aimed.hit)
+    seen = hit[conditions.length[hit] > 0]
+    touched: set[tuple[int, Condition]] = set()
+    for condition, breaks in conditions.in_order():
+        if condition == "behind" or (condition == "limits" and stated.margin_deg is None):
+            continue  # findings of `check`, stated or not
+        rows = hit if condition == "beam_mm" else seen if condition in ("facing", "beam") else every
+        for i in rows[breaks(rows)].tolist():
+            touched.add((i, condition))
+            yield from _violation(conditions, plan, condition, i)
+    if clearance is None:
+        return
+    for i in range(problem.shots):
+        for via, joints in [(None, plan.postures[i]), *enumerate(plan.via_of(i))]:
+            for condition, hits in (("itself", clearance.hits_itself), ("cell", clearance.hits_cell)):
+                if (via is None and (i, condition) in touched) or not hits(joints[None])[0]:
+                    continue
+                yield Violation(i, "obstacles", condition, via=via, planned=via is None)
+
+
+def _violation(conditions: Conditions, plan: Plan, condition: Condition, i: int) -> Iterator[Violation]:
+    stated, row = plan.constraints, np.array([i])
+    match condition:
+        case "limits":
+            lower, upper = View.stated(stated).limits(plan.robot)
+            for j in np.flatnonzero(conditions.beyond(row)[0]).tolist():
+                joint = plan.robot.joints[j]
+                at, low, high = (float(v[j] * joint.display) for v in (conditions.joints[i], lower, upper))
+                yield Violation(i, "margin_deg", condition, at, low, high, joint.unit, j + 1)
+        case "beam_mm":
+            assert stated.beam_mm is not None
+            yield Violation(i, "beam_mm", condition, float(conditions.length[i]), *stated.beam_mm, "mm")
+        case "facing":
+            at = float(np.degrees(conditions.incidence[i]))
+            yield Violation(i, "acceptance_deg", condition, at, 0.0, stated.acceptance, "deg")
+        case _:
+            yield Violation(i, "obstacles", condition)
