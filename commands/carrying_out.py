@@ -40,6 +40,14 @@ def run(
         Path | None, typer.Option(help="Cell file (.yaml) of the simulated rig.", show_default=False)
     ] = None,
     camera: Camera = True,
+    arm: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="RUN",
+            help="Simulated: the arm of this simulated run, with its offsets entered.",
+            show_default=False,
+        ),
+    ] = None,
     recorded: Annotated[
         Path | None, typer.Option(help="Run file that a replay gives back.", show_default=False)
     ] = None,
@@ -164,13 +172,16 @@ def run(
             reached = _controller(opened, planned, access, sensors, sensor_port, caution)
         answers: Answers | None = None
         if rig is RigName.MANUAL:
-            lines = TypedLines(sys.stdin) if watch is None else WatchedLines(watch)
+            # Of a terminal, and of the app, which asks for the scene, a person reads the questions.
+            follows = not (sys.stdin.isatty() or scene)
+            lines = TypedLines(sys.stdin, follows=follows) if watch is None else WatchedLines(watch)
             answers = Answers(lines, units, j3)
         request = RunRequest(
             rig=rig.value,
             seed=seed,
             cell=cell,
             camera=camera,
+            arm=arm,
             recording=recorded,
             resume=resume,
             tolerance=enough if adaptive else None,
@@ -194,7 +205,7 @@ def run(
     elif not json_lines:
         print_carried(out, answer)
         out.print(f"Run: {file}", soft_wrap=True, markup=False)
-    raise typer.Exit(EXIT_STATUS[answer.verdict])
+    raise typer.Exit(1 if answer.missing else EXIT_STATUS[answer.verdict])
 
 
 def controller(

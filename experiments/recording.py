@@ -21,7 +21,8 @@ from ..model.files.shot import Shot
 from ..reports.words.findings import finding_sentence, headline
 from ..reports.words.rehearsal import SIMULATED, true_values
 from ..reports.words.verdict import violation_words
-from ..reports.words.wording import person
+from ..reports.words.wording import listed, person
+from .corrected_arm import corrected_arm
 from .plans.constraints import require_constraints, violations
 from .procedure.events import Begun, Ended, KnownOffset, Told
 from .procedure.order import Adaptive, Closing, InTurn, Order
@@ -62,14 +63,15 @@ class Answers:
 @dataclass(frozen=True)
 class RunRequest:
     """How a plan is to be carried out. `tolerance` (deg; mm) asks for an adaptive run, `closing` for closing
-    measurements; `cell` and `camera` are of the simulated rig, `recording` of the replay, `controller` of
-    ABB's, `answers` of the rig that is a person. `force` lets a simulated run take the place of another
-    simulated one; `scene` asks for the events that a picture needs."""
+    measurements; `cell`, `camera` and `arm` (a simulated run, whose arm it takes) are of the simulated rig,
+    `recording` of the replay, `controller` of ABB's, `answers` of the rig that is a person. `force` lets a
+    simulated run take the place of another simulated one; `scene` asks for the events of a picture."""
 
     rig: RigName
     seed: int = 0
     cell: Path | None = None
     camera: bool = True
+    arm: Path | None = None
     recording: Path | None = None
     resume: bool = False
     tolerance: float | None = None
@@ -88,6 +90,8 @@ def record(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
     Raises BadInput before anything moves, RigFault where the rig stops: the measurements so far are in the
     file.
     """
+    if request.rig != "simulated":
+        _refuse({"--arm": request.arm}, "is for the simulated rig")
     if request.rig in ("abb", "manual"):
         require_constraints(plan)
     if request.rig == "manual":
@@ -158,13 +162,18 @@ def _rehearsed_probe(plan: Plan, file: Path, request: RunRequest, told: Told) ->
         raise BadInput(
             f"the rig {request.rig} cannot lead a probe", remedy="use a laser, or --rig simulated to rehearse"
         )
-    rng = np.random.default_rng(request.seed)
+    arm = None if request.arm is None else corrected_arm(request.arm, plan, None)
+    # An arm that is known was measured before, perhaps with this seed.
+    rng = np.random.default_rng(request.seed if arm is None else [request.seed, 1])
     truth = Truth.drawn(plan, rng)
+    if arm is not None:
+        truth = truth.knowing(arm.values)
     about: dict[str, str | int | float] = {
         "origin": SIMULATED,
         "seed": request.seed,
         **truth.provenance(),
         "plan sha256": plan.sha256,
+        **({} if arm is None else arm.provenance()),
     }
     shots: tuple[Shot, ...] = ()
     header = _header(plan, file, about)
@@ -215,10 +224,15 @@ def _rig(
     if request.cell is not None:
         cell = read_cell(request.cell)
         about["cell sha256"] = str(cell.sha256)
+    arm = None
+    if request.arm is not None:
+        arm = corrected_arm(request.arm, plan, None if request.cell is None else cell)
+        about |= arm.provenance()
     if not request.camera:
         cell, about["camera"] = cell.model_copy(update={"camera": None}), False
     try:
-        return SimulatedRig(plan, cell, request.seed, resumed=request.resume), about
+        values = None if arm is None else arm.values
+        return SimulatedRig(plan, cell, request.seed, resumed=request.resume, arm=values), about
     except BadInput as error:
         raise error.at(request.cell or plan.path, None) from None
 
@@ -286,14 +300,23 @@ def _answer(
         raise RigFault(f"no measurement could be recorded: {'; '.join(why_not)}")
     notes = [f"Measurement {r.shot} was refused ({r.reason}): {r.found}" for r in carried.refused]
     notes += [torn] if torn else []
+    if carried.missing:
+        notes.append(f"The run ended before the plan was through: --resume goes on with {file.name}")
     # Of a plan that moves a robot there are none.
     broken = violations(aim_plan(plan)) if plan.constraints.model_fields_set else ()
     notes += [f"Posture {each.posture}: {violation_words(each)}" for each in broken]
+    done = {*(shot.shot for shot in carried.shots), *(refused.shot for refused in carried.refused)}
+    saved = set(range(len(plan.postures))) - done - set(carried.missing)
+    incomplete = ""
+    if carried.missing:
+        numbers = listed([str(number) for number in carried.missing], 99)
+        be = "is" if len(carried.missing) == 1 else "are"
+        incomplete = f"Not complete: measurement {numbers} of the plan {be} missing. "
     return Ended(
         file=file.name,
         verdict=state.verdict,
-        headline=headline(state),
-        said=headline(state, person),
+        headline=incomplete + headline(state),
+        said=incomplete + headline(state, person),
         parameters=tuple(
             KnownOffset(row.name, row.unit, row.status, row.estimate, row.std, row.tolerance_share)
             for row in state.offsets
@@ -302,10 +325,11 @@ def _answer(
         consistent=state.consistent,
         shots=tuple(shot.shot for shot in carried.shots),
         refused=carried.refused,
-        saved=None if why is None else len(plan.postures) - len(carried.shots) - len(carried.refused),
+        saved=None if why is None else len(saved),
         why=why,
         seconds={name: round(value, 3) for name, value in carried.seconds.items()},
         notes=(*notes, *(finding_sentence(finding) for finding in state.findings)),
         geometry=state.geometry(plan.header),
         true=true_values(header.provenance),
+        missing=carried.missing,
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -41,11 +41,17 @@ class Truth:
     def stated(cls, plan: Plan, values: dict[str, float]) -> Truth:
         """As `drawn` without any error, with the named parameters at the stated values (deg, mm)."""
         problem = Problem.from_plan(plan)
-        x = problem.nominal()
-        for name, value in values.items():
-            i = problem.parameters.index(name)
-            x[i] = value / problem.parameters.items[i].display
-        return cls(problem, x)
+        for name in values:
+            problem.parameters.index(name)  # ValueError where there is none
+        return cls(problem, problem.nominal()).knowing(values)
+
+    def knowing(self, values: Mapping[str, float]) -> Truth:
+        """The same with the stated values (deg, mm) by name; others than the problem's are passed over."""
+        x, parameters = self.x.copy(), self.problem.parameters
+        for i, item in enumerate(parameters.items):
+            if item.name in values:
+                x[i] = values[item.name] / item.display
+        return Truth(self.problem, x)
 
     def values(self) -> dict[str, float]:
         """The true offsets, geometry and tool by name, deg and mm."""

@@ -73,12 +73,14 @@ class CheckedTable(Rows[CheckedParameter]):
 
 @dataclass(frozen=True)
 class CheckedPosture:
-    """`off_mm`: how far the posture's beam is off its target before the wrist is turned."""
+    """`off_mm`: how far the posture's beam is off its target before the wrist is turned; `violations`: what
+    the posture breaks of the plan's constraints."""
 
     posture: int
     target: str
     off_mm: float
     hit: bool
+    violations: tuple[Violation, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -148,7 +150,8 @@ class Check:
     geometry : GeometryResult
         Tolerances of the geometry, and what the offsets will be worth if it is taken as nominal.
     postures : tuple of CheckedPosture
-        How far each posture's beam is off its target before the wrist is turned, mm.
+        How far each posture's beam is off its target before the wrist is turned, mm, and what the posture
+        breaks of the plan's constraints.
     curve, over_target, advice
         The largest u by number of measurements; u over where the target may be; the single change that helps
         most.
@@ -156,8 +159,6 @@ class Check:
         What a reader must not miss.
     inputs : PlanInputs
         What the check was made from.
-    violations : tuple of Violation
-        Which posture breaks which constraint of the plan.
 
     Examples
     --------
@@ -179,7 +180,11 @@ class Check:
     findings: tuple[PlanFinding, ...]
     warnings: tuple[str, ...]
     inputs: PlanInputs
-    violations: tuple[Violation, ...] = ()
+
+    @property
+    def violations(self) -> tuple[Violation, ...]:
+        """What the postures break of the plan's constraints, in their order."""
+        return tuple(each for posture in self.postures for each in posture.violations)
 
 
 def check(plan: Plan, turned: AimedPlan | None = None, *, violations: tuple[Violation, ...] = ()) -> Check:
@@ -226,7 +231,13 @@ def check(plan: Plan, turned: AimedPlan | None = None, *, violations: tuple[Viol
         identifiability=identified.facts,
         geometry=geometry,
         postures=tuple(
-            CheckedPosture(i, plan.targets[i], float(aimed.off_mm[i]), bool(aimed.hit[i]))
+            CheckedPosture(
+                i,
+                plan.targets[i],
+                float(aimed.off_mm[i]),
+                bool(aimed.hit[i]),
+                tuple(each for each in violations if each.posture == i),
+            )
             for i in range(problem.shots)
         ),
         curve=promised,
@@ -235,7 +246,6 @@ def check(plan: Plan, turned: AimedPlan | None = None, *, violations: tuple[Viol
         findings=tuple(_findings(plan, aimed)),
         warnings=plan.warnings,
         inputs=PlanInputs(plan.path.name, plan.sha256, plan.robot.name, versions()),
-        violations=violations,
     )
 
 

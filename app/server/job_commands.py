@@ -127,6 +127,7 @@ ALLOWED: Mapping[tuple[str, ...], tuple[int, Mapping[str, Kind]]] = {
             "--out": "write",
             "--rig": "value",
             "--cell": "read",
+            "--arm": "read",
             "--camera": "flag",
             "--no-camera": "flag",
             "--resume": "flag",

@@ -104,6 +104,15 @@ def _entered(run: Run, solution: Solution) -> tuple[str, ...]:
     return tuple(row.name for row in free)
 
 
+def offsets_to_enter(run: Run) -> dict[str, float]:
+    """What is entered at the controller after a run, deg (mm) by offset; BadInput as `write_verification`."""
+    with one_blas_thread():
+        solution = _solution(run)
+    entered = _entered(run, solution)
+    rows = {row.name: row.estimate for row in solution.offsets if row.name in entered}
+    return {name: estimate for name, estimate in rows.items() if estimate is not None}
+
+
 def _tolerances(header: Header, tolerance: float | None) -> dict[str, float]:
     stated = header.tolerance
     return {

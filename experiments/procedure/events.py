@@ -223,9 +223,10 @@ class Ended(Event):
     """The answer of `zerobeam run`, `zerobeam/carried/1`.
 
     `headline` calls offsets as files do, `said` is the same for people and is not printed as JSON. `saved`
-    postures were not needed, and `why` an adaptive run ended; None in any other. `seconds` by phase.
-    `geometry` says what the offsets are worth if the arm deviates from what was taken. `true` has the true
-    offsets (deg; mm) of a simulated run by name, else nothing.
+    postures were not needed, and `why` an adaptive run ended; None in any other. `missing` are the
+    measurements that were still to come where a run by hand ended before the plan was through. `seconds` by
+    phase. `geometry` says what the offsets are worth if the arm deviates from what was taken. `true` has the
+    true offsets (deg; mm) of a simulated run by name, else nothing.
     """
 
     event: ClassVar[str] = "end"
@@ -244,6 +245,7 @@ class Ended(Event):
     notes: tuple[str, ...]
     geometry: GeometryResult | None = None
     true: Mapping[str, float] = field(default_factory=dict)
+    missing: tuple[int, ...] = ()
 
 
 Told = Callable[[Event], None]

@@ -60,12 +60,14 @@ class Journal(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Carried:
-    """What a plan came to. `state` is None where nothing was recorded; `seconds` of this session by phase."""
+    """What a plan came to. `state` is None where nothing was recorded; `seconds` of this session by phase;
+    `missing` are the measurements that were still to come where the run was broken off."""
 
     shots: tuple[Shot, ...]
     refused: tuple[RefusedPosture, ...]
     state: SoFar | None
     seconds: dict[str, float]
+    missing: tuple[int, ...] = ()
 
 
 @dataclass(eq=False)
@@ -83,7 +85,7 @@ class Procedure:
     def __post_init__(self) -> None:
         self._problem = Problem.from_plan(self.plan)
         self._supposed = self._problem.nominal()
-        self._near = _near_supposed(self._problem, self._supposed)
+        self._near = near_nominal(self._problem, self._supposed)
         self._refused: dict[int, RefusedPosture] = {}
         self._watched = WatchedRig(self.rig, self.told) if self.scene else None
         if self._watched is not None:
@@ -148,7 +150,7 @@ class Procedure:
         return Belief(self._problem.select(np.array([self._posture(number)])), self._believed())
 
     def _believed(self) -> Matrix:
-        """(p,) where measurements are aimed: the mode of the measurements so far, by `_near_supposed`."""
+        """(p,) where measurements are aimed: the mode of the measurements so far, by `near_nominal`."""
         x, shots = self._supposed.copy(), self.journal.shots
         # A replay is read as it was recorded: in the axes of what was nominal then, as it does itself.
         if not shots or not self.rig.steerable:
@@ -243,7 +245,7 @@ class Procedure:
             self.seconds[name] += self.rig.now() - began
 
 
-def _near_supposed(problem: Problem, x: Matrix) -> Problem:
+def near_nominal(problem: Problem, x: Matrix) -> Problem:
     """The problem for aiming: the noise as stated, offsets and targets near the nominal values, x (p,).
 
     Few measurements can be explained by targets far away or by offsets of many degrees, as wide priors allow;

@@ -119,7 +119,7 @@ def print_carried(console: Console, answer: Ended) -> None:
         chance = numbers.p_value(answer.p_value)
         console.print(Text(f"p-value of the residuals under the stated noise: {chance}."))
     console.print(Text(_measured(answer)))
-    if answer.saved is not None:
+    if answer.saved is not None and not answer.missing:
         saved = counted(answer.saved, "measurement")
         console.print(Text(f"Adaptive: {saved} saved; {sentence(answer.why or '')}."))
     if any(answer.seconds.values()):
@@ -145,7 +145,9 @@ def _measured(answer: Ended) -> str:
     """What was found at a refused measurement is in the notes."""
     line = f"{counted(len(answer.shots), 'measurement')} recorded"
     refused = [f"{item.shot} ({shown(item.reason.value)})" for item in answer.refused]
-    return f"{line}; refused: {listed(refused)}." if refused else f"{line}, none refused."
+    line += f"; refused: {listed(refused)}" if refused else ", none refused"
+    missing = f"; not recorded: {listed([str(i) for i in answer.missing], 99)}" if answer.missing else ""
+    return f"{line}{missing}."
 
 
 def _seconds_line(seconds: Mapping[str, float]) -> str:

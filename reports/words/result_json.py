@@ -94,7 +94,6 @@ def check_json(check: Check) -> dict[str, Any]:
         "curve": _plain(check.curve, "curve"),
         "over_target": _plain(check.over_target, "over_target"),
         "advice": _plain(check.advice, "advice"),
-        "violations": _plain(check.violations, "violations"),
         "notes": list(check_notes(check)),
         "inputs": _plain(check.inputs, "inputs"),
     }

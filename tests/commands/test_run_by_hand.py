@@ -132,6 +132,84 @@ def test_skip_redo_comment_and_another_posture(plan: Path, monkeypatch: pytest.M
     assert set(joints_of(plan)) == {0, 1, 2, 3, 4}
 
 
+def test_a_posture_that_is_missing_in_a_pipe_stops_no_other(
+    plan: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A program writes the joints of all postures but one: those are recorded, and the one is named."""
+    answer = led(plan, monkeypatch, TYPED[0], *TYPED[2:])
+    assert list(joints_of(plan)) == [0, 2, 3, 4]
+    assert answer.status == 1
+    assert "Not complete: measurement 1 of the plan is missing" in answer.out
+    assert "not recorded: 1" in answer.out
+    assert "--resume" in answer.out
+    assert led(plan, monkeypatch, TYPED[1], asked=("--resume",)).status == 0
+    assert set(joints_of(plan)) == set(WHOLE)
+
+
+def test_what_is_not_recorded_is_in_the_last_event(plan: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A person who reads the questions is asked; what follows an unanswered question is not recorded."""
+    asked = ("--json-lines", "--scene")
+    answer = led(plan, monkeypatch, TYPED[0], *TYPED[2:], asked=asked)
+    events = [json.loads(line) for line in answer.out.splitlines()]
+    assert list(joints_of(plan)) == [0]
+    assert [event["answers"] for event in events if event["event"] == "doubt"] == [
+        ["yes", "as 2"],
+        ["yes", "as 3"],
+        ["yes", "as 4"],
+    ]
+    assert (events[-1]["event"], events[-1]["missing"]) == ("end", [1, 2, 3, 4])
+    assert answer.status == 1
+
+
+def test_a_posture_that_was_skipped_is_not_missing(plan: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    answer = led(plan, monkeypatch, TYPED[0], "skip fence", *TYPED[2:], asked=("--json",))
+    assert (answer.status, answer.json["missing"]) == (0, [])
+    assert [own["shot"] for own in answer.json["refused"]] == [1]
+
+
+def test_closing_measurements_and_an_adaptive_run_can_be_incomplete(
+    plan: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answer = led(plan, monkeypatch, *TYPED, asked=("--closing", "--json"))
+    assert (answer.status, answer.json["missing"]) == (1, [5])
+    (plan.parent / "run.jsonl").unlink()
+    asked = ("--adaptive", "--tolerance", "0.0001", "--json")
+    answer = led(plan, monkeypatch, *TYPED[:2], asked=asked)
+    assert answer.json["missing"] == [2, 3, 4]
+    assert answer.json["saved"] in (None, 0)
+
+
+# The wrist of posture 1 as planned, and what the person typed: (joint from 1, degrees, whether it is asked).
+WRIST = [(4, -137.022, False), (5, -22.6, True), (4, -87.022, True), (6, 25.1, True), (5, -67.0, False)]
+
+
+@pytest.mark.parametrize(("joint", "at", "asked"), WRIST)
+def test_a_joint_that_aims_is_asked_about_beyond_what_aiming_needs(
+    joint: int, at: float, asked: bool, plan: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    typed = list(POSTURES[1])
+    typed[joint - 1] = at
+    line = " ".join(map(str, typed))
+    answer = led(plan, monkeypatch, TYPED[0], line, *(["yes"] if asked else []), *TYPED[2:])
+    assert (f"joint {joint} is at {at:.6g} deg" in answer.err) == asked
+    assert ("to aim the laser" in answer.err) == asked
+    assert joints_of(plan)[1] == typed  # who is sure of it says yes
+
+
+def test_a_minus_sign_in_the_wrist_is_asked_about(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = good_plan(7)
+    path = plan_file(tmp_path / "plan.yaml", plan)
+    rows = np.degrees(plan.postures)
+    lines = [" ".join(map(str, row)) for row in rows]
+    for joint in (3, 4, 5):
+        (tmp_path / "run.jsonl").unlink(missing_ok=True)
+        wrong = rows[2].copy()
+        wrong[joint] += 50 if wrong[joint] < 0 else -50
+        answer = led(path, monkeypatch, *lines[:2], " ".join(map(str, wrong)), "pause")
+        assert f"joint {joint + 1} is at" in answer.err
+        assert [shot.shot for shot in read_run(tmp_path / "run.jsonl").shots] == [0, 1]
+
+
 def test_the_measurement_that_contradicts_the_others_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -8,14 +8,13 @@ from typing import Literal
 
 import numpy as np
 
-from ....analysis.observability.aim import servo_joints
 from ....model.arms.plausible import ONE_TURN
 from ....model.files.limits import beyond_limits
 from ....model.files.plan import Plan
 from ....model.files.shot import Shot
-from ....model.problem import Problem
 from ....model.robot import Matrix
 from ..replay import SAME_POSTURE
+from .aiming import Aiming
 
 _SAME = 1e-4  # deg (mm): an arm that has moved is not read the same in every joint
 
@@ -35,9 +34,8 @@ class Judge:
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
-        problem = Problem.from_plan(plan)
-        laser = plan.header.tool.kind == "laser"
-        self._kept = servo_joints(problem) == 0 if laser else np.ones(plan.robot.n, dtype=bool)
+        self._aiming = Aiming(plan) if plan.header.tool.kind == "laser" else None
+        self._kept = np.ones(plan.robot.n, dtype=bool) if self._aiming is None else ~self._aiming.joints
         self._planned = plan.postures * plan.robot.display
         self._turning = np.array([joint.kind == "revolute" for joint in plan.robot.joints])
 
@@ -48,6 +46,7 @@ class Judge:
             or self._limit(joints)
             or self._repeated(joints, shots)
             or self._far(number, joints)
+            or self._beyond_aiming(number, joints)
         )
 
     def near(self, joints: Matrix, left: Collection[int]) -> int | None:
@@ -100,4 +99,21 @@ class Judge:
             return None
         unit, planned = self._plan.robot.joints[i].unit, self._planned[number % len(self._planned)][i]
         said = f"joint {i + 1} is at {joints[i]:.6g} {unit} and the plan has {planned:.6g}"
+        return Doubt("far", said)
+
+    def _beyond_aiming(self, number: int, joints: Matrix) -> Doubt | None:
+        """Whether a joint that aims has turned farther than that needs."""
+        if self._aiming is None:
+            return None
+        place = number % len(self._planned)
+        lower, upper = self._aiming.bounds(place, joints)
+        excess = np.where(self._aiming.joints, np.maximum(lower - joints, joints - upper), -np.inf)
+        i = int(np.argmax(excess))
+        if excess[i] <= 0:
+            return None
+        unit, planned = self._plan.robot.joints[i].unit, self._planned[place][i]
+        said = (
+            f"joint {i + 1} is at {joints[i]:.6g} {unit} and the plan has {planned:.6g}: to aim the laser it"
+            f" would be at {lower[i]:.0f} to {upper[i]:.0f} {unit}"
+        )
         return Doubt("far", said)

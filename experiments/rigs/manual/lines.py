@@ -18,9 +18,11 @@ _LONGEST = 100_000  # bytes of a line: more is no joint values
 
 
 class Lines(Protocol):
-    """Lines, one after another. `confirms`: whether who writes them can answer a question."""
+    """Lines, one after another. `confirms`: whether who writes them can answer a question. `follows`: whether
+    values may come in another order than asked for, so that they belong to the posture that they are near."""
 
     confirms: bool
+    follows: bool
 
     def following(self) -> str | None:
         """The next line without its end, None where no more can come."""
@@ -28,12 +30,13 @@ class Lines(Protocol):
 
 
 class TypedLines:
-    """Those of a stream, as standard input is one."""
+    """Those of a stream, as standard input is one; `follows` where a program writes it, and nobody reads."""
 
     confirms = True
 
-    def __init__(self, stream: TextIO) -> None:
+    def __init__(self, stream: TextIO, *, follows: bool = False) -> None:
         self._stream = stream
+        self.follows = follows
 
     def following(self) -> str | None:
         line = self._stream.readline()
@@ -50,6 +53,7 @@ class WatchedLines:
     """
 
     confirms = False
+    follows = True
 
     def __init__(self, path: Path, wait: Callable[[float], bool] | None = None) -> None:
         self.path = path

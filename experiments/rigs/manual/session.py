@@ -89,7 +89,8 @@ class Manual:
                 state = told_by(self._problem, self.journal.shots)
                 continue
             except _Paused:
-                break
+                missing = self._pending(state)
+                return Carried(self.journal.shots, tuple(self._refused.values()), state, {}, missing)
             obey()
             self.journal.append(shot)
             self._again = None
@@ -105,6 +106,14 @@ class Manual:
         if self._again is not None:
             return self._again
         return self.order.following(self.journal.shots, self._refused, state)
+
+    def _pending(self, state: SoFar | None) -> tuple[int, ...]:
+        """The measurements that would still be asked for, none of them recorded."""
+        pending: list[int] = []
+        shots, refused = self.journal.shots, self._refused
+        while (number := self.order.following(shots, {*refused, *pending}, state)) is not None:
+            pending.append(number)
+        return tuple(sorted(pending))
 
     def _measured(self, number: int) -> Shot:
         """What is read as measurement `number`, or as another that is named."""
@@ -169,11 +178,11 @@ class Manual:
     def _judged(self, number: int, joints: Matrix) -> tuple[int, Doubt | None]:
         """The measurement that these values are, and what speaks against them, which is said.
 
-        Who asks no questions, as a program does, is followed where it goes: to the posture that it is in.
+        Who reads no questions, as a program does, is followed where it goes: to the posture that it is in.
         """
         doubt = self._judge.doubt(number, joints, self.journal.shots)
         near = None if doubt is None else self._judge.near(joints, self._left())
-        if doubt is not None and doubt.kind == "far" and near is not None and not self.lines.confirms:
+        if doubt is not None and doubt.kind == "far" and near is not None and self.lines.follows:
             number, doubt = near, self._judge.doubt(near, joints, self.journal.shots)
         if doubt is not None:
             answers = ["yes"] if self._may_overrule(doubt) else []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -53,10 +53,18 @@ class Parts:
         return stated
 
 
-def assemble(plan: Plan, cell: Cell, rng: np.random.Generator) -> Parts:
-    """All parts; BadInput where cell and plan do not go together. The same rng, the same cell."""
+def assemble(
+    plan: Plan, cell: Cell, rng: np.random.Generator, arm: Mapping[str, float] | None = None
+) -> Parts:
+    """All parts; BadInput where cell and plan do not go together. The same rng, the same cell.
+
+    `arm` has the true offsets and tool by name (deg, mm) in place of random or stated ones.
+    """
     _require_fit(plan, cell)
     drawn = Truth.drawn(plan, rng, cell.arm.drawn_deg)
+    if arm is not None:
+        drawn = drawn.knowing(arm)
+        cell = cell.model_copy(update={"arm": cell.arm.model_copy(update={"offsets_deg": None})})
     problem = drawn.problem
     beam = replace(problem.tool, calibrated=False)
     centres = {name: _centre(plan, cell, problem, name, rng) for name in problem.targets}

@@ -32,15 +32,26 @@ _IN_SIGHT = np.radians(35.0)  # between the nominal beam and the way to the PSD:
 class SimulatedRig:
     """A cell (`Cell`) made for a plan; BadInput where the two do not fit.
 
-    `resumed` says that a run goes on: what stopped it does not happen again.
+    `resumed` says that a run goes on: what stopped it does not happen again. `arm` has the true offsets and
+    tool by name (deg, mm) of an arm that is known, in place of a random one.
     """
 
     steerable = True
 
-    def __init__(self, plan: Plan, cell: Cell, seed: int, *, resumed: bool = False) -> None:
+    def __init__(
+        self,
+        plan: Plan,
+        cell: Cell,
+        seed: int,
+        *,
+        resumed: bool = False,
+        arm: Mapping[str, float] | None = None,
+    ) -> None:
         self._cell, self._seed, self._robot = cell, seed, plan.robot
         self._rng = np.random.default_rng(seed)
-        self._parts = assemble(plan, cell, self._rng)
+        # A known arm was measured before, perhaps with this seed: its readings now are others.
+        self._draws = () if arm is None else (1,)
+        self._parts = assemble(plan, cell, self._rng, arm)
         self._functions, self._arm = self._parts.functions, self._parts.arm
         self.psds: Mapping[str, Psd] = self._parts.psds
         self.camera, self.truth = self._parts.camera, self._parts.truth
@@ -69,7 +80,7 @@ class SimulatedRig:
         self._faults.begin(shot, None if last is None else last.shot)
         self._faults.called()
         self._target, self._on = target, False
-        self._rng = np.random.default_rng([self._seed, shot])
+        self._rng = np.random.default_rng([self._seed, shot, *self._draws])
         self._wander = self._rng.normal(size=2) * self._parts.wander
         self._time = 0.0 if last is None or last.time_s is None else last.time_s
         robot = self._robot
