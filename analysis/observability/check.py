@@ -197,7 +197,7 @@ def check(plan: Plan, turned: AimedPlan | None = None, *, violations: tuple[Viol
     turned = aim_plan(plan) if turned is None else turned
     problem, x, aimed = turned.problem, turned.x, turned.aimed
     with one_blas_thread():
-        shots = _shots(plan, aimed)
+        shots = _shots(plan, aimed, violations)
         identified = identify(shots, x)
         covariance = predicted_covariance(shots, x)
         geometry = geometry_result(plan.header, shots, x, covariance, identified.status)
@@ -249,12 +249,14 @@ def check(plan: Plan, turned: AimedPlan | None = None, *, violations: tuple[Viol
     )
 
 
-def without_posture(turned: AimedPlan, posture: int) -> WithoutPosture | None:
+def without_posture(
+    turned: AimedPlan, posture: int, violations: tuple[Violation, ...] = ()
+) -> WithoutPosture | None:
     """What the plan determines without a posture, judged as a plan of the others would be.
 
-    None where the posture gives no measurement (its target cannot be hit), or the plan has no other.
+    None where the posture gives no measurement (its target cannot be hit or seen), or the plan has no other.
     """
-    kept = np.flatnonzero(_taken(turned.aimed))
+    kept = np.flatnonzero(_taken(turned.aimed, violations))
     if posture not in kept or len(kept) < 2:
         return None
     rest = turned.aimed.problem.select(kept[kept != posture])
@@ -272,17 +274,18 @@ def without_posture(turned: AimedPlan, posture: int) -> WithoutPosture | None:
     )
 
 
-def _taken(aimed: Aimed) -> NDArray[np.bool_]:
-    """(N,) which postures give a measurement; all that hit where every beam leaves away from its target."""
+def _taken(aimed: Aimed, violations: tuple[Violation, ...]) -> NDArray[np.bool_]:
+    """(N,) which postures give a measurement; all that hit where no beam comes to its target's face."""
     taken = aimed.hit & aimed.ahead
+    taken[[each.posture for each in violations if each.unseen]] = False
     return taken if taken.any() else aimed.hit
 
 
-def _shots(plan: Plan, aimed: Aimed) -> Problem:
+def _shots(plan: Plan, aimed: Aimed, violations: tuple[Violation, ...]) -> Problem:
     """The shots that the plan will give: those of the postures that can be turned onto their targets.
 
-    If every beam leaves away from its target it is the tool's direction that is in doubt: the lines are
-    judged then, and a note says so.
+    If every beam leaves away from its target, or comes from behind its face, it is the direction stated of
+    tool or face that is in doubt: the lines are judged then, and a note says so.
     """
     if not aimed.hit.any():
         raise BadInput(
@@ -291,7 +294,7 @@ def _shots(plan: Plan, aimed: Aimed) -> Problem:
             remedy="correct the target's guess_mm, the tool or the postures",
             file=plan.path,
         )
-    return aimed.problem.select(np.flatnonzero(_taken(aimed)))
+    return aimed.problem.select(np.flatnonzero(_taken(aimed, violations)))
 
 
 def _stated_spread(plan: Plan, problem: Problem) -> Matrix:

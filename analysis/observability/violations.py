@@ -33,3 +33,8 @@ class Violation:
     joint: int | None = None
     via: int | None = None
     planned: bool = False
+
+    @property
+    def unseen(self) -> bool:
+        """Whether the posture gives no measurement: the beam does not come to the front of the target."""
+        return self.condition in ("facing", "beam")

@@ -80,10 +80,11 @@ def check_headline(check: Check, name: Namer = str) -> str:
         return determined
     broken = len({each.posture for each in check.violations})
     first = check.violations[0]
+    unseen = all(any(each.unseen for each in posture.violations) for posture in check.postures)
     return (
         f"{broken} of {counted(len(check.postures), 'posture')} {'break' if broken > 1 else 'breaks'} the"
-        f" constraints of the plan, first posture {first.posture}: {violation_words(first)}. If the postures"
-        f" could be measured: {determined}"
+        f" constraints of the plan, first posture {first.posture}: {violation_words(first)}."
+        f" {'No posture gives a measurement; if each did: ' if unseen else ''}{determined}"
     )
 
 
@@ -111,7 +112,11 @@ def violation_words(violation: Violation) -> str:
 def check_notes(check: Check) -> tuple[str, ...]:
     """Broken constraints and findings of a plan and the warnings of its file, as sentences without a full
     stop."""
-    broken = (f"Posture {each.posture}: {violation_words(each)}" for each in check.violations)
+    broken = (
+        f"Posture {each.posture}: {violation_words(each)}"
+        + (": no measurement is counted there" if each.unseen else "")
+        for each in check.violations
+    )
     return (*broken, *(_plan_sentence(finding) for finding in check.findings), *check.warnings)
 
 

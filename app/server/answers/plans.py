@@ -15,7 +15,7 @@ from pydantic import BeforeValidator, Field
 from ....analysis.observability.aim import AimedPlan, aim_plan
 from ....analysis.observability.check import Check, without_posture
 from ....experiments.arm_shown import shown_arm
-from ....experiments.plans.constraints import check_plan, touched_boxes
+from ....experiments.plans.constraints import check_plan, touched_boxes, violations
 from ....experiments.plans.obstacles import read_obstacles, write_obstacles
 from ....model.errors import BadInput
 from ....model.files.header import PLAN_SCHEMA
@@ -151,7 +151,8 @@ def without(folder: Folder, wanted: AskedWithout) -> list[dict[str, Any]]:
     in its own unit (null: not determined); it is null for a posture that gives no measurement."""
     with noted():
         turned = _turned(folder, wanted.plan, wanted.file)
-        found = [(i, without_posture(turned, i)) for i in wanted.postures]
+        broken = violations(turned)
+        found = [(i, without_posture(turned, i, broken)) for i in wanted.postures]
     return [{"posture": i, "rest": None if own is None else asdict(own)} for i, own in found]
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from itertools import combinations
 
 import numpy as np
@@ -41,7 +40,8 @@ class Aiming:
 
     def bounds(self, posture: int, joints: Matrix) -> tuple[Matrix, Matrix]:
         """(n,) lowest and highest values, deg or mm, of the joints that aim where `joints` (n,) are read."""
-        display, aiming = self._plan.robot.display, np.flatnonzero(self.joints)
+        display = self._plan.robot.display
+        aiming = tuple(int(joint) for joint in np.flatnonzero(self.joints))
         planned = np.where(self.joints, self._plan.postures[posture], joints / display)
         (turn,) = self._turns(posture, planned, self._nominal[None], aiming)
         aimed = planned + np.nan_to_num(turn)
@@ -54,7 +54,7 @@ class Aiming:
         ends = np.array([planned, aimed]) * display
         return ends.min(axis=0) - allowed, ends.max(axis=0) + allowed
 
-    def _turns(self, posture: int, start: Matrix, x: Matrix, used: Iterable[int]) -> Matrix:
+    def _turns(self, posture: int, start: Matrix, x: Matrix, used: tuple[int, ...]) -> Matrix:
         """(N, n) rad or mm: how far the joints `used` turn from `start` (n,) until the beam is on the target,
         for the parameters x (N, p); NaN where it never is."""
         weights = np.zeros(len(start))

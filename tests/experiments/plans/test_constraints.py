@@ -22,6 +22,7 @@ from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan, read_plan, write_plan
 from zerobeam.model.files.stated_plan.constraints import UNCONSTRAINED, StatedConstraints
 from zerobeam.model.files.stated_plan.obstacles import Box, Obstacles
+from zerobeam.reports.words.verdict import check_headline
 
 TARGET = (900.0, 0.0, 0.0)
 
@@ -220,6 +221,33 @@ def test_intermediate_postures_and_postures_as_written_keep_clear_of_obstacles(
     found = broken(read_plan(edited(made, tmp_path, edit)))
     assert {(each.posture, each.via) for each in found} == {(0, 0)}
     assert "cell" in {each.condition for each in found}
+
+
+def test_a_posture_that_cannot_see_its_target_is_no_measurement(made: Path, tmp_path: Path) -> None:
+    """What the others determine is what a plan of them determines; without others the lines are judged."""
+
+    def narrow(content: dict[str, Any]) -> None:
+        content["constraints"] = {"facing": [0, 0, 1], "acceptance_deg": 48}
+
+    plan = read_plan(edited(made, tmp_path, narrow))
+    unseen = {each.posture for each in broken(plan)}
+    seen = [i for i in range(7) if i not in unseen]
+    assert 2 < len(seen) < 7
+
+    def rest(content: dict[str, Any]) -> None:
+        del content["constraints"]
+        content["postures_deg"] = [content["postures_deg"][i] for i in seen]
+
+    alone = check_plan(read_plan(edited(made, tmp_path, rest)))
+    found = check_plan(plan)
+    assert [row.std for row in found.parameters] == [row.std for row in alone.parameters]
+    assert [row.status for row in found.parameters] == [row.status for row in alone.parameters]
+    for facing, degrees in (([0, 0, -1], 60), ([0, 1, 0], 30)):
+        stated = stating(facing=facing, acceptance_deg=degrees)
+        found = check_plan(read_plan(edited(made, tmp_path, stated)))
+        assert found.verdict == "violated"
+        if all(posture.violations for posture in found.postures):
+            assert "No posture gives a measurement" in check_headline(found)
 
 
 def test_without_constraints_nothing_is_judged(made: Path, tmp_path: Path) -> None:
