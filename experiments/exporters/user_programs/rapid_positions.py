@@ -105,10 +105,11 @@ class Positions:
                 "{" + ",".join(map(str, index)) + "}"
                 for index in product(*(range(1, count + 1) for count in counts[:3]))
             ][: len(literals) + 1]
-            self._arrays[low] = [low + key for key in keys]
         if len(keys) != len(literals):
             self.problem(place, f"the value of {name} has another size than {name}")
             return
+        if sizes is not None:
+            self._arrays[low] = [low + key for key in keys]
         for key, literal in zip(keys, literals, strict=True):
             self._enter(low + key, kind, name + key, self.source.line(place), literal)
 
