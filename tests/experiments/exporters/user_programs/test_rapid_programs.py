@@ -7,6 +7,7 @@ the true arm, with the same random inputs.
 from __future__ import annotations
 
 import random
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +15,7 @@ import numpy as np
 import pytest
 from controller_arm import ControllerArm, same_poses
 from rapid_controller import RapidController
-from rapid_programs import FORMS, Form, RapidProgram, Writer
+from rapid_programs import FORMS, Form, RapidProgram, Writer, listed
 from user_programs import judged
 
 from zerobeam.experiments.exporters.user_programs.filtered import filtered
@@ -139,3 +140,40 @@ def test_without_its_refusal_a_form_is_found_wrong(tmp_path: Path, name: str) ->
     ):
         new = new.replace(mark, writer.filled(text))
     assert not same(with_form, with_form.text, new, seed)
+
+
+@pytest.mark.parametrize("at", range(40, 1500, 97))
+def test_a_program_that_is_cut_is_one_clear_refusal(tmp_path: Path, at: int) -> None:
+    program = Writer(4).program([], 3, plain=True)
+    with pytest.raises(BadInput) as refused:
+        corrected(program, program.text[:at], 4, tmp_path)
+    assert "in.mod line" in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("option", "name"), [("leave", "pl"), ("tools", "tHan=0,0,1,1,0,0,0"), ("frames", "wFixed=0,0,1,1,0,0,0")]
+)
+def test_a_name_that_the_program_does_not_have_is_an_error(tmp_path: Path, option: str, name: str) -> None:
+    program = Writer(4).program([], 3, plain=True)
+    choices = program.choices
+    program.choices = replace(choices, **{option: [*getattr(choices, option), name]})
+    with pytest.raises(BadInput, match="names what the program does not have"):
+        corrected(program, program.text, 4, tmp_path)
+
+
+def test_a_stated_world_frame_carries_all_work_objects(tmp_path: Path) -> None:
+    """A world frame 2 mm below the base is the same as work objects that are."""
+    writer = Writer(4)
+    program = writer.program([], 3, plain=True)
+    world = replace(program.choices, frames=[*program.choices.frames, "wobj0=0,0,-2,1,0,0,0"])
+    lower = {name: [[x, y, z - 2], turn] for name, ((x, y, z), turn) in writer.frames.items()}
+    text = program.text.replace(listed(writer.frames["wFix"]), listed(lower["wFix"]))
+    assert text != program.text
+    trans, turn = lower["wCell"]
+    objects = replace(program.choices, frames=[f"wCell={','.join(map(listed, [*trans, *turn]))}"])
+    values = []
+    for choices, each in ((world, program.text), (objects, text)):
+        program.choices = choices
+        new, _ = corrected(program, each, 4, tmp_path)
+        values.append(re.findall(r"robtarget p[01]:=.*", new))
+    assert values[0] == values[1]
