@@ -57,6 +57,14 @@ def export_program(
             show_default=False,
         ),
     ] = None,
+    call: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="This routine of another file moves no arm, changes no frame, tool or target. Repeatable.",
+            metavar="NAME",
+            show_default=False,
+        ),
+    ] = None,
     j3: Annotated[
         J3Origin | None,
         typer.Option(help="fanuc: what joint 3 is counted from; on the pendant: ground.", show_default=False),
@@ -68,15 +76,17 @@ def export_program(
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """A whole program with corrected targets, for the arm to reach what it means; all else stays as it was.
+    """Entering the offsets at the controller corrects all programs at once; this corrects one program, for
+    controllers where that is not possible.
 
-    A program with motions that are not understood is refused, by line. Targets that were taught on this very
-    arm hold its offsets already: do not correct them.
+    The targets change, for the arm to reach what the program means; all else stays as it was. A program with
+    a statement that is not understood is refused, by line. Targets that were taught on this very arm hold its
+    offsets already: do not correct them.
     """
     from ..experiments.exporters.user_programs.filtered import Choices, files_of, filtered, language_of
 
     language_of(program)
-    choices = Choices(tool or (), frame or (), leave or (), near, j3)
+    choices = Choices(tool or (), frame or (), leave or (), near, j3, call or ())
 
     def made(recorded: Run, judged: Calibration) -> Made:
         done = filtered(recorded.robot, judged, program, file, choices)

@@ -29,6 +29,7 @@ from ..vendors import require_vendor
 from .fanuc_targets import fanuc_head, fanuc_targets
 from .krl_targets import krl_head, krl_targets
 from .parts import Edit, Parsed, Source, Stated
+from .rapid_statements import rapid_literals
 from .rapid_targets import rapid_head, rapid_targets
 from .solving import Arms, Corrected, corrected
 from .urscript_targets import urscript_head, urscript_targets
@@ -54,7 +55,9 @@ class Language:
 
 
 LANGUAGES: Mapping[str, Language] = {
-    ".mod": Language("RAPID", "abb", rapid_targets, rapid_head, from_quaternion, "X,Y,Z,Q1,Q2,Q3,Q4"),
+    ".mod": Language(
+        "RAPID", "abb", rapid_targets, rapid_head, from_quaternion, "X,Y,Z,Q1,Q2,Q3,Q4", rapid_literals
+    ),
     ".src": Language("KRL", "kuka", krl_targets, krl_head, from_abc, "X,Y,Z,A,B,C"),
     ".ls": Language("TP", "fanuc", fanuc_targets, fanuc_head, from_rpy, "X,Y,Z,W,P,R"),
     ".script": Language(

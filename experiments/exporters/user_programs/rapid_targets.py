@@ -1,38 +1,45 @@
-"""The targets of a RAPID module (ABB)."""
+"""The targets of a RAPID module (ABB), and whether each of its statements is understood."""
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Callable
 
-import numpy as np
+from lark import Token, Tree
 
-from ....model.arms.branches import Branch, abb_configuration, is_abb_configuration
-from ....model.arms.orientation import orientation
-from ....model.arms.poses import from_quaternion
-from ....model.robot import Matrix
-from ...importers.rapid import DECLARED, without_text
-from .parts import NULL, Edit, JointTarget, Motion, Parsed, PoseTarget, Source, number_edits, number_spans
+from ...importers.rapid import without_text
+from .grammar import understood
+from .parts import Motion, Parsed, Source
+from .rapid_positions import FRAMES, TARGETS, Node, Positions, span
+from .rapid_statements import Blocks, Statement, routine_head, statements, tokens, trees, without_comments
 
-# Of a literal: jointtarget [[6],[6]], robtarget [[3],[4],[4],[6]].
-_SIZES = {"jointtarget": 12, "robtarget": 17}
-_MOVES = {"moveabsj": 1, "movej": 1, "movel": 1, "movec": 2}
-_MOVE = re.compile(r"\b(?P<word>MoveAbsJ|MoveJ|MoveL|MoveC)\b(?P<rest>[^;]*);", re.IGNORECASE)
+# Types of data that hold no position, tool or frame; those of the second list have components.
+_PLAIN = {
+    *("num", "dnum", "bool", "string", "byte", "rawbytes", "clock", "intnum", "iodev", "socketdev", "errnum"),
+    *("tpnum", "switch", "signaldi", "signaldo", "signalai", "signalao", "signalgi", "signalgo"),
+}
+_RECORDS = {"speeddata", "zonedata", "stoppointdata", "loaddata"}
+_PREDEFINED = {"reg1": "num", "reg2": "num", "reg3": "num", "reg4": "num", "reg5": "num", "clock1": "clock"}
+# Of the language, so that --call cannot state them to be harmless.
 _OTHER_MOTION = re.compile(
-    r"\b(?:Move(?:AbsJ|J|L|C)(?:DO|AO|GO|Sync)|MoveExtJ|MoveLDO|Trigg(?:L|J|C|AbsJ)\w*|Search[LC]|Arc[LC]\w*"
-    r"|Disp[LC]\w*|Paint[LCJ]\w*|Spot[LJM]\w*|Cap[LC]|Cont[LC]|EGMMove\w*|EGMRun\w*|IndAMove|IndRMove)\b",
+    r"Move(AbsJ|J|L|C)\w+|MoveExtJ|Trigg\w+|Search[LC]|Arc[LC]\w*|Disp[LC]\w*|Paint[LCJ]\w*|Spot[LJM]\w*"
+    r"|Cap[LC]|Cont[LC]|EGM\w+|Ind[ACDR]Move|StepBwdPath|RestoPath|StorePath|ClearPath|PathRecMove\w+",
     re.IGNORECASE,
 )
 _SHIFTS = re.compile(
-    r"\b(?:PDispOn|PDispSet|EOffsOn|EOffsSet|CorrCon|SoftAct|WorldAccLim|SingArea\s*\\\s*Wrist"
-    r"|Conf[JL]\s*\\\s*Off)\b",
+    r"PDisp(On|Set)|EOffs(On|Set)|Corr(Con|Write)|SoftAct|WorldAccLim|(Act|Dea?ct)Unit|Set(All)?DataVal"
+    r"|SetSysData|WriteCfgData|(Start|Un)?Load|CallByVar|(Wait|Drop)WObj|SyncMoveOn|MoveRobotUnit",
     re.IGNORECASE,
 )
-_ROUTINE = re.compile(r"\b(?:PROC|FUNC|TRAP)\b", re.IGNORECASE)
-_OWN = re.compile(r"\bzb_(?:command|true|offset_deg)\b", re.IGNORECASE)
-_NAME = re.compile(r"(?P<name>[A-Za-z]\w*)\s*(?P<index>\{[^{}]*\})?")
-_UNUSED = 9e9
+_SHOWN = 60
+_ZEROBEAM = re.compile(r"zb_(command|true|offset_deg)", re.IGNORECASE)
+# Statements behind which the arm may be elsewhere than at the target of the motion above.
+_BREAKING = {
+    *("routine", "end", "error", "if", "elseif", "else", "while", "for", "test", "case", "label", "compact"),
+    "jump",
+}
+_BOOLEAN = {"=", "<>", "<", ">", "<=", ">=", "AND", "OR", "XOR"}
 
 
 def rapid_head(text: str) -> tuple[int, str]:
@@ -44,238 +51,313 @@ def rapid_head(text: str) -> tuple[int, str]:
 
 
 def rapid_targets(source: Source) -> Parsed:
-    """What is to be corrected in a module."""
+    """What is to be corrected in a module; a problem of each statement that is not understood."""
     return _Module(source).read()
 
 
 class _Module:
     def __init__(self, source: Source) -> None:
-        self.source, self.bare, self.parsed = source, without_text(source.text), Parsed()
-        self.spans: dict[str, tuple[str, list[tuple[int, int]], int]] = {}  # kind, places of numbers, line
-        self.poses: dict[str, Matrix | None] = {}  # of tools and work objects that are declared
-        self.arrays: dict[str, list[str]] = {}
-        self.allowed: list[tuple[int, int]] = []  # where the name of a target may stand
+        self.source, self.bare, self.parsed = source, without_comments(source.text), Parsed()
+        self.positions = Positions(source, self.bare, self.parsed)
+        self.records = set(_RECORDS)  # types with components that hold no position
+        self.plain = set(_PLAIN)
+        self.types = dict(_PREDEFINED)  # of the data of the module, then of the routine that is read
+        self.local_types: dict[str, str] = {}
+        self.harmless: list[Token] = []  # names of data that hold no position
+        self.mentions: list[Token] = []  # names in expressions, in arguments, on the left of an assignment
+        self.undeclared: list[tuple[Token, str]] = []  # problems of names, if no other problem is in the line
+        self.routines: dict[str, str] = {}  # PROC, FUNC or TRAP, by name
+        self.heads: dict[str, Token] = {}  # names of routines where they begin
+        self.calls: dict[str, set[str]] = defaultdict(set)  # of routines by routines
+        self.moving: set[str] = set()  # routines with motions
+        self.routine = ""
+        self.straight = False
+        self.first_motion = 0  # of the routine
+        self.handling = False  # in an error handler, from which RETRY and TRYNEXT lead anywhere
 
     def read(self) -> Parsed:
-        self._declarations()
-        routines = [found.start() for found in _ROUTINE.finditer(self.bare)]
-        before = -1
-        for move in _MOVE.finditer(self.bare):
-            first = any(before < place < move.start() for place in routines) or before < 0
-            self._move(move, first)
-            before = move.start()
-        self._not_understood()
-        self._unused()
+        rows, blocks = list(statements(self.bare)), Blocks()
+        for row in rows:
+            if row.tree is not None and row.tree.data == "routine":
+                word, _, name = routine_head(row.tree)
+                self.routines[name.lower()], self.heads[name.lower()] = word, name
+        misplaced: list[tuple[int, str]] = []
+        for row in rows:
+            if row.tree is None:
+                self._refuse(row)
+                continue
+            if not blocks.allow(row.tree):
+                misplaced.append((self.source.line(row.start), f"{_short(row, self.bare)} cannot be here"))
+            self._read(row.tree)
+        if blocks.open:
+            misplaced.append((self.source.line(len(self.bare)), f"{blocks.open[-1]} is missing"))
+        self._together()
+        if not self.parsed.problems:
+            self.parsed.problems += misplaced[:1]
         return self.parsed
 
-    def _problem(self, place: int, said: str) -> None:
-        self.parsed.problems.append((self.source.line(place), said))
+    def _problem(self, node: Node, sentence: str) -> None:
+        self.positions.problem(span(node)[0], sentence)
 
-    def _declarations(self) -> None:
-        for match in DECLARED.finditer(self.bare):
-            name, kind = match["name"].lower(), match["kind"].lower()
-            self.allowed.append(match.span("name"))
-            if kind in ("tooldata", "wobjdata"):
-                self.poses[name] = self._frame(match, kind)
-                continue
-            if name in self.source.stated.leave:
-                continue
-            spans = number_spans(self.bare, *match.span("value"))
-            size, plain = _SIZES[kind], re.fullmatch(r"[\[\]\s,0-9eE+.\-]*", match["value"])
-            if plain is None or not spans or len(spans) % size or (not match["sizes"] and len(spans) != size):
-                self._problem(match.start(), f"the value of {match['name']} is not written in numbers")
-                continue
-            elements = range(len(spans) // size)
-            keys = [name if match["sizes"] is None else f"{name}{{{i + 1}}}" for i in elements]
-            if name in self.spans or name in self.arrays:
-                self._problem(match.start(), f"{match['name']} is declared twice")
-            if match["sizes"] is not None:
-                self.arrays[name] = keys
-            for i, key in enumerate(keys):
-                self.spans[key] = (
-                    kind,
-                    spans[size * i : size * (i + 1)],
-                    self.source.line(match.start("name")),
-                )
-                if kind == "jointtarget":
-                    self._add_joints(key)
+    def _refuse(self, row: Statement) -> None:
+        self.positions.problem(row.start, f"{_short(row, self.bare)} is not understood")
+        self.positions.claim(row.start, row.end, "left")
+        self.straight = False
 
-    def _frame(self, match: re.Match[str], kind: str) -> Matrix | None:
-        """The pose of a declared tool or work object; None where it is not a fixed one on the arm, or in the
-        room."""
-        spans = number_spans(self.bare, *match.span("value"))
-        values = [float(self.bare[start:end]) for start, end in spans]
-        flags = [word.upper() for word in re.findall(r"\b(?:TRUE|FALSE)\b", match["value"], re.IGNORECASE)]
-        if kind == "tooldata":
-            return from_quaternion(values[:7]) if flags == ["TRUE"] and len(values) >= 7 else None
-        unit = re.search(r'"([^"]*)"', self.source.text[slice(*match.span("value"))])
-        if flags != ["FALSE", "TRUE"] or len(values) != 14 or unit is None or unit[1]:
-            return None
-        return from_quaternion(values[:7]) @ from_quaternion(values[7:])
+    def _read(self, tree: Tree[Token]) -> None:
+        kind = str(tree.data)
+        readers: dict[str, Callable[[Tree[Token]], None]] = {
+            "motion": self._motion,
+            "assignment": self._assignment,
+            "call": self._called,
+            "data": self._data,
+            "record": self._type,
+            "alias": self._type,
+            "routine": self._routine,
+            "compact": self._compact,
+            "for": self._for,
+            "connect": self._connect,
+            "end": self._end,
+            "error": self._error,
+        }
+        readers.get(kind, self._expressions)(tree)
+        if kind in _BREAKING or (kind == "instruction" and tokens(tree)[0].lower() == "exitcycle"):
+            self.straight = False
 
-    def _add_joints(self, key: str) -> None:
-        _, spans, line = self.spans[key]
-        n = self.source.robot.n
-        values = [float(self.bare[start:end]) for start, end in spans]
-        if any(values[n:6]):
-            self.parsed.problems.append(
-                (line, f"{self.source.written(key)} has values for joints that the robot does not have")
-            )
+    # Types, data and routines
 
-        def write(joints: Matrix) -> list[Edit]:
-            return number_edits(spans[:n], self.source.text, joints.tolist(), [6] * n)
+    def _type(self, tree: Tree[Token]) -> None:
+        """A record or an alias: it holds a position where one of its types does."""
+        names = [token for token in tokens(tree) if token.type == "NAME"]
+        name, types = (names[0], names[1::2]) if tree.data == "record" else (names[1], names[:1])
+        known = self.records | self.plain | {*TARGETS, *FRAMES}
+        if name.lower() in known:
+            self._problem(name, f"{name} is a type already")
+        elif all(each.lower() in self.records | self.plain for each in types):
+            plain = tree.data == "alias" and types[0].lower() in self.plain
+            (self.plain if plain else self.records).add(name.lower())
 
-        self.parsed.targets[key] = JointTarget(self.source.written(key), line, np.array(values[:n]), write)
+    def _enter(self, name: Token, kind: str) -> None:
+        """Data that hold no position."""
+        self.harmless.append(name)
+        (self.local_types if self.routine else self.types)[name.lower()] = kind
 
-    def _move(self, move: re.Match[str], first: bool) -> None:
-        word, linear = move["word"].lower(), move["word"].lower() in ("movel", "movec")
-        arguments = list(_arguments(move["rest"], move.start("rest")))
-        if arguments and not arguments[0][0]:  # \Conc,
-            arguments = arguments[1:]
-        count = _MOVES[word]
-        if len(arguments) < count + 3:
-            self._problem(move.start(), f"{move['word']} is not understood")
+    def _data(self, tree: Tree[Token]) -> None:
+        kind, name = [token for token in tokens(tree) if token.type == "NAME"][:2]
+        rest = tree.children[tree.children.index(name) + 1 :]
+        sizes = next(iter(trees(tree, "sizes")), None)
+        value = next((each for each in rest if each is not sizes), None)
+        self._expressions(tree)
+        if kind.lower() not in self.plain | self.records:
+            self.positions.declare(kind.lower(), name, None if sizes is None else sizes.children, value)
             return
-        tool, wobj = arguments[count + 2][0], _option(move["rest"], "wobj") or "wobj0"
-        for i, (text, place) in enumerate(arguments[:count]):
-            names = self._named(text, place, "jointtarget" if word == "moveabsj" else "robtarget")
-            if names is None:
-                self.parsed.motions.append(Motion(None, self.source.line(place), linear, first))
-                continue
-            for name in names:
-                if word == "moveabsj" or self._use(name, tool, wobj, place):
-                    self.parsed.motions.append(
-                        Motion(name, self.source.line(place), linear, first and i == 0)
-                    )
+        self._enter(name, kind.lower())
+        start, end = span(tree)
+        if self.positions.has_literals(start, end) and self.positions.left(name):
+            self.positions.claim(start, end, "left")
 
-    def _named(self, text: str, place: int, kind: str) -> list[str] | None:
-        """Names of the targets of a motion; None where it is left as it is, or is a problem."""
-        name = _NAME.fullmatch(text)
-        if text.startswith("["):
-            spans = number_spans(self.bare, place, place + len(text))
-            if len(spans) == _SIZES[kind] and re.fullmatch(r"[\[\]\s,0-9eE+.\-]*", text):
-                line = self.source.line(place)
-                key = f"the target in line {line}"
-                while key in self.spans:
-                    key += "'"
-                self.spans[key] = kind, spans, line
-                if kind == "jointtarget":
-                    self._add_joints(key)
-                return [key]
-        elif name is not None:
-            low, index = name["name"].lower(), name["index"]
-            if low in self.source.stated.leave:
-                return None
-            self.allowed.append((place, place + len(name["name"])))
-            if index is not None and low in self.arrays:
-                own = f"{low}{{{index[1:-1].strip()}}}"
-                return [own] if own in self.spans else self.arrays[low]
-            if low in self.spans and self.spans[low][0] == kind:
-                return [low]
-            self._problem(place, f"{name['name']} is not declared in this file with a value (--leave?)")
-            return None
-        self._problem(place, f"the target {' '.join(text.split())[:60]} is computed when the program runs")
-        return None
+    def _routine(self, tree: Tree[Token]) -> None:
+        _, returned, name = routine_head(tree)
+        self.routine, self.local_types = name.lower(), {}
+        self.first_motion, self.handling = len(self.parsed.motions), False
+        if _is_built_in(name):
+            self._problem(name, f"{name} is an instruction or a function of the language already")
+        if returned is not None and returned.lower() not in self.plain | self.records:
+            self._problem(name, f"{name} returns a {returned}, which is computed when the program runs")
+        for parameter in tree.find_data("parameter"):
+            kind, own = tokens(parameter)[-2:]
+            if kind.lower() in self.plain | self.records:
+                self._enter(own, kind.lower())
+            else:
+                self._problem(own, f"the {kind} {own} that is passed is only known when the program runs")
 
-    def _use(self, name: str, tool: str, wobj: str, place: int) -> bool:
-        """Enter the robtarget as used with a tool and a work object; False where that is a problem."""
-        frames = []
-        for word, called, stated, none in (
-            ("tool", tool, self.source.stated.tools, "tool0"),
-            ("work object", wobj, self.source.stated.frames, "wobj0"),
-        ):
-            low = called.lower()
-            frame = stated.get(low, self.poses.get(low, NULL if low == none else stated.get("")))
-            if frame is None:
-                option = f"{'--tool' if word == 'tool' else '--frame'} {called}"
-                self._problem(
-                    place,
-                    f"the {word} {called} is not known, or not fixed; state {option}=X,Y,Z,Q1,Q2,Q3,Q4",
-                )
-                return False
-            frames.append(frame)
-        known = self.parsed.targets.get(name)
-        if isinstance(known, PoseTarget):
-            if np.allclose(known.tool, frames[0]) and np.allclose(known.frame, frames[1]):
-                return True
-            self._problem(place, f"{self.source.written(name)} is used with different tools or work objects")
-            return False
-        return self._add_pose(name, *frames)
+    def _end(self, tree: Tree[Token]) -> None:
+        if str(tree.children[0]).upper() in ("ENDPROC", "ENDFUNC", "ENDTRAP"):
+            self.routine, self.local_types, self.handling = "", {}, False
 
-    def _add_pose(self, name: str, tool: Matrix, frame: Matrix) -> bool:
-        _, spans, line = self.spans[name]
-        text = self.source.text
-        values = [float(text[start:end]) for start, end in spans]
-        turn, stated = values[3:7], tuple(values[7:11])
-        if abs(math.hypot(*turn) - 1) > 0.01:
-            self.parsed.problems.append(
-                (line, f"the orientation of {self.source.written(name)} is not a unit quaternion")
-            )
-            return False
-        if any(value not in (0.0, _UNUSED) for value in values[11:]):
-            self.parsed.problems.append(
+    def _error(self, tree: Tree[Token]) -> None:
+        self.handling = True
+
+    # Expressions and calls
+
+    def _expressions(self, tree: Node) -> None:
+        """Names and calls in a statement, or in a part of one."""
+        if not isinstance(tree, Tree):
+            return
+        for part in tree.iter_subtrees():
+            if part.data == "reference":
+                self._reference(part)
+            elif part.data == "function" and tokens(part)[0].type == "NAME":
+                self._called(part)
+
+    def _reference(self, tree: Tree[Token]) -> None:
+        name = tokens(tree)[0]
+        self.mentions.append(name)
+        if trees(tree, "component") and self._type_of(name) not in self.records:
+            self.undeclared.append(
                 (
-                    line,
-                    f"{self.source.written(name)} has positions of external axes, which may carry the robot",
+                    name,
+                    f"{name} is not declared in this file with a type that holds no position, tool or frame",
                 )
             )
-            return False
 
-        def write(pose: Matrix, branch: Branch | None, joints: Matrix) -> list[Edit]:
-            new = np.array(orientation(pose[:3, :3]).quaternion)
-            new = -new if new @ turn < 0 else new
-            edits = number_edits(spans[:7], text, [*pose[:3, 3].tolist(), *new.tolist()], [4] * 3 + [9] * 4)
-            if branch is None or is_abb_configuration(stated, branch, joints):
-                return edits
-            return edits + number_edits(spans[7:11], text, abb_configuration(branch, joints), [0] * 4)
+    def _type_of(self, name: Token) -> str | None:
+        return self.local_types.get(name.lower(), self.types.get(name.lower()))
 
-        self.parsed.targets[name] = PoseTarget(
-            self.source.written(name),
-            line,
-            from_quaternion(values[:7]),
-            tool,
-            frame,
-            lambda branch, joints: is_abb_configuration(stated, branch, joints),
-            f"[{','.join(f'{value:g}' for value in stated)}]",
-            write,
+    def _called(self, tree: Tree[Token]) -> None:
+        """A routine with its arguments, none of which may hold a position."""
+        name = tokens(tree)[0]
+        low = name.lower()
+        if tree.data == "call":
+            for argument in tree.children[1:]:
+                self._expressions(argument)
+        in_file = low in self.routines
+        if in_file:
+            self.calls[self.routine].add(low)
+            self._elsewhere()
+        if not in_file and _ZEROBEAM.fullmatch(low):
+            self._problem(name, f"{name}: the module of zerobeam export rapid would correct a second time")
+        elif not in_file and _OTHER_MOTION.fullmatch(low):
+            self._problem(name, f"{name} is a motion that is not understood")
+        elif not in_file and _SHIFTS.fullmatch(low):
+            self._problem(name, f"{name}: targets, tools and frames are then no longer what this file says")
+        elif not in_file and not self.source.stated.harmless(low, name):
+            self._problem(
+                name,
+                f"{name} is not a routine of this file, nor an instruction that is known here; state --call"
+                f" {name} if it moves no arm and changes no frame, tool or target",
+            )
+        elif next(tree.find_data("aggregate"), None) is not None:
+            self._problem(name, f"{name} is called with a value in brackets, which may be a position")
+
+    def _elsewhere(self) -> None:
+        """The arm may have moved to an unknown place."""
+        self.straight = False
+        if self.handling:
+            self._retried()
+
+    def _retried(self) -> None:
+        """An error handler that moves the arm leads to any motion of its routine."""
+        motions = self.parsed.motions
+        motions[self.first_motion :] = [each._replace(first=True) for each in motions[self.first_motion :]]
+
+    # Statements
+
+    def _for(self, tree: Tree[Token]) -> None:
+        self._enter(tokens(tree)[0], "num")
+        self._expressions(tree)
+
+    def _compact(self, tree: Tree[Token]) -> None:
+        self._expressions(tree.children[0])
+        self._read(trees(tree)[-1])
+
+    def _connect(self, tree: Tree[Token]) -> None:
+        self._expressions(tree)
+        routine = tokens(tree)[0]
+        if routine.lower() not in self.routines and not self.source.stated.harmless(routine.lower(), routine):
+            self._problem(routine, f"{routine} is not a routine of this file (--call {routine}?)")
+
+    def _assignment(self, tree: Tree[Token]) -> None:
+        """To data that hold no position: declared here, or by the type of the value."""
+        self._expressions(tree)
+        name, value = tokens(trees(tree)[0])[0], tree.children[1]
+        if self._type_of(name) is None and not _is_plain(value):
+            self.undeclared.append(
+                (name, f"{name} is not declared in this file: it may be a position, a tool or a frame")
+            )
+
+    def _motion(self, tree: Tree[Token]) -> None:
+        for part in trees(tree, "speed", "zone"):
+            self._expressions(part)
+        word, tool = tokens(tree)[0], trees(tree, "tool")[0]
+        options = [part.data for part in trees(tool)]
+        if len(options) > len(set(options)):
+            self._problem(word, f"{word} has an option twice")
+        self.moving.add(self.routine)
+        wobj = next((tokens(part)[0] for part in trees(tool, "object")), None)
+        for part in trees(tree, "target"):
+            self._moved(word, part.children[0], tokens(tool)[0], wobj)
+        if self.handling:
+            self._retried()
+
+    def _moved(self, word: Token, target: Node, tool: Token, wobj: Token | None) -> None:
+        joints, linear = word.type == "ABSJ", word.lower() in ("movel", "movec")
+        twice = isinstance(target, Tree) and any(
+            _ZEROBEAM.fullmatch(tokens(each)[0]) for each in target.find_data("function")
         )
+        if twice:
+            self._problem(target, "the module of zerobeam export rapid would correct a second time")
+        names = self.positions.named(target, "jointtarget" if joints else "robtarget")
+        line = self.source.line(span(target)[0])
+        if names is None:
+            self.parsed.motions.append(Motion(None, line, linear, not self.straight))
+            return
+        for name in names:
+            first = not self.straight or len(names) > 1
+            if joints or self.positions.use(name, tool, wobj):
+                self.parsed.motions.append(Motion(name, line, linear, first))
+        self.straight = len(names) == 1
+
+    # All together
+
+    def _together(self) -> None:
+        """Problems that show when all statements are read."""
+        positions, text = self.positions, self.source.text
+        for name in self.harmless:
+            if name.lower() in positions.names:
+                self._problem(name, f"{name} is the name of a target, a tool or a frame too")
+        for name in self.mentions:
+            if name.lower() in positions.names:
+                self.parsed.changed(self.source.line(span(name)[0]), str(name))
+        for name, sentence in self.undeclared:
+            if not self.parsed.speaks_of(self.source.line(span(name)[0])):
+                self._problem(name, sentence)
+        for low, word in self.routines.items():
+            if word == "TRAP" and self._reached(low) & self.moving:
+                self._problem(self.heads[low], f"the interrupt routine {low} moves the arm, at any moment")
+        alone = re.search(r"\r(?![\r\n])", text)
+        if alone is not None:
+            positions.problem(alone.start(), "the line has a carriage return in it, which may end it")
+        positions.finish()
+
+    def _reached(self, routine: str) -> set[str]:
+        """The routine and all that it calls."""
+        found, new = set(), {routine}
+        while new:
+            found |= new
+            new = {called for each in new for called in self.calls[each]} - found
+        return found
+
+
+def _short(row: Statement, bare: str) -> str:
+    text = " ".join(bare[row.start : row.end].split())
+    return text if len(text) <= _SHOWN else text[: _SHOWN - 1] + "…"
+
+
+def _is_plain(value: Node) -> bool:
+    """Whether a value is a number, a text or true or false, by what it is written with."""
+    if isinstance(value, Token):
         return True
+    words = tokens(value)
+    if value.data == "reference":
+        return len(value.children) == 1 and words[0].upper() in ("TRUE", "FALSE")
+    if value.data == "function":
+        return words[0].type == "FUNCTION"
+    if value.data == "term":
+        return any(token.type == "NOT" for token in words) or _is_plain(value.children[-1])
+    if value.data != "value":
+        return False
+    operators = {token.upper() for token in words if token.type in ("SIGN", "OPERATOR")}
+    constants = any(token.type in ("UNSIGNED", "STRING") for token in words)
+    return bool(operators & _BOOLEAN) or (constants and operators <= {"+", "-"})
 
-    def _not_understood(self) -> None:
-        for pattern, said in (
-            (_OTHER_MOTION, "{} is a motion that is not understood"),
-            (_SHIFTS, "{}: the arm is then not where the targets say, or its configuration not theirs"),
-            (_OWN, "{}: the module of zerobeam export rapid would correct a second time"),
+
+def _is_built_in(name: str) -> bool:
+    """Whether the grammar has an instruction or a function of this name."""
+    for text in (f"{name};", f"RETURN {name}(0);"):
+        tree = understood("rapid", "statement", text, 0, len(text))
+        if tree is not None and any(
+            token.type in ("INSTRUCTION", "FUNCTION") for token in tree.scan_values(lambda _: True)
         ):
-            for found in pattern.finditer(self.bare):
-                self._problem(found.start(), said.format(" ".join(found[0].split())))
-        names = {re.sub(r"\{.*", "", name) for name in self.spans}
-        allowed = set(self.allowed)
-        for found in re.finditer(r"\b[A-Za-z]\w*", self.bare):
-            low = found[0].lower()
-            assigned = low in self.poses and re.match(r"[\w.]*\s*:=", self.bare[found.end() :])
-            if (low in names or assigned) and found.span() not in allowed:
-                self.parsed.changed(self.source.line(found.start()), found[0])
-
-    def _unused(self) -> None:
-        for name, (kind, _, line) in self.spans.items():
-            if kind == "robtarget" and name not in self.parsed.targets:
-                said = "is not the target of a motion here, so that its tool is not known (--leave?)"
-                if not self.parsed.speaks_of(line, name):
-                    self.parsed.problems.append((line, f"{self.source.written(name)} {said}"))
-
-
-def _arguments(text: str, place: int) -> Iterator[tuple[str, int]]:
-    r"""The arguments of an instruction without their options (\…), each with its place."""
-    depth, begun = 0, 0
-    for i, letter in enumerate(text + ","):
-        depth += (letter in "[({") - (letter in "])}")
-        if letter == "," and not depth:
-            own = text[begun:i].split("\\")[0]
-            yield own.strip(), place + begun + len(own) - len(own.lstrip())
-            begun = i + 1
-
-
-def _option(text: str, name: str) -> str | None:
-    found = re.search(rf"\\\s*{name}\s*:=\s*(\w+)", text, re.IGNORECASE)
-    return None if found is None else str(found[1])
+            return True
+    return False

@@ -25,6 +25,7 @@ from .parts import Edit, JointTarget, Motion, Parsed, PoseTarget, Target
 _FAR = 5.0  # deg (mm) from the nominal joints less the offsets: such a solution is another posture
 _CLEAR = 1.2  # a nearest solution is taken if the next one is so many times as far
 _SAME_POSTURE = 0.01  # deg
+_ASIDE = 0.05  # rad
 _ON_THE_WAY = 24  # poses of a linear motion that are followed
 
 
@@ -225,6 +226,7 @@ class _Work:
             if len(found) and all(
                 self.arms.solver.same(found[0] / display, other) for other in found / display
             ):
+                self._require_isolated(flange, found[0])
                 near = next((each for each in (self._last, self.near) if each is not None), found[0])
                 return np.asarray(found[np.argmin(np.abs(found - near).max(axis=1))])
             if len(found):
@@ -235,6 +237,19 @@ class _Work:
                 )
             return self._nearest(target, flange, (self.near,))
         return self._nearest(target, flange, (target.near, self._last, self.near))
+
+    def _require_isolated(self, flange: Matrix, joints: Matrix) -> None:
+        """At a singularity a configuration has many sets of joints, and the controller's choice is not known:
+        from joints that are moved along the singular direction the arm stays away from these."""
+        nominal, row = self.arms.nominal, joints / self.arms.nominal.display
+        if not is_singular(nominal, row):
+            return
+        direction = np.linalg.svd(nominal.jacobian(row, "rad"))[2][-1]
+        others, arrived = reach(nominal, flange, row + _ASIDE * np.array([[1.0], [-1.0]]) * direction)
+        if any(not self.arms.solver.same(row, other) for other in others[arrived]):
+            raise _Unsolved(
+                "it is at a singularity, where many sets of joints reach it; replace it by a joint target"
+            )
 
     def _matching_nearby(self, target: PoseTarget, flange: Matrix) -> Matrix:
         """Joints near those of the motion before: off singularities a configuration has one solution only."""
@@ -287,6 +302,7 @@ class _Work:
                 "two configurations of the arm are about as near to the joints before it; state --near, or a"
                 " joint target before it"
             )
+        self._require_isolated(flange, unique[order[0]] * display)
         self.nearest.append(target.name)
         return np.asarray(unique[order[0]] * display)
 
