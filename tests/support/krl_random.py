@@ -27,8 +27,8 @@ HOME = {"A1": 5.0, "A2": -85.0, "A3": 95.0, "A4": 10.0, "A5": 40.0, "A6": 0.0}
 class Bad:
     """What is refused: `lines` of a routine, `data` of the data list, `more` behind all.
 
-    `{name}` is a position, `{data}` its data set, `{pose}` a literal, `{flipped}` one of another status, `{axes}`
-    joints. The line that is to be named has `>` before it; in a program it has ;BAD behind it.
+    `{name}` is a position, `{data}` its data set, `{pose}` a literal, `{flipped}` one of another status,
+    `{axes}` joints. The line that is to be named has `>` before it; in a program it has ;BAD behind it.
     """
 
     lines: tuple[str, ...] = ()
