@@ -162,6 +162,10 @@ BAD: dict[str, Bad] = {
     "a structure that is not closed": Bad((">IF $IN[3] THEN",)),
     "an end without a begin": Bad((">ENDIF",)),
     "a motion of a spline alone": Bad((">SPL {name}",)),
+    "a position that is a parameter": Bad(
+        (), (), (">GLOBAL DEF FROMOUTSIDE({name}:IN)", "PTP {name}", "END")
+    ),
+    "a position that counts": Bad((">FOR {name}=1 TO 2", "ENDFOR")),
     "a name that is declared twice": Bad((), ("DECL INT TWICE", ">DECL E6POS TWICE={pose}"), ()),
 }
 

@@ -71,7 +71,8 @@ class Frames:
         self.names.has(word, index)
         return _of_number(word, index)
 
-    def _literal(self, word: str, aggregate: Tree[Token]) -> Callable[[State], Values]:
+    def _literal(self, word: str, aggregate: Tree[Token] | Token) -> Callable[[State], Values]:
+        assert isinstance(aggregate, Tree)
         place, pose = span(aggregate)[0], pose_of(aggregate)
         if pose is None:
             self.names.problem(

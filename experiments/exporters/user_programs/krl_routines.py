@@ -96,6 +96,11 @@ class Routines:
             self.names.problem(
                 statement.place, f"the routine {self.names.source.written(name)} is there twice"
             )
+        for parameter in statement.tree.find_data("parameter"):
+            if self.names.holds_position(str(parameter.children[0]).lower()):
+                self.names.problem(
+                    statement.place, f"{parameter.children[0]} is a position, and a parameter of {name}"
+                )
         public = any(isinstance(child, Tree) and child.data == "global_" for child in statement.tree.children)
         self.routines[name] = Routine(name, not self.routines or public)
 
@@ -282,13 +287,13 @@ class _Builder:
                         self.names.claim(aggregate, "frame")
         if statement.kind != "interrupt":
             for call in statement.tree.find_data("call"):
-                name = self._called(call, statement.place)
-                if name is not None and statement.kind in ("while", "for", "case"):
+                routine = self._called(call, statement.place)
+                if routine is not None and statement.kind in ("while", "for", "case"):
                     self.names.problem(
                         statement.place, "a routine of the program in this condition is not understood"
                     )
-                elif name is not None:
-                    self._step(Step(call=name))
+                elif routine is not None:
+                    self._step(Step(call=routine))
 
     def _of_path(self, part: Tree[Token], place: int) -> None:
         argument = part.children[0]
@@ -303,7 +308,7 @@ class _Builder:
 
     def _assigned(self, name: str, place: int) -> None:
         low = name.lower()
-        if low not in self.names.scalars and not self.names.holds_position(low):
+        if low not in self.names.scalars:
             self.names.problem(
                 place,
                 f"{self.names.source.written(low)} is changed when the program runs, and is not declared here"

@@ -27,7 +27,6 @@ from zerobeam.model.robot import Matrix, Robot
 ROBOT = load_robot("kr6_r900")
 LOWER, UPPER = np.degrees(ROBOT.lower), np.degrees(ROBOT.upper)
 NOMINAL = ControllerArm.of(ROBOT)
-RUNS = 3  # of each accepted program, with other inputs
 
 
 def true_arm(rng: np.random.Generator) -> tuple[Robot, Matrix]:
@@ -70,8 +69,8 @@ def counts(done: Filtered) -> Counter[str]:
     return Counter({"target": numbers[1], "left": numbers[2], "frame": numbers[3]})
 
 
-def judge(folder: Path, seed: int) -> str:
-    """Write a program, correct it, run both: what came of it."""
+def judge(folder: Path, seed: int, inputs: int = 3) -> str:
+    """Write a program, correct it, run both with different inputs: what came of it."""
     rng = np.random.default_rng([7, seed])
     bad = [str(rng.choice(list(BAD))) for _ in range(int(rng.choice([0, 0, 0, 0, 1, 2])))]
     program = Writer(seed, NOMINAL, LOWER, UPPER).program(bad)
@@ -83,7 +82,7 @@ def judge(folder: Path, seed: int) -> str:
     assert not bad, f"{seed}: accepted with {bad}"
     assert counts(done) == program.literals, seed
     arm, runs = ControllerArm.of(robot, offsets), 0
-    for again in range(RUNS):
+    for again in range(inputs):
         try:
             meant = poses(program, program.text, NOMINAL, again)
         except Invalid:
@@ -94,19 +93,19 @@ def judge(folder: Path, seed: int) -> str:
     return "accepted" if runs else "not run"
 
 
-def judge_all(folder: Path, seeds: range) -> Counter[str]:
-    found = Counter(judge(folder, seed) for seed in seeds)
+def judge_all(folder: Path, seeds: range, inputs: int) -> Counter[str]:
+    found = Counter(judge(folder, seed, inputs) for seed in seeds)
     assert found["accepted"] >= len(seeds) / 4, found
     return found
 
 
 def test_random_programs(tmp_path: Path) -> None:
-    judge_all(tmp_path, range(100))
+    judge_all(tmp_path, range(100), inputs=1)
 
 
 @pytest.mark.long
 def test_many_random_programs(tmp_path: Path) -> None:
-    judge_all(tmp_path, range(2000))
+    judge_all(tmp_path, range(2000), inputs=3)
 
 
 def program_with(name: str | None) -> Program:
