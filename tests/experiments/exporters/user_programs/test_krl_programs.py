@@ -27,6 +27,7 @@ from zerobeam.model.robot import Matrix, Robot
 ROBOT = load_robot("kr6_r900")
 LOWER, UPPER = np.degrees(ROBOT.lower), np.degrees(ROBOT.upper)
 NOMINAL = ControllerArm.of(ROBOT)
+_ALONE = [name for name in BAD if name != "an end without a begin"]  # it may close another structure
 
 
 def true_arm(rng: np.random.Generator) -> tuple[Robot, Matrix]:
@@ -72,7 +73,7 @@ def counts(done: Filtered) -> Counter[str]:
 def judge(folder: Path, seed: int, inputs: int = 3) -> str:
     """Write a program, correct it, run both with different inputs: what came of it."""
     rng = np.random.default_rng([7, seed])
-    bad = [str(rng.choice(list(BAD))) for _ in range(int(rng.choice([0, 0, 0, 0, 1, 2])))]
+    bad = [str(rng.choice(_ALONE)) for _ in range(int(rng.choice([0, 0, 0, 0, 1, 2])))]
     program = Writer(seed, NOMINAL, LOWER, UPPER).program(bad)
     robot, offsets = true_arm(rng)
     try:
