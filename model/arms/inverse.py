@@ -25,13 +25,14 @@ _AT_LIMIT = 1e-9
 
 
 def reach(robot: Robot, pose: Matrix, starts: Matrix) -> tuple[Matrix, Matrix]:
-    """From joints (N, n), rad or mm, to a pose (4, 4) of the flange: the joints arrived at, and (N,) whether
-    they are those of the pose. Limits do not count."""
+    """From joints (N, n), rad or mm, to a pose (4, 4) of the flange, or to one (N, 4, 4) each: the joints
+    arrived at, and (N,) whether they are those of the pose. Limits do not count."""
+    poses = np.broadcast_to(pose, (len(starts), 4, 4))
     joints = np.array(starts, dtype=float)
     arrived = np.zeros(len(joints), dtype=bool)
     for _ in range(_STEPS):
         going = ~arrived
-        error, jacobian = _errors(robot, pose, joints[going])
+        error, jacobian = _errors(robot, poses[going], joints[going])
         arrived[going] = np.abs(error).max(axis=1) < _EXACT
         damping = 0.5 * (error**2).sum(axis=1) + 1e-14
         normal = np.einsum("nij,nik->njk", jacobian, jacobian) + damping[:, None, None] * np.eye(robot.n)
@@ -49,17 +50,17 @@ def is_singular(robot: Robot, joints: Matrix) -> bool:
     return bool(np.linalg.svd(jacobian, compute_uv=False)[-1] < _SINGULAR)
 
 
-def _errors(robot: Robot, pose: Matrix, joints: Matrix) -> tuple[Matrix, Matrix]:
-    """(N, 6) shift and rotation that are left to the pose, and (N, 6, n) what the joints do to them."""
+def _errors(robot: Robot, poses: Matrix, joints: Matrix) -> tuple[Matrix, Matrix]:
+    """(N, 6) shift and rotation left to poses (N, 4, 4), and (N, 6, n) what the joints do to them."""
     now, jacobian = robot.pose_and_jacobian(joints, "rad")
-    left = pose[:3, :3] @ now[:, :3, :3].transpose(0, 2, 1)
+    left = poses[:, :3, :3] @ now[:, :3, :3].transpose(0, 2, 1)
     twice = np.stack(
         [left[:, 2, 1] - left[:, 1, 2], left[:, 0, 2] - left[:, 2, 0], left[:, 1, 0] - left[:, 0, 1]], axis=1
     )
     sine = np.linalg.norm(twice, axis=1) / 2
     angle = np.arctan2(sine, (np.trace(left, axis1=1, axis2=2) - 1) / 2)
     turn = twice / 2 * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 1.0)[:, None]
-    shift = (pose[:3, 3] - now[:, :3, 3]) / _LENGTH
+    shift = (poses[:, :3, 3] - now[:, :3, 3]) / _LENGTH
     scaled = jacobian.copy()
     scaled[:, :3] /= _LENGTH
     return np.hstack([shift, turn]), scaled

@@ -27,7 +27,7 @@ from ..calibration import Calibration
 from ..programs.steps import require_axes, require_j3
 from ..vendors import require_vendor
 from .fanuc_targets import fanuc_head, fanuc_targets
-from .krl_targets import krl_head, krl_targets
+from .krl_targets import krl_head, krl_literals, krl_targets
 from .parts import Edit, Parsed, Source, Stated
 from .rapid_statements import rapid_literals
 from .rapid_targets import rapid_head, rapid_targets
@@ -58,7 +58,7 @@ LANGUAGES: Mapping[str, Language] = {
     ".mod": Language(
         "RAPID", "abb", rapid_targets, rapid_head, from_quaternion, "X,Y,Z,Q1,Q2,Q3,Q4", rapid_literals
     ),
-    ".src": Language("KRL", "kuka", krl_targets, krl_head, from_abc, "X,Y,Z,A,B,C"),
+    ".src": Language("KRL", "kuka", krl_targets, krl_head, from_abc, "X,Y,Z,A,B,C", krl_literals),
     ".ls": Language("TP", "fanuc", fanuc_targets, fanuc_head, from_rpy, "X,Y,Z,W,P,R"),
     ".script": Language(
         "URScript",

@@ -1,332 +1,382 @@
 """The targets of a KRL module (KUKA): its .src and its .dat as one text, the .dat behind.
 
-Which tool and base a Cartesian target has is said by the motion: by the data set of an inline form
-(FDAT_ACT=…, STOOL2(…)), or by what was set before it.
+Tool and base of a Cartesian target are those that may be active at its motions. The status (bits 0 to 2 of S)
+is that which is stated for a PTP with S and T. A linear motion ignores S and T, and a PTP without them has no
+other either: the arm keeps the status that it has, which is that of the motions before, along all ways.
 """
 
 from __future__ import annotations
 
 import re
+from functools import cached_property
 
 import numpy as np
+from lark import Token, Tree
 
-from ....model.arms.branches import Branch, is_kuka_turn, kuka_status, kuka_turn
+from ....model.arms.branches import Branch, Branches, is_kuka_turn, kuka_status, kuka_turn
 from ....model.arms.orientation import orientation
 from ....model.arms.poses import from_abc
 from ....model.robot import Matrix
-from ...importers.kuka import AGGREGATE, without_comments
-from .parts import NULL, NUMBER, Edit, JointTarget, Motion, Parsed, PoseTarget, Source, number_edits
+from .krl_flow import Flow, State, Value, Values, values
+from .krl_frames import nothing_known
+from .krl_routines import Routines
+from .krl_statements import (
+    POSE,
+    Names,
+    Position,
+    fields,
+    krl_head,
+    krl_literals,
+    number,
+    span,
+    statements,
+    whole,
+)
+from .parts import NULL, Edit, JointTarget, Motion, Parsed, Place, PoseTarget, Source, number_edits
 
-_FIELD = re.compile(
-    rf"\b(?P<name>A[1-6]|E[1-6]|[XYZABCST])\s+(?P<value>{NUMBER}|'B[01]+'|'H[0-9A-F]+')", re.IGNORECASE
-)
-_POSE = ("X", "Y", "Z", "A", "B", "C")
-_MOTION = re.compile(r"\s*(?P<word>S?PTP|S?LIN|S?CIRC|SPL)\b(?P<rest>.*)", re.IGNORECASE)
-_RELATIVE = re.compile(r"\s*S?(?:PTP|LIN|CIRC|SPL)_REL\b|\s*BRAKE\b.*\bPOS\b", re.IGNORECASE)
-_HERE = re.compile(r"\s*\$(?:AXIS_ACT|POS_ACT)\b", re.IGNORECASE)
-_DATA = re.compile(
-    r"\bFDAT\s+(?P<name>\w+)\s*=\s*\{[^}]*?TOOL_NO\s+(?P<tool>\d+)\s*,\s*BASE_NO\s+(?P<base>\d+)[^}]*\}",
-    re.IGNORECASE,
-)
-_SETS = {
-    "tool": re.compile(
-        r"\$TOOL\s*=\s*(?:TOOL_DATA\[(?P<n>\d+)\]|(?P<null>\$NULLFRAME)|(?P<other>[^,]+))|BAS\s*\(\s*#TOOL\s*,\s*(?P<bas>\w+)\s*\)",
-        re.IGNORECASE,
-    ),
-    "base": re.compile(
-        r"\$BASE\s*=\s*(?:BASE_DATA\[(?P<n>\d+)\]|(?P<null>\$NULLFRAME|\$WORLD)|(?P<other>[^,]+))|BAS\s*\(\s*#BASE\s*,\s*(?P<bas>\w+)\s*\)",
-        re.IGNORECASE,
-    ),
-}
-_BY_DATA = re.compile(
-    r"\bFDAT_ACT\s*=\s*(\w+)|\bSTOOL2?\s*\(\s*(\w+)\s*\)"
-    r"|\bFDAT_ACT\s*=\s*\{[^}]*?TOOL_NO\s+(\d+)\s*,\s*BASE_NO\s+(\d+)",
-    re.IGNORECASE,
-)
-_FRAME = re.compile(r"(?P<word>tool|base)_data\[(?P<number>\d+)\]")
-_CONTROL = re.compile(
-    r"\s*(?:IF|ELSE|ENDIF|FOR|ENDFOR|WHILE|ENDWHILE|LOOP|ENDLOOP|REPEAT|UNTIL|SWITCH|CASE|DEFAULT|ENDSWITCH"
-    r"|GOTO|\w+\s*:\s*$)\b|\s*\w+\s*:\s*$",
-    re.IGNORECASE,
-)
-_CALL = re.compile(r"\s*(?!BAS\b|WAIT\b|INTERRUPT\b|TRIGGER\b|PULSE\b)\w+\s*\([^)]*\)\s*$", re.IGNORECASE)
-_BEGIN = re.compile(r"\s*(?:GLOBAL\s+)?DEF(?:FCT|DAT)?\b", re.IGNORECASE)
-_BASE_OF_TOOL = re.compile(r"IPO_FRAME\s+#TCP|\$IPO_MODE\s*=\s*#TCP", re.IGNORECASE)
-_UNKNOWN = "?"
-
-
-def krl_head(text: str) -> tuple[int, str]:
-    """Where comments at the head of a file are put, and what they begin with."""
-    found = re.search(r"^[ \t]*(?:GLOBAL\s+)?DEF(?:FCT|DAT)?\b[^\n]*\n", text, re.MULTILINE | re.IGNORECASE)
-    return (0 if found is None else found.end()), "; "
+__all__ = ["krl_head", "krl_literals", "krl_targets"]
 
 
 def krl_targets(source: Source) -> Parsed:
     """What is to be corrected in a module."""
-    return _Module(source).read()
+    parsed = Parsed()
+    names = Names(source, parsed)
+    found = statements(source, parsed)
+    if not parsed.problems:
+        names.declare(found)
+        routines = Routines(names)
+        routines.read(found)
+        if not parsed.problems:
+            _Module(source, names, routines).read()
+    if parsed.problems:  # those alone are named, not the positions that were not looked at because of them
+        parsed.literals[:] = [Place(*place, "left") for place in krl_literals(source.text)]
+    return parsed
 
 
 class _Module:
-    def __init__(self, source: Source) -> None:
-        self.source, self.bare, self.parsed = source, without_comments(source.text), Parsed()
-        self.places: dict[str, tuple[int, int]] = {}  # of the aggregates of names
-        self.defined: dict[tuple[str, str], tuple[int, Matrix]] = {}  # of tools and bases: where, and what
-        self.allowed: set[tuple[int, int]] = set()
-        self.data = {
-            found["name"].lower(): (found["tool"], found["base"]) for found in _DATA.finditer(self.bare)
-        }
-        self.active: dict[str, str] = {}
-        self.every: dict[str, set[str]] = {"tool": set(), "base": set()}
-        self.begun: set[str] = set()  # of these, what was set by now
+    def __init__(self, source: Source, names: Names, routines: Routines) -> None:
+        self.source, self.names, self.parsed = source, names, names.parsed
+        self.moves, self.frames = routines.moves, routines.frames
+        self.flow = Flow(routines.routines, self._at_start)
+        self.keys: dict[int, str] = {}  # of the targets of motions; not of those that are left
+        self.uses: dict[str, list[int]] = {}
+        self.joints: dict[str, Matrix] = {}  # of the targets that are axes
+        self.near = None if source.stated.near is None else self._status_at(source.stated.near)
 
-    def read(self) -> Parsed:
-        self._declarations()
-        self._settings()
-        place, first = 0, True
-        for line in self.bare.splitlines(keepends=True):
-            self._line(line, place, first)
-            if _BEGIN.match(line):
-                first, self.active = True, {}
-            elif _MOTION.match(line):
-                first = False
-            place += len(line)
-        self._not_understood()
-        self._unused()
-        return self.parsed
+    def read(self) -> None:
+        for at in range(len(self.moves)):
+            self._read_move(at)
+        self._left_and_unused()
+        for key, uses in self.uses.items():
+            position = self.names.positions[key]
+            assert position is not None
+            if position.axes:
+                self._add_joints(position, uses)
+            else:
+                self._add_pose(position, uses)
+        if not self.parsed.problems:
+            self._motions()
 
-    def _problem(self, place: int, said: str) -> None:
-        self.parsed.problems.append((self.source.line(place), said))
+    def _problem(self, place: int, sentence: str) -> None:
+        self.parsed.problems.append((self.source.line(place), sentence))
 
-    def _declarations(self) -> None:
-        for match in AGGREGATE.finditer(self.bare):
-            name = match["name"].lower()
-            self.allowed.add(match.span("name"))
-            if name.startswith("$") or self.bare[match.start("name") - 1 : match.start("name")] == "$":
-                continue
-            if name in self.source.stated.leave:
-                continue
-            frame = _FRAME.fullmatch(name)
-            if frame is not None:
-                self._define(frame, match)
-                continue
-            if name in self.places:
-                self._problem(match.start(), f"{match['name']} has two values")
-            self.places[name] = match.span("fields")
-            if match["fields"].strip()[0] in "Aa":
-                self._add_joints(name, match["name"])
+    # Motions
 
-    def _define(self, frame: re.Match[str], match: re.Match[str]) -> None:
-        """A tool or base that the program itself defines."""
-        fields = {found["name"].upper(): found for found in _FIELD.finditer(self.bare, *match.span("fields"))}
-        values = [float(fields[name]["value"]) for name in _POSE if name in fields]
-        key = frame["word"], frame["number"]
-        if len(values) != len(_POSE) or key in self.defined:
-            self._problem(match.start(), f"{match['name']} has two values, or is not stated in numbers")
+    def _read_move(self, at: int) -> None:
+        move, part = self.moves[at], self.moves[at].target
+        if isinstance(part, Token):
+            if part == "$POS_ACT":
+                self._require_same_frames(at)
             return
-        self.defined[key] = match.start(), from_abc(values)
-
-    def _fields(self, name: str) -> dict[str, re.Match[str]]:
-        return {found["name"].upper(): found for found in _FIELD.finditer(self.bare, *self.places[name])}
-
-    def _add_joints(self, key: str, name: str) -> bool:
-        fields, place, n = self._fields(key), self.places[key][0], self.source.robot.n
-        axes = [f"A{i}" for i in range(1, n + 1)]
-        if any(axis not in fields for axis in axes) or any(
-            axis[0] == "A" and axis not in ("A", *axes) and float(found["value"])
-            for axis, found in fields.items()
-        ):
-            self._problem(place, f"{name} does not state the {n} axes of the robot, in numbers")
-            return False
-        spans = [fields[axis].span("value") for axis in axes]
-
-        def write(joints: Matrix) -> list[Edit]:
-            return number_edits(spans, self.source.text, joints.tolist(), [6] * n)
-
-        joints = np.array([float(self.bare[start:end]) for start, end in spans])
-        self.parsed.targets[key] = JointTarget(
-            self.source.written(key), self.source.line(place), joints, write
-        )
-        return True
-
-    def _settings(self) -> None:
-        for word, pattern in _SETS.items():
-            self.every[word] = {_set(found) for found in pattern.finditer(self.bare)}
-        for found in _BY_DATA.finditer(self.bare):
-            for word, number in zip(("tool", "base"), self._of_data(found), strict=True):
-                self.every[word].add(number)
-
-    def _of_data(self, found: re.Match[str]) -> tuple[str, str]:
-        if found[3]:
-            return found[3], found[4]
-        return self.data.get((found[1] or found[2]).lower(), (_UNKNOWN, _UNKNOWN))
-
-    def _line(self, line: str, place: int, first: bool) -> None:
-        if _CONTROL.match(line) or _CALL.match(line):
-            self.active = {}
-        motion = None if _RELATIVE.match(line) else _MOTION.match(line)
-        own = dict(self.active)
-        for word, pattern in _SETS.items():
-            for found in pattern.finditer(line):
-                own[word] = _set(found)
-        for found in _BY_DATA.finditer(line):
-            own["tool"], own["base"] = self._of_data(found)
-        self.begun |= own.keys()
-        if motion is None:
-            self.active = own
-            return
-        self._motion(motion, place, own, first)
-
-    def _motion(self, motion: re.Match[str], place: int, active: dict[str, str], first: bool) -> None:
-        word = motion["word"].upper().removeprefix("S")
-        linear, count = word != "PTP", 2 if word == "CIRC" else 1
-        rest, at = motion["rest"], place + motion.start("rest")
-        if _HERE.match(rest):
-            self.parsed.motions.append(Motion(None, self.source.line(at), linear, True))
-            return
-        for i in range(count):
-            found = re.match(r"[\s,]*(?P<name>\w+(?:\[\d+\])?|\{[^}]*\})(?P<then>\s*[:+\[.]?)", rest)
-            if found is None or found["then"].strip():
-                self._problem(at, f"{' '.join(motion[0].split())[:60]}: the target is computed when it runs")
-                return
-            key = self._named(found["name"], at + found.start("name"))
-            if key is None:
-                self.parsed.motions.append(Motion(None, self.source.line(at), linear, True))
-            elif isinstance(self.parsed.targets.get(key), JointTarget) or (
-                key in self.places and self._use(key, active, at, linear)
-            ):
-                self.parsed.motions.append(Motion(key, self.source.line(at), linear, first and not i))
-            at += found.end("name")
-            rest = rest[found.end("name") :]
-
-    def _named(self, text: str, place: int) -> str | None:
-        """The key of a target; None where it is left as it is, or is a problem."""
-        if text.startswith("{"):
-            key = f"the target in line {self.source.line(place)}"
-            while key in self.places:
+        if part.data == "aggregate":
+            key = f"the target in line {self.source.line(move.place)}"
+            while key in self.names.positions:
                 key += "'"
-            inner = re.match(r"\{\s*(?:\w+\s*:)?\s*", text)
-            assert inner is not None
-            self.places[key] = place + inner.end(), place + len(text) - 1
-            if re.match(r"A[1-6]\b", text[inner.end() :], re.IGNORECASE):
-                return key if self._add_joints(key, key) else None
-            return key
-        low = text.lower()
-        if low in self.source.stated.leave:
-            return None
-        self.allowed.add((place, place + len(text)))
-        if low not in self.places:
-            self._problem(place, f"{text} has no value in these files (--leave {text}?)")
-            return None
-        return low
+            self.names.positions[key] = Position(key, part, fields(part) or {})
+        else:
+            key = "".join(str(each).lower() for each in part.children[:1])
+            if len(part.children) > 1:
+                key += f"[{part.children[1]}]"
+            if self.source.stated.leaves(key, self.source.written(key)):
+                return
+            if self.names.positions.get(key) is None:
+                written = self.source.written(key)
+                self._problem(move.place, f"{written} has no value in these files (--leave {written}?)")
+                return
+        self.keys[at] = key
+        self.uses.setdefault(key, []).append(at)
 
-    def _use(self, key: str, active: dict[str, str], place: int, linear: bool) -> bool:
-        """Enter the pose as used with the tool and base that are active; False where that is a problem."""
-        frames = []
-        for word, option, stated in (
-            ("tool", "--tool", self.source.stated.tools),
-            ("base", "--frame", self.source.stated.frames),
+    def _left_and_unused(self) -> None:
+        for key, position in self.names.positions.items():
+            if position is None:
+                continue
+            written = self.source.written(key)
+            as_frame = position.place in self.frames.poses
+            if self.source.stated.leaves(key, written):
+                if not as_frame:
+                    self.names.claim(position.aggregate, "left")
+            elif key in self.uses and as_frame:
+                self._problem(position.place, f"{written} is a target and a frame")
+            elif key not in self.uses and not as_frame:
+                self._problem(
+                    position.place,
+                    f"{written} is not the target of a motion here, so that its tool is not known (--leave?)",
+                )
+
+    def _state(self, at: int) -> State:
+        state = self.flow.before(at)
+        if state is None:
+            return nothing_known({})
+        for change in self.moves[at].own:
+            state = change(state)
+        return state
+
+    def _before(self, at: int) -> Values:
+        """The motions that may have ended last before one."""
+        return self.flow.resolved(at, values(self.flow.before(at) or nothing_known({}), "arm"))
+
+    def _require_same_frames(self, at: int) -> None:
+        here = {word: self._frames(at, word) for word in ("tool", "base")}
+        before = self._before(at)
+        if any(
+            value[0] != "motion"
+            or any(self._frames(int(str(value[1])), word) != here[word] for word in ("tool", "base"))
+            for value in before
         ):
-            one = len(self.every[word]) == 1 and word in self.begun
-            number = active.get(word) or (min(self.every[word]) if one else "")
-            frame = stated.get(number, NULL if number == "0" else None)
-            begun, own = self.defined.get((word, number), (place, None))
-            if own is not None and begun < place:
-                if frame is not None and not np.allclose(frame, own):
-                    self._problem(place, f"{word} {number} is defined in the program, and stated otherwise")
-                    return False
-                frame = own
-            if frame is None and number in ("", _UNKNOWN):
-                frame = stated.get("")
-            if frame is None:
-                known = f"{word} {number}" if number.isdecimal() else f"the active {word}"
-                said = f"{number}=" if number.isdecimal() else ""
-                self._problem(place, f"{known} is not known; state {option} {said}X,Y,Z,A,B,C")
-                return False
-            frames.append(frame)
-        before = self.parsed.targets.get(key)
-        if isinstance(before, PoseTarget):
-            if np.allclose(before.tool, frames[0]) and np.allclose(before.frame, frames[1]):
-                return linear or self._add_pose(key, frames, linear)
-            self._problem(place, f"{self.source.written(key)} is used with different tools or bases")
-            return False
-        return self._add_pose(key, frames, linear)
-
-    def _add_pose(self, key: str, frames: list[Matrix], linear: bool) -> bool:
-        fields, (place, _) = self._fields(key), self.places[key]
-        text, line = self.source.text, self.source.line(place)
-        if any(name not in fields for name in _POSE):
-            self._problem(place, f"{self.source.written(key)} does not state X, Y, Z, A, B and C in numbers")
-            return False
-        if any(name[0] == "E" and float(found["value"]) for name, found in fields.items()):
             self._problem(
-                place, f"{self.source.written(key)} has positions of external axes, which may carry the robot"
+                self.moves[at].place,
+                "$POS_ACT may be another position here, with another tool or base; use PTP $AXIS_ACT",
             )
-            return False
-        spans = [fields[name].span("value") for name in _POSE]
-        values = [float(text[start:end]) for start, end in spans]
-        status, turn = (_integer(fields[name]["value"]) if name in fields else None for name in "ST")
+
+    def _frames(self, at: int, word: str) -> Values:
+        return self.flow.resolved(at, values(self._state(at), word))
+
+    def _at_start(self, variable: str) -> Values:
+        """What a variable may be when another file calls a routine of this one."""
+        if variable in ("tool", "base"):
+            return frozenset([("open", "at the start")])
+        word, _, index = variable.partition(" ")
+        if index:
+            persistent: list[Value] = [("literal", place) for place in self.frames.defined.get(variable, ())]
+            return frozenset([("number", int(index)), *persistent])
+        return frozenset([("start", word)])
+
+    # Targets
+
+    def _add_joints(self, position: Position, uses: list[int]) -> None:
+        n, written = self.source.robot.n, self.source.written(position.key)
+        axes = [f"A{i}" for i in range(1, n + 1)]
+        stated = [number(position.fields.get(axis)) for axis in axes]
+        others = [number(value) for name, value in position.fields.items() if name not in axes]
+        joints = [value for value in stated if value is not None]
+        if len(joints) != n or None in others or any(name[0] not in "AE" for name in position.fields):
+            self._problem(position.place, f"{written} does not state the {n} axes of the robot, in numbers")
+            return
+        if any(self.moves[at].linear for at in uses):
+            self._problem(
+                self.moves[uses[0]].place, f"{written} states axes, which a linear motion cannot have"
+            )
+            return
+        spans = [_span(position.fields[axis]) for axis in axes]
+
+        def write(commanded: Matrix) -> list[Edit]:
+            return number_edits(spans, self.source.text, commanded.tolist(), [6] * n)
+
+        self.names.claim(position.aggregate, "target")
+        self.joints[position.key] = np.array(joints)
+        line = self.source.line(position.place)
+        self.parsed.targets[position.key] = JointTarget(written, line, np.array(joints), write)
+
+    def _add_pose(self, position: Position, uses: list[int]) -> None:
+        written, place, parts = self.source.written(position.key), position.place, position.fields
+        numbers = [number(parts.get(name)) for name in POSE]
+        pose = [value for value in numbers if value is not None]
+        external = [number(value) for name, value in parts.items() if re.fullmatch("E[1-6]", name)]
+        if len(pose) != len(POSE) or None in external:
+            self._problem(place, f"{written} does not state X, Y, Z, A, B and C in numbers")
+            return
+        if any(external):
+            self._problem(place, f"{written} has positions of external axes, which may carry the robot")
+            return
+        status, turn = (whole(parts.get(name)) for name in "ST")
+        allowed = {*POSE, "S", "T", *(f"E{i}" for i in range(1, 7))}
+        if set(parts) - allowed or any(name in parts and whole(parts[name]) is None for name in "ST"):
+            self._problem(place, f"{written} has components that are not understood")
+            return
+        frames = [self._known(position, uses, word) for word in ("tool", "base")]
+        own_status, turn = self._status_of(position.key), turn if self._turns(uses) else None
+        if frames[0] is None or frames[1] is None:
+            return
+        spans = [_span(parts[name]) for name in POSE]
 
         def matches(branch: Branch, joints: Matrix) -> bool:
-            # A linear motion keeps S and ignores T.
-            return (
-                status is not None
-                and status & 7 == kuka_status(branch)
-                and (linear or turn is None or is_kuka_turn(turn, joints))
-            )
+            return own_status == kuka_status(branch) and (turn is None or is_kuka_turn(turn, joints))
 
-        def write(pose: Matrix, branch: Branch | None, joints: Matrix) -> list[Edit]:
-            new = [*pose[:3, 3].tolist(), *orientation(pose[:3, :3]).abc]
-            edits = number_edits(spans, text, new, [6] * 6)
+        def write(new_pose: Matrix, branch: Branch | None, joints: Matrix) -> list[Edit]:
+            new = [*new_pose[:3, 3].tolist(), *orientation(new_pose[:3, :3]).abc]
+            edits = number_edits(spans, self.source.text, new, [6] * 6)
             if branch is not None and status is not None and status & 7 != kuka_status(branch):
-                edits.append(Edit(*fields["S"].span("value"), str(status & ~7 | kuka_status(branch))))
-            if turn is not None and not linear and not is_kuka_turn(turn, joints):
-                edits.append(Edit(*fields["T"].span("value"), str(kuka_turn(joints))))
+                edits.append(Edit(*_span(parts["S"]), str(status & ~7 | kuka_status(branch))))
+            if turn is not None and not is_kuka_turn(turn, joints):
+                edits.append(Edit(*_span(parts["T"]), str(turn & ~63 | kuka_turn(joints))))
             return edits
 
-        self.parsed.targets[key] = PoseTarget(
-            self.source.written(key),
-            line,
-            from_abc(values),
+        self.names.claim(position.aggregate, "target")
+        self.parsed.targets[position.key] = PoseTarget(
+            written,
+            self.source.line(place),
+            from_abc(pose),
             frames[0],
             frames[1],
-            None if status is None else matches,
-            f"S {status}" + ("" if linear or turn is None else f", T {turn}"),
+            None if own_status is None else matches,
+            f"S {own_status}" + ("" if turn is None else f", T {turn}"),
             write,
         )
-        return True
 
-    def _not_understood(self) -> None:
-        place = 0
-        for line in self.bare.splitlines(keepends=True):
-            if _RELATIVE.match(line):
-                self._problem(place, f"{' '.join(line.split())[:60]}: a relative motion cannot be corrected")
-            if _BASE_OF_TOOL.search(line):
-                self._problem(place, "the tool is fixed in the room (#TCP), which is not understood")
-            place += len(line)
-        # A corrected home position is where the controller reads it.
-        self.allowed |= {
-            found.span(1) for found in re.finditer(r"\$H_POS\s*=\s*(\w+)", self.bare, re.IGNORECASE)
-        }
-        for found in re.finditer(r"(?<![$\w#])[A-Za-z_]\w*(?:\[\d+\])?", self.bare):
-            if found[0].lower() in self.places and found.span() not in self.allowed:
-                self.parsed.changed(self.source.line(found.start()), found[0])
+    def _turns(self, uses: list[int]) -> bool:
+        return any(not self.moves[at].linear for at in uses)
 
-    def _unused(self) -> None:
-        for key, (place, _) in self.places.items():
-            line = self.source.line(place)
-            if key not in self.parsed.targets and not self.parsed.speaks_of(line, self.source.written(key)):
-                said = "is not the target of a motion here, so that its tool is not known (--leave?)"
-                self.parsed.problems.append((line, f"{self.source.written(key)} {said}"))
+    def _known(self, position: Position, uses: list[int], word: str) -> Matrix | None:
+        """The one tool or base that a target has at all its motions; None where that is a problem."""
+        poses: list[Matrix] = []
+        for at in uses:
+            for value in sorted(self._frames(at, word), key=str):
+                pose = self._pose(word, value)
+                if pose is None:
+                    option = "--tool" if word == "tool" else "--frame"
+                    numbered = value[0] == "number"
+                    known = f"{word} {value[1]}" if numbered else f"the active {word}"
+                    said = f"{value[1]}=" if numbered else ""
+                    why = f" ({value[1]})" if value[0] in ("open", "unknown") else ""
+                    self._problem(
+                        self.moves[at].place, f"{known} is not known{why}; state {option} {said}X,Y,Z,A,B,C"
+                    )
+                    return None
+                poses.append(pose)
+                if not np.allclose(pose, poses[0], atol=1e-9):
+                    written = self.source.written(position.key)
+                    self._problem(self.moves[at].place, f"{written} is used with different tools or bases")
+                    return None
+        return poses[0]
+
+    def _pose(self, word: str, value: Value) -> Matrix | None:
+        stated = self.source.stated.tool if word == "tool" else self.source.stated.frame
+        if value[0] == "null":
+            return NULL
+        if value[0] == "number":
+            return stated(str(value[1]))
+        if value[0] == "literal":
+            return self.frames.poses[int(str(value[1]))]
+        return stated(str(value[1])) if value[0] == "open" else None
+
+    # The status
+
+    @cached_property
+    def _branches(self) -> Branches | None:
+        found = Branches(self.source.robot, -1)
+        return found if found.exist else None
+
+    def _status_at(self, joints: Matrix) -> int | None:
+        return None if self._branches is None else kuka_status(self._branches.of(joints))
+
+    def _stated(self, key: str) -> tuple[int | None, bool]:
+        """Bits 0 to 2 of S, and whether T is stated too."""
+        position = self.names.positions[key]
+        assert position is not None
+        status = whole(position.fields.get("S"))
+        return None if status is None else status & 7, "T" in position.fields
+
+    def _keeps(self, at: int) -> bool:
+        """Whether the arm keeps its status in a motion: but for PTP to axes, or to a pose with S and T."""
+        if self.moves[at].linear:
+            return True
+        key = self.keys[at]
+        status, turned = self._stated(key)
+        position = self.names.positions[key]
+        return position is not None and not position.axes and (status is None or not turned)
+
+    @cached_property
+    def _statuses(self) -> dict[int, frozenset[int | None]]:
+        """Those that the arm may have after each motion; None: not known."""
+        result: dict[int, frozenset[int | None]] = {at: frozenset() for at in self.keys}
+        for at, key in self.keys.items():
+            if not self._keeps(at):
+                position = self.names.positions[key]
+                assert position is not None
+                status = self._status_at(self._axes(position)) if position.axes else self._stated(key)[0]
+                result[at] = frozenset([status])
+        going = True
+        while going:
+            going = False
+            for at in self.keys:
+                if self._keeps(at):
+                    found = frozenset[int | None]().union(
+                        *(self._status_after(value, result) for value in self._before(at))
+                    )
+                    going |= found != result[at]
+                    result[at] = found
+        return result
+
+    def _axes(self, position: Position) -> Matrix:
+        return np.array([number(position.fields.get(f"A{i}")) or 0.0 for i in range(1, 7)])
+
+    def _status_after(self, value: Value, known: dict[int, frozenset[int | None]]) -> frozenset[int | None]:
+        if value[0] == "motion" and int(str(value[1])) in known:
+            return known[int(str(value[1]))]
+        return frozenset([self.near])
+
+    def _status_of(self, key: str) -> int | None:
+        """That of a target at all its motions; None where only --near can say it."""
+        stated, _ = self._stated(key)
+        written, found = self.source.written(key), set[int | None]()
+        for at in self.uses[key]:
+            here, place = self._statuses[at], self.moves[at].place
+            if None in here and self.near is None and (stated is not None or len(here) > 1):
+                self._problem(
+                    place,
+                    f"the configuration at {written} is that of the motion before, which is not known here;"
+                    " go to a target with S and T before it by PTP, or state --near",
+                )
+            elif len(here) > 1:
+                self._problem(
+                    place,
+                    f"{written} may be reached in several configurations here (S"
+                    f" {', '.join(str(each) for each in sorted(each or 0 for each in here))}); go to a target"
+                    " with S and T before it by PTP",
+                )
+            elif stated is not None and here and here != {stated}:
+                self._problem(
+                    place,
+                    f"the arm has S {min(each or 0 for each in here)} at {written}, which states S {stated}:"
+                    " this motion keeps the configuration, and would change the arm's configuration, which"
+                    " it cannot",
+                )
+            found |= here
+        if len(found) > 1:
+            place = self.moves[self.uses[key][0]].place
+            self._problem(place, f"{written} is reached in several configurations")
+        return next(iter(found), None)
+
+    def _motions(self) -> None:
+        """Each target for itself; then each pair of motions of which the second keeps the configuration."""
+        for at, key in self.keys.items():
+            line, target = self.source.line(self.moves[at].place), self.parsed.targets[key]
+            by_near = isinstance(target, PoseTarget) and target.matches is None
+            self.parsed.motions.append(Motion(key, line, linear=False, first=by_near))
+        for at, key in self.keys.items():
+            if not self._keeps(at):
+                continue
+            line, linear = self.source.line(self.moves[at].place), self.moves[at].linear
+            for value in sorted(self._before(at), key=str):
+                before = self.keys.get(int(str(value[1]))) if value[0] == "motion" else None
+                if before is not None:
+                    self.parsed.motions.append(Motion(before, line, False, True))
+                self.parsed.motions.append(Motion(key, line, linear, before is None, unchecked=True))
 
 
-def _set(found: re.Match[str]) -> str:
-    if found["null"]:
-        return "0"
-    number = found["n"] or found["bas"]
-    return number if number and number.isdecimal() else _UNKNOWN
-
-
-def _integer(text: str) -> int:
-    if text.startswith("'"):
-        return int(text[2:-1], 2 if text[1] in "Bb" else 16)
-    return int(float(text))
+def _span(part: Token | Tree[Token]) -> tuple[int, int]:
+    if isinstance(part, Tree):
+        return span(part)
+    assert part.start_pos is not None
+    assert part.end_pos is not None
+    return part.start_pos, part.end_pos

@@ -67,7 +67,8 @@ class Motion(NamedTuple):
 
     `linear`: the arm keeps its branch on the way. `first`: straight-line code does not lead here from the
     motion above (a label, a branch of an if, a call, the begin of a routine stands between). `unchecked`:
-    the controller ignores the stated configuration of the target, and keeps the branch that the arm is in.
+    the controller ignores the stated configuration of the target, and keeps the branch that the arm is in:
+    that of the motion above, or, where this is the `first`, one that the language has made sure of.
     """
 
     name: str | None
@@ -135,6 +136,10 @@ class Stated:
     def frame(self, name: str, declared: Matrix | None = None) -> Matrix | None:
         """The same of a work object, base or user frame."""
         return self._pose("--frame", self.frames, name, declared)
+
+    def has(self, option: Literal["--tool", "--frame"], name: str) -> None:
+        """The program has this tool or frame, whether a target needs it or not."""
+        self._in_program[option][name] = name
 
     def leaves(self, name: str, written: str = "") -> bool:
         """Whether a target of the program (as `written` there) is to be left as it is."""

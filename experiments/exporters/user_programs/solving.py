@@ -26,6 +26,7 @@ _FAR = 5.0  # deg (mm) from the nominal joints less the offsets: such a solution
 _CLEAR = 1.2  # a nearest solution is taken if the next one is so many times as far
 _SAME_POSTURE = 0.01  # deg
 _ASIDE = 0.05  # rad
+_JUMP = np.pi / 2  # rad (mm) from one of them to the next: more is another posture
 _ON_THE_WAY = 24  # poses of a linear motion that are followed
 
 
@@ -102,7 +103,6 @@ def corrected(parsed: Parsed, arms: Arms, near: Matrix | None) -> Corrected:
         work.go(motion)
     for target in parsed.targets.values():
         work.solved(target)
-    work.require_one_branch()
     return Corrected(
         work.edits,
         sum(isinstance(target, JointTarget) for target in parsed.targets.values()),
@@ -124,24 +124,27 @@ class _Work:
         self._joints: dict[str, Matrix | None] = {}
         self._last: Matrix | None = None
         self._linear = False
-        self._any_branch: list[tuple[Motion, Branch]] = []  # motions that keep the branch of an unknown start
+        self._commanded: dict[str, Matrix] = {}
+        self._start: str | None = None  # the target of the motion before
 
     def go(self, motion: Motion) -> None:
         """Solve the target of a motion, from where the arm is before it."""
         if motion.first:
-            self._last = None
+            self._last = self._start = None
         if motion.name is None:
-            self._last = None
+            self._last = self._start = None
             return
         target = self.parsed.targets[motion.name]
         before, self._linear = self._last, motion.linear
+        start, self._start = self._start, motion.name
         self._last = self._reached(target, motion)
         self._linear = False
         if self._last is None or self.arms.branches is None:
             return
-        if motion.unchecked and before is None and isinstance(target, PoseTarget):
-            self._any_branch.append((motion, self._branch(self._last)))
-        if motion.linear and before is not None and self.arms.branch(before) != self.arms.branch(self._last):
+        changes = before is not None and self.arms.branch(before) != self.arms.branch(self._last)
+        if motion.unchecked:
+            self._require_kept(motion, start)
+        elif motion.linear and changes:
             self.parsed.problems.append(
                 (
                     motion.line,
@@ -150,20 +153,47 @@ class _Work:
                 )
             )
 
-    def require_one_branch(self) -> None:
-        """A linear motion of which the controller ignores the configuration, and which does not follow
-        another in straight-line code, keeps the branch of whatever was before: known where all targets have
-        one."""
-        for motion, branch in self._any_branch:
-            others = [joints for joints in self._joints.values() if joints is not None]
-            if any(self.arms.branch(joints) != branch for joints in others):
-                self.parsed.problems.append(
-                    (
-                        motion.line,
-                        f"the configuration of the linear motion to {motion.name} is that of the motion"
-                        " before, which is not known here, and the targets of the program have several",
-                    )
-                )
+    def _require_kept(self, motion: Motion, start: str | None) -> None:
+        """The arm keeps its branch in a motion of which the controller ignores the configuration: the target
+        `start` and that of the motion must have one, as they are meant, and as they are commanded.
+
+        From a start that is not known the branch is that of the target as it is meant, or the language has
+        refused the motion.
+        """
+        assert motion.name is not None
+        for joints in (self._joints, self._commanded):
+            begin, end = joints.get(start or ""), joints.get(motion.name)
+            if end is None or (start is not None and begin is None):
+                return
+            kept = self._branch(begin if begin is not None else self._meant(motion.name))
+            if self._branch(end) != kept:
+                said = "would change the arm's configuration, which it keeps"
+            elif begin is not None and motion.linear and not self._smooth(begin, end):
+                said = "passes a singularity, behind which the arm's configuration is not known"
+            else:
+                continue
+            by = "as it is" if joints is self._joints else "with the corrected targets"
+            self.parsed.problems.append((motion.line, f"{by}, the motion to {motion.name} {said}"))
+            return
+
+    def _meant(self, name: str) -> Matrix:
+        joints = self._joints[name]
+        assert joints is not None
+        return joints
+
+    def _smooth(self, begin: Matrix, end: Matrix) -> bool:
+        """Whether the arm gets from joints to others, degrees, by a straight line of the flange.
+
+        Where all poses on the way have joints near those of the pose before, the arm ends at the last.
+        """
+        nominal, share = self.arms.nominal, np.linspace(0, 1, _ON_THE_WAY + 1)
+        first = begin / nominal.display
+        last = self.arms.solver.nearest_turns(end / nominal.display, first)
+        poses = self._line(nominal.fk(begin), nominal.fk(end), share[1:-1])
+        found, arrived = reach(nominal, poses, first + share[1:-1, None] * (last - first))
+        rows = np.array([first, *found, last])
+        jumps = np.remainder(np.diff(rows, axis=0) + np.pi, 2 * np.pi) - np.pi
+        return bool(arrived.all() and np.abs(jumps).max() < _JUMP)
 
     def solved(self, target: Target) -> Matrix | None:
         """The joints of the target as the program means it, degrees; None where they are not known."""
@@ -197,13 +227,13 @@ class _Work:
     def _solve(self, target: Target) -> Matrix:
         arms = self.arms
         if isinstance(target, JointTarget):
-            commanded = arms.commanded(target.joints)
+            commanded = self._commanded[target.name] = arms.commanded(target.joints)
             self.most_joint = max(self.most_joint, float(np.abs(commanded - target.joints).max()))
             self.edits += target.write(commanded)
             return target.joints
         flange = target.frame @ target.pose @ np.linalg.inv(target.tool)
         joints = self._chosen(target, flange)
-        commanded = arms.commanded(joints)
+        commanded = self._commanded[target.name] = arms.commanded(joints)
         pose = np.linalg.inv(target.frame) @ arms.nominal.fk(commanded) @ target.tool
         self.most_mm = max(self.most_mm, float(np.linalg.norm(pose[:3, 3] - target.pose[:3, 3])))
         branch = arms.branch(commanded)
@@ -309,13 +339,17 @@ class _Work:
     def _followed(self, flange: Matrix, start: Matrix) -> Matrix:
         """The joints at the end of a linear motion, degrees, from those at its start."""
         nominal = self.arms.nominal
-        begun, joints = nominal.fk(start), start / nominal.display
-        turn = np.array(orientation(flange[:3, :3] @ begun[:3, :3].T).rotation_vector)
-        for share in np.linspace(0, 1, _ON_THE_WAY + 1)[1:]:
-            pose = from_rotation_vector((0, 0, 0, *(share * turn))) @ begun
-            pose[:3, 3] = (1 - share) * begun[:3, 3] + share * flange[:3, 3]
+        joints = start / nominal.display
+        for pose in self._line(nominal.fk(start), flange, np.linspace(0, 1, _ON_THE_WAY + 1)[1:]):
             found, arrived = reach(nominal, pose, joints[None])
             if not arrived[0]:
                 raise _Unsolved("the arm does not reach it in a straight line from the target before")
             joints = found[0]
         return np.asarray(joints * nominal.display)
+
+    def _line(self, begin: Matrix, end: Matrix, shares: Matrix) -> Matrix:
+        """(N, 4, 4) poses on the straight line between two."""
+        turn = np.array(orientation(end[:3, :3] @ begin[:3, :3].T).rotation_vector)
+        poses = np.array([from_rotation_vector((0, 0, 0, *(share * turn))) @ begin for share in shares])
+        poses[:, :3, 3] = begin[:3, 3] + shares[:, None] * (end[:3, 3] - begin[:3, 3])
+        return poses
