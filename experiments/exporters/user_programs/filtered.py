@@ -26,7 +26,7 @@ from ..ascii_line import one_line
 from ..calibration import Calibration
 from ..programs.steps import require_axes, require_j3
 from ..vendors import require_vendor
-from .fanuc_targets import fanuc_head, fanuc_targets
+from .fanuc_targets import fanuc_head, fanuc_literals, fanuc_targets
 from .krl_targets import krl_head, krl_targets
 from .parts import Edit, Parsed, Source, Stated
 from .rapid_targets import rapid_head, rapid_targets
@@ -56,7 +56,7 @@ class Language:
 LANGUAGES: Mapping[str, Language] = {
     ".mod": Language("RAPID", "abb", rapid_targets, rapid_head, from_quaternion, "X,Y,Z,Q1,Q2,Q3,Q4"),
     ".src": Language("KRL", "kuka", krl_targets, krl_head, from_abc, "X,Y,Z,A,B,C"),
-    ".ls": Language("TP", "fanuc", fanuc_targets, fanuc_head, from_rpy, "X,Y,Z,W,P,R"),
+    ".ls": Language("TP", "fanuc", fanuc_targets, fanuc_head, from_rpy, "X,Y,Z,W,P,R", fanuc_literals),
     ".script": Language(
         "URScript",
         "universal-robots",
