@@ -163,6 +163,8 @@ def _positions(lines: list[str]) -> dict[str, Position]:
         if frames is None or "*" in "".join(values.values()):
             raise NoProgram(block[0])
         keys = [f"J{k}" for k in range(1, 7)] if "J1" in values else list("XYZWPR")
+        if not set(keys) <= set(values):
+            raise NoProgram(block[0])
         config = re.search(r"CONFIG : '(.*?)'", arm)
         numbers = np.array([float(values[key]) for key in keys])
         if "J1" in values:
