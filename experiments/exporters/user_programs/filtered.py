@@ -32,6 +32,7 @@ from .parts import Edit, Parsed, Source, Stated
 from .rapid_targets import rapid_head, rapid_targets
 from .solving import Arms, Corrected, corrected
 from .urscript_targets import urscript_head, urscript_targets
+from .urscript_text import urscript_literals
 
 MARK = "zerobeam export program"  # in the head of what was corrected once
 _SHOWN = 8  # problems of a program that are named
@@ -64,6 +65,7 @@ LANGUAGES: Mapping[str, Language] = {
         urscript_head,
         from_rotation_vector,
         "X,Y,Z,RX,RY,RZ in metres and radians",
+        urscript_literals,
     ),
 }
 _SAME = {".dat": ".src", ".prg": ".mod", ".sys": ".mod", ".urscript": ".script"}

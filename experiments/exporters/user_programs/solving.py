@@ -123,6 +123,7 @@ class _Work:
         self._joints: dict[str, Matrix | None] = {}
         self._last: Matrix | None = None
         self._linear = False
+        self._near_motion: Matrix | None = None
         self._any_branch: list[tuple[Motion, Branch]] = []  # motions that keep the branch of an unknown start
 
     def go(self, motion: Motion) -> None:
@@ -133,9 +134,9 @@ class _Work:
             self._last = None
             return
         target = self.parsed.targets[motion.name]
-        before, self._linear = self._last, motion.linear
+        before, self._linear, self._near_motion = self._last, motion.linear, motion.near
         self._last = self._reached(target, motion)
-        self._linear = False
+        self._linear, self._near_motion = False, None
         if self._last is None or self.arms.branches is None:
             return
         if motion.unchecked and before is None and isinstance(target, PoseTarget):
@@ -234,7 +235,7 @@ class _Work:
                     f"no joints within the limits reach it with the stated configuration {target.stated}"
                 )
             return self._nearest(target, flange, (self.near,))
-        return self._nearest(target, flange, (target.near, self._last, self.near))
+        return self._nearest(target, flange, (self._near_motion, self._last, self.near))
 
     def _matching_nearby(self, target: PoseTarget, flange: Matrix) -> Matrix:
         """Joints near those of the motion before: off singularities a configuration has one solution only."""
