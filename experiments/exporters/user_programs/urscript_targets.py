@@ -359,8 +359,9 @@ class _Script:
     def _rest(self) -> None:
         """Names that are literals, where they are used otherwise, and those that no motion uses."""
         for statement in self.statements:
-            for token in statement.tree.scan_values(lambda token: token.type == "NAME"):
-                if token in self.values and _start(token) not in self.known:
+            for token in statement.tree.scan_values(lambda token: isinstance(token, Token)):
+                assert isinstance(token, Token)
+                if token.type == "NAME" and token in self.values and _start(token) not in self.known:
                     self.parsed.changed(statement.line, str(token))
         for name, (value, statement) in self.values.items():
             if name not in self.parsed.targets and not self.parsed.speaks_of(statement.line, name):

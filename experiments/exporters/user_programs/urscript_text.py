@@ -46,8 +46,9 @@ def statements_of(bare: str) -> Iterator[tuple[int, int]]:
     for line in re.finditer(r"[^\n]*(?:\n|\Z)", bare):
         depth += sum(line[0].count(letter) for letter in "([") - sum(line[0].count(letter) for letter in ")]")
         if depth <= 0 or line.end() == len(bare):
-            if bare[start : line.end()].strip():
-                yield start + re.match(r"\s*", bare[start:])[0].__len__(), line.end()
+            statement = bare[start : line.end()]
+            if statement.strip():
+                yield line.end() - len(statement.lstrip()), line.end()
             start, depth = line.end(), 0
 
 
