@@ -26,13 +26,14 @@ from ..ascii_line import one_line
 from ..calibration import Calibration
 from ..programs.steps import require_axes, require_j3
 from ..vendors import require_vendor
-from .fanuc_targets import fanuc_head, fanuc_targets
+from .fanuc_targets import fanuc_head, fanuc_literals, fanuc_targets
 from .krl_targets import krl_head, krl_literals, krl_targets
 from .parts import Edit, Parsed, Source, Stated
 from .rapid_statements import rapid_literals
 from .rapid_targets import rapid_head, rapid_targets
 from .solving import Arms, Corrected, corrected
 from .urscript_targets import urscript_head, urscript_targets
+from .urscript_text import urscript_literals
 
 MARK = "zerobeam export program"  # in the head of what was corrected once
 _SHOWN = 8  # problems of a program that are named
@@ -59,7 +60,7 @@ LANGUAGES: Mapping[str, Language] = {
         "RAPID", "abb", rapid_targets, rapid_head, from_quaternion, "X,Y,Z,Q1,Q2,Q3,Q4", rapid_literals
     ),
     ".src": Language("KRL", "kuka", krl_targets, krl_head, from_abc, "X,Y,Z,A,B,C", krl_literals),
-    ".ls": Language("TP", "fanuc", fanuc_targets, fanuc_head, from_rpy, "X,Y,Z,W,P,R"),
+    ".ls": Language("TP", "fanuc", fanuc_targets, fanuc_head, from_rpy, "X,Y,Z,W,P,R", fanuc_literals),
     ".script": Language(
         "URScript",
         "universal-robots",
@@ -67,6 +68,7 @@ LANGUAGES: Mapping[str, Language] = {
         urscript_head,
         from_rotation_vector,
         "X,Y,Z,RX,RY,RZ in metres and radians",
+        urscript_literals,
     ),
 }
 _SAME = {".dat": ".src", ".prg": ".mod", ".sys": ".mod", ".urscript": ".script"}
@@ -148,8 +150,7 @@ def filtered(
     _claim_all(language, source, parsed)
     if parsed.problems:
         raise _not_understood(parsed, parts, paths)
-    if language.literals is not None:
-        stated.check_names()
+    stated.check_names()
     if not parsed.targets:
         raise BadInput(
             "the program has no targets to correct", file=path, allowed="joint and Cartesian targets"
@@ -211,8 +212,6 @@ def _claim_all(language: Language, source: Source, parsed: Parsed) -> None:
     The literals are found a second time, without the grammar: what is corrected, left and defined must be
     all of them.
     """
-    if language.literals is None:
-        return
     claimed = {(place.start, place.end) for place in parsed.literals}
     lines = {line for line, _ in parsed.problems}
     for span in sorted(claimed ^ set(language.literals(source.text))):

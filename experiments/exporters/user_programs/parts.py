@@ -44,7 +44,7 @@ class PoseTarget:
     """A pose (4, 4), mm, of the tool (as seen from the flange) in a frame (as seen from the base).
 
     `matches` says whether joints, degrees, of a branch have the stated configuration, which `stated` names;
-    None where none is stated: then the joints are those nearest to `near`, or to those of the motion before.
+    None where none is stated: then each motion to it says which (`Motion.near`), or the motion before.
     `write` turns a pose and the joints it is reached with into the text for them.
     """
 
@@ -56,7 +56,6 @@ class PoseTarget:
     matches: Callable[[Branch, Matrix], bool] | None
     stated: str
     write: Callable[[Matrix, Branch | None, Matrix], list[Edit]]
-    near: Matrix | None = None
 
 
 Target = JointTarget | PoseTarget
@@ -69,6 +68,7 @@ class Motion(NamedTuple):
     motion above (a label, a branch of an if, a call, the begin of a routine stands between). `unchecked`:
     the controller ignores the stated configuration of the target, and keeps the branch that the arm is in:
     that of the motion above, or, where this is the `first`, one that the language has made sure of.
+    `near`: joints (n,) degrees to which the controller takes the nearest that reach a pose.
     """
 
     name: str | None
@@ -76,6 +76,7 @@ class Motion(NamedTuple):
     linear: bool
     first: bool
     unchecked: bool = False
+    near: Matrix | None = None
 
 
 class Place(NamedTuple):
@@ -162,7 +163,7 @@ class Stated:
                 f"{option} {name} has another value in the program",
                 remedy=f"leave {option} {name} out, or correct the value in the program",
             )
-        if declared is not None or pose is not None:
+        if declared is not None or (pose is not None and name):
             return declared if pose is None else pose
         if "" in stated:
             self._in_program[f"{option} without a name"][name] = name

@@ -126,6 +126,7 @@ class _Work:
         self._linear = False
         self._commanded: dict[str, Matrix] = {}
         self._start: str | None = None  # the target of the motion before
+        self._near_motion: Matrix | None = None
 
     def go(self, motion: Motion) -> None:
         """Solve the target of a motion, from where the arm is before it."""
@@ -135,10 +136,10 @@ class _Work:
             self._last = self._start = None
             return
         target = self.parsed.targets[motion.name]
-        before, self._linear = self._last, motion.linear
+        before, self._linear, self._near_motion = self._last, motion.linear, motion.near
         start, self._start = self._start, motion.name
         self._last = self._reached(target, motion)
-        self._linear = False
+        self._linear, self._near_motion = False, None
         if self._last is None or self.arms.branches is None:
             return
         changes = before is not None and self.arms.branch(before) != self.arms.branch(self._last)
@@ -266,7 +267,7 @@ class _Work:
                     f"no joints within the limits reach it with the stated configuration {target.stated}"
                 )
             return self._nearest(target, flange, (self.near,))
-        return self._nearest(target, flange, (target.near, self._last, self.near))
+        return self._nearest(target, flange, (self._near_motion, self._last, self.near))
 
     def _require_isolated(self, flange: Matrix, joints: Matrix) -> None:
         """At a singularity a configuration has many sets of joints, and the controller's choice is not known:

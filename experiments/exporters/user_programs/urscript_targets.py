@@ -5,39 +5,43 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
+from lark import Token, Tree
 
 from ....model.arms.branches import Branch
 from ....model.arms.orientation import orientation
 from ....model.arms.poses import from_rotation_vector
 from ....model.robot import Matrix
-from .parts import NULL, NUMBER, Edit, JointTarget, Motion, Parsed, PoseTarget, Source, new_number
+from .grammar import understood
+from .parts import NULL, Edit, JointTarget, Motion, Parsed, Place, PoseTarget, Source, new_number
+from .urscript_text import Value, statements_of, value_at, without_comments, without_strings
 
 _JOINT_DECIMALS, _POSE_DECIMALS = {"rad": 8, "deg": 6}, 8
-_TEXT = re.compile(r'"[^"\n]*"|#[^\n]*')
-_ASSIGNED = re.compile(
-    r"^[ \t]*(?:global[ \t]+|local[ \t]+)?(?P<name>\w+)[ \t]*=[ \t]*(?P<value>p?\[[^\]]*\])[ \t]*$",
-    re.MULTILINE,
+_FARTHEST = 1e4  # m or rad: no position has more
+_HARMLESS = "states that it moves no arm and changes no tool, frame or position"
+_OTHER = "this statement is not understood"
+_REASONS = (  # why the grammar does not derive a statement that has these words
+    (r"\bmovec\b", "movec ignores the orientation of its first pose, which the correction needs; use movep"),
+    (r"\bset_tcp\b", "the TCP is not written in numbers"),
+    (r"\bmove[jlp]\b", "its target is computed when the program runs (--leave?)"),
+    (
+        r"\b(?:servo|speed|force|freedrive|path_offset|\w*conveyor)\w*",
+        "{} is a motion that is not understood",
+    ),
 )
-_MOVE = re.compile(r"\b(?P<word>movej|movel|movep|movec)\s*\(")
-_OTHER_MOTION = re.compile(
-    r"\b(?:servoj|servoc|servol|speedj|speedl|optimovej|optimovel|track_conveyor_\w+|path_offset_\w+"
-    r"|set_conveyor_\w+)\s*\("
-)
-_TCP = re.compile(r"\bset_tcp\s*\(")
-_ELEMENT = re.compile(rf"\s*(?:(?P<deg>d2r\(\s*)?(?P<value>{NUMBER})(?(deg)\s*\)))\s*")
-_INVERSE = re.compile(r"get_inverse_kin\s*\(")
-
-
-class _Value(NamedTuple):
-    """A list of six numbers: where they are, and whether each is in degrees."""
-
-    pose: bool
-    spans: list[tuple[int, int]]
-    degrees: list[bool]
-    line: int
+_OPENING = ("define", "thread", "if", "while")
+_JOINS = (
+    "define",
+    "thread",
+    "elif",
+    "else",
+    "while",
+    "end",
+    "leaving",
+)  # reached from elsewhere
+_NO_TCP = "the TCP is not known; state --tool X,Y,Z,RX,RY,RZ in metres and radians"
 
 
 def urscript_head(text: str) -> tuple[int, str]:
@@ -50,184 +54,328 @@ def urscript_targets(source: Source) -> Parsed:
     return _Script(source).read()
 
 
+@dataclass(frozen=True)
+class _Statement:
+    """`blocks` are the numbers of the statements that open the blocks around it, the outermost first."""
+
+    number: int
+    line: int
+    start: int
+    written: str
+    tree: Tree[Token]
+    blocks: tuple[int, ...]
+
+    @property
+    def kind(self) -> str:
+        return str(self.tree.data)
+
+
 class _Script:
     def __init__(self, source: Source) -> None:
-        self.source, self.parsed = source, Parsed()
-        self.bare = _TEXT.sub(lambda found: " " * len(found[0]), source.text)
-        self.values: dict[str, _Value] = {}
-        self.allowed: set[tuple[int, int]] = set()
-        self.used: set[str] = set()
-        self.twice: set[str] = set()
+        self.source, self.stated, self.parsed = source, source.stated, Parsed()
+        self.bare = without_strings(source.text)
+        self.statements = list(self._statements())
+        self.routines = self._named("define")
+        self.threads = self._named("thread")
+        self.values: dict[str, tuple[Value, _Statement]] = {}  # names that are a literal
+        self.known: set[int] = set()  # places at which such a name may be
         self.tcp: Matrix | None = None
+        self.tcp_known = False
+        self.first = True
 
     def read(self) -> Parsed:
-        for match in _ASSIGNED.finditer(self.bare):
-            value = self._value(match["value"], match.start("value"))
-            if value is not None and match["name"] not in self.source.stated.leave:
-                self.allowed.add(match.span("name"))
-                if match["name"] in self.values:
-                    self.twice.add(match["name"])
-                self.values[match["name"]] = value
+        for statement in self.statements:
+            if statement.kind == "assignment":
+                self._assigned(statement)
         self._set_tcp()
-        routines = [
-            found.start() for found in re.finditer(r"^[ \t]*(?:def|thread)\b", self.bare, re.MULTILINE)
-        ]
-        before = -1
-        for move in _MOVE.finditer(self.bare):
-            first = before < 0 or any(before < place < move.start() for place in routines)
-            self._move(move, first)
-            before = move.start()
-        self._not_understood()
+        moving = self._moving()
+        for statement in self.statements:
+            self._calls(statement, moving)
+            if statement.kind == "motion":
+                self._motion(statement)
+            elif statement.kind == "payload":
+                self._payload(statement)
+            elif statement.kind in _JOINS:
+                self.first = True
+        self._rest()
         return self.parsed
 
-    def _problem(self, place: int, said: str) -> None:
-        self.parsed.problems.append((self.source.line(place), said))
+    def _problem(self, line: int, sentence: str) -> None:
+        self.parsed.problems.append((line, sentence))
 
-    def _value(self, text: str, place: int) -> _Value | None:
-        """Six numbers; None where they are not that."""
-        pose = text.startswith("p")
-        begun = place + (2 if pose else 1)
-        spans, degrees = [], []
-        for part in text[2 if pose else 1 : -1].split(","):
-            found = _ELEMENT.fullmatch(part)
-            if found is None:
-                return None
-            spans.append((begun + found.start("value"), begun + found.end("value")))
-            degrees.append(found["deg"] is not None)
-            begun += len(part) + 1
-        return _Value(pose, spans, degrees, self.source.line(place)) if len(spans) == 6 else None
+    # The statements
 
-    def _numbers(self, value: _Value) -> list[float]:
-        """Metres and radians."""
-        found = [float(self.bare[start:end]) for start, end in value.spans]
-        return [math.radians(own) if deg else own for own, deg in zip(found, value.degrees, strict=True)]
+    def _statements(self) -> Iterator[_Statement]:
+        code, opened = without_comments(self.source.text), list[tuple[int, str]]()
+        for number, (start, end) in enumerate(statements_of(self.bare)):
+            line, tree = self.source.line(start), understood("urscript", "statement", code, start, end)
+            written = " ".join(code[start:end].split())
+            shown = written if len(written) < 60 else f"{written[:57]}..."
+            if tree is None:
+                words = ((re.search(pattern, written), reason) for pattern, reason in _REASONS)
+                known = (reason.format(word[0]) for word, reason in words if word is not None)
+                self._problem(line, f"{shown}: {next(known, _OTHER)}")
+                continue
+            inner = tree.children[0]
+            assert isinstance(inner, Tree)
+            kind = str(inner.data)
+            if kind in ("elif", "else", "end") and (not opened or (kind != "end" and opened[-1][1] != "if")):
+                self._problem(line, f"{shown}: the block that it belongs to does not begin")
+                continue
+            if kind == "end":
+                opened.pop()
+            yield _Statement(number, line, start, shown, inner, tuple(block for block, _ in opened))
+            if kind in _OPENING:
+                opened.append((number, kind))
+        if opened:
+            self._problem(self.source.line(len(self.bare)), "a block has no end")
+
+    def _named(self, kind: str) -> dict[str, int]:
+        """The numbers of the statements that define routines, by name."""
+        found: dict[str, int] = {}
+        for statement in self.statements:
+            if statement.kind == kind:
+                name = str(statement.tree.children[0])
+                call = understood("urscript", "call", f"{name}()", 0, len(name) + 2)
+                if name in found or call is None or getattr(call.children[0], "type", "") != "NAME":
+                    self._problem(
+                        statement.line, f"{name} is defined twice, or is an instruction of the language"
+                    )
+                found[name] = statement.number
+        return found
+
+    def _kinds(self, statement: _Statement) -> set[str]:
+        """Of the blocks around a statement."""
+        return {each.kind for each in self.statements if each.number in statement.blocks}
+
+    def _called(self, statement: _Statement) -> list[str]:
+        """The names of the routines that are not of the language."""
+        calls = [call.children[0] for call in statement.tree.find_data("call")]
+        return [str(name) for name in calls if isinstance(name, Token) and name.type == "NAME"]
+
+    def _moving(self) -> set[str]:
+        """The routines of the program that move the arm or set the TCP, also by others."""
+        doing = {
+            name: [each for each in self.statements if number in each.blocks]
+            for name, number in self.routines.items()
+        }
+        moving: set[str] = set()
+        for _ in doing:
+            moving |= {
+                name
+                for name, inside in doing.items()
+                if any(each.kind in ("motion", "tcp") or moving & set(self._called(each)) for each in inside)
+            }
+        return moving
+
+    def _calls(self, statement: _Statement, moving: set[str]) -> None:
+        """Problems of what a statement calls."""
+        in_thread = "thread" in self._kinds(statement)
+        if in_thread and (statement.kind in ("motion", "tcp") or moving & set(self._called(statement))):
+            self._problem(statement.line, f"{statement.written}: a thread moves the arm, or sets its TCP")
+        started = [str(run.children[0]) for run in statement.tree.find_data("run")]
+        for name in self._called(statement):
+            if name in self.routines:
+                self.first = True
+            else:
+                started.append(name)
+        for name in started:
+            if name not in self.threads and not self.stated.harmless(name):
+                self._problem(
+                    statement.line,
+                    f"{statement.written}: what {name} does is not known; --call {name} {_HARMLESS}",
+                )
+
+    # Literals
+
+    def _literal(self, child: Token | Tree[Token]) -> Value | None:
+        """The value of `p[…]` or `[…]`; None where it is another expression, or no six numbers."""
+        if not isinstance(child, Tree) or child.data not in ("pose", "list"):
+            return None
+        value = value_at(self.bare, child.meta.start_pos, child.meta.end_pos)
+        if value is not None and max(map(abs, value.numbers(self.bare))) > _FARTHEST:
+            self._problem(self.source.line(value.start), "this has a number that no position has")
+            return None
+        return value
+
+    def _assigned(self, statement: _Statement) -> None:
+        """A name that is a literal."""
+        name = next(child for child in statement.tree.children if getattr(child, "type", "") == "NAME")
+        assert isinstance(name, Token)
+        value = self._literal(statement.tree.children[-1])
+        if value is None:
+            if getattr(statement.tree.children[-1], "data", "") == "pose":
+                self._problem(
+                    statement.line, f"{statement.written}: a pose is computed when the program runs"
+                )
+        elif self.stated.leaves(str(name)):
+            self.parsed.literals.append(Place(value.start, value.end, "left"))
+        elif name in self.values:
+            self.parsed.changed(statement.line, str(name))
+        else:
+            self.values[str(name)] = value, statement
+            self.known.add(_start(name))
 
     def _set_tcp(self) -> None:
-        stated, found = self.source.stated.tools.get(""), []
-        for match in _TCP.finditer(self.bare):
-            inner = self._argument(match.end())
-            value = self._value(inner, match.end()) if inner.startswith("p[") else None
+        """The TCP of all poses: set as a literal before all motions, or stated."""
+        settings = [statement for statement in self.statements if statement.kind == "tcp"]
+        poses = []
+        for statement in settings:
+            value = self._literal(statement.tree.children[1])
             if value is None:
-                self._problem(match.start(), "the TCP is not written in numbers")
+                self._problem(statement.line, f"{statement.written}: the TCP is not written in numbers")
                 return
-            found.append(from_rotation_vector(self._numbers(value)))
-            if not np.allclose(found[0], found[-1]) or (
-                stated is not None and not np.allclose(stated, found[0])
-            ):
-                self._problem(match.start(), "there is more than one TCP")
+            self.parsed.literals.append(Place(value.start, value.end, "frame"))
+            poses.append(from_rotation_vector(value.numbers(self.bare)))
+        if not poses:
+            return
+        self.tcp_known, begin = True, settings[0]
+        before = [each for each in self.statements if each.number < begin.number]
+        behind = [each for each in self.statements if each.kind == "motion"]
+        fixed = (
+            self._kinds(begin) <= {"define"}
+            and not any(
+                each.kind == "motion" or set(self._called(each)) & set(self.routines) for each in before
+            )
+            and all(each.blocks[: len(begin.blocks)] == begin.blocks for each in behind)
+        )
+        self.tcp = self.stated.tool("", poses[0] if fixed else None)
+        if self.tcp is None:
+            self._problem(
+                begin.line,
+                f"{begin.written}: the TCP is set after a motion, in a branch or in another routine, so that"
+                " the TCP of a pose is not known; set it before all motions",
+            )
+        elif not all(np.allclose(self.tcp, pose) for pose in poses):
+            other = next(
+                each for each, pose in zip(settings, poses, strict=True) if not np.allclose(self.tcp, pose)
+            )
+            self._problem(other.line, f"{other.written}: there is more than one TCP")
+
+    def _payload(self, statement: _Statement) -> None:
+        """The inertia of a payload has six numbers."""
+        for argument in statement.tree.find_data("argument"):
+            value = self._literal(argument.children[-1])
+            if value is not None:
+                self.parsed.literals.append(Place(value.start, value.end, "frame"))
+
+    # Motions
+
+    def _motion(self, statement: _Statement) -> None:
+        word, target = statement.tree.children[:2]
+        linear, near = word != "movej", None
+        if isinstance(target, Tree) and target.data == "inverse":
+            _, target, *others = target.children
+            if linear:
+                self._problem(statement.line, f"{statement.written}: {word} takes a pose here, and no joints")
                 return
-        self.tcp = found[0] if found else stated
-
-    def _argument(self, place: int) -> str:
-        return next(self._arguments(place), ("", place))[0]
-
-    def _arguments(self, place: int) -> Iterator[tuple[str, int]]:
-        """The arguments of a call, from behind its bracket, each with its place."""
-        depth, begun = 0, place
-        for i in range(place, len(self.bare)):
-            letter = self.bare[i]
-            depth += (letter in "[(") - (letter in "])")
-            if depth < 0 or (letter == "," and not depth):
-                own = self.bare[begun:i]
-                yield own.strip(), begun + len(own) - len(own.lstrip())
-                begun = i + 1
-                if depth < 0:
+            if others:
+                near = self._near(others[-1], statement)
+                if near is None:
+                    self._problem(
+                        statement.line, f"{statement.written}: qnear is not a list of joints in numbers"
+                    )
                     return
+        if isinstance(target, Token) and target.type == "NAME" and self.stated.leaves(str(target)):
+            self.parsed.motions.append(Motion(None, statement.line, False, True))
+            return
+        key, value = self._key(target, statement)
+        if key is None or value is None:
+            sentence = "its target is computed when the program runs, or is another one by then (--leave?)"
+            self._problem(statement.line, f"{statement.written}: {sentence}")
+        elif not value.pose and (linear or statement.tree.children[1] is not target):
+            self._problem(
+                statement.line,
+                f"{statement.written}: only the pose of these joints counts here, in any configuration that"
+                " the arm has; write the pose, or movej to the joints",
+            )
+        elif self._enter(key, value):
+            self.parsed.motions.append(Motion(key, statement.line, linear, self.first, near=near))
+            self.first = False
+            return
+        self.first = True
 
-    def _move(self, move: re.Match[str], first: bool) -> None:
-        word, arguments = move["word"], list(self._arguments(move.end()))
-        linear = word != "movej"
-        for i, (text, place) in enumerate(arguments[: 2 if word == "movec" else 1]):
-            inverse = _INVERSE.match(text)
-            near = None
-            if inverse is not None and word == "movej":
-                inner = list(self._arguments(place + inverse.end()))
-                text, place = inner[0]
-                if len(inner) > 1:
-                    near = self._near(*inner[1])
-                    if near is None:
-                        return
-            name = self._named(text, place)
-            line = self.source.line(place)
-            if name is None:
-                self.parsed.motions.append(Motion(None, line, linear, True))
-            elif self._target(name, near):
-                self.parsed.motions.append(Motion(name, line, linear, first and not i))
+    def _key(self, child: Token | Tree[Token], statement: _Statement) -> tuple[str | None, Value | None]:
+        """The name of a target in this statement, and its value."""
+        if isinstance(child, Token) and child.type == "NAME" and child in self.values:
+            value, assigned = self.values[str(child)]
+            inside = statement.blocks[: len(assigned.blocks)] == assigned.blocks
+            if self._kinds(assigned) <= {"define"} or (inside and assigned.number < statement.number):
+                self.known.add(_start(child))
+                return str(child), value
+            return None, None
+        value_here = self._literal(child)
+        if value_here is None:
+            return None, None
+        key = f"the target in line {self.source.line(value_here.start)}"
+        while key in self.parsed.targets:
+            key += "'"
+        return key, value_here
 
-    def _near(self, text: str, place: int) -> Matrix | None:
+    def _near(self, child: Token | Tree[Token], statement: _Statement) -> Matrix | None:
         """Joints in degrees of the argument qnear, a target itself."""
-        name = re.match(r"qnear\s*=\s*", text)
-        skip = 0 if name is None else name.end()
-        key = self._named(text[skip:], place + skip)
-        if key is None or self.values[key].pose or not self._target(key, None):
-            self._problem(place, "qnear is not a list of joints in numbers")
+        key, value = self._key(child, statement)
+        if key is None or value is None or value.pose or not self._enter(key, value):
             return None
-        return np.degrees(self._numbers(self.values[key]))
+        return np.degrees(value.numbers(self.bare))
 
-    def _named(self, text: str, place: int) -> str | None:
-        """The key of a target; None where it is left as it is, or is a problem."""
-        if text in self.source.stated.leave:
-            return None
-        value = self._value(text, place) if re.match(r"p?\[.*\]$", text, re.DOTALL) else None
-        if value is not None:
-            key = f"the target in line {value.line}"
-            while key in self.values:
-                key += "'"
-            self.values[key] = value
-            return key
-        if text in self.values:
-            self.allowed.add((place, place + len(text)))
-            self.used.add(text)
-            return text
-        self._problem(place, f"the target {' '.join(text.split())[:60]} is computed when the program runs")
-        return None
-
-    def _target(self, name: str, near: Matrix | None) -> bool:
+    def _enter(self, name: str, value: Value) -> bool:
         """Enter a target; False where it is a problem."""
         if name in self.parsed.targets:
             return True
-        value = self.values[name]
-        numbers = self._numbers(value)
+        if value.pose and not self.tcp_known:
+            self.tcp_known, self.tcp = True, self.stated.tool("")
+            if self.tcp is None:
+                self._problem(self.source.line(value.start), _NO_TCP)
+        if value.pose and self.tcp is None:
+            return False
+        numbers, line = value.numbers(self.bare), self.source.line(value.start)
+        self.parsed.literals.append(Place(value.start, value.end, "target"))
         if not value.pose:
             self.parsed.targets[name] = JointTarget(
-                name, value.line, np.degrees(numbers), lambda joints: self._edits(value, np.radians(joints))
+                name, line, np.degrees(numbers), lambda joints: self._edits(value, np.radians(joints))
             )
             return True
-        if self.tcp is None:
-            said = "the TCP is not known; state --tool X,Y,Z,RX,RY,RZ in metres and radians"
-            if not any(said == own for _, own in self.parsed.problems):
-                self.parsed.problems.append((value.line, said))
-            return False
-        twin = self.values.get(f"{name[:-2]}_q") if name.endswith("_p") else None
-        if near is None and twin is not None and not twin.pose:
-            near = np.degrees(self._numbers(twin))
+        assert self.tcp is not None
 
         def write(pose: Matrix, _: Branch | None, __: Matrix) -> list[Edit]:
             turn = np.array(orientation(pose[:3, :3]).rotation_vector)
-            return self._edits(
-                value, np.array([*pose[:3, 3] / 1000, *_near_turn(turn, np.array(numbers[3:]))])
-            )
+            vector = _near_turn(turn, np.array(numbers[3:]))
+            return self._edits(value, np.array([*pose[:3, 3] / 1000, *vector]))
 
         self.parsed.targets[name] = PoseTarget(
-            name, value.line, from_rotation_vector(numbers), self.tcp, NULL, None, "", write, near
+            name, line, from_rotation_vector(numbers), self.tcp, NULL, None, "", write
         )
         return True
 
-    def _edits(self, value: _Value, numbers: Matrix) -> list[Edit]:
+    def _edits(self, value: Value, numbers: Matrix) -> list[Edit]:
         edits = []
         for (start, end), deg, new in zip(value.spans, value.degrees, numbers.tolist(), strict=True):
             places = _POSE_DECIMALS if value.pose else _JOINT_DECIMALS["deg" if deg else "rad"]
-            own = math.degrees(new) if deg else new
-            edits.append(Edit(start, end, new_number(self.source.text[start:end], own, places)))
+            shown = math.degrees(new) if deg else new
+            edits.append(Edit(start, end, new_number(self.source.text[start:end], shown, places)))
         return edits
 
-    def _not_understood(self) -> None:
-        for found in _OTHER_MOTION.finditer(self.bare):
-            self._problem(found.start(), f"{found[0].rstrip('( ')} is a motion that is not understood")
-        for found in re.finditer(r"\b[A-Za-z_]\w*", self.bare):
-            again = found[0] in self.twice or found.span() not in self.allowed
-            if found[0] in self.used and again:
-                self.parsed.changed(self.source.line(found.start()), found[0])
+    def _rest(self) -> None:
+        """Names that are literals, where they are used otherwise, and those that no motion uses."""
+        for statement in self.statements:
+            for token in statement.tree.scan_values(lambda token: isinstance(token, Token)):
+                assert isinstance(token, Token)
+                if token.type == "NAME" and token in self.values and _start(token) not in self.known:
+                    self.parsed.changed(statement.line, str(token))
+        for name, (value, statement) in self.values.items():
+            if name not in self.parsed.targets and not self.parsed.speaks_of(statement.line, name):
+                if value.pose:
+                    self._problem(
+                        statement.line, f"{name} is not the target of a motion here (--leave {name}?)"
+                    )
+                else:
+                    self._enter(name, value)
+
+
+def _start(token: Token) -> int:
+    assert token.start_pos is not None
+    return token.start_pos
 
 
 def _near_turn(turn: Matrix, old: Matrix) -> Matrix:
@@ -236,4 +384,4 @@ def _near_turn(turn: Matrix, old: Matrix) -> Matrix:
     if not angle:
         return turn
     each = [turn, turn * (1 - 2 * np.pi / angle)]
-    return min(each, key=lambda own: float(np.linalg.norm(own - old)))
+    return min(each, key=lambda vector: float(np.linalg.norm(vector - old)))
