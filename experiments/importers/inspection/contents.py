@@ -9,11 +9,12 @@ from typing import Literal
 
 from ....model.errors import BadInput
 from ....model.files.reading import decode, read_bytes
+from ..bags.opened import is_bag
 from ..fanuc import REGISTERS, fanuc_positions, fanuc_registers
 from ..joint_states import messages
 from ..kuka import AGGREGATE, kuka_positions
 from ..rapid import DECLARED, rapid_positions, without_text
-from ..ros import Topic, is_bag, topics_of
+from ..ros import Topic, topics_of
 from ..taught import Point
 from ..typed import PROGRAM_LINE
 from .columns_found import Column, Layout, columns_of, head_of, layout_of, table_with
