@@ -13,7 +13,7 @@ from contextlib import ExitStack, closing, contextmanager
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 from ....model.errors import BadInput
 
@@ -106,16 +106,17 @@ def bounded(path: Path) -> Iterator[Unpacking]:
 
     of_lz4, of_zstd = by(lz4.frame.LZ4FrameDecompressor), by(zstd.ZstdDecompressor)
     module = SimpleNamespace(decompress=of_zstd, open=partial(_counted_file, unpacking, zstd.open))
+    places: list[tuple[dict[str, Any], str, Any]] = [
+        (cast(Any, ros1.decompressors), "bz2", by(bz2.BZ2Decompressor)),
+        (cast(Any, ros1.decompressors), "lz4", of_lz4),
+        (cast(Any, mcap.DECOMPRESSORS), "lz4", of_lz4),
+        (cast(Any, mcap.DECOMPRESSORS), "zstd", of_zstd),
+        (vars(ros2), "zstd", module),
+    ]
     with ExitStack() as replaced:
-        for place, name, bounded_one in (
-            (ros1.decompressors, "bz2", by(bz2.BZ2Decompressor)),
-            (ros1.decompressors, "lz4", of_lz4),
-            (mcap.DECOMPRESSORS, "lz4", of_lz4),
-            (mcap.DECOMPRESSORS, "zstd", of_zstd),
-            (vars(ros2), "zstd", module),
-        ):
-            replaced.callback(place.__setitem__, name, place[name])  # type: ignore[attr-defined, index]
-            place[name] = bounded_one  # type: ignore[index]
+        for place, name, bounded_one in places:
+            replaced.callback(place.__setitem__, name, place[name])
+            place[name] = bounded_one
         replaced.callback(setattr, Sqlite3Reader, "open", open_database)
         setattr(Sqlite3Reader, "open", open_plain_tables)  # noqa: B010
         yield unpacking
