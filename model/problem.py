@@ -225,11 +225,9 @@ class Problem:
 
         Where the geometry can bring all residuals to 0, their scale has no estimate, whatever the tolerances.
         """
-        if self.noise.known:
-            return True
         free = int(self.parameters.free.sum())
-        if self.data_size <= free or not self.noise.estimated or self.measured_size > free:
-            return self.data_size > free
+        if not self.noise.estimated or self.data_size <= free or self.measured_size > free:
+            return self.noise.known or self.data_size > free
         jacobian = self.whiten(self.parameters.prior_mean).jacobian[:, self.parameters.free]
         return int(np.linalg.matrix_rank(jacobian)) < self.measured_size
 
