@@ -322,10 +322,17 @@ def judge(fit: LikelihoodFit, *, trusted: bool = True) -> Solution:
 def require_noise_data(problem: Problem) -> None:
     """Raise BadInput where the noise scale is to be estimated from no more numbers than unknowns."""
     if not problem.noise_estimable:
-        free = int(problem.parameters.free.sum())
-        raise BadInput(
-            "the noise scale cannot be estimated from so few measurements",
-            found=f"{problem.data_size} numbers from {problem.shots} measurements for {free} unknowns",
-            allowed="more numbers than unknowns",
-            remedy="record more measurements, or state noise.scale: known",
-        )
+        raise too_few_for_noise(problem)
+
+
+def too_few_for_noise(problem: Problem) -> BadInput:
+    """The error that residuals have no degree of freedom by which the noise scale could be estimated."""
+    free = int(problem.parameters.free.sum())
+    said = f"{problem.measured_size:g} numbers from {problem.shots} measurements for {free} unknowns"
+    links = f", {len(problem.tolerated)} of them of the geometry" if len(problem.tolerated) else ""
+    return BadInput(
+        "the noise scale cannot be estimated from so few measurements",
+        found=said + links,
+        allowed="more numbers than unknowns",
+        remedy="record more measurements, or state noise.scale: known",
+    )

@@ -18,7 +18,7 @@ from .ladder import climb_ladder
 from .observability.consider import link_columns
 from .observability.geometry import Rung
 from .recordings.effective import Effective, effective
-from .solution import Solution, judge
+from .solution import Solution, judge, too_few_for_noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,11 +41,17 @@ def solved(
     progress: Callable[[float], None] | None = None,
     fit: LikelihoodFit | None = None,
 ) -> Solved:
-    """Fit and judge; `progress` gets the share that is done, `fit` is that of `problem` if there is one."""
+    """Fit and judge; `progress` gets the share that is done, `fit` is that of `problem` if there is one.
+
+    BadInput where a noise scale is to be estimated and no degree of freedom is left.
+    """
     climbed = climb_ladder(problem, header, seed, progress or (lambda share: None), fit)
     fit, factors = climbed.fit, climbed.factors
     number = effective(fit, link_columns(fit.problem, fit.x))
-    return Solved(_weighted(fit, number.divisor, factors), number, climbed.ladder, factors)
+    solution = _weighted(fit, number.divisor, factors)
+    if problem.noise.estimated and solution.dof < 1:  # as few as correlated measurements count for
+        raise too_few_for_noise(solution.problem)
+    return Solved(solution, number, climbed.ladder, factors)
 
 
 def _weighted(fit: LikelihoodFit, divisor: float, factors: Factors | None) -> Solution:

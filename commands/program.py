@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import functools
 import sys
 import traceback
@@ -30,6 +31,9 @@ from . import (
 )
 from .console import FAULT, UNREAD, OutputLost, err, guarded_streams, out, plain
 from .history import certifying, keeping, reporting
+
+# Of a disk that is full or read-only, a quota, a limit of the process, a device that fails.
+_NO_ROOM = {errno.ENOSPC, errno.EROFS, errno.EFBIG, errno.EIO, getattr(errno, "EDQUOT", errno.ENOSPC)}
 
 
 class _Stopped(Exception):
@@ -166,6 +170,9 @@ def _status() -> int:
         if isinstance(error, ZerobeamError):
             err.print(f"error: {plain(error)}", markup=False, soft_wrap=True)
             return error.exit_status
+        if isinstance(error, OSError) and error.errno in _NO_ROOM:
+            err.print(f"error: the output cannot be written: {error.strerror}", markup=False, soft_wrap=True)
+            return FAULT
         # Python's own status for this is 1, which is a verdict here.
         sys.stderr.write(plain(traceback.format_exc()))
         err.print("error: this is a fault of zerobeam itself, please report it with the lines above")

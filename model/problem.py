@@ -221,8 +221,15 @@ class Problem:
 
     @property
     def noise_estimable(self) -> bool:
-        """Whether the noise is known, or there are more numbers than unknowns to estimate it from."""
-        return self.noise.known or self.data_size > int(self.parameters.free.sum())
+        """Whether the noise is known, or there are more numbers than unknowns to estimate it from.
+
+        Where the geometry can bring all residuals to 0, their scale has no estimate, whatever the tolerances.
+        """
+        free = int(self.parameters.free.sum())
+        if not self.noise.estimated or self.data_size <= free or self.measured_size > free:
+            return self.noise.known or self.data_size > free
+        jacobian = self.whiten(self.parameters.prior_mean).jacobian[:, self.parameters.free]
+        return int(np.linalg.matrix_rank(jacobian)) < self.measured_size
 
     @cached_property
     def columns(self) -> Index:

@@ -77,8 +77,16 @@ def tolerance_share(problem: Problem, covariance: Matrix) -> Matrix:
 
 
 def with_tolerances(problem: Problem, covariance: Matrix, factor: float) -> Matrix:
-    """(f,) the stds of the scaled free parameters, were all tolerances `factor` times as large."""
+    """(f,) the stds of the scaled free parameters, were all tolerances `factor` times as large.
+
+    All nan where there is no such answer: at the mode of a model that does not describe the data the
+    curvature may be less than that of the prior alone.
+    """
     information = np.linalg.inv(covariance)
     at = problem.parameters.among_free[problem.tolerated]
     information[at, at] += 1 / factor**2 - 1
-    return np.asarray(np.sqrt(np.diag(np.linalg.inv(information))))
+    try:
+        root = np.linalg.inv(np.linalg.cholesky((information + information.T) / 2))
+    except np.linalg.LinAlgError:
+        return np.full(len(information), np.nan)
+    return np.asarray(np.sqrt((root**2).sum(axis=0)))

@@ -52,8 +52,9 @@ class GeometryResult:
     what the data multiply them, None where they are known. `ladder` has the models that were tried.
     `consider` is the standard uncertainty (deg; mm) of each offset if it is estimated with nominal geometry
     while the arm has these tolerances; `at_half` and `at_twice` what u would be at half and at twice the
-    tolerances, empty for nominal geometry. `confounded` has for each offset the geometry parameter, and the
-    parameter of a free tool, with which it is correlated most; likewise empty.
+    tolerances, empty for nominal geometry, None where the curvature at the mode does not say. `confounded`
+    has for each offset the geometry parameter, and the parameter of a free tool, with which it is correlated
+    most; likewise empty.
     """
 
     stated: bool
@@ -62,8 +63,8 @@ class GeometryResult:
     factors: Factors | None
     ladder: tuple[Rung, ...]
     consider: dict[str, float]
-    at_half: dict[str, float]
-    at_twice: dict[str, float]
+    at_half: dict[str, float | None]
+    at_twice: dict[str, float | None]
     confounded: tuple[Confounded, ...] = ()
 
 
@@ -88,10 +89,11 @@ def geometry_result(
             if item.group == "offset" and known(status[i])
         }
 
-    def at(factor: float) -> dict[str, float]:
+    def at(factor: float) -> dict[str, float | None]:
         if not len(problem.tolerated):
             return {}
-        return of_offsets(parameters.unscaled(with_tolerances(problem, covariance, factor)))
+        found = of_offsets(parameters.unscaled(with_tolerances(problem, covariance, factor)))
+        return {name: std if np.isfinite(std) else None for name, std in found.items()}
 
     stated = header.geometry
     tolerance = None if stated is None else stated.tolerance

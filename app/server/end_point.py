@@ -13,6 +13,7 @@ from pydantic import BaseModel
 class EndPoint:
     """`answer` is called with the folder, and with what was sent as the model `sent`, or with the texts of
     the query by the names in `asked` (empty where one is missing). It returns JSON or raises a ZerobeamError.
+    A coroutine function waits for a process of its own; others are called one at a time.
     """
 
     path: str

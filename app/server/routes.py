@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import functools
+import inspect
 import json
 import traceback
 from collections.abc import AsyncIterator, Awaitable, Callable
@@ -114,6 +115,7 @@ class _Server:
         self.page_files = page_files()
         self.jobs = Jobs(folder)
         self.turn = asyncio.Lock()
+        self.apart = asyncio.Semaphore(2)
         self.uploads = asyncio.Semaphore(2)
         self.places = asyncio.Semaphore(16)  # of requests that are in memory whole
         self.thread = ThreadPoolExecutor(1, "calculation")
@@ -217,6 +219,9 @@ class _Server:
         return JSONResponse(error_json(error, self.folder.without), status_code=status)
 
     async def _calculated(self, request: Request, point: EndPoint, *of: Any) -> Response:
+        if inspect.iscoroutinefunction(point.answer):  # by a process of its own: nobody waits for it
+            async with self.apart:
+                return JSONResponse(await point.answer(self.folder, *of))
         async with self.turn:
             if await request.is_disconnected():  # while others were answered: a page asks anew at every move
                 raise ClientDisconnect

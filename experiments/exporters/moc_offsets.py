@@ -234,6 +234,8 @@ def _number(text: str, path: Path, section: str, name: str, key: str) -> _Value:
             line=line,
         )
     value = values[0]
+    if not math.isfinite(float(value.group(1))):
+        raise BadInput(f"{key} of {name} is too large", found=value.group(1)[:40], file=path, line=line)
     return _Value(float(value.group(1)), start + value.start(1), start + value.end(1))
 
 

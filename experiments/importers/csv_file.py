@@ -248,7 +248,7 @@ def _marks(table: Table, stated: str, times: Matrix, names: list[str] | None) ->
 def _shot_numbers(table: Table, stated: str) -> list[int]:
     column = table.column(stated)
     for line, text in zip(table.lines, table.texts(column), strict=True):
-        if not text.isdecimal():
+        if not text.isdecimal() or len(text) > 9:
             raise BadInput(
                 f"column {column + 1} is not a measurement number",
                 found=shown(text),

@@ -14,16 +14,16 @@ from .taught import Point, import_points
 
 # FANUC: a listing ends with /POS and blocks like P[3:"comment"]{ GP1: UF : 0, UT : 1, J1= 1.000 deg, … };
 _POSITION = re.compile(
-    r"^\s*P\[\s*(?P<number>\d+)[^\]]*\]\s*\{(?P<block>.*?)\}\s*;", re.MULTILINE | re.DOTALL
+    r"^[ \t]*P\[\s*(?P<number>\d+)[^\]]*\]\s*\{(?P<block>.*?)\}\s*;", re.MULTILINE | re.DOTALL
 )
-_BEGUN = re.compile(r"^\s*P\[\s*(\d+)", re.M)
+_BEGUN = re.compile(r"^[ \t]*P\[\s*(\d+)", re.MULTILINE)
 GROUP_1 = re.compile(r"GP1\s*:(?P<values>.*?)(?=GP\d+\s*:|\Z)", re.DOTALL)
 JOINT = re.compile(r"\bJ(?P<number>\d)\s*=\s*(?P<value>[-+]?(?:\d+\.?\d*|\.\d+))\s*(?P<unit>deg|mm)\b")
 _ANY_JOINT = re.compile(r"\bJ\d\s*=")
 
 # A register: [1,3] = 'comment'   Group: 1, then J1 = 1.000 deg … or X: …; or Uninitialized.
 REGISTERS = "$POSREG"
-_REGISTER = re.compile(r"^[ \t]*\[[ \t]*1[ \t]*,[ \t]*(?P<number>\d+)[ \t]*\][ \t]*=", re.MULTILINE)
+_REGISTER = re.compile(r"^[ \t]*\[[ \t]*1[ \t]*,[ \t]*(?P<number>\d{1,9})[ \t]*\][ \t]*=", re.MULTILINE)
 _OTHER_GROUP = re.compile(r"^[ \t]*(?:\[[ \t]*[2-9]\d*[ \t]*,|\[\*)", re.MULTILINE)
 _COMMENT = re.compile(r"'[^'\n]*'")
 NOT_MEASURED = 999.0  # deg, joint 1: what the program of a plan writes before it has measured

@@ -17,9 +17,11 @@ AGGREGATE = re.compile(
     r"(?P<name>\w+(?:\[\d+\])?)\s*=\s*\{\s*(?:\w+\s*:)?(?P<fields>\s*(?:A\d|X)\s[^{}]*)(?P<closed>\}?)",
     re.IGNORECASE,
 )
+DATA_LIST = re.compile(r"^[ \t]*DEFDAT\b", re.MULTILINE | re.IGNORECASE)
+_END_OF_LIST = re.compile(r"^[ \t]*ENDDAT\b", re.MULTILINE | re.IGNORECASE)
 # What the program of a plan records: the axes at posture n, and whether they are.
-_MEASURED_NAME = re.compile(r"\bZB_M(\d+)\b", re.IGNORECASE)
-_DONE = re.compile(r"\bZB_D(\d+)\s*=\s*TRUE\b", re.IGNORECASE)
+_MEASURED_NAME = re.compile(r"\bZB_M(\d{1,9})\b", re.IGNORECASE)
+_DONE = re.compile(r"\bZB_D(\d{1,9})\s*=\s*TRUE\b", re.IGNORECASE)
 AXIS = re.compile(r"^A(\d)\s+([-+]?(?:\d+\.?\d*|\.\d+)(?:E[-+]?\d+)?)$", re.IGNORECASE)
 
 
@@ -55,9 +57,7 @@ def without_comments(text: str) -> str:
 def kuka_positions(text: str, path: Path) -> list[Point]:
     """All positions of a data list, in its order; comments (;) are skipped."""
     bare = without_comments(text)
-    if re.search(r"^\s*DEFDAT\b", bare, re.MULTILINE | re.IGNORECASE) and not re.search(
-        r"^\s*ENDDAT\b", bare, re.MULTILINE | re.IGNORECASE
-    ):
+    if DATA_LIST.search(bare) and not _END_OF_LIST.search(bare):
         raise BadInput("the data list is incomplete: its last line, ENDDAT, is missing", file=path)
     found = []
     for match in AGGREGATE.finditer(bare):

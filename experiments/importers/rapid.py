@@ -26,6 +26,7 @@ DECLARED = re.compile(
 _TEXT = re.compile(r'"[^"\n]*"|![^\n]*')  # strings and comments
 _NUMBERS = re.compile(r"[\[\]\s,0-9eE+.\-]*")
 _AXES = 6
+_LARGEST = 1e10  # mm, deg: 9E9 stands for an axis that there is not
 
 # From the numbers of a robtarget, its name, file and line to its joints, degrees.
 Posed = Callable[[Sequence[float], str, Path, int], tuple[float, ...]]
@@ -129,7 +130,7 @@ def _values(text: str, name: str, path: Path, line: int) -> object:
 def _axes(value: object, name: str, path: Path, line: int) -> tuple[float, ...]:
     if isinstance(value, list) and len(value) == 2 and isinstance(value[0], list):
         axes = value[0]
-        if len(axes) == _AXES and all(isinstance(axis, int | float) for axis in axes):
+        if len(axes) == _AXES and _usable(axes):
             return tuple(float(axis) for axis in axes)
     raise _unreadable(name, str(value), path, line)
 
@@ -138,11 +139,15 @@ def _robtarget(value: object, name: str, path: Path, line: int) -> list[float]:
     """The numbers of [[x,y,z],[q1,…,q4],[cf1,cf4,cf6,cfx],[eax_a,…,eax_f]]."""
     if isinstance(value, list) and [len(part) for part in value if isinstance(part, list)] == [3, 4, 4, 6]:
         numbers = [number for part in value for number in part]
-        if all(isinstance(number, int | float) for number in numbers) and any(numbers[3:7]):
+        if _usable(numbers) and any(numbers[3:7]):
             return [float(number) for number in numbers]
     raise _unreadable(
         name, str(value), path, line, "[[x,y,z],[q1,…,q4],[cf1,cf4,cf6,cfx],[eax_a,…,eax_f]], in numbers"
     )
+
+
+def _usable(values: Sequence[object]) -> bool:
+    return all(isinstance(value, int | float) and abs(value) <= _LARGEST for value in values)
 
 
 def _unreadable(

@@ -5,16 +5,17 @@ By definition of JointState (JointState.msg) positions are radians, metres where
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from array import array
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...model.errors import BadInput, missing_extra
+from ...model.errors import BadInput
 from ...model.files.reading import did_you_mean, require_regular
 from ...model.robot import Robot
+from .bags.opened import JOINT_STATE, opened
 from .columns import columns_of_joints
 from .dwells import Log, Mark, Stillness
 from .imported import Imported, Job, Stated
@@ -23,8 +24,6 @@ from .joint_states import joint_names, per_unit
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
     from rosbags.interfaces import Connection
-
-_JOINT_STATE = "sensor_msgs/msg/JointState"
 
 
 def import_ros(
@@ -75,30 +74,14 @@ class Topic(NamedTuple):
     joints: tuple[str, ...]
 
 
-_MAGIC = {b"#ROSBAG": "a ROS 1 bag", b"\x89MCAP0": "an mcap file", b"SQLite format 3": "a .db3 of ROS 2"}
-
-
-def is_bag(path: Path) -> str | None:
-    """What kind of bag a file is by its first bytes, None if it is none."""
-    require_regular(path)
-    with path.open("rb") as file:
-        head = file.read(16)
-    return next((kind for magic, kind in _MAGIC.items() if head.startswith(magic)), None)
-
-
 def topics_of(path: Path) -> tuple[Topic, ...]:
     """The topics of a bag, by name."""
-    with _opened(path) as reader:
+    with opened(path) as bag:
         found = []
-        for name in sorted(reader.topics):
-            topic = reader.topics[name]
-            joints: tuple[str, ...] = ()
-            if topic.msgtype == _JOINT_STATE:
-                own = [c for c in reader.connections if c.topic == name]
-                for connection, _, raw in reader.messages(connections=own):
-                    first: Any = reader.deserialize(raw, connection.msgtype)
-                    joints = tuple(first.name)
-                    break
+        for name in sorted(bag.reader.topics):
+            topic = bag.reader.topics[name]
+            first = bag.first(name) if topic.msgtype == JOINT_STATE else None
+            joints = () if first is None else tuple(first.name)
             found.append(Topic(name, str(topic.msgtype), topic.msgcount, joints))
         return tuple(found)
 
@@ -111,18 +94,19 @@ def _read(
         raise BadInput("there is no such file", file=path, remedy="name a .bag, .mcap, .db3 or folder")
     for file in path.iterdir() if path.is_dir() else (path,):
         require_regular(file)
-    with _opened(path) as reader:
-        states = [c for c in reader.connections if c.msgtype == _JOINT_STATE]
+    with opened(path) as bag:
+        reader = bag.reader
+        states = [c for c in reader.connections if c.msgtype == JOINT_STATE]
         chosen = _topic(states, topic, reader, path)
-        stamps, rows = [], []
+        stamps, positions = array("q"), array("d")  # not lists of lists: recordings are long
         seen: dict[str, None] = {}
-        for stamp, message in _messages(reader, [c for c in states if c.topic == chosen], path):
+        for stamp, message in bag.messages([c for c in states if c.topic == chosen]):
             seen.update(dict.fromkeys(message.name))
             row = _positions(message, names, chosen, path)
             if row is not None:
                 stamps.append(stamp)
-                rows.append(row)
-        if not rows:
+                positions.extend(row)
+        if not stamps:
             raise _no_joints(names, list(seen), chosen, path)
         marks = None
         if marker_topic is not None:
@@ -130,51 +114,13 @@ def _read(
             if not markers:
                 raise _no_topic(marker_topic, reader, path)
             marks = [
-                Mark((stamp - stamps[0]) * 1e-9, _target(message))
-                for stamp, message in _messages(reader, markers, path)
+                Mark((stamp - stamps[0]) * 1e-9, None if message is None else str(message.data))
+                for stamp, message in bag.messages(markers)
             ]
-    times = np.array([(stamp - stamps[0]) * 1e-9 for stamp in stamps])
-    return Log(path, times, np.array(rows) * per_unit(robot), marks=marks), chosen
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[AnyReader]:
-    try:
-        from rosbags.highlevel import AnyReader
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError:
-        raise missing_extra("reading ROS bags", "ros", needed="the library rosbags") from None
-    try:
-        # Older ROS 2 bags hold no definitions; those of JointState and std_msgs are the same in all of them.
-        with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
-            yield reader
-    except BadInput:
-        raise
-    except Exception as error:  # noqa: BLE001 - the library lets through what its parsers meet in a torn file
-        raise BadInput(
-            "the bag cannot be read: it is incomplete, corrupted or not a bag",
-            found=" ".join(str(error).split()) or type(error).__name__,
-            allowed="a ROS 1 .bag, a ROS 2 bag folder, .mcap or .db3",
-            remedy="repair it with the tools of ROS (rosbag reindex, ros2 bag reindex, mcap recover)",
-            file=path,
-        ) from None
-
-
-def _messages(reader: AnyReader, connections: list[Connection], path: Path) -> Iterator[tuple[int, Any]]:
-    """(ns, message) in the order of recording; BadInput if there are fewer than the bag says."""
-    count = 0
-    for connection, stamp, raw in reader.messages(connections=connections):
-        count += 1
-        yield stamp, reader.deserialize(raw, connection.msgtype)
-    promised = sum(connection.msgcount for connection in connections)
-    if count != promised:
-        raise BadInput(
-            "the bag is incomplete",
-            found=f"{count} messages on {connections[0].topic}",
-            allowed=f"{promised}, as the bag itself says",
-            remedy="repair it with the tools of ROS, or record again",
-            file=path,
-        )
+    times = (np.array(stamps) - stamps[0]) * 1e-9
+    return Log(
+        path, times, np.array(positions).reshape(-1, len(names)) * per_unit(robot), marks=marks
+    ), chosen
 
 
 def _topic(states: Sequence[Connection], topic: str | None, reader: AnyReader, path: Path) -> str:
@@ -185,7 +131,7 @@ def _topic(states: Sequence[Connection], topic: str | None, reader: AnyReader, p
                 raise BadInput(
                     "the topic has no joint states",
                     found=f"{topic} of type {reader.topics[topic].msgtype}",
-                    allowed=", ".join(there) or _JOINT_STATE,
+                    allowed=", ".join(there) or JOINT_STATE,
                     file=path,
                 )
             raise _no_topic(topic, reader, path)
@@ -194,7 +140,7 @@ def _topic(states: Sequence[Connection], topic: str | None, reader: AnyReader, p
         raise BadInput(
             "the bag has no joint states",
             found=", ".join(sorted(reader.topics)) or "no topics",
-            allowed=f"a topic of type {_JOINT_STATE}",
+            allowed=f"a topic of type {JOINT_STATE}",
             file=path,
         )
     if len(there) > 1:
@@ -246,9 +192,3 @@ def _no_joints(names: Sequence[str], there: Sequence[str], topic: str, path: Pat
         remedy=did_you_mean(missing, there) or "state the names of joint 1, 2, … (--columns)",
         file=path,
     )
-
-
-def _target(message: Any) -> str | None:
-    """The text of a std_msgs/String; other markers have a time but no target."""
-    text = getattr(message, "data", None)
-    return text if isinstance(text, str) else None

@@ -40,7 +40,7 @@ class Table:
         """Index of a column that is stated by its name, or by its number counted from 1."""
         if self.names is not None and stated in self.names:
             return self.names.index(stated)
-        if stated.isdecimal() and 1 <= int(stated) <= self.width:
+        if stated.isdecimal() and len(stated) < 10 and 1 <= int(stated) <= self.width:
             return int(stated) - 1
         if self.names is None:
             raise BadInput(

@@ -160,4 +160,7 @@ def _floats(parts: Sequence[str]) -> tuple[float, ...] | None:
 
 
 def _value(text: str) -> float:
-    return float(text.replace(",", "."))
+    value = float(text.replace(",", "."))
+    if not isfinite(value):
+        raise BadInput("a number is too large", found=shown(text), allowed="joint values in degrees or mm")
+    return value

@@ -32,6 +32,7 @@ DELTAS = ("delta_theta", "delta_a", "delta_d", "delta_alpha")
 LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
 PLACE = ("x", "y", "z", "roll", "pitch", "yaw")
 _POSTURES = 400
+_LARGEST = 1e6  # m, rad: `delta_d` of nearly parallel axes may be kilometres
 _FARTHEST = 50.0  # mm at the flange: a calibrated arm is nearer to its nominal geometry
 
 
@@ -87,12 +88,12 @@ def ros_chain(nominal: Robot, path: Path) -> Robot:
 def _deltas(text: str, path: Path, stated: RobotFile) -> tuple[list[Matrix], Matrix]:
     found: dict[str, list[float]] = {}
     for key in DELTAS:
-        match = re.search(rf"^\s*{key}\s*=\s*\[([^\]]*)\]", text, re.MULTILINE)
+        match = re.search(rf"^[ \t]*{key}\s*=\s*\[([^\]]*)\]", text, re.MULTILINE)
         try:
             values = [] if match is None else [float(part) for part in match[1].split(",")]
         except ValueError:
             values = []
-        if len(values) != len(stated.joints) or not np.isfinite(values).all():
+        if len(values) != len(stated.joints) or not all(abs(value) <= _LARGEST for value in values):
             raise BadInput(
                 f"the calibration has no {key}" if match is None else f"{key} cannot be used",
                 found=None if match is None else match[1].strip(),
@@ -128,7 +129,7 @@ def _transforms(path: Path) -> tuple[list[Matrix], Matrix]:
         values: list[Any] = [None]
         if isinstance(stated, Mapping):
             values = [stated.get(key) for key in PLACE]
-        if not all(isinstance(value, int | float) and np.isfinite(value) for value in values):
+        if not all(isinstance(value, int | float) and abs(value) <= _LARGEST for value in values):
             raise BadInput(
                 f"the calibration has no {name}, or it is incomplete",
                 allowed=f"{name}: {{{', '.join(PLACE)}}}, metres and radians",

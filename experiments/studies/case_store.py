@@ -15,7 +15,7 @@ from pydantic import TypeAdapter
 
 from ...analysis.status import UnsoundResult
 from ...interruption import obey, uninterrupted
-from ...model.errors import BadInput
+from ...model.errors import BadInput, NotWritten
 from ...model.files.closing import Closing
 from ...model.files.reading import parse_json, shown
 from ...model.files.whole_file import lock
@@ -186,8 +186,8 @@ def _line(value: Mapping[str, object]) -> bytes:
     return (json.dumps(value, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
-def _cannot_keep(path: Path, error: OSError) -> BadInput:
-    return BadInput(
+def _cannot_keep(path: Path, error: OSError) -> NotWritten:
+    return NotWritten(
         f"the finished cases cannot be kept: {error.strerror or error}",
         file=path,
         remedy="name a folder beside which files may be written",

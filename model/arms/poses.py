@@ -12,6 +12,8 @@ from ..errors import BadInput
 from ..robot import Matrix, shift
 from .orientation import roll_pitch_yaw
 
+_LARGEST = 1e6  # mm, deg
+
 
 def from_quaternion(values: Sequence[float]) -> Matrix:
     """(4, 4) of x, y, z (mm) and (w, x, y, z)."""
@@ -54,6 +56,7 @@ def stated_numbers(text: str, count: int, option: str, form: str) -> list[float]
         values = [float(part) for part in re.sub(r"[\[\]()p{}]", " ", text).split(",")]
     except ValueError:
         values = []
-    if len(values) != count or not np.isfinite(values).all() or (count == 7 and not any(values[3:])):
-        raise BadInput(f"{option} is not understood", found=text, allowed=form)
+    usable = all(abs(value) <= _LARGEST for value in values)
+    if len(values) != count or not usable or (count == 7 and not any(values[3:])):
+        raise BadInput(f"{option} is not understood", found=text, allowed=f"{form}: numbers up to 1 000 000")
     return values

@@ -13,7 +13,7 @@ from typing import Any, Self
 import numpy as np
 
 from ...interruption import uninterrupted
-from ..errors import BadInput, RigFault
+from ..errors import BadInput, NotWritten, RigFault
 from .closing import Closing
 from .header import RUN_SCHEMA, Header, check_header, header_content
 from .reading import shown
@@ -99,7 +99,7 @@ class RunJournal(Closing):
         try:
             self._file = FileIO(path, "r+")
         except OSError as error:
-            raise BadInput(f"the run cannot be recorded: {error.strerror}", file=path) from None
+            raise NotWritten(f"the run cannot be recorded: {error.strerror}", file=path) from None
         with self._closed_on_failure():
             self._lock()
             content = self._file.readall()

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
+import socket
 import sys
 import tempfile
-from collections.abc import Iterable
+import time
+import zlib
+from collections.abc import Callable, Iterable
 from io import FileIO, StringIO
 from pathlib import Path
 from typing import Any
@@ -15,13 +19,17 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from ...interruption import interruptible, uninterrupted
-from ..errors import BadInput
+from ..errors import BadInput, NotWritten
 
 if sys.platform == "win32":
     import msvcrt
 else:
     import fcntl
 
+# In names of what is not finished: by which process of which computer; without, by an earlier version.
+WRITER = r"(?:(?P<here>[0-9a-f]{8})-(?P<process>[0-9]+)-)?[a-z0-9_]{8}"
+_PART = re.compile(rf"\.(?P<name>.+)\.{WRITER}\.part")
+_DAY_S = 24 * 3600
 _BEHIND_THE_END = 2**31 - 2  # the last byte that Windows' C library can lock, and no file of ours is as long
 
 
@@ -66,8 +74,10 @@ def write_whole(path: Path, content: str | bytes | Iterable[str], *, force: bool
     With `force` it takes the place of a file that is there.
     """
     refuse_existing(path, force=force)
+    remove_abandoned(path.parent, _PART, path.name)
     try:
-        handle, aside = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
+        prefix = f".{path.name}.{writer()}-"
+        handle, aside = tempfile.mkstemp(prefix=prefix, suffix=".part", dir=path.parent)
         try:
             with os.fdopen(handle, "wb") as file:
                 if isinstance(content, str | bytes):
@@ -87,7 +97,52 @@ def write_whole(path: Path, content: str | bytes | Iterable[str], *, force: bool
         refuse_existing(path)
         raise
     except OSError as error:
-        raise BadInput(f"the file cannot be written: {error.strerror}", file=path) from None
+        raise NotWritten(f"the file cannot be written: {error.strerror}", file=path) from None
+
+
+def is_part(name: str) -> bool:
+    """Whether a file of this name is one that `write_whole` has not finished."""
+    return _PART.fullmatch(name) is not None
+
+
+def writer() -> str:
+    """This computer and this process, in the names of what is not finished."""
+    return f"{_here()}-{os.getpid()}"
+
+
+def _here() -> str:
+    return f"{zlib.crc32(socket.gethostname().encode()):08x}"
+
+
+def remove_abandoned(
+    folder: Path,
+    pattern: re.Pattern[str],
+    name: str | None = None,
+    remove: Callable[[Path], object] = os.unlink,
+) -> None:
+    """Remove what matches a pattern with `WRITER`, of processes that were killed or of more than a day ago;
+    with `name` only what the pattern's group `name` says to be of it."""
+    with contextlib.suppress(OSError):  # whoever may not look here may not write here either
+        for entry in os.scandir(folder):
+            match = pattern.fullmatch(entry.name)
+            if match is None or (name is not None and match["name"] != name) or entry.is_symlink():
+                continue
+            old = time.time() - entry.stat(follow_symlinks=False).st_mtime > _DAY_S
+            if old or (match["here"] == _here() and _has_ended(int(match["process"]))):
+                with contextlib.suppress(OSError):
+                    remove(Path(entry.path))
+
+
+def _has_ended(process: int) -> bool:
+    if os.name == "nt":  # where os.kill ends a process, whatever the signal
+        return False
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return True
+    except (PermissionError, OverflowError):
+        pass
+    return False
 
 
 def _name(aside: Path, path: Path, force: bool) -> None:

@@ -12,10 +12,10 @@ from ...experiments.batch.rows import BatchRow, BatchSettings, Finished, key_of
 from ...experiments.batch.run_files import names_of, shown_path
 from ...experiments.processes import side_by_side
 from ...experiments.studies.case_store import CaseStore
-from ...model.errors import BadInput, ZerobeamError
+from ...model.errors import BadInput, NotWritten, ZerobeamError
 from ...model.files.run import read_run
 from ...model.files.whole_file import write_whole
-from ..output.whole_folder import LITTER, write_folder
+from ..output.whole_folder import names_in, write_folder
 from ..run.report_folder import REPORT, RESULT
 from .batch_folder import FILES, write_batch
 from .batch_page import Batch
@@ -53,7 +53,7 @@ def check_target(folder: Path) -> None:
     """BadInput unless a batch may be written to `folder`: absent, empty, or one of ours."""
     allowed = "a folder that does not exist, is empty, or holds a batch of zerobeam"
     if folder.is_dir():
-        names = {entry.name for entry in folder.iterdir()} - LITTER
+        names = names_in(folder)
         if names and STORE not in names:
             raise BadInput(
                 f"the batch's folder {str(folder)!r} holds other things",
@@ -137,9 +137,12 @@ def _write(folder: Path, answer: BatchAnswer) -> None:
     files = answer.files()
     if not files:
         return
-    there = {entry.name for entry in folder.iterdir()} if folder.is_dir() else set()
+    there = names_in(folder) if folder.is_dir() else set()
     if list(files) == [RESULT] and there <= {RESULT}:
-        folder.mkdir(exist_ok=True)
+        try:
+            folder.mkdir(exist_ok=True)
+        except OSError as error:
+            raise NotWritten(f"the folder cannot be made: {error.strerror}", file=folder) from None
         write_whole(folder / RESULT, files[RESULT], force=True)
         return
 

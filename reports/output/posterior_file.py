@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import re
 from importlib.metadata import version
+from io import BytesIO
 from pathlib import Path
 
 from ...analysis.posterior.posterior import Draws
@@ -54,7 +55,8 @@ def write_posterior(path: Path | str, result: Result, draws: Draws) -> None:
         "ensemble": ("chain", np.repeat(np.arange(ensembles), walkers)),
         "walker": ("chain", np.tile(np.arange(walkers), ensembles)),
     }
-    with h5netcdf.File(path, "w") as file:
+    content = BytesIO()  # HDF5 itself would end the process by a signal where the disk is full
+    with h5netcdf.File(content, "w") as file:
         group = file.create_group("posterior")
         about = _about(result, draws)
         file.attrs.update(about)
@@ -72,9 +74,10 @@ def write_posterior(path: Path | str, result: Result, draws: Draws) -> None:
             variable.attrs["source"] = source
             if source == "prior":
                 variable.attrs["comment"] = "Unidentifiable: draws of the prior, independent of all others."
-    with h5py.File(path, "r+") as file:
+    with h5py.File(content, "r+") as file:
         for name, variable in file["posterior"].items():
             file[name] = variable
+    Path(path).write_bytes(content.getbuffer())
 
 
 def _about(result: Result, draws: Draws) -> dict[str, str | int | float]:

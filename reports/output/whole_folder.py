@@ -7,23 +7,20 @@ import json
 import os
 import re
 import shutil
-import socket
 import tempfile
-import time
-import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
 from ...interruption import interruptible, uninterrupted
-from ...model.errors import BadInput
+from ...model.errors import BadInput, NotWritten
+from ...model.files.whole_file import WRITER, is_part, remove_abandoned, writer
 
 # What file managers leave behind in any folder that was looked at.
 LITTER = {".DS_Store", "Thumbs.db", "desktop.ini"}
-# A folder that is not finished: where and by which process it is written; without, of earlier versions.
-_UNFINISHED = re.compile(r"\.zerobeam-new-(?:(?P<here>[0-9a-f]{8})-(?P<process>[0-9]+)-)?[a-z0-9_]{8}")
-_DAY_S = 24 * 3600
+_UNFINISHED = re.compile(rf"\.zerobeam-new-{WRITER}")
+_TAKEN_AWAY = re.compile(rf"\.zerobeam-taken-{WRITER}")
 
 Made = TypeVar("Made")
 
@@ -42,13 +39,15 @@ def write_folder(folder: Path | str, kind: Kind, fill: Callable[[Path], Made]) -
     """Let `fill` write into an empty folder, then give that the place of `folder`; returns what `fill` does.
 
     Everything is written to a folder next to it and renamed at the end, so that a fault leaves what
-    was there as it was. Raises BadInput where `folder` is a file, is not ours, or cannot be written.
+    was there as it was. Raises BadInput where `folder` is a file or not ours, NotWritten where it cannot be
+    written.
     """
     target = Path(os.path.realpath(folder))
     check_target(target, kind)
     with uninterrupted():
         made = _make_parents(target.parent, kind)
-        _sweep(target.parent)
+        remove_abandoned(target.parent, _TAKEN_AWAY, remove=_put_back)
+        remove_abandoned(target.parent, _UNFINISHED, remove=shutil.rmtree)
         try:
             aside = _folder_beside(target, "new", kind)
             try:
@@ -71,7 +70,7 @@ def check_target(folder: Path | str, kind: Kind) -> None:
     folder = Path(folder)
     allowed = f"a folder that does not exist, is empty, or holds a {kind.noun} of zerobeam and nothing else"
     if folder.is_dir():
-        names = {entry.name for entry in folder.iterdir()} - LITTER
+        names = names_in(folder)
         foreign = sorted(names - kind.names)
         if foreign:
             listed = ", ".join(repr(name) for name in foreign[:3]) + (", …" if len(foreign) > 3 else "")
@@ -96,6 +95,11 @@ def check_target(folder: Path | str, kind: Kind) -> None:
         )
 
 
+def names_in(folder: Path) -> set[str]:
+    """What is in a folder but for what file managers and killed processes leave there."""
+    return {entry.name for entry in folder.iterdir() if not is_part(entry.name)} - LITTER
+
+
 def _is_ours(folder: Path, kind: Kind) -> bool:
     try:
         content = json.loads((folder / kind.mark).read_text(encoding="utf-8"))
@@ -118,7 +122,7 @@ def _make_parents(parent: Path, kind: Kind) -> list[Path]:
 
 def _folder_beside(target: Path, purpose: str, kind: Kind) -> Path:
     try:
-        prefix = f".zerobeam-{purpose}-{_here()}-{os.getpid()}-"
+        prefix = f".zerobeam-{purpose}-{writer()}-"
         beside = Path(tempfile.mkdtemp(prefix=prefix, dir=target.parent))
         # mkdtemp's folder is private; ours gets the rights that any new folder would have.
         mask = os.umask(0)
@@ -129,33 +133,13 @@ def _folder_beside(target: Path, purpose: str, kind: Kind) -> Path:
     return beside
 
 
-def _here() -> str:
-    """This computer, in the names of folders that several may write beside."""
-    return f"{zlib.crc32(socket.gethostname().encode()):08x}"
-
-
-def _sweep(parent: Path) -> None:
-    """Remove what was being written here by processes that were killed, or more than a day ago."""
-    with contextlib.suppress(OSError):  # whoever may not look here may not write here either
-        for entry in os.scandir(parent):
-            ours = _UNFINISHED.fullmatch(entry.name)
-            if ours is None or not entry.is_dir(follow_symlinks=False):
-                continue
-            old = time.time() - entry.stat(follow_symlinks=False).st_mtime > _DAY_S
-            if old or (ours["here"] == _here() and _has_ended(int(ours["process"]))):
-                shutil.rmtree(entry.path, ignore_errors=True)
-
-
-def _has_ended(process: int) -> bool:
-    if os.name == "nt":  # where os.kill ends a process, whatever the signal
-        return False
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return True
-    except (PermissionError, OverflowError):
-        pass
-    return False
+def _put_back(left: Path) -> None:
+    """What a process that was killed amid `_swap` had taken away: back in its place, unless that is taken."""
+    for before in left.iterdir():
+        place = left.parent / before.name
+        if not place.exists():
+            before.rename(place)
+    shutil.rmtree(left)
 
 
 def _swap(new: Path, target: Path, kind: Kind) -> None:
@@ -164,7 +148,7 @@ def _swap(new: Path, target: Path, kind: Kind) -> None:
         if not target.exists():
             new.rename(target)
             return
-        old = _folder_beside(target, "old", kind) / "before"
+        old = _folder_beside(target, "taken", kind) / target.name
         try:
             target.rename(old)
             new.rename(target)
@@ -183,8 +167,8 @@ def _remove_if_empty(folder: Path) -> None:
         folder.rmdir()
 
 
-def _cannot_write(where: Path, kind: Kind, error: OSError) -> BadInput:
-    return BadInput(
+def _cannot_write(where: Path, kind: Kind, error: OSError) -> NotWritten:
+    return NotWritten(
         f"the {kind.noun} cannot be written to {str(where)!r}",
         found=error.strerror or str(error),
         remedy="name a folder that may be written to",

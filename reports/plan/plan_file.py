@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from pathlib import Path
 
 from ...analysis.observability.aim import AimedPlan
 from ...analysis.observability.check import Check
 from ...model.errors import BadInput
-from ...model.files.whole_file import sync_folder, write_whole
+from ...model.files.whole_file import write_whole
 from .plan_page import MARK, plan_page
 
 _HEAD = 1000  # bytes: where the mark is, before anything that comes from a plan
@@ -18,26 +17,13 @@ _HEAD = 1000  # bytes: where the mark is, before anything that comes from a plan
 def write_plan_page(path: Path | str, aimed: AimedPlan, check: Check) -> None:
     """Write the page of a plan (`plan_page`) to `path`, replacing nothing but such a page.
 
-    Written to another name, then renamed. BadInput if something else is there or the folder does not exist.
+    BadInput if something else is there or the folder does not exist, NotWritten where it cannot be written.
     """
     path = Path(path)
     target = Path(os.path.realpath(path))
     _check_target(path, target)
     text = plan_page(aimed, check)
-    try:
-        with tempfile.TemporaryDirectory(prefix=".zerobeam-plan-", dir=target.parent) as aside:
-            whole = Path(aside) / target.name
-            write_whole(whole, text)
-            _check_target(path, target)
-            os.replace(whole, target)
-        sync_folder(target.parent)
-    except OSError as error:
-        raise BadInput(
-            "the picture of the plan cannot be written",
-            found=error.strerror or str(error),
-            remedy="name a file in a folder that may be written to",
-            file=path,
-        ) from error
+    write_whole(target, text, force=True)
 
 
 def _check_target(path: Path, target: Path) -> None:

@@ -19,6 +19,7 @@ RUNGS: dict[RungName, str] = {
     "harmonics": "+ first harmonics",
 }
 _MOSTLY = 0.5  # a share of the variance, or a correlation, from which it is worth a sentence
+_UNKNOWN = "unknown"  # where the curvature at the mode does not say
 
 
 class Offset(Protocol):
@@ -66,8 +67,9 @@ def worth_sentence(own: GeometryResult, offsets: Sequence[Offset]) -> str | None
     factors = "" if own.factors is None else ", multiplied by the factors that the data give them"
     return (
         f"With the geometry estimated within its tolerances ({tolerances_words(own)}{factors}) u is"
-        f" {present}. With half the tolerances it would be {half}, with twice {twice}; with nominal geometry,"
-        f" if the arm deviates from it by these tolerances, {considered}."
+        f" {present}. With half the tolerances it would be {half or _UNKNOWN}, with twice"
+        f" {twice or _UNKNOWN}; with nominal geometry, if the arm deviates from it by these tolerances,"
+        f" {considered}."
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ from app_jobs import begun, ended
 from recorded_logs import HEADER, POSTURES, table
 from starlette.testclient import TestClient
 
+from zerobeam.app.server.answers import contents_process
 from zerobeam.experiments.schema import json_schema
 from zerobeam.model.files.header import read_header
 from zerobeam.model.files.run import read_run
@@ -47,6 +50,50 @@ def test_a_recording_is_looked_at(client: TestClient, recorded: Path) -> None:
     plain = client.post("/api/recording", json={"file": "shots.csv", "header_row": True, "delimiter": ";"})
     assert plain.status_code == 400  # one column, and no numbers
     assert "outside" in refused(client, "POST", "/api/recording", {"file": "../outside.yaml"})["found"]
+
+
+def test_a_recording_that_takes_too_long_ends_a_process_and_not_the_server(
+    client: TestClient, recorded: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(contents_process, "_COMMAND", [sys.executable, "-c", "import time; time.sleep(60)"])
+    monkeypatch.setattr(contents_process, "PATIENCE_S", 1.0)
+    with ThreadPoolExecutor(1) as pool:
+        asked = pool.submit(refused, client, "POST", "/api/recording", {"file": "shots.csv"})
+        assert client.post("/api/columns", json={"files": ["shots.csv"], "robot": "irb1600"}).is_success
+        assert not asked.done()  # others are answered meanwhile
+        error = asked.result()
+    assert (error["what"], error["found"]) == (
+        "shots.csv: the file is too much to be looked at here",
+        "no answer in 1 s",
+    )
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals and limits of POSIX")
+@pytest.mark.parametrize("hurt", ["import os; os.kill(os.getpid(), 9)", "MEMORY"])
+def test_a_recording_that_takes_too_much_memory_ends_a_process_and_not_the_server(
+    client: TestClient, recorded: Path, monkeypatch: pytest.MonkeyPatch, hurt: str
+) -> None:
+    eaten = "from zerobeam.app.server.answers import contents_process as own\n"
+    eaten += "own.head_of = own.contents_of = lambda *_: bytearray(5 * 10**9)\nown.main()"
+    program = eaten if hurt == "MEMORY" else hurt
+    monkeypatch.setattr(contents_process, "_COMMAND", [sys.executable, "-c", program])
+    error = refused(client, "POST", "/api/recording", {"file": "shots.csv"})
+    assert "too much to be looked at" in error["what"]
+    assert error["found"] in ("more than 4 GB of memory", "the process was ended by signal 9")
+    assert client.get("/api/files").is_success
+
+
+def test_a_bag_that_stands_for_far_more_than_its_size_is_refused(client: TestClient, root: Path) -> None:
+    pytest.importorskip("rosbags")
+    from ros_bags import Bag
+
+    bag = Bag("ros1").states([0.0], [[0.0]], ["a" * 80 * 10**6]).write(root, "bz2")
+    assert bag.stat().st_size < 100_000
+    error = refused(client, "POST", "/api/recording", {"file": bag.name})
+    assert (
+        error["what"] == f"{bag.name}: the bag is not unpacked: what it stands for is too large for its size"
+    )
+    assert error["allowed"] == "200 times the size of the bag, or 64 MB where that is more"
 
 
 def test_columns_are_shown_against_the_limits(client: TestClient, recorded: Path) -> None:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
@@ -53,13 +53,18 @@ class Bag:
             else {}
         )
 
-    def write(self, folder: Path) -> Path:
+    def write(self, folder: Path, packed: str | None = None) -> Path:
+        """Write the bag; `packed` is bz2 or lz4 for ROS 1, else storage, message or file (all zstd)."""
         path = folder / ("log.bag" if self.kind == "ros1" else "log")
         if self.kind == "ros1":
             writer, encode = Writer1(path), self.store.serialize_ros1
         else:
             plugin = StoragePlugin.MCAP if self.kind == "mcap" else StoragePlugin.SQLITE3
             writer, encode = Writer2(path, version=9, storage_plugin=plugin), self.store.serialize_cdr
+        if packed is not None and self.kind == "ros1":
+            writer.set_compression(Writer1.CompressionFormat[packed.upper()])
+        elif packed is not None:
+            writer.set_compression(CompressionMode[packed.upper()], CompressionFormat.ZSTD)
         with writer:
             open_ones = {}
             for time, topic, kind, content in sorted(self.messages, key=lambda message: message[0]):

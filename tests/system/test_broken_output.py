@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,8 @@ from cells import good_plan
 from child import ZEROBEAM, child
 from command_line import plan_file
 
+from zerobeam.experiments.demos import demo_runs
+from zerobeam.model.files.header import write_header
 from zerobeam.model.files.run import read_run
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="pipes of POSIX")
@@ -93,3 +96,78 @@ def test_a_command_without_any_streams_has_its_status(command: str, status: int)
     shell = ["sh", "-c", 'exec "$@" >&- 2>&-', "sh"]
     with child([*shell, *ZEROBEAM, *command.split()]) as process:
         assert process.wait(timeout=120) == status
+
+
+@pytest.fixture
+def full_disk(tmp_path: Path) -> Iterator[Path]:
+    """A file system without any room."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mounted = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(disk)]
+    if shutil.which("mount") is None or subprocess.run(mounted, capture_output=True).returncode:
+        pytest.skip("only root may mount a file system, and not in every container")
+    try:
+        with suppress(OSError), (disk / "filling").open("wb", buffering=0) as file:
+            while True:
+                file.write(bytes(4096))
+        yield disk
+    finally:
+        subprocess.run(["umount", str(disk)], check=True)
+
+
+GOOD = next(run.path for run in demo_runs() if run.name == "good")
+WRITING = {
+    "report": ["report", str(GOOD), "--ess", "100", "-o", "{disk}/out"],
+    "batch": ["batch", str(GOOD), "--no-posterior", "-o", "{disk}/out"],
+    "export": ["export", "csv", str(GOOD), "-o", "{disk}/offsets.csv"],
+    "plan": ["plan", "x", "--header", "{here}/header.yaml", "--target", "900,0,0", "-o", "{disk}/new.yaml"],
+    "picture": ["check", "{here}/plan.yaml", "--picture", "{disk}/plan.html"],
+    "compare": ["compare", str(GOOD), "{here}/again.jsonl", "-o", "{disk}/out"],
+    "run": ["run", "{here}/plan.yaml", "--no-camera", "-o", "{disk}/run.jsonl"],
+    "study": ["study", "noise", "--runs", "2", "-o", "{disk}/out"],
+    "import": [
+        *("import", "csv", "{here}/points.csv", "--units", "deg", "--target", "psd"),
+        *("--header", "{here}/header.yaml", "-o", "{disk}/points.jsonl"),
+    ],
+}
+QUICK = {"report", "batch", "export", "plan"}
+
+
+def _inputs(folder: Path) -> None:
+    plan_file(folder / "plan.yaml", good_plan(2))
+    run = read_run(GOOD)
+    write_header(folder / "header.yaml", run.header)
+    head, *shots = GOOD.read_text().splitlines()
+    (folder / "again.jsonl").write_text("\n".join([head, *shots[::-1]]) + "\n")
+    rows = (",".join(map(str, shot.joints_deg)) for shot in run.shots)
+    (folder / "points.csv").write_text("\n".join(rows) + "\n")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="mount and limits of Linux")
+@pytest.mark.parametrize("how", ["a full disk", "a limit"])
+@pytest.mark.parametrize(
+    "what", [pytest.param(name, marks=() if name in QUICK else pytest.mark.long) for name in WRITING]
+)
+def test_a_file_that_finds_no_room_is_a_fault_and_one_message(
+    what: str, how: str, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    """Exit status 3: the input is not what is wrong; and no crash, of HDF5 say."""
+    disk = tmp_path
+    if how == "a full disk":
+        disk = request.getfixturevalue("full_disk")
+    _inputs(tmp_path)
+    before = set(tmp_path.rglob("*"))
+    words = [word.format(here=tmp_path, disk=disk) for word in WRITING[what]]
+    limited = ["prlimit", "--fsize=20"] if how == "a limit" else []
+    if limited and shutil.which("prlimit") is None:
+        pytest.skip("there is no prlimit")
+    with child([*limited, *ZEROBEAM, *words], stderr=subprocess.PIPE) as process:
+        err = process.communicate(timeout=200)[1]
+    assert process.returncode == 3, err
+    assert err.count("error: ") == 1
+    assert "No space left on device" in err or "File too large" in err
+    assert "Traceback" not in err
+    assert "fault of zerobeam" not in err
+    left = set(tmp_path.rglob("*")) - before
+    kept = ("out", "out/finished.jsonl", "out.cases.jsonl")  # what a batch or a study goes on with
+    assert left <= {disk / name for name in kept}

@@ -685,7 +685,7 @@ def test_bad_usage_is_told_with_the_usage(
 @pytest.mark.parametrize(
     ("fault", "status", "message"),
     [
-        (OSError(28, "No space left on device"), 2, "error: the report cannot be written to"),
+        (OSError(28, "No space left on device"), 3, "error: the report cannot be written to"),
         pytest.param(
             *(RuntimeError("unknown variable"), 3, "RuntimeError: unknown variable"), marks=pytest.mark.long
         ),

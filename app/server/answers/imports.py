@@ -12,7 +12,6 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 
 from ....experiments.importers.inspection import columns_found, readings
-from ....experiments.importers.inspection.contents import Contents, contents_of
 from ....experiments.importers.table import Table, check_signs
 from ....experiments.schema import json_schema
 from ....model.arms.joint_three import from_ground, require_coupled
@@ -26,6 +25,7 @@ from ....model.robot import Matrix, Robot
 from ..asked import Refused, keyed, refused
 from ..end_point import EndPoint
 from ..folder import Folder
+from . import contents_process
 from .notes import noted
 from .robots import require_robot_inside, rounded, whole_ref
 
@@ -78,13 +78,11 @@ class AskedHeader(FileModel):
     header: dict[str, Any] = Field(description="the content of a header file")
 
 
-def recording(folder: Folder, wanted: AskedRecording) -> dict[str, Any]:
+async def recording(folder: Folder, wanted: AskedRecording) -> dict[str, Any]:
     """What a file is (`form`, `why`), what it holds (`count`), and what an import can choose from."""
     path = folder.file(wanted.file)
-    stated = [wanted.header_row, wanted.delimiter, wanted.decimal]
-    layout = None if all(part is None for part in stated) else _layout(path, wanted)
-    found = contents_of(path, layout)
-    return {"file": folder.called(path), "bytes": path.stat().st_size, **_plain(found)}
+    found = await contents_process.contents(path, _stated_layout(wanted))
+    return {"file": folder.called(path), "bytes": path.stat().st_size, **found}
 
 
 def columns(folder: Folder, wanted: AskedColumns) -> dict[str, Any]:
@@ -106,7 +104,8 @@ def columns(folder: Folder, wanted: AskedColumns) -> dict[str, Any]:
         path = folder.file(name)
         text, all_of_it = columns_found.head_of(path, max(10**5, columns_found.HEAD // len(wanted.files)))
         whole = whole and all_of_it
-        tables.append(columns_found.table_with(path, text, _layout(path, wanted, text)))
+        layout = columns_found.layout_stated(columns_found.layout_of(text), _stated_layout(wanted))
+        tables.append(columns_found.table_with(path, text, layout))
     raw = np.concatenate([_raw(table, given, robot) for table in tables])
     proposed = columns_found.proposed_columns(columns_found.columns_of(tables[0]), robot)
     scale = _scale(robot, wanted)
@@ -218,16 +217,10 @@ def _robot(folder: Folder, wanted: AskedColumns) -> Robot:
     return _at(("robot",), lambda: load_robot(whole_ref(folder, wanted.robot, start), start))
 
 
-def _layout(path: Path, wanted: AskedTable, text: str | None = None) -> columns_found.Layout:
-    """As it is stated, and as it is found where it is not."""
-    found = columns_found.layout_of(columns_found.head_of(path)[0] if text is None else text)
-    stated = {
-        name: value
-        for name in ("header_row", "delimiter", "decimal")
-        if (value := getattr(wanted, name)) is not None
-    }
+def _stated_layout(wanted: AskedTable) -> dict[str, Any]:
+    stated = wanted.model_dump(include={"header_row", "delimiter", "decimal"}, exclude_none=True)
     check_signs(stated.get("delimiter"), stated.get("decimal", "."))
-    return dataclasses.replace(found, **stated)
+    return stated
 
 
 def _raw(table: Table, given: tuple[str | None, ...] | None, robot: Robot) -> Matrix:
@@ -258,14 +251,6 @@ def _range(values: Matrix) -> list[float] | None:
 
 def _reading(found: readings.Reading | None) -> dict[str, Any] | None:
     return None if found is None else dataclasses.asdict(found)
-
-
-def _plain(found: Contents) -> dict[str, Any]:
-    """As JSON has it: points and topics by name."""
-    told = dataclasses.asdict(found)
-    told["points"] = [{"name": name, "joints": joints} for name, joints in found.points]
-    told["topics"] = [topic._asdict() for topic in found.topics]
-    return told
 
 
 def _wrong(key: tuple[str | int, ...], what: str, found: object, allowed: object) -> Refused:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from codecs import BOM_UTF8
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -165,15 +166,15 @@ def filtered(
             if start <= edit.start < start + len(text)
         ]
         name = out if own == path else out.with_suffix(own.suffix)
-        files[name] = _with_head(language, _applied(text, edits), calibration, said, path.name).encode(
-            "latin-1"
-        )
+        whole = _with_head(language, _applied(text, edits), calibration, said, path.name).encode("latin-1")
+        # What an editor put before the first line stays there, and only there.
+        files[name] = BOM_UTF8 + whole if read_bytes(own).startswith(BOM_UTF8) else whole
     return Filtered(files, said)
 
 
 def _text(path: Path) -> str:
     """A file as text of which each letter is one byte: whatever its encoding, the rest stays as it was."""
-    text = read_bytes(path).decode("latin-1")
+    text = read_bytes(path).removeprefix(BOM_UTF8).decode("latin-1")
     if "\0" in text:
         raise BadInput("this is a binary file, or UTF-16", file=path, remedy="save the program as plain text")
     if MARK in text:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -82,6 +84,11 @@ def layout_of(text: str) -> Layout:
         else "no header row: the first row holds numbers"
     )
     return Layout(header, delimiter, decimal, tuple(why))
+
+
+def layout_stated(found: Layout, stated: Mapping[str, Any]) -> Layout:
+    """The layout as it is stated, by field, and as it is found where it is not."""
+    return dataclasses.replace(found, **stated)
 
 
 def table_with(path: Path, text: str, layout: Layout) -> Table:

@@ -9,11 +9,12 @@ from typing import Literal
 
 from ....model.errors import BadInput
 from ....model.files.reading import decode, read_bytes
+from ..bags.opened import is_bag
 from ..fanuc import REGISTERS, fanuc_positions, fanuc_registers
 from ..joint_states import messages
-from ..kuka import AGGREGATE, kuka_positions
+from ..kuka import AGGREGATE, DATA_LIST, kuka_positions
 from ..rapid import DECLARED, rapid_positions, without_text
-from ..ros import Topic, is_bag, topics_of
+from ..ros import Topic, topics_of
 from ..taught import Point
 from ..typed import PROGRAM_LINE
 from .columns_found import Column, Layout, columns_of, head_of, layout_of, table_with
@@ -21,7 +22,7 @@ from .columns_found import Column, Layout, columns_of, head_of, layout_of, table
 Form = Literal[
     "csv", "log ur", "log egm", "ros", "joint states", "rapid", "kuka", "fanuc", "program log", "ours"
 ]
-_OURS = re.compile(r"""^\s*\{?\s*["']?schema["']?\s*:\s*["']?zerobeam/(\w[\w-]*)/""", re.MULTILINE)
+_OURS = re.compile(r"""^[ \t]*\{?[ \t]*["']?schema["']?\s*:\s*["']?zerobeam/(\w[\w-]*)/""", re.MULTILINE)
 _JOINT_STATE = re.compile(r"^(?:name|position)\s*:", re.MULTILINE)
 _MOST_SHOWN = 500  # points, messages
 
@@ -81,7 +82,7 @@ def _program(path: Path, text: str) -> Contents | None:
     declared = (match["kind"].lower() for match in DECLARED.finditer(without_text(text)))
     if any(kind in ("jointtarget", "robtarget") for kind in declared):
         return _points("rapid", "its declarations of RAPID targets", rapid_positions(text, path))
-    if AGGREGATE.search(text) or re.search(r"^\s*DEFDAT\b", text, re.MULTILINE | re.IGNORECASE):
+    if AGGREGATE.search(text) or DATA_LIST.search(text):
         return _points("kuka", "its positions in KRL", kuka_positions(text, path))
     if len(set(_JOINT_STATE.findall(text))) == 2:
         found = messages(text)

@@ -215,3 +215,13 @@ def test_the_axis_of_uncertainties_has_plain_numbers(uncertainties, ticks):
     assert "mathdefault" not in svg
     for tick in ticks:
         assert f">{tick}<" in svg
+
+
+def test_what_a_killed_batch_left_in_the_folder_of_a_run_is_in_nobodys_way(runs):
+    """It was killed while it wrote a result.json, and refused its own folder ever after."""
+    carried(runs)
+    folder = runs / "out" / "pattern"
+    (folder / "result.json").rename(folder / ".result.json.00000000-4194305-abcd1234.part")
+    found = carried(runs)
+    assert [row.outcome for row in found.rows] == ["pass", "degenerate", "pass", "misfit", "failed"]
+    assert (folder / "result.json").is_file()

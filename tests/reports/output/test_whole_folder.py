@@ -13,6 +13,7 @@ from asked_to_end import ask
 from child import child
 
 from zerobeam.interruption import stoppable
+from zerobeam.model.errors import BadInput
 from zerobeam.reports.output import whole_folder
 from zerobeam.reports.output.whole_folder import Kind, write_folder
 
@@ -58,6 +59,37 @@ def test_what_a_killed_process_left_is_removed_and_what_another_one_writes_is_no
         alive.wait()
         write_folder(tmp_path / "mine", KIND, fill)
     assert names(tmp_path) == {"mine"}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="whether another process lives is not asked there")
+def test_what_a_killed_process_had_taken_away_is_put_back(tmp_path: Path) -> None:
+    """It was killed between two renamings: the folder of before was hidden, and its place empty."""
+    write_folder(tmp_path / "out", KIND, fill)
+    script = (
+        "import os, sys; from pathlib import Path; from zerobeam.reports.output import whole_folder as own\n"
+    )
+    script += "def fill(aside): (aside / 'note.json').write_text('new')\n"
+    script += "rename = Path.rename\n"
+    script += "def once(*names): rename(*names); os.kill(os.getpid(), 9)\n"
+    script += "Path.rename = once\n"
+    kind = "own.Kind('note', frozenset({'note.json'}), 'note.json', 'a/note')"
+    script += f"own.write_folder(Path(sys.argv[1]), {kind}, fill)"
+    with child([sys.executable, "-c", script, str(tmp_path / "out")]) as killed:
+        assert killed.wait(timeout=60) == -signal.SIGKILL
+    assert "out" not in names(tmp_path)
+    write_folder(tmp_path / "other", KIND, fill)
+    assert names(tmp_path) == {"out", "other"}
+    assert (tmp_path / "out" / "note.json").read_text() == '{"schema": "a/note"}'
+
+
+def test_an_unfinished_file_of_ours_is_no_foreign_thing(tmp_path: Path) -> None:
+    write_folder(tmp_path / "out", KIND, fill)
+    (tmp_path / "out" / ".note.json.abcd1234.part").write_text("{")
+    write_folder(tmp_path / "out", KIND, fill)
+    assert names(tmp_path / "out") == {"note.json"}
+    (tmp_path / "out" / ".thesis.part").write_text("mine")
+    with pytest.raises(BadInput, match="holds other things"):
+        write_folder(tmp_path / "out", KIND, fill)
 
 
 def test_of_what_nothing_is_known_only_what_is_a_day_old_is_removed(tmp_path: Path) -> None:

@@ -324,7 +324,8 @@ def test_a_fault_leaves_what_was_there(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.replace", full)
-    assert refused(write_plan_page, path, *judged(pattern_plan("x"))).found == "No space left on device"
+    error = refused(write_plan_page, path, *judged(pattern_plan("x")))
+    assert (error.exit_status, error.what) == (3, "the file cannot be written: No space left on device")
     assert path.read_bytes() == before
     assert [file.name for file in tmp_path.iterdir()] == ["plan.html"]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from codecs import BOM_UTF8
 from dataclasses import replace
 from pathlib import Path
 
@@ -42,6 +43,18 @@ def test_the_true_arm_reaches_what_the_program_means(tmp_path: Path, name: str) 
     assert np.abs((reached - meant)[:, :3, :3]).max() < within / 500
     without = np.linalg.norm((true.fk(program.rows) - meant)[:, :3, 3], axis=1)
     assert without.min() > 1.0
+
+
+@pytest.mark.parametrize("name", ["irb1600", "kr6_r900", "lrmate_200id", "ur5e"])
+def test_a_byte_order_mark_stays_at_the_beginning(tmp_path: Path, name: str) -> None:
+    robot, language = load_robot(name), ARMS[name]
+    program = UserProgram(language, robot, varied(robot, 4))
+    out, stated = tmp_path / "out", STATED.get(language)
+    path = written(tmp_path, program, program.text())
+    plain = filtered(robot, judged(robot), path, out.with_suffix(path.suffix), stated).files
+    path.write_bytes(BOM_UTF8 + path.read_bytes())
+    marked = filtered(robot, judged(robot), path, out.with_suffix(path.suffix), stated).files
+    assert marked == {own: BOM_UTF8 * (own.suffix == path.suffix) + text for own, text in plain.items()}
 
 
 @pytest.mark.parametrize("name", ["irb1600", "kr6_r900", "lrmate_200id", "ur5e"])

@@ -1,0 +1,83 @@
+"""Fits whose noise or geometry the data cannot decide: no number stands for it, and a misfit is said."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from command_line import zerobeam
+
+from zerobeam.analysis import solved
+from zerobeam.analysis.analyse import analyse
+from zerobeam.experiments.demos import demo_runs
+from zerobeam.model.errors import BadInput
+from zerobeam.model.files.run import read_run
+from zerobeam.model.problem import Problem
+
+GOOD = next(run.path for run in demo_runs() if run.name == "good")
+
+
+def changed(path: Path, swapped: tuple[int, int] | None = None, **header: Any) -> Path:
+    """The good demo run with other keys in its header, and two columns of joints exchanged."""
+    head, *shots = map(json.loads, GOOD.read_text(encoding="utf-8").splitlines())
+    if swapped is not None:
+        one, other = swapped
+        for shot in shots:
+            joints = shot["joints_deg"]
+            joints[one], joints[other] = joints[other], joints[one]
+    path.write_text("\n".join(map(json.dumps, [head | header, *shots])) + "\n", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("swapped", [(0, 2), (1, 3)])
+def test_of_exchanged_columns_with_geometry_the_misfit_is_said(
+    tmp_path: Path, swapped: tuple[int, int]
+) -> None:
+    """u at twice the tolerances was nan, and the whole result refused as unsound."""
+    run = changed(tmp_path / "run.jsonl", swapped, geometry={}, limits="warn")
+    answer = zerobeam("analyse", run, "--ess", 100, "--json")
+    assert answer.status == 1, answer.err
+    assert answer.json["verdict"] == "misfit"
+    assert set(answer.json["geometry"]["at_twice"].values()) == {None}
+    told = zerobeam("analyse", run, "--ess", 100)
+    assert told.status == 1
+    assert "None" not in told.out
+    assert "nan" not in told.out
+
+
+def test_what_the_geometry_can_fit_exactly_says_nothing_of_the_noise(tmp_path: Path) -> None:
+    """Its scale went to 0, and the curvature could not be inverted."""
+    noise = json.loads(GOOD.read_text().splitlines()[0])["noise"] | {"scale": "estimated"}
+    run = read_run(changed(tmp_path / "run.jsonl", noise=noise, geometry={}))
+    with pytest.raises(BadInput, match="noise scale cannot be estimated") as caught:
+        analyse(run, ess=100)
+    assert caught.value.found == "14 numbers from 7 measurements for 39 unknowns, 31 of them of the geometry"
+
+
+@pytest.mark.parametrize(("divisor", "dof"), [(1.5, 1), (1.7, 0)])
+def test_correlated_measurements_may_count_for_too_few(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, divisor: float, dof: int
+) -> None:
+    """The variance of the noise factor was 1 over no degree of freedom."""
+    noise = json.loads(GOOD.read_text().splitlines()[0])["noise"] | {"scale": "estimated"}
+    run = read_run(changed(tmp_path / "run.jsonl", noise=noise))
+    real = solved.effective
+
+    def fewer(*arguments: Any) -> Any:
+        found = real(*arguments)
+
+        class Fewer:
+            def __getattr__(self, name: str) -> Any:
+                return divisor if name == "divisor" else getattr(found, name)
+
+        return Fewer()
+
+    monkeypatch.setattr(solved, "effective", fewer)
+    problem = Problem.from_run(run)
+    if dof:
+        assert solved.solved(problem, run.header).solution.dof == dof
+    else:
+        with pytest.raises(BadInput, match="noise scale cannot be estimated"):
+            solved.solved(problem, run.header)
