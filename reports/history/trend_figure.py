@@ -300,5 +300,7 @@ def _alt(found: ArmDrift, drift: Drift, names: Sequence[str]) -> str:
             ends.append(f"{number} ({day(found.used[t].measured_at)})")
         told.append(f"{label(name)} in {counted(len(seen), 'result')}: {' to '.join(dict.fromkeys(ends))}")
     jumps = [f"{label(own.jump.offset)} before {day(own.before)}" for own in found.jumps]
-    changed = f"Jumps: {listed(jumps)}" if jumps else "No jumps"
+    undecided = [f"{label(own.change.offset)} before {day(own.before)}" for own in found.undecided]
+    either = f"Jump or drift: {listed(undecided)}" if undecided else "No jump was found"
+    changed = f"Jumps: {listed(jumps)}" if jumps else either
     return f"Offsets over time, ± standard uncertainty. {'; '.join(told)}. {changed}."
