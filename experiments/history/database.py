@@ -2,18 +2,20 @@
 
 A transaction that writes takes SQLite's lock when it begins, so that two writers wait for each other and
 neither fails halfway; readers see the state at their beginning (write-ahead log). A process that is killed
-leaves the database as before its transaction.
+leaves the database as before its transaction. A file that is no history is not changed: it is looked at
+before it is opened.
 """
 
 from __future__ import annotations
 
 import os
+import sqlite3
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import platformdirs
 import sqlalchemy as sa
@@ -22,6 +24,9 @@ from sqlalchemy.pool import NullPool
 
 from ...model.errors import BadInput, missing_extra
 from . import tables
+
+if TYPE_CHECKING:
+    from alembic.config import Config
 
 VARIABLE = "ZEROBEAM_HISTORY"
 _BUSY_S = 60  # how long a writer waits for another
@@ -201,53 +206,87 @@ def _sqlite(file: Path, create: bool, journal: str | None) -> Database:
 
 def _bring_up(made: Database, create: bool) -> None:
     """Make the schema that of this version; BadInput where that cannot be."""
-    with made.engine.connect() as connection:
-        found = _revision(connection)
-    if found == tables.REVISION:
-        return
-    if found is None and not create:
-        raise BadInput(
-            "there is no history in this database",
-            found=made.name,
-            remedy="zerobeam history add RESULT makes one; --db names another",
-        )
+    with _looking(made) as connection:
+        if _revision(connection, made.name, create) == tables.REVISION:
+            return
     from alembic import command
-    from alembic.config import Config
-    from alembic.script import ScriptDirectory
-    from alembic.util import CommandError
 
-    config = Config()
-    config.set_main_option("script_location", str(_MIGRATIONS).replace("%", "%%"))
-    config.set_main_option("path_separator", "os")
-    scripts = ScriptDirectory.from_config(config)
+    config = _migrations()
     with made.writing() as connection:
         if connection.dialect.name == "postgresql":
             connection.execute(sa.select(sa.func.pg_advisory_xact_lock(_LOCK)))
-        found = _revision(connection)  # another process may have been first
-        try:
-            if found is not None:
-                scripts.get_revision(found)
-        except CommandError:
-            raise BadInput(
-                "the history was made by a newer version of zerobeam",
-                found=f"schema {found} in {made.name}",
-                allowed=f"schema {tables.REVISION} or earlier",
-                remedy="update zerobeam, here too",
-            ) from None
-        if found is None and (foreign := sa.inspect(connection).get_table_names()):
-            raise BadInput(
-                "the database holds other things",
-                found=f"{', '.join(sorted(foreign)[:3])} in {made.name}",
-                allowed="an empty database, or a history",
-                remedy="name another by --db",
-            )
-        if found != tables.REVISION:
+        # Another process may have been first.
+        if _revision(connection, made.name, create) != tables.REVISION:
             config.attributes["connection"] = connection
             command.upgrade(config, "head")
 
 
-def _revision(connection: sa.Connection) -> str | None:
-    if not sa.inspect(connection).has_table("alembic_version"):
-        return None
-    found = connection.scalar(sa.text("SELECT version_num FROM alembic_version"))
-    return None if found is None else str(found)
+@contextmanager
+def _looking(made: Database) -> Iterator[sa.Connection]:
+    """A connection that changes nothing, not even the files beside an SQLite file."""
+    if made.engine.dialect.name != "sqlite":
+        with made.engine.connect() as connection:
+            yield connection
+        return
+    file = Path(str(made.engine.url.database)).resolve()
+    name = f"{file.as_uri()}?{_how_to_look(file)}" if file.exists() else ":memory:"
+    engine = sa.create_engine(
+        "sqlite://", creator=lambda: sqlite3.connect(name, uri=True, timeout=_BUSY_S), poolclass=NullPool
+    )
+    with engine.connect() as connection:
+        yield connection
+
+
+def _how_to_look(file: Path) -> str:
+    """SQLite makes a write-ahead log to read a file that is in this mode, and undoes a transaction that was
+    cut off; it does neither with an `immutable` file, which nobody may be writing to."""
+    with file.open("rb") as opened:
+        logged = opened.read(20)[18:] == b"\2\2"
+    log, journal = (file.with_name(f"{file.name}{suffix}") for suffix in ("-wal", "-journal"))
+    in_use = log.exists() and log.stat().st_size > 0
+    return "immutable=1" if (logged and not in_use) or journal.exists() else "mode=ro"
+
+
+def _revision(connection: sa.Connection, name: str, create: bool) -> str | None:
+    """The revision of a history, None for an empty database where one is to be made; BadInput where there is
+    none, something else, or a history of a newer version."""
+    there = set(sa.inspect(connection).get_table_names())
+    if there >= {"alembic_version", tables.arm.name, tables.result.name}:
+        revision = str(connection.scalar(sa.text("SELECT version_num FROM alembic_version")))
+        if revision != tables.REVISION and revision not in _revisions():
+            raise BadInput(
+                "the history was made by a newer version of zerobeam",
+                found=f"schema {revision} in {name}",
+                allowed=f"schema {tables.REVISION} or earlier",
+                remedy="update zerobeam, here too",
+            )
+        return revision
+    if not create:
+        raise BadInput(
+            "there is no history in this database",
+            found=name,
+            remedy="zerobeam history add RESULT makes one; --db names another",
+        )
+    if there:
+        raise BadInput(
+            "the database holds other things",
+            found=f"{', '.join(sorted(there)[:3])} in {name}",
+            allowed="an empty database, or a history",
+            remedy="name another by --db",
+        )
+    return None
+
+
+def _migrations() -> Config:
+    from alembic.config import Config
+
+    config = Config()
+    config.set_main_option("script_location", str(_MIGRATIONS).replace("%", "%%"))
+    config.set_main_option("path_separator", "os")
+    return config
+
+
+def _revisions() -> Iterator[str]:
+    from alembic.script import ScriptDirectory
+
+    return (script.revision for script in ScriptDirectory.from_config(_migrations()).walk_revisions())
