@@ -133,6 +133,17 @@ def restore(file: Path, target: Database) -> int:
 
 
 def _copy(source: Database, target: Database) -> int:
+    try:
+        return _copied(source, target)
+    except (ValueError, TypeError) as error:
+        raise BadInput(
+            "the history is damaged: a date cannot be read",
+            found=f"{source.name}: {error}",
+            remedy="zerobeam history list --json names the result",
+        ) from None
+
+
+def _copied(source: Database, target: Database) -> int:
     with source.reading() as old, target.writing() as new:
         if old.dialect.name == "postgresql":
             old.execute(sa.text("SET TRANSACTION ISOLATION LEVEL REPEATABLE READ, READ ONLY"))
