@@ -35,6 +35,12 @@ _MIGRATIONS = Path(__file__).parent / "migrations"
 _LOCK = 0x7A65726F  # PostgreSQL: of the session that migrates
 
 
+class NotWritten(BadInput):
+    """The disk is full, or may not be written to: no fault of what was asked."""
+
+    exit_status = 3
+
+
 @dataclass(frozen=True, eq=False)
 class Database:
     """An open history; `name` is what messages call it (without a password)."""
@@ -63,13 +69,28 @@ class Database:
 
     def unusable(self, error: SQLAlchemyError) -> BadInput:
         """The error of the database as a message."""
-        reason = str(getattr(error, "orig", None) or error).strip().splitlines()
+        cause = getattr(error, "orig", None)
+        reason = str(cause or error).strip().splitlines()
+        found = f"{self.name}: {reason[0] if reason else type(error).__name__}"
+        if _is_of_the_disk(cause):
+            return NotWritten(
+                "the history cannot be written",
+                found=found,
+                remedy="make room on the disk, or make the file and its folder writable",
+            )
         return BadInput(
             "the history cannot be used",
-            found=f"{self.name}: {reason[0] if reason else type(error).__name__}",
+            found=found,
             allowed="an SQLite file, or postgresql://user@host/database",
             remedy=f"state the database by --db or {VARIABLE}",
         )
+
+
+def _is_of_the_disk(error: BaseException | None) -> bool:
+    """Whether SQLite or PostgreSQL (class 53: out of resources; 58: of the system) could not write."""
+    name, state = getattr(error, "sqlite_errorname", None), getattr(error, "sqlstate", None)
+    disk = ("SQLITE_FULL", "SQLITE_READONLY", "SQLITE_IOERR", "SQLITE_CANTOPEN")
+    return str(name).startswith(disk) or str(state).startswith(("53", "58", "25006"))
 
 
 def open_history(url: str | None = None, *, create: bool = False) -> Database:
@@ -96,12 +117,16 @@ def back_up(source: Database, file: Path, *, force: bool = False) -> int:
     """
     if file.exists() and not force:
         raise BadInput("the file exists", file=file, remedy="name another, or replace it with --force")
+    folder = file.resolve().parent
+    if file.is_dir():
+        raise BadInput("there is a folder of this name", file=file, remedy="name another file")
+    if not folder.is_dir():
+        raise BadInput("the folder to write into does not exist", file=file, remedy="make it first")
     try:
-        folder = file.resolve().parent
         number, beside = tempfile.mkstemp(prefix=".zerobeam-new-", suffix=".sqlite", dir=folder)
         os.close(number)
     except OSError as error:
-        raise BadInput(f"the file cannot be written: {error.strerror}", file=file) from error
+        raise NotWritten(f"the file cannot be written: {error.strerror}", file=file) from error
     try:
         target = _engine(beside, True, journal="DELETE")
         with target._told():
@@ -109,8 +134,11 @@ def back_up(source: Database, file: Path, *, force: bool = False) -> int:
         copied = _copy(source, target)
         target.engine.dispose()
         os.replace(beside, file)
+    except OSError as error:
+        raise NotWritten(f"the file cannot be written: {error.strerror}", file=file) from error
     finally:
-        Path(beside).unlink(missing_ok=True)
+        for left in (beside, f"{beside}-journal"):
+            Path(left).unlink(missing_ok=True)
     return copied
 
 
@@ -188,7 +216,9 @@ def _sqlite(file: Path, create: bool, journal: str | None) -> Database:
         try:
             file.resolve().parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise BadInput(f"the history cannot be written: {error.strerror}", file=file) from error
+            raise NotWritten(f"the history cannot be written: {error.strerror}", file=file) from error
+        if file.is_dir():
+            raise BadInput("the history is a folder", file=file, allowed="a file, or the name of a new one")
     elif not file.is_file():
         raise BadInput(
             "there is no history here yet",
@@ -251,8 +281,11 @@ def _looking(made: Database) -> Iterator[sa.Connection]:
 def _how_to_look(file: Path) -> str:
     """SQLite makes a write-ahead log to read a file that is in this mode, and undoes a transaction that was
     cut off; it does neither with an `immutable` file, which nobody may be writing to."""
-    with file.open("rb") as opened:
-        logged = opened.read(20)[18:] == b"\2\2"
+    try:
+        with file.open("rb") as opened:
+            logged = opened.read(20)[18:] == b"\2\2"
+    except OSError as error:
+        raise BadInput(f"the history cannot be read: {error.strerror}", file=file) from error
     log, journal = (file.with_name(f"{file.name}{suffix}") for suffix in ("-wal", "-journal"))
     in_use = log.exists() and log.stat().st_size > 0
     return "immutable=1" if (logged and not in_use) or journal.exists() else "mode=ro"

@@ -158,8 +158,12 @@ def test_where_the_history_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 
 def test_a_backup_goes_nowhere_where_it_cannot_be_written(tmp_path: Path) -> None:
     made = open_history(str(tmp_path / "history.sqlite"), create=True)
-    with pytest.raises(BadInput, match="cannot be written"):
+    with pytest.raises(BadInput, match="does not exist"):
         back_up(made, tmp_path / "no folder" / "backup.sqlite")
+    with pytest.raises(BadInput, match="there is a folder of this name"):
+        back_up(made, tmp_path, force=True)
+    with pytest.raises(BadInput, match="the history is a folder"):
+        open_history(str(tmp_path), create=True)
 
 
 def test_a_failed_transaction_leaves_nothing(tmp_path: Path) -> None:
