@@ -114,6 +114,21 @@ class BadInput(ZerobeamError):
         return "\n".join(parts)
 
 
+class NotWritten(BadInput):
+    """Output that could not be written: no room on the disk, no right to, a file system that is read-only.
+
+    Nothing may be wrong with what was given; a program that asks for the same again may well get it.
+
+    Examples
+    --------
+    >>> from zerobeam.model.errors import BadInput, NotWritten
+    >>> issubclass(NotWritten, BadInput), NotWritten.exit_status
+    (True, 3)
+    """
+
+    exit_status = 3
+
+
 def missing_extra(what: str, extra: str, *, needed: str | None = None) -> BadInput:
     """The error that `what` needs zerobeam's optional `extra`; `needed` calls it by another name."""
     return BadInput(

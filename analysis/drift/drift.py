@@ -73,8 +73,9 @@ class Drift:
 
     `smoothed` is of the K walk rates `rates` (K, m) with the `weights` (K,); `p_first` (T - 1, m) are the
     p-values of the first tests, before any jump was allowed, not multiplied, nan where no result determines
-    the offset on one side. `jumps` and `undecided` are in the order of time. `effective` is the effective
-    number of rates, `passes` what they are points of.
+    the offset on one side. `jumps` and `undecided` are in the order of time; `changed` is whether any change
+    that is no jump exceeds its uncertainty. `effective` is the effective number of rates, `passes` what they
+    are points of.
     """
 
     series: Series
@@ -84,6 +85,7 @@ class Drift:
     p_first: Matrix
     jumps: tuple[Jump, ...]
     undecided: tuple[Undecided, ...]
+    changed: bool
     effective: float
     passes: tuple[Pass, ...]
 
@@ -181,6 +183,7 @@ def drift(series: Series, *, alarm: float = ALARM, seed: int = 0) -> Drift:
         p_first=p_first,
         jumps=tuple(_jump(series, smoothed, weights, *own) for own in sorted(found)),
         undecided=tuple(_undecided(series, tests, single)),
+        changed=any(test.p_same <= single for test in tests.values()),
         effective=effective(weights),
         passes=passes,
     )

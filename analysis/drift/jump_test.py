@@ -47,7 +47,7 @@ class JumpTest:
         """Two-sided, not adjusted: of so large a change without a jump."""
         score = self.change / np.sqrt(self.noise + self.walk)
         below, above = self.weights @ special.ndtr(score), self.weights @ special.ndtr(-score)
-        return min(1.0, 2 * min(below, above))
+        return min(1.0, 2 * float(min(below, above)))
 
     @property
     def p_same(self) -> float:
@@ -157,4 +157,4 @@ def _with_prior_of(j: int, about: Pass, prior: Pass) -> Pass:
     covariance = root @ root.T
     covariance[j], covariance[:, j] = 0.0, 0.0
     centre[j], covariance[j, j] = prior[0][j], prior[1][j, j] ** 2
-    return centre, np.linalg.cholesky(covariance)
+    return centre, np.asarray(np.linalg.cholesky(covariance), float)

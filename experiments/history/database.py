@@ -22,7 +22,7 @@ import sqlalchemy as sa
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 from sqlalchemy.pool import NullPool
 
-from ...model.errors import BadInput, missing_extra
+from ...model.errors import BadInput, NotWritten, missing_extra
 from . import tables
 
 if TYPE_CHECKING:
@@ -33,12 +33,6 @@ _BUSY_S = 60  # how long a writer waits for another
 _ROWS = 500  # that are copied at once
 _MIGRATIONS = Path(__file__).parent / "migrations"
 _LOCK = 0x7A65726F  # PostgreSQL: of the session that migrates
-
-
-class NotWritten(BadInput):
-    """The disk is full, or may not be written to: no fault of what was asked."""
-
-    exit_status = 3
 
 
 @dataclass(frozen=True, eq=False)

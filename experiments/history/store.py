@@ -317,7 +317,7 @@ def results(
         for serial, model in every:
             for row in connection.execute(query.where(result.c.serial == serial, result.c.model == model)):
                 try:
-                    own = _stored(row._mapping)
+                    own = _stored(row._asdict())
                 except DAMAGED as error:
                     which = f"run {str(row.run)!r}, SHA-256 {str(row.sha256)[:_SHORT]}…"
                     damaged(_damage(history, (serial, model), f"the result of {which}", error, _ANEW))

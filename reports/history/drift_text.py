@@ -186,10 +186,15 @@ def jumps_blocks(found: ArmDrift) -> Iterator[Block]:
         yield _jumps_table(found.jumps)
     if found.undecided:
         yield _undecided_table(found.undecided)
-    elif not found.jumps and len(found.used) == 2:
-        yield Paragraph("No change between the two results exceeds their uncertainty.")
     elif not found.jumps:
-        yield Paragraph("No jump was found: uncertainty and drift explain every change.")
+        yield Paragraph(without_jump(found))
+
+
+def without_jump(found: ArmDrift) -> str:
+    """What is said of the changes where none of them is a jump or may be one."""
+    if found.drift is not None and found.drift.changed:
+        return "No jump was found: drift at a rate that other results show explains every change."
+    return "No change from one result to the next exceeds their uncertainty."
 
 
 def _jumps_table(jumps: Sequence[DatedJump]) -> Table:

@@ -164,8 +164,10 @@ def test_a_large_change_between_two_results_is_never_no_jump(jump: float, state:
 
 def test_two_results_that_agree_say_nothing_of_jumps() -> None:
     page = shown(arm_history(over_years(2)))
-    assert "No change between the two results exceeds their uncertainty." in page.words
+    assert "No change from one result to the next exceeds their uncertainty." in page.words
     assert "No jump" not in page.words
+    drifting = arm_history(over_years(12, walk=0.1))
+    assert "No jump was found: drift at a rate that other results show" in shown(drifting).words
 
 
 def test_an_arm_of_misfits_alone_says_so() -> None:
