@@ -167,7 +167,7 @@ def _notes(own: ArmHistory) -> Iterator[str]:
     ]
     if others:
         yield f"{'Jumps' if told is None else 'Other jumps'}: {listed(others, 4)}"
-    if found.undecided:
+    if len(found.undecided) > (UNDECIDED in headline(own).sentence):  # that of one change is said there
         either = [
             f"{label(one.change.offset)}, {day(one.after)} to {day(one.before)}" for one in found.undecided
         ]

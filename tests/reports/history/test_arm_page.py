@@ -149,6 +149,7 @@ def test_a_large_change_between_two_results_is_never_no_jump(jump: float, state:
     assert "No jump" not in pictures(own)["trend"].alt
     if state == "undecided":
         assert "too few results to distinguish a jump from drift" in said
+        assert "Jump or drift (" not in page.words, "said once"
         assert f"Jump or drift: {LABEL} before" in pictures(own)["trend"].alt
         row = page.row(LABEL)
         assert row[1].endswith(f"{own.results[1].measured_at:%Y-%m-%d}")
