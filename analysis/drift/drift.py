@@ -5,16 +5,16 @@ The rate of each offset's walk is unknown and integrated over (`importance.py`):
 
 Jumps: an offset may change by any amount between two results. The test of one offset and interval is
 predictive. Given the rate and whatever of the data such a jump leaves unchanged, the score of the jump is
-standard normal; the rate's distribution is taken from that part of the data alone. So the p-value is uniform
-if there is no jump, over the prior of the rates, and a jump does not hide itself by a larger rate. The
-p-values are multiplied by their number (Bonferroni): false alarms of an arm have at most the probability
-`ALARM`. The clearest jump is allowed for, and the rest tested again, until none is left.
+standard normal; the rate's distribution is taken from that part of the data alone (`jump_test.py`). So the
+p-value is uniform if there is no jump, over the prior of the rates, and a jump does not hide itself by a
+larger rate. The p-values are multiplied by their number (Bonferroni): false alarms of an arm have at most the
+probability `ALARM`. The clearest jump is allowed for, and the rest tested again, until none is left.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import astuple, dataclass, replace
 
 import numpy as np
@@ -24,6 +24,7 @@ from ...model.errors import BadInput
 from ...model.robot import Matrix
 from ..status import UnsoundResult
 from .importance import Pass, effective, normalised, over_passes, sampled
+from .jump_test import JumpTest, jump_tests
 from .series import Series
 from .smoother import Smoothed, smooth
 
@@ -50,14 +51,31 @@ class Jump:
     interval95: tuple[float, float]
 
 
+@dataclass(frozen=True)
+class Undecided:
+    """A change of one offset between the results `after` and `after` + 1 that may be a jump or drift.
+
+    The uncertainty of the results does not explain it, and the other results do not determine the rate of the
+    drift. `size` is in the unit of the offset; a change of `least_jump` or more would have been a jump.
+    """
+
+    offset: str
+    unit: str
+    after: int
+    size: float
+    interval95: tuple[float, float]
+    least_jump: float
+
+
 @dataclass(frozen=True, eq=False)
 class Drift:
     """The offsets of an arm over time.
 
     `smoothed` is of the K walk rates `rates` (K, m) with the `weights` (K,); `p_first` (T - 1, m) are the
     p-values of the first tests, before any jump was allowed, not multiplied, nan where no result determines
-    the offset on one side. `jumps` in the order of time. `effective` is the effective number of rates,
-    `passes` what they are points of.
+    the offset on one side. `jumps` and `undecided` are in the order of time; `changed` is whether any change
+    that is no jump exceeds its uncertainty. `effective` is the effective number of rates, `passes` what they
+    are points of.
     """
 
     series: Series
@@ -66,6 +84,8 @@ class Drift:
     weights: Matrix
     p_first: Matrix
     jumps: tuple[Jump, ...]
+    undecided: tuple[Undecided, ...]
+    changed: bool
     effective: float
     passes: tuple[Pass, ...]
 
@@ -139,29 +159,31 @@ def drift(series: Series, *, alarm: float = ALARM, seed: int = 0) -> Drift:
             remedy="add more results to the history",
         )
     jumps = allowed(series, ())
-    first: Matrix | None = None
+    p_first = np.full(jumps.shape, np.nan)
     found: list[tuple[int, int, float]] = []
     while True:
         rates, log_weight, smoothed, passes = integrated(series, jumps, seed)
-        p = _p_values(series, smoothed, log_weight, jumps)
-        first = p if first is None else first
-        tests = int(np.isfinite(first).sum())
-        if not np.isfinite(p).any() or len(found) >= _MOST_JUMPS:
+        tests = jump_tests(series, rates, smoothed, passes, jumps, nodes=_NODES, seed=seed)
+        p_values = {place: test.p_value for place, test in tests.items()}
+        if not found:
+            for place, p_value in p_values.items():
+                p_first[place] = p_value
+        single = alarm / max(np.isfinite(p_first).sum(), 1)  # of each test
+        clearest = min(p_values, key=p_values.__getitem__, default=None)
+        if clearest is None or p_values[clearest] > single or len(found) >= _MOST_JUMPS:
             break
-        t, j = np.unravel_index(np.nanargmin(p), p.shape)
-        adjusted = min(1.0, float(p[t, j]) * tests)
-        if adjusted > alarm:
-            break
-        jumps[t, j] = True
-        found.append((int(t), int(j), adjusted))
+        jumps[clearest] = True
+        found.append((*clearest, p_values[clearest] / single * alarm))
     weights = normalised(log_weight)
     return Drift(
         series=series,
         smoothed=smoothed,
         rates=rates,
         weights=weights,
-        p_first=first,
+        p_first=p_first,
         jumps=tuple(_jump(series, smoothed, weights, *own) for own in sorted(found)),
+        undecided=tuple(_undecided(series, tests, single)),
+        changed=any(test.p_same <= single for test in tests.values()),
         effective=effective(weights),
         passes=passes,
     )
@@ -218,29 +240,21 @@ def integrated(series: Series, jumps: Matrix, seed: int) -> tuple[Matrix, Matrix
     return np.exp(points), log_weight, smoothed, tuple(passes)
 
 
-def _p_values(series: Series, smoothed: Smoothed, log_weight: Matrix, jumps: Matrix) -> Matrix:
-    """(T - 1, m), nan where a jump is allowed already or one side has no result of the offset."""
-    observed = series.observed
-    result = np.full(jumps.shape, np.nan)
-    for j in range(jumps.shape[1]):
-        ends = [-1, *np.flatnonzero(jumps[:, j]).tolist(), len(jumps)]
-        for t in np.flatnonzero(np.logical_not(jumps[:, j])):
-            start = max(end for end in ends if end < t) + 1
-            stop = min(end for end in ends if end > t) + 1
-            if not (observed[start : t + 1, j].any() and observed[t + 1 : stop, j].any()):
-                continue
-            score, power = smoothed.score[:, t, j], smoothed.power[:, t, j]
-            if not (power > 0).all():
-                continue
-            weights = normalised(log_weight + score**2 / 2 - np.log(power) / 2)
-            below, above = weights @ special.ndtr(score), weights @ special.ndtr(-score)
-            result[t, j] = min(1.0, 2 * min(below, above))
-    return result
-
-
 def _jump(series: Series, smoothed: Smoothed, weights: Matrix, t: int, j: int, p_value: float) -> Jump:
     """The size of a jump that is allowed for, the walk of that interval in it."""
     step = smoothed.mean[:, t + 1, j] - smoothed.mean[:, t, j]
     variance = smoothed.step_variance[:, t, j]
     low, high = mixture_interval(step, np.sqrt(variance), weights, LEVEL)
     return Jump(series.names[j], series.units[j], t, p_value, float(weights @ step), (low, high))
+
+
+def _undecided(
+    series: Series, tests: Mapping[tuple[int, int], JumpTest], p_value: float
+) -> Iterator[Undecided]:
+    """Of the tests that found no jump at this (single) p-value."""
+    for (t, j), test in sorted(tests.items()):
+        if test.rate_known or test.p_same > p_value or test.p_value <= p_value:
+            continue
+        interval95 = mixture_interval(test.change, np.sqrt(test.noise), test.weights, LEVEL)
+        size = float(test.weights @ test.change)
+        yield Undecided(series.names[j], series.units[j], t, size, interval95, test.least_jump(p_value))

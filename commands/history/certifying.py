@@ -103,7 +103,8 @@ def verify(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Check the signatures of certificates, and with --db whether the history still holds what they state."""
+    """Check the signatures of certificates, whether the files of each state one result, and with --db whether
+    the history still holds it."""
     from ...experiments.history.signing import (
         fingerprint,
         grouped,
@@ -118,9 +119,12 @@ def verify(
     by = public_key(public)
     read = {file: read_signed(file) for given in files for file in files_of_certificate(given)}
     found = [_verdict(file, why_not_signed(*signed, by)) for file, signed in read.items()]
+    signed = {
+        file: content for (file, (content, _)), row in zip(read.items(), found, strict=True) if row["valid"]
+    }
+    found += _of_one_result(signed)
     if db is not None:
-        valid = {row["file"] for row in found if row["valid"]}
-        found += _against_history(db, {file: content for file, (content, _) in read.items()}, valid)
+        found += _against_history(db, list(read), signed)
     if as_json:
         print_json({"schema": SCHEMA, "fingerprint": fingerprint(by), "checks": found})
     else:
@@ -135,22 +139,34 @@ def _verdict(file: Path, reason: str | None, check: str = "signature") -> dict[s
     return {"file": str(file), "check": check, "valid": reason is None, "reason": reason}
 
 
-def _against_history(db: str, contents: dict[Path, bytes], valid: set[str]) -> list[dict[str, Any]]:
+def _of_one_result(signed: dict[Path, bytes]) -> list[dict[str, Any]]:
+    """Of each file beside a certificate.json whether it is of that certificate."""
+    from ...reports.history.certificate import read_certificate
+    from ...reports.history.certificate_folder import JSON, why_not_of_certificate
+
+    beside = {file.parent: read_certificate(own, file) for file, own in signed.items() if file.name == JSON}
+    return [
+        _verdict(file, why_not_of_certificate(beside[file.parent], file.name, content), "certificate")
+        for file, content in signed.items()
+        if file.parent in beside and file.name != JSON
+    ]
+
+
+def _against_history(db: str, files: list[Path], signed: dict[Path, bytes]) -> list[dict[str, Any]]:
     """Of each certificate.json whether the history agrees; what is not signed is not asked about."""
     from ...reports.history.certificate import read_certificate, why_history_differs
 
-    texts = {file: content for file, content in contents.items() if file.suffix == ".json"}
-    if not texts:
+    if not any(file.suffix == ".json" for file in files):
         raise BadInput(
             "none of the files can be held against a history",
-            found=", ".join(map(str, contents)),
+            found=", ".join(map(str, files)),
             allowed="a certificate.json among them",
         )
-    signed = {file: content for file, content in texts.items() if str(file) in valid}
     with opened(db) as history:
         return [
             _verdict(file, why_history_differs(history, read_certificate(content, file)), "history")
             for file, content in signed.items()
+            if file.suffix == ".json"
         ]
 
 

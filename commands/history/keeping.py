@@ -11,7 +11,7 @@ import typer
 from ...model.errors import BadInput
 from ..console import err, out, plain, print_json, print_json_pieces, progress
 from ..options import Force, Json, Seed
-from .shared import Model, Serial, Url, opened
+from .shared import Model, Serial, Url, damage_named, opened
 
 if TYPE_CHECKING:
     from ...experiments.history.entry import Entry
@@ -123,11 +123,11 @@ def list_arms(db: Url = None, as_json: Json = False) -> None:
     from ...reports.history.lists import arms_table, history_text
     from ...reports.style.console import print_block
 
-    with opened(db) as history:
+    with damage_named() as damaged, opened(db) as history:
         if as_json:
-            print_json_pieces(history_text(results(history)))
+            print_json_pieces(history_text(results(history, damaged=damaged)))
         else:
-            print_block(out, arms_table(arms(history)))
+            print_block(out, arms_table(arms(history, damaged)))
 
 
 @histories.command("show")
@@ -137,24 +137,25 @@ def show(serial: Serial, model: Model = None, db: Url = None, as_json: Json = Fa
     from ...reports.history.lists import SCHEMA, event_json, events_table, result_json, results_table
     from ...reports.style.console import print_block
 
-    with opened(db) as history:
-        arm = find_arm(history, serial, model)
-        found, happened = list(results(history, arm)), events(history, arm)
-    if as_json:
-        print_json(
-            {
-                "schema": SCHEMA,
-                "serial": arm[0],
-                "model": arm[1],
-                "results": [result_json(own) for own in found],
-                "events": [event_json(own) for own in happened],
-            }
-        )
-        return
-    out.print(f"{plain(arm[0])}, {plain(arm[1])}", markup=False, highlight=False)
-    for block in (results_table(found), events_table(happened)):
-        if block is not None:
-            print_block(out, block)
+    with damage_named() as damaged:
+        with opened(db) as history:
+            arm = find_arm(history, serial, model)
+            found, happened = list(results(history, arm, damaged)), events(history, arm, damaged)
+        if as_json:
+            print_json(
+                {
+                    "schema": SCHEMA,
+                    "serial": arm[0],
+                    "model": arm[1],
+                    "results": [result_json(own) for own in found],
+                    "events": [event_json(own) for own in happened],
+                }
+            )
+            return
+        out.print(f"{plain(arm[0])}, {plain(arm[1])}", markup=False, highlight=False)
+        for block in (results_table(found), events_table(happened)):
+            if block is not None:
+                print_block(out, block)
 
 
 @histories.command("event")

@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ...model.errors import missing_extra
+from ...model.errors import BadInput, missing_extra
+from ..console import err, plain
 
 if TYPE_CHECKING:
     from ...experiments.history.database import Database
+    from ...experiments.history.store import Damaged
 
 Url = Annotated[
     str | None,
@@ -44,3 +46,17 @@ def opened(db: str | None, *, create: bool = False) -> Iterator[Database]:
         yield history
     finally:
         history.engine.dispose()
+
+
+@contextmanager
+def damage_named() -> Iterator[Damaged]:
+    """Damaged results and events are named as errors, the rest goes on; at the end the exit status is 2."""
+    errors: list[BadInput] = []
+
+    def name(error: BadInput) -> None:
+        errors.append(error)
+        err.print(f"error: {plain(error)}", markup=False, soft_wrap=True)
+
+    yield name
+    if errors:
+        raise typer.Exit(BadInput.exit_status)

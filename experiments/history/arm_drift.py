@@ -9,7 +9,7 @@ from datetime import datetime, timedelta
 import numpy as np
 
 from ...analysis.drift.comparable import change_at
-from ...analysis.drift.drift import Drift, Jump, drift
+from ...analysis.drift.drift import Drift, Jump, Undecided, drift
 from ...analysis.drift.due import HORIZON_YEARS, due_after
 from ...analysis.drift.series import Observation, series_of
 from .store import Event, StoredResult
@@ -38,6 +38,17 @@ class DatedJump:
     instruments: tuple[str, str] | None
 
 
+@dataclass(frozen=True)
+class DatedChange:
+    """A change that may be a jump or drift; the other fields as those of `DatedJump`."""
+
+    change: Undecided
+    after: datetime
+    before: datetime
+    events: tuple[Event, ...]
+    instruments: tuple[str, str] | None
+
+
 @dataclass(frozen=True, eq=False)
 class ArmDrift:
     """What an arm's results say of its drift. `drift` is None with fewer than two results that count.
@@ -52,6 +63,7 @@ class ArmDrift:
     left_out: tuple[LeftOut, ...]
     drift: Drift | None
     jumps: tuple[DatedJump, ...]
+    undecided: tuple[DatedChange, ...]
     tolerance_mm: float
     due: datetime | None
     due_reason: str
@@ -79,26 +91,27 @@ def arm_drift(
             left_out.append(LeftOut(own, reason))
     found, due, reason = None, None, "fewer than two results count"
     jumps: tuple[DatedJump, ...] = ()
+    undecided: tuple[DatedChange, ...] = ()
     if len(used) >= 2:
         units = {row["name"]: row["unit"] for own in used for row in own.offsets}
         at = [own.measured_at for own in used]
         reset = [t for t in range(len(at) - 1) if _between(events, at[t], at[t + 1], "mastering")]
         found = drift(series_of([_observation(own, used[0].measured_at) for own in used], units, reset))
         instruments = [own.instrument for own in used]
-        jumps = tuple(
-            DatedJump(
-                own,
-                at[own.after],
-                at[own.after + 1],
-                _between(events, at[own.after], at[own.after + 1]),
-                change_at(found.series, instruments, own.after, own.offset),
-            )
-            for own in found.jumps
-        )
+
+        def beside(
+            after: int, offset: str
+        ) -> tuple[datetime, datetime, tuple[Event, ...], tuple[str, str] | None]:
+            assert found is not None
+            between = _between(events, at[after], at[after + 1])
+            return at[after], at[after + 1], between, change_at(found.series, instruments, after, offset)
+
+        jumps = tuple(DatedJump(own, *beside(own.after, own.offset)) for own in found.jumps)
+        undecided = tuple(DatedChange(own, *beside(own.after, own.offset)) for own in found.undecided)
         due, reason = _due(found, used[-1], tolerance_mm)
     if used and (since := _since(events, used[-1].measured_at)):
         due, reason = since[0].at, f"{since[0].what} on {since[0].at:%Y-%m-%d}, after the last result"
-    return ArmDrift(*arm, tuple(used), tuple(left_out), found, jumps, tolerance_mm, due, reason)
+    return ArmDrift(*arm, tuple(used), tuple(left_out), found, jumps, undecided, tolerance_mm, due, reason)
 
 
 def _why_not(own: StoredResult) -> str | None:

@@ -2,26 +2,31 @@
 
 A transaction that writes takes SQLite's lock when it begins, so that two writers wait for each other and
 neither fails halfway; readers see the state at their beginning (write-ahead log). A process that is killed
-leaves the database as before its transaction.
+leaves the database as before its transaction. A file that is no history is not changed: it is looked at
+before it is opened.
 """
 
 from __future__ import annotations
 
 import os
+import sqlite3
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import platformdirs
 import sqlalchemy as sa
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 from sqlalchemy.pool import NullPool
 
-from ...model.errors import BadInput, missing_extra
+from ...model.errors import BadInput, NotWritten, missing_extra
 from . import tables
+
+if TYPE_CHECKING:
+    from alembic.config import Config
 
 VARIABLE = "ZEROBEAM_HISTORY"
 _BUSY_S = 60  # how long a writer waits for another
@@ -58,13 +63,28 @@ class Database:
 
     def unusable(self, error: SQLAlchemyError) -> BadInput:
         """The error of the database as a message."""
-        reason = str(getattr(error, "orig", None) or error).strip().splitlines()
+        cause = getattr(error, "orig", None)
+        reason = str(cause or error).strip().splitlines()
+        found = f"{self.name}: {reason[0] if reason else type(error).__name__}"
+        if _is_of_the_disk(cause):
+            return NotWritten(
+                "the history cannot be written",
+                found=found,
+                remedy="make room on the disk, or make the file and its folder writable",
+            )
         return BadInput(
             "the history cannot be used",
-            found=f"{self.name}: {reason[0] if reason else type(error).__name__}",
+            found=found,
             allowed="an SQLite file, or postgresql://user@host/database",
             remedy=f"state the database by --db or {VARIABLE}",
         )
+
+
+def _is_of_the_disk(error: BaseException | None) -> bool:
+    """Whether SQLite or PostgreSQL (class 53: out of resources; 58: of the system) could not write."""
+    name, state = getattr(error, "sqlite_errorname", None), getattr(error, "sqlstate", None)
+    disk = ("SQLITE_FULL", "SQLITE_READONLY", "SQLITE_IOERR", "SQLITE_CANTOPEN")
+    return str(name).startswith(disk) or str(state).startswith(("53", "58", "25006"))
 
 
 def open_history(url: str | None = None, *, create: bool = False) -> Database:
@@ -91,12 +111,16 @@ def back_up(source: Database, file: Path, *, force: bool = False) -> int:
     """
     if file.exists() and not force:
         raise BadInput("the file exists", file=file, remedy="name another, or replace it with --force")
+    folder = file.resolve().parent
+    if file.is_dir():
+        raise BadInput("there is a folder of this name", file=file, remedy="name another file")
+    if not folder.is_dir():
+        raise BadInput("the folder to write into does not exist", file=file, remedy="make it first")
     try:
-        folder = file.resolve().parent
         number, beside = tempfile.mkstemp(prefix=".zerobeam-new-", suffix=".sqlite", dir=folder)
         os.close(number)
     except OSError as error:
-        raise BadInput(f"the file cannot be written: {error.strerror}", file=file) from error
+        raise NotWritten(f"the file cannot be written: {error.strerror}", file=file) from error
     try:
         target = _engine(beside, True, journal="DELETE")
         with target._told():
@@ -104,8 +128,11 @@ def back_up(source: Database, file: Path, *, force: bool = False) -> int:
         copied = _copy(source, target)
         target.engine.dispose()
         os.replace(beside, file)
+    except OSError as error:
+        raise NotWritten(f"the file cannot be written: {error.strerror}", file=file) from error
     finally:
-        Path(beside).unlink(missing_ok=True)
+        for left in (beside, f"{beside}-journal"):
+            Path(left).unlink(missing_ok=True)
     return copied
 
 
@@ -128,6 +155,17 @@ def restore(file: Path, target: Database) -> int:
 
 
 def _copy(source: Database, target: Database) -> int:
+    try:
+        return _copied(source, target)
+    except (ValueError, TypeError) as error:
+        raise BadInput(
+            "the history is damaged: a date cannot be read",
+            found=f"{source.name}: {error}",
+            remedy="zerobeam history list --json names the result",
+        ) from None
+
+
+def _copied(source: Database, target: Database) -> int:
     with source.reading() as old, target.writing() as new:
         if old.dialect.name == "postgresql":
             old.execute(sa.text("SET TRANSACTION ISOLATION LEVEL REPEATABLE READ, READ ONLY"))
@@ -172,7 +210,9 @@ def _sqlite(file: Path, create: bool, journal: str | None) -> Database:
         try:
             file.resolve().parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise BadInput(f"the history cannot be written: {error.strerror}", file=file) from error
+            raise NotWritten(f"the history cannot be written: {error.strerror}", file=file) from error
+        if file.is_dir():
+            raise BadInput("the history is a folder", file=file, allowed="a file, or the name of a new one")
     elif not file.is_file():
         raise BadInput(
             "there is no history here yet",
@@ -201,53 +241,90 @@ def _sqlite(file: Path, create: bool, journal: str | None) -> Database:
 
 def _bring_up(made: Database, create: bool) -> None:
     """Make the schema that of this version; BadInput where that cannot be."""
-    with made.engine.connect() as connection:
-        found = _revision(connection)
-    if found == tables.REVISION:
-        return
-    if found is None and not create:
-        raise BadInput(
-            "there is no history in this database",
-            found=made.name,
-            remedy="zerobeam history add RESULT makes one; --db names another",
-        )
+    with _looking(made) as connection:
+        if _revision(connection, made.name, create) == tables.REVISION:
+            return
     from alembic import command
-    from alembic.config import Config
-    from alembic.script import ScriptDirectory
-    from alembic.util import CommandError
 
-    config = Config()
-    config.set_main_option("script_location", str(_MIGRATIONS).replace("%", "%%"))
-    config.set_main_option("path_separator", "os")
-    scripts = ScriptDirectory.from_config(config)
+    config = _migrations()
     with made.writing() as connection:
         if connection.dialect.name == "postgresql":
             connection.execute(sa.select(sa.func.pg_advisory_xact_lock(_LOCK)))
-        found = _revision(connection)  # another process may have been first
-        try:
-            if found is not None:
-                scripts.get_revision(found)
-        except CommandError:
-            raise BadInput(
-                "the history was made by a newer version of zerobeam",
-                found=f"schema {found} in {made.name}",
-                allowed=f"schema {tables.REVISION} or earlier",
-                remedy="update zerobeam, here too",
-            ) from None
-        if found is None and (foreign := sa.inspect(connection).get_table_names()):
-            raise BadInput(
-                "the database holds other things",
-                found=f"{', '.join(sorted(foreign)[:3])} in {made.name}",
-                allowed="an empty database, or a history",
-                remedy="name another by --db",
-            )
-        if found != tables.REVISION:
+        # Another process may have been first.
+        if _revision(connection, made.name, create) != tables.REVISION:
             config.attributes["connection"] = connection
             command.upgrade(config, "head")
 
 
-def _revision(connection: sa.Connection) -> str | None:
-    if not sa.inspect(connection).has_table("alembic_version"):
-        return None
-    found = connection.scalar(sa.text("SELECT version_num FROM alembic_version"))
-    return None if found is None else str(found)
+@contextmanager
+def _looking(made: Database) -> Iterator[sa.Connection]:
+    """A connection that changes nothing, not even the files beside an SQLite file."""
+    if made.engine.dialect.name != "sqlite":
+        with made.engine.connect() as connection:
+            yield connection
+        return
+    file = Path(str(made.engine.url.database)).resolve()
+    name = f"{file.as_uri()}?{_how_to_look(file)}" if file.exists() else ":memory:"
+    engine = sa.create_engine(
+        "sqlite://", creator=lambda: sqlite3.connect(name, uri=True, timeout=_BUSY_S), poolclass=NullPool
+    )
+    with engine.connect() as connection:
+        yield connection
+
+
+def _how_to_look(file: Path) -> str:
+    """SQLite makes a write-ahead log to read a file that is in this mode, and undoes a transaction that was
+    cut off; it does neither with an `immutable` file, which nobody may be writing to."""
+    try:
+        with file.open("rb") as opened:
+            logged = opened.read(20)[18:] == b"\2\2"
+    except OSError as error:
+        raise BadInput(f"the history cannot be read: {error.strerror}", file=file) from error
+    log, journal = (file.with_name(f"{file.name}{suffix}") for suffix in ("-wal", "-journal"))
+    in_use = log.exists() and log.stat().st_size > 0
+    return "immutable=1" if (logged and not in_use) or journal.exists() else "mode=ro"
+
+
+def _revision(connection: sa.Connection, name: str, create: bool) -> str | None:
+    """The revision of a history, None for an empty database where one is to be made; BadInput where there is
+    none, something else, or a history of a newer version."""
+    there = set(sa.inspect(connection).get_table_names())
+    if there >= {"alembic_version", tables.arm.name, tables.result.name}:
+        revision = str(connection.scalar(sa.text("SELECT version_num FROM alembic_version")))
+        if revision != tables.REVISION and revision not in _revisions():
+            raise BadInput(
+                "the history was made by a newer version of zerobeam",
+                found=f"schema {revision} in {name}",
+                allowed=f"schema {tables.REVISION} or earlier",
+                remedy="update zerobeam, here too",
+            )
+        return revision
+    if not create:
+        raise BadInput(
+            "there is no history in this database",
+            found=name,
+            remedy="zerobeam history add RESULT makes one; --db names another",
+        )
+    if there:
+        raise BadInput(
+            "the database holds other things",
+            found=f"{', '.join(sorted(there)[:3])} in {name}",
+            allowed="an empty database, or a history",
+            remedy="name another by --db",
+        )
+    return None
+
+
+def _migrations() -> Config:
+    from alembic.config import Config
+
+    config = Config()
+    config.set_main_option("script_location", str(_MIGRATIONS).replace("%", "%%"))
+    config.set_main_option("path_separator", "os")
+    return config
+
+
+def _revisions() -> Iterator[str]:
+    from alembic.script import ScriptDirectory
+
+    return (script.revision for script in ScriptDirectory.from_config(_migrations()).walk_revisions())

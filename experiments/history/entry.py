@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-import json
-import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
-import numpy as np
-
-from ...analysis.status import Verdict, known
 from ...model.errors import BadInput
 from ...model.files.reading import LARGEST_RECORDING, read_text
 from ...reports.words.provenance import (
@@ -26,6 +21,15 @@ from ...reports.words.provenance import (
     first_stated,
     instrument,
     stated,
+)
+from .content import (
+    DAMAGED,
+    checked_offset,
+    checked_sensitivity,
+    checked_text,
+    checked_verdict,
+    checked_without_prior,
+    parsed,
 )
 
 RESULT_FILE = "result.json"
@@ -106,12 +110,12 @@ def entry_of(text: str, path: Path, serial: str | None = None, when: str | None 
     from ...analysis.result import RESULT_SCHEMA
 
     try:
-        answer = _parsed(text)
+        answer = parsed(text)
         if answer["schema"] != RESULT_SCHEMA:
             raise ValueError(f"schema {answer['schema']!r}")
         origin = _origin(answer["inputs"]["header"].get("provenance", {}), path, serial, when)
         return _entry(answer, text, origin)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except DAMAGED as error:
         raise BadInput(
             "this is not a whole result of zerobeam",
             found=f"{type(error).__name__}: {error}",
@@ -119,19 +123,6 @@ def entry_of(text: str, path: Path, serial: str | None = None, when: str | None 
             remedy="make it again with zerobeam report or zerobeam analyse --json",
             file=path,
         ) from None
-
-
-def _parsed(text: str) -> Any:
-    """Plain JSON; ValueError for NaN and infinity. The checks of `parse_json` would take most of the time of
-    adding; what a history counts with is checked on its own."""
-
-    def refuse(word: str) -> None:
-        raise ValueError(f"{word} is no number")
-
-    try:
-        return json.loads(text, parse_constant=refuse)
-    except RecursionError:
-        raise ValueError("the values are nested too deeply") from None
 
 
 @dataclass(frozen=True)
@@ -163,34 +154,30 @@ def _origin(stated_by: Mapping[str, object], path: Path, serial: str | None, whe
 
 
 def _entry(answer: dict[str, Any], text: str, origin: _Origin) -> Entry:
-    """KeyError, TypeError or ValueError where the answer is not a whole one."""
+    """One of `DAMAGED` where the answer is not a whole one."""
     inputs = answer["inputs"]
     if not re.fullmatch("[0-9a-f]{64}", inputs["sha256"]):
         raise ValueError("inputs.sha256 is no SHA-256")
-    if answer["verdict"] not in get_args(Verdict):
-        raise ValueError(f"verdict {answer['verdict']!r}")
     tool = "probe" if inputs["header"].get("tool", {}).get("kind") == "probe" else "laser"
-    offsets = [_offset(row) for row in answer["parameters"] if row["group"] == "offset"]
+    offsets = [checked_offset(row) for row in answer["parameters"] if row["group"] == "offset"]
     # A key that is not there: a result of before there was one.
-    alone = _without_prior(answer.get("without_prior"), offsets)
-    sensitivity = answer["accuracy"].get("sensitivity_mm2")
-    if sensitivity is not None and np.array(sensitivity, float).shape != (len(offsets), len(offsets)):
-        raise ValueError("accuracy.sensitivity_mm2 has another number of joints")
+    alone = checked_without_prior(answer.get("without_prior"), offsets)
+    vendor = inputs.get("vendor")
     return Entry(
         sha256=inputs["sha256"],
         serial=origin.serial,
-        model=_text(inputs["robot"]),
-        vendor=inputs.get("vendor"),
+        model=checked_text(inputs["robot"]),
+        vendor=None if vendor is None else checked_text(vendor),
         measured_at=origin.measured_at,
         instrument=instrument(origin.provenance, tool),
         operator=origin.operator,
-        run=_text(inputs["run"]),
+        run=checked_text(inputs["run"]),
         shots=int(inputs["shots"]),
-        verdict=answer["verdict"],
+        verdict=checked_verdict(answer["verdict"]),
         offsets=offsets,
         without_prior=alone if answer["fits"]["likelihood"]["converged"] else None,
-        sensitivity_mm2=sensitivity,
-        made_by=_text(inputs["versions"]["zerobeam"]),
+        sensitivity_mm2=checked_sensitivity(answer["accuracy"].get("sensitivity_mm2"), offsets),
+        made_by=checked_text(inputs["versions"]["zerobeam"]),
         text=text,
     )
 
@@ -199,48 +186,11 @@ def moment(text: str, path: Path | None = None) -> datetime:
     """A date or a time (ISO 8601) as UTC without a zone; one without a zone is taken as UTC."""
     try:
         found = datetime.fromisoformat(text)
-    except ValueError:
+        return found.astimezone(UTC).replace(tzinfo=None) if found.tzinfo else found
+    except (ValueError, OverflowError):
         raise BadInput(
             "the date cannot be read",
             found=text,
             allowed="a date (2026-03-31) or a time (2026-03-31T14:05:00+02:00) as in ISO 8601",
             file=path,
         ) from None
-    return found.astimezone(UTC).replace(tzinfo=None) if found.tzinfo else found
-
-
-def _text(value: object) -> str:
-    if not isinstance(value, str):
-        raise TypeError(f"{value!r} is no text")
-    return value
-
-
-def _offset(row: dict[str, Any]) -> dict[str, Any]:
-    kept = {key: row[key] for key in ("name", "unit", "status", "held", "estimate", "std", "interval95")}
-    if row["status"] == "unidentifiable" and (row["estimate"], row["std"]) != (None, None):
-        raise ValueError(f"{row['name']} is unidentifiable, yet it has a number")
-    if known(row["status"]) and not (0 < float(row["std"]) < math.inf):
-        raise ValueError(f"the std of {row['name']} is not a number above 0")
-    if not all(math.isfinite(own) for own in (row["estimate"] or 0.0, *(row["interval95"] or ()))):
-        raise ValueError(f"a number of {row['name']} is not finite")
-    return kept
-
-
-def _without_prior(own: dict[str, Any] | None, offsets: list[dict[str, Any]]) -> dict[str, Any] | None:
-    """The same, if its shapes are right and all of it is determined."""
-    if own is None:
-        return None
-    size, shared = len(own["names"]), len(own["geometry"])
-    allowed = {row["name"] for row in offsets if known(row["status"])}
-    sizes = {size, len(own["values"]), len(own["units"])}
-    if not size or len(sizes) > 1 or not set(own["names"]) <= allowed:
-        raise ValueError("without_prior names what is not determined, or not all of it has a value")
-    covariance = np.array(own["covariance"], float)
-    if not np.isfinite(np.array(own["values"], float)).all() or not np.isfinite(covariance).all():
-        raise ValueError("a number of without_prior is not finite")
-    if covariance.shape != (size, size) or not np.linalg.eigvalsh(covariance + covariance.T).min() > 0:
-        raise ValueError("without_prior.covariance is none of these offsets")
-    by_geometry = np.array(own["by_geometry"], float).reshape(size, -1)
-    if by_geometry.shape != (size, shared) or not np.isfinite(by_geometry).all():
-        raise ValueError("without_prior.by_geometry is none of these offsets")
-    return own

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ...model.errors import BadInput
+from .content import DAMAGED
 from .database import Database
 from .entry import entry_of, moment
 from .store import StoredResult, documents
@@ -62,7 +63,7 @@ def whole_answer(history: Database, own: StoredResult) -> dict[str, Any]:
     try:
         ((_, text),) = documents(history, [own.sha256])
         entry = entry_of(text, Path(own.run), own.serial, own.measured_at.isoformat())
-    except (ValueError, zlib.error, BadInput):
+    except (*DAMAGED, zlib.error, BadInput):
         raise _altered(own, "its document is missing or damaged") from None
     kept = (field.name for field in fields(StoredResult))
     differing = [name for name in kept if getattr(entry, name) != getattr(own, name)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import zlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Literal, get_args
@@ -13,7 +13,17 @@ import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 
 from ...model.errors import BadInput
-from ...model.files.reading import did_you_mean
+from ...model.files.reading import LARGEST_RECORDING, did_you_mean
+from .content import (
+    DAMAGED,
+    checked_moment,
+    checked_offset,
+    checked_sensitivity,
+    checked_text,
+    checked_verdict,
+    checked_without_prior,
+    parsed,
+)
 from .database import Database
 from .tables import arm, document, event, result
 
@@ -23,6 +33,11 @@ if TYPE_CHECKING:
 What = Literal["collision", "motor", "mastering", "other"]
 Outcome = Literal["added", "replaced", "already there", "refused"]
 
+# Hears of a result or an event that cannot be read.
+Damaged = Callable[[BadInput], None]
+
+_ANEW = ", or add its result.json anew with --replace"
+_SHORT = 12  # digits of a hash that a person is shown
 _LEVEL = 1  # of the compression: the higher ones take most of the time of adding
 _ARM = ("serial", "model")
 _ROW = (
@@ -82,7 +97,7 @@ def add(history: Database, entries: Sequence[Entry], *, replace: bool = False) -
 
     `already there`: a result with the same offsets and verdict. `refused`: another result of that run is
     there, made otherwise or for another arm; with `replace` this one takes its place, unless it is of another
-    arm.
+    arm. So is a row or a document mended that was damaged.
     """
     rows = [_row(own) for own in entries]
     with history.writing() as connection:
@@ -149,7 +164,8 @@ def _add_again(
 ) -> Outcome:
     """Of a run that has a result."""
     here = held[entry.sha256]
-    if all(here[name] == row[name] for name in _SAME):
+    same = all(here[name] == row[name] for name in _SAME)
+    if same and not replace:
         return "already there"
     if not replace or (here["serial"], here["model"]) != (entry.serial, entry.model):
         return "refused"
@@ -157,7 +173,7 @@ def _add_again(
     content = {"content": _content(entry)}
     connection.execute(sa.update(document).where(document.c.sha256 == entry.sha256).values(content))
     held[entry.sha256] = row
-    return "replaced"
+    return "already there" if same else "replaced"
 
 
 def _held(connection: sa.Connection, runs: Sequence[str]) -> dict[str, dict[str, Any]]:
@@ -181,6 +197,10 @@ def arm_of(history: Database, sha256: str) -> tuple[str, str] | None:
 
 def add_event(history: Database, found: Event) -> bool:
     """Log an event; False where the same one is there already."""
+    try:
+        checked_text(found.note)
+    except UnicodeEncodeError:
+        raise BadInput("the note is no text", found=ascii(found.note), allowed="UTF-8") from None
     if found.what not in get_args(What):
         raise BadInput("there is no event of this kind", found=found.what, allowed=", ".join(get_args(What)))
     with history.writing() as connection:
@@ -197,8 +217,13 @@ def _inserted(connection: sa.Connection, table: sa.Table, rows: list[dict[str, A
     return list(connection.execute(made, rows).all())
 
 
-def arms(history: Database) -> list[Arm]:
-    """All arms by serial number, with the verdict of the last result of each."""
+def refuse(error: BadInput) -> None:
+    """A damaged result or event: an error."""
+    raise error
+
+
+def arms(history: Database, damaged: Damaged = refuse) -> list[Arm]:
+    """All arms by serial number, with the verdict of the last result of each; `damaged` as of `results`."""
     ranked = sa.select(
         result.c.serial,
         result.c.model,
@@ -215,8 +240,8 @@ def arms(history: Database) -> list[Arm]:
             result.c.serial,
             result.c.model,
             sa.func.count().label("results"),
-            sa.func.min(result.c.measured_at).label("first"),
-            sa.func.max(result.c.measured_at).label("last"),
+            sa.type_coerce(sa.func.min(result.c.measured_at), sa.String).label("first"),
+            sa.type_coerce(sa.func.max(result.c.measured_at), sa.String).label("last"),
         )
         .group_by(result.c.serial, result.c.model)
         .subquery()
@@ -227,11 +252,27 @@ def arms(history: Database) -> list[Arm]:
         .outerjoin(ranked, _same(arm, ranked) & (ranked.c.place == 1))
     )
     with history.reading() as connection:
-        rows = [
-            Arm(row.serial, row.model, row.vendor, row.results or 0, row.first, row.last, row.verdict)
-            for row in connection.execute(query)
-        ]
+        rows = [_arm(history, row, damaged) for row in connection.execute(query)]
     return sorted(rows, key=lambda own: (own.serial, own.model))  # a database sorts by rules of its own
+
+
+def _arm(history: Database, row: Any, damaged: Damaged) -> Arm:
+    of = row.serial, row.model, row.vendor
+    if not row.results:
+        return Arm(*of, 0, None, None, None)
+    try:
+        return Arm(
+            *of,
+            row.results,
+            checked_moment(row.first),
+            checked_moment(row.last),
+            checked_verdict(row.verdict),
+        )
+    except DAMAGED:
+        own = list(results(history, of[:2], damaged))
+    if not own:
+        return Arm(*of, 0, None, None, None)
+    return Arm(*of, len(own), own[0].measured_at, own[-1].measured_at, own[-1].verdict)
 
 
 def _same(one: Any, other: Any) -> Any:
@@ -260,36 +301,87 @@ def find_arm(history: Database, serial: str, model: str | None = None) -> tuple[
     )
 
 
-def results(history: Database, of: tuple[str, str] | None = None) -> Iterator[StoredResult]:
+def results(
+    history: Database, of: tuple[str, str] | None = None, damaged: Damaged = refuse
+) -> Iterator[StoredResult]:
     """The results of an arm (serial number, model), or of all, in the order of arm and time: those of one arm
-    at a time are in memory."""
-    columns = [result.c[name] for name in (*_ROW, "offsets", "without_prior", "sensitivity_mm2")]
-    query = sa.select(*columns).order_by(result.c.measured_at, result.c.sha256)
+    at a time are in memory. `damaged` hears of those that cannot be read."""
+    columns = [result.c[name] for name in _ROW if name != "measured_at"]
+    columns += [result.c[name] for name in ("offsets", "without_prior", "sensitivity_mm2")]
+    # As the database has it: where SQLAlchemy cannot read a date, no row of the query could be read.
+    query = sa.select(*columns, sa.type_coerce(result.c.measured_at, sa.String).label("measured_at"))
+    query = query.order_by(result.c.measured_at, result.c.sha256)
     with history.reading() as connection:
         every = [of] if of is not None else [(row[0], row[1]) for row in connection.execute(arm.select())]
         every.sort()  # a database sorts by rules of its own
         for serial, model in every:
-            for found in connection.execute(query.where(result.c.serial == serial, result.c.model == model)):
-                row = found._asdict()
-                for name in ("offsets", "without_prior", "sensitivity_mm2"):
-                    row[name] = json.loads(row[name]) if row[name] is not None else None
-                yield StoredResult(**row)
+            for row in connection.execute(query.where(result.c.serial == serial, result.c.model == model)):
+                try:
+                    own = _stored(row._asdict())
+                except DAMAGED as error:
+                    which = f"run {str(row.run)!r}, SHA-256 {str(row.sha256)[:_SHORT]}…"
+                    damaged(_damage(history, (serial, model), f"the result of {which}", error, _ANEW))
+                    continue
+                yield own
 
 
-def events(history: Database, of: tuple[str, str] | None = None) -> list[Event]:
-    """The events of an arm, or of all, in the order of time."""
-    query = sa.select(event)
+def _stored(row: Mapping[str, Any]) -> StoredResult:
+    """One of `DAMAGED` where the row is not as it was added."""
+    offsets = [checked_offset(own) for own in parsed(row["offsets"])]
+    alone, sensitivity = (
+        None if row[name] is None else parsed(row[name]) for name in ("without_prior", "sensitivity_mm2")
+    )
+    texts = {
+        name: checked_text(row[name]) for name in _ROW if name not in ("measured_at", "shots", "verdict")
+    }
+    return StoredResult(
+        **texts,
+        measured_at=checked_moment(row["measured_at"]),
+        shots=int(row["shots"]),
+        verdict=checked_verdict(row["verdict"]),
+        offsets=offsets,
+        without_prior=checked_without_prior(alone, offsets),
+        sensitivity_mm2=checked_sensitivity(sensitivity, offsets),
+    )
+
+
+def _damage(
+    history: Database, of: tuple[str, str], what: str, error: Exception, remedy: str = ""
+) -> BadInput:
+    return BadInput(
+        f"the history is damaged: {what} cannot be read",
+        found=f"arm {', '.join(of)} in {history.name}: {type(error).__name__}: {error}",
+        remedy=f"restore a backup (zerobeam history restore){remedy}",
+    )
+
+
+def events(history: Database, of: tuple[str, str] | None = None, damaged: Damaged = refuse) -> list[Event]:
+    """The events of an arm, or of all, in the order of time. `damaged` hears of those that cannot be read."""
+    query = sa.select(
+        *(event.c[name] for name in ("serial", "model", "what", "note")),
+        sa.type_coerce(event.c.at, sa.String).label("at"),
+    )
     if of is not None:
         query = query.where(event.c.serial == of[0], event.c.model == of[1])
+    found = []
     with history.reading() as connection:
-        found = [Event(**row._asdict()) for row in connection.execute(query)]
+        for row in connection.execute(query):
+            try:
+                if row.what not in get_args(What):
+                    raise ValueError(f"there is no event {row.what!r}")
+                note = checked_text(row.note)
+                found.append(Event(row.serial, row.model, checked_moment(row.at), row.what, note))
+            except DAMAGED as error:
+                which = f"the event {row.what!r} of {row.at!r}"
+                damaged(_damage(history, (row.serial, row.model), which, error))
     return sorted(found, key=lambda own: (own.serial, own.model, own.at, own.what, own.note))
 
 
 def documents(history: Database, sha256: Iterable[str]) -> Iterator[tuple[str, str]]:
-    """The hash of a run and the whole text of its result.json, for each of the hashes that is there."""
+    """The hash of a run and the whole text of its result.json, for each of the hashes that is there. One of
+    `DAMAGED` or zlib's error for a document that is not as it was added."""
     with history.reading() as connection:
         for own in sha256:
             content = connection.scalar(sa.select(document.c.content).where(document.c.sha256 == own))
             if content is not None:
-                yield own, zlib.decompress(content).decode()
+                yield own, zlib.decompressobj().decompress(content, LARGEST_RECORDING).decode()

@@ -9,7 +9,7 @@ from functools import cached_property
 
 from ...analysis.drift.drift import ALARM, MEDIAN
 from ...analysis.status import known
-from ...experiments.history.arm_drift import ArmDrift, DatedJump
+from ...experiments.history.arm_drift import ArmDrift
 from ...experiments.history.store import Event, StoredResult
 from ..style.blocks import (
     Block,
@@ -30,7 +30,7 @@ from ..words import numbers
 from ..words.verdict import VERDICT_WORDS
 from ..words.wording import clipped, label, listed
 from .arm_state import ArmState, State, arm_state
-from .drift_text import FEW_RATES, due_sentence, jumps_block, offsets_block
+from .drift_text import FEW_RATES, UNDECIDED, change_sentence, due_sentence, jumps_blocks, offsets_block
 from .lists import day, events_table, offset_names
 
 _MOST_ROWS = 500
@@ -127,13 +127,15 @@ def headline(own: ArmHistory) -> Headline:
 def _why(own: ArmHistory) -> str:
     """What is said before the due date."""
     found, state, jump = own.found, own.state.state, own.state.clearest
-    if state == "overdue" and not found.due_reason and own.as_of is not None:
-        return f"Overdue on {own.as_of:%Y-%m-%d}. "
+    if state == "overdue" and not found.due_reason and own.as_of is not None and found.due is not None:
+        today = found.due.date() == own.as_of.date()
+        return f"{'Due' if today else 'Overdue'} on {own.as_of:%Y-%m-%d}. "
     if state == "jump without event" and jump is not None:
-        return f"{_jump(jump)}, and no event is logged in between: find out what happened, and log it. "
+        asked = "no event is logged in between: find out what happened, and log it"
+        return f"{change_sentence(jump)}, and {asked}. "
     if state == "jump" and jump is not None:
         events = listed([f"{one.what} of {day(one.at)}" for one in jump.events])
-        return f"{_jump(jump)}; logged in between: {events}. "
+        return f"{change_sentence(jump)}; logged in between: {events}. "
     if state == "misfit":
         last = day(own.results[-1].measured_at)
         return f"The last result, of {last}, is a misfit and does not count. "
@@ -141,13 +143,10 @@ def _why(own: ArmHistory) -> str:
         return (
             f"{'One result counts' if found.used else 'No result counts'}: two are needed to know a drift. "
         )
+    if found.undecided:
+        largest = max(found.undecided, key=lambda one: abs(one.change.size) / one.change.least_jump)
+        return f"{change_sentence(largest)}: {UNDECIDED}. "
     return ""
-
-
-def _jump(own: DatedJump) -> str:
-    half = max((own.jump.interval95[1] - own.jump.interval95[0]) / 4, 1e-12)
-    size = numbers.interval(own.jump.interval95, half, own.jump.unit)
-    return f"{label(own.jump.offset)} changed by {size} between {day(own.after)} and {day(own.before)}"
 
 
 def _notes(own: ArmHistory) -> Iterator[str]:
@@ -168,6 +167,11 @@ def _notes(own: ArmHistory) -> Iterator[str]:
     ]
     if others:
         yield f"{'Jumps' if told is None else 'Other jumps'}: {listed(others, 4)}"
+    if len(found.undecided) > (UNDECIDED in headline(own).sentence):  # that of one change is said there
+        either = [
+            f"{label(one.change.offset)}, {day(one.after)} to {day(one.before)}" for one in found.undecided
+        ]
+        yield f"Jump or drift ({UNDECIDED}): {listed(either, 4)}"
     if found.left_out and found.used:
         left = len(found.left_out)
         yield f"{left} of {len(own.results)} results {'does' if left == 1 else 'do'} not count: why is below"
@@ -189,7 +193,7 @@ def _sections(own: ArmHistory) -> Iterator[Section]:
     found = own.found
     if found.drift is not None:
         yield section_of("Offsets over time", *_trend(own))
-        yield section_of("Jumps", jumps_block(found.jumps))
+        yield section_of("Jumps", *jumps_blocks(found))
         yield section_of("Offsets now", offsets_block(found), *_never(own))
     if own.results:
         yield replace(

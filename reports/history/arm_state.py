@@ -36,7 +36,7 @@ MARKS: dict[str, str] = {
 @dataclass(frozen=True)
 class ArmState:
     """A row of the list of all arms; `clearest` is the jump with the smallest p-value, one
-    without an event before others."""
+    without an event before others; `undecided` is how many changes may be a jump or drift."""
 
     serial: str
     model: str
@@ -50,6 +50,7 @@ class ArmState:
     due: datetime | None
     due_reason: str
     state: State
+    undecided: int = 0
 
     @property
     def order(self) -> tuple[int, datetime, str, str]:
@@ -73,11 +74,14 @@ def arm_state(found: ArmDrift, results: Sequence[StoredResult], as_of: datetime 
         due=found.due,
         due_reason=found.due_reason,
         state=_state(found, last, as_of),
+        undecided=len(found.undecided),
     )
 
 
 def _state(found: ArmDrift, last: StoredResult | None, as_of: datetime | None) -> State:
-    if found.due is not None and (found.due_reason or (as_of is not None and found.due <= as_of)):
+    if found.due is not None and (
+        found.due_reason or (as_of is not None and found.due.date() <= as_of.date())
+    ):
         return "overdue"
     if any(not own.events for own in found.jumps):
         return "jump without event"
@@ -109,6 +113,7 @@ def state_json(own: ArmState) -> dict[str, Any]:
             "p_value": jump.jump.p_value,
             "events": len(jump.events),
         },
+        "undecided": own.undecided,
         "due": due_json(own),
     }
 

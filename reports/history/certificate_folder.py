@@ -1,7 +1,12 @@
-"""The folder of a certificate: certificate.json, .html, .pdf and their signatures; whole or not at all."""
+"""The folder of a certificate: certificate.json, .html, .pdf and their signatures; whole or not at all.
+
+certificate.json has the hashes of the other two: the three are of one result, and none can be exchanged.
+"""
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,11 +42,28 @@ def write_certificate(
     def fill(aside: Path) -> None:
         write_page(aside, "certificate", certificate_page(found), {}, "study", answer=(JSON, dumps(found)))
         (aside / "figures").rmdir()  # there is none
+        beside = {name: sha256((aside / name).read_bytes()) for name in SIGNED if name != JSON}
+        (aside / JSON).write_text(dumps({**found, "files": beside}), encoding="utf-8")
         for name in SIGNED:
             sign(aside / name, key)
 
     write_folder(folder, _KIND, fill)
     return by
+
+
+def sha256(content: bytes) -> str:
+    """As `files` of a certificate has it."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def why_not_of_certificate(certificate: Mapping[str, Any], name: str, content: bytes) -> str | None:
+    """None where the certificate has this file by its hash, or none of that name; else what is wrong."""
+    files = certificate.get("files")
+    if not isinstance(files, Mapping):
+        return f"{JSON} does not state the hash of this file: make the certificate again"
+    if name in files and files[name] != sha256(content):
+        return f"{JSON} is of another file of this name: the two state different results"
+    return None
 
 
 def files_of_certificate(given: Path) -> list[Path]:

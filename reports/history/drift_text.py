@@ -9,20 +9,22 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ...experiments.history.arm_drift import ArmDrift, DatedJump
-from ..style.blocks import Block, Cell, Paragraph, row_of, table_of
+from ...analysis.drift.drift import Jump, Undecided
+from ...experiments.history.arm_drift import ArmDrift, DatedChange, DatedJump
+from ..style.blocks import Block, Cell, Paragraph, Table, row_of, table_of
 from ..words import numbers
 from ..words.wording import clipped, counted, label, shown
 from .lists import day, event_json, utc
 
 SCHEMA = "zerobeam/drift/1"
 FEW_RATES = 30  # rates: below, the numbers are coarse
+UNDECIDED = "too few results to distinguish a jump from drift"
 
 
 def drift_blocks(found: ArmDrift) -> Iterator[Block]:
     """Jumps, the offsets now and how fast they walk, the due date, what does not count."""
     if found.drift is not None:
-        yield jumps_block(found.jumps)
+        yield from jumps_blocks(found)
         yield offsets_block(found)
         if found.drift.effective < FEW_RATES:
             yield Paragraph("Few walk rates explain these results: intervals and p-values are approximate.")
@@ -53,9 +55,9 @@ def arms_drift_table(arms: Sequence[ArmDrift]) -> Block:
             clipped(own.serial, 24),
             clipped(own.model, 20),
             str(len(own.used)),
-            _clearest(own.jumps),
+            _clearest(own),
             "none" if own.due is None else f"{own.due:%Y-%m-%d}",
-            tone="weak" if own.jumps else "",
+            tone="weak" if own.jumps or own.undecided else "",
         )
         for own in arms
     ]
@@ -82,15 +84,31 @@ def drift_json(found: ArmDrift) -> dict[str, Any]:
                 "size": own.jump.size,
                 "interval95": list(own.jump.interval95),
                 "events": [event_json(event) for event in own.events],
-                "instruments": None
-                if own.instruments is None
-                else [name or None for name in own.instruments],
+                "instruments": _instruments(own),
             }
             for own in found.jumps
+        ],
+        "undecided": [
+            {
+                "offset": own.change.offset,
+                "unit": own.change.unit,
+                "after": utc(own.after),
+                "before": utc(own.before),
+                "size": own.change.size,
+                "interval95": list(own.change.interval95),
+                "least_jump": own.change.least_jump,
+                "events": [event_json(event) for event in own.events],
+                "instruments": _instruments(own),
+            }
+            for own in found.undecided
         ],
         "effective_rates": None if found.drift is None else found.drift.effective,
         "due": due_json(found),
     }
+
+
+def _instruments(own: DatedJump | DatedChange) -> list[str | None] | None:
+    return None if own.instruments is None else [name or None for name in own.instruments]
 
 
 class Due(Protocol):
@@ -162,15 +180,29 @@ def _now(own: dict[str, Any]) -> str | Cell:
     return f"{numbers.estimate(own['estimate'], own['std'])} ± {numbers.spread(own['std'], own['unit'])}"
 
 
-def jumps_block(jumps: Sequence[DatedJump]) -> Block:
-    """The changes that the walk does not explain, and what was logged in between."""
-    if not jumps:
-        return Paragraph("No jump: the random walk explains every change.")
+def jumps_blocks(found: ArmDrift) -> Iterator[Block]:
+    """The jumps, the changes that may be one, and what was logged in between."""
+    if found.jumps:
+        yield _jumps_table(found.jumps)
+    if found.undecided:
+        yield _undecided_table(found.undecided)
+    elif not found.jumps:
+        yield Paragraph(without_jump(found))
+
+
+def without_jump(found: ArmDrift) -> str:
+    """What is said of the changes where none of them is a jump or may be one."""
+    if found.drift is not None and found.drift.changed:
+        return "No jump was found: drift at a rate that other results show explains every change."
+    return "No change from one result to the next exceeds their uncertainty."
+
+
+def _jumps_table(jumps: Sequence[DatedJump]) -> Table:
     rows = [
         row_of(
             Cell(label(own.jump.offset), mark="weak"),
             f"{day(own.after)} to {day(own.before)}",
-            numbers.interval(own.jump.interval95, _half(own), own.jump.unit),
+            _change(own.jump),
             numbers.p_value(own.jump.p_value),
             ", ".join(_happened(own)) or "none logged",
         )
@@ -181,7 +213,35 @@ def jumps_block(jumps: Sequence[DatedJump]) -> Block:
     return table_of("Jumps; p-values adjusted for the number of tests (Bonferroni)", columns, rows)
 
 
-def _happened(own: DatedJump) -> Iterator[str]:
+def _undecided_table(changes: Sequence[DatedChange]) -> Table:
+    rows = [
+        row_of(
+            Cell(label(own.change.offset), mark="weak"),
+            f"{day(own.after)} to {day(own.before)}",
+            _change(own.change),
+            numbers.significant(own.change.least_jump, 2, own.change.unit),
+            ", ".join(_happened(own)) or "none logged",
+        )
+        for own in changes
+    ]
+    heads = ("offset", "between", "change", "a jump from", "events")
+    columns = [(head, "right" if head in ("change", "a jump from") else "left") for head in heads]
+    return table_of(f"Jump or drift: {UNDECIDED}", columns, rows)
+
+
+def _change(own: Jump | Undecided) -> str:
+    low, high = own.interval95
+    return numbers.interval(own.interval95, max((high - low) / 4, 1e-12), own.unit)
+
+
+def change_sentence(own: DatedJump | DatedChange) -> str:
+    """Offset, size and dates of a change."""
+    change = own.jump if isinstance(own, DatedJump) else own.change
+    between = f"between {day(own.after)} and {day(own.before)}"
+    return f"{label(change.offset)} changed by {_change(change)} {between}"
+
+
+def _happened(own: DatedJump | DatedChange) -> Iterator[str]:
     for event in own.events:
         yield f"{event.what} {day(event.at)} {shown(event.note)}".strip()
     if own.instruments is not None:
@@ -190,17 +250,13 @@ def _happened(own: DatedJump) -> Iterator[str]:
         yield f"instrument {changed}, a possible cause: {before} to {after}"
 
 
-def _half(own: DatedJump) -> float:
-    low, high = own.jump.interval95
-    return max((high - low) / 4, 1e-12)
+def _clearest(own: ArmDrift) -> str:
+    clearest = min(own.jumps, key=lambda jump: jump.jump.p_value, default=None)
+    return clearest_jump(clearest, len(own.undecided)) or "none"
 
 
-def _clearest(jumps: Sequence[DatedJump]) -> str:
-    if not jumps:
-        return "none"
-    return clearest_jump(min(jumps, key=lambda jump: jump.jump.p_value))
-
-
-def clearest_jump(own: DatedJump) -> str:
-    """A jump in a list of arms: offset, and the result that shows it."""
-    return f"{label(own.jump.offset)}, {own.before:%Y-%m-%d}"
+def clearest_jump(own: DatedJump | None, undecided: int) -> str:
+    """In a list of arms: offset of a jump and the result that shows it, or how many changes may be one."""
+    if own is not None:
+        return f"{label(own.jump.offset)}, {own.before:%Y-%m-%d}"
+    return f"{undecided} undecided" if undecided else ""

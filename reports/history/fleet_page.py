@@ -139,7 +139,7 @@ def _row(own: Fleet, row: ArmState) -> Row:
         Cell(row.state, mark=MARKS[row.state]),
         clipped(row.model, 20),
         _NO_TEXT if row.due is None else f"{row.due:%Y-%m-%d}",
-        _NO_TEXT if row.clearest is None else clearest_jump(row.clearest),
+        clearest_jump(row.clearest, row.undecided) or _NO_TEXT,
         f"{row.counted} of {row.results}" if row.counted < row.results else str(row.results),
         _NO_TEXT if row.last is None else f"{row.last:%Y-%m-%d}",
         _NO_TEXT if row.verdict is None else VERDICTS[row.verdict],

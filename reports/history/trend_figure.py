@@ -18,6 +18,7 @@ from ..style.palette import SHAPES, light
 from ..style.typeface import in_font
 from ..words import numbers
 from ..words.wording import clipped, counted, label, listed
+from .drift_text import without_jump
 from .lists import day
 
 if TYPE_CHECKING:
@@ -300,5 +301,7 @@ def _alt(found: ArmDrift, drift: Drift, names: Sequence[str]) -> str:
             ends.append(f"{number} ({day(found.used[t].measured_at)})")
         told.append(f"{label(name)} in {counted(len(seen), 'result')}: {' to '.join(dict.fromkeys(ends))}")
     jumps = [f"{label(own.jump.offset)} before {day(own.before)}" for own in found.jumps]
-    changed = f"Jumps: {listed(jumps)}" if jumps else "No jumps"
-    return f"Offsets over time, ± standard uncertainty. {'; '.join(told)}. {changed}."
+    undecided = [f"{label(own.change.offset)} before {day(own.before)}" for own in found.undecided]
+    either = f"Jump or drift: {listed(undecided)}." if undecided else without_jump(found)
+    changed = f"Jumps: {listed(jumps)}." if jumps else either
+    return f"Offsets over time, ± standard uncertainty. {'; '.join(told)}. {changed}"

@@ -103,7 +103,7 @@ def names_in(folder: Path) -> set[str]:
 def _is_ours(folder: Path, kind: Kind) -> bool:
     try:
         content = json.loads((folder / kind.mark).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return False
     return isinstance(content, dict) and content.get("schema") == kind.schema
 

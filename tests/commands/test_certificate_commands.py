@@ -52,7 +52,7 @@ def plant(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_a_certificate_is_made_and_verified(plant: Path) -> None:
     told = zerobeam("history", "verify", "signed", "--key", "plant.key.pub")
-    assert (told.status, told.out.count(": valid")) == (0, 3)
+    assert (told.status, told.out.count(": valid")) == (0, 5)
     every = sorted(str(file.relative_to(plant)) for file in (plant / "signed").iterdir())
     again = zerobeam("history", "verify", *every, "--key", "plant.key.pub")  # signed/*
     assert sorted(again.out.splitlines()) == sorted(told.out.splitlines())
@@ -95,6 +95,25 @@ def test_one_changed_byte_in_any_file_is_found(plant: Path) -> None:
             wrong = [row["file"] for row in told.json["checks"] if not row["valid"]]
             assert wrong == [f"signed/{name.removesuffix('.sig')}"]
         file.write_bytes(content)
+
+
+def test_files_of_two_results_are_no_certificate(plant: Path) -> None:
+    """Each of them signed by the same key: last month's PDF in this month's folder."""
+    words = ("--date", "2025-01-31", "--key", "plant.key", "-o", "first")
+    assert zerobeam("history", "certify", "A-1", *words).status == 0
+    verify = ("history", "verify", "signed", "--key", "plant.key.pub")
+    for name in NAMES:
+        before = {own: (plant / "signed" / own).read_bytes() for own in (name, f"{name}.sig")}
+        for own in before:
+            shutil.copyfile(plant / "first" / own, plant / "signed" / own)
+        told = zerobeam(*verify, "--json")
+        wrong = [(row["file"], row["check"]) for row in told.json["checks"] if not row["valid"]]
+        others = NAMES[1:] if name == NAMES[0] else (name,)
+        assert (told.status, wrong) == (1, [(f"signed/{own}", "certificate") for own in others])
+        assert "the two state different results" in zerobeam(*verify).out
+        for own, content in before.items():
+            (plant / "signed" / own).write_bytes(content)
+    assert zerobeam(*verify).status == 0
 
 
 def test_another_key_is_found_and_another_history(plant: Path) -> None:

@@ -12,10 +12,32 @@ from scipy.stats import norm
 from zerobeam.analysis.drift.drift import MEDIAN, SPREAD, drift, mixture_interval
 from zerobeam.analysis.drift.due import HORIZON_YEARS, due_after
 from zerobeam.analysis.drift.importance import ENOUGH
-from zerobeam.analysis.drift.series import Observation, series_of
+from zerobeam.analysis.drift.series import Observation, Series, series_of
 from zerobeam.analysis.drift.smoother import smooth
 from zerobeam.analysis.status import UnsoundResult
 from zerobeam.model.errors import BadInput
+from zerobeam.model.robot import Matrix
+
+FIVE = tuple(f"delta{joint}" for joint in range(2, 7))
+LOG_RATE = np.linspace(np.log(MEDIAN) - 8 * SPREAD, np.log(MEDIAN) + 8 * SPREAD, 6001)
+
+
+def yearly(values: Matrix) -> Series:
+    """Results (T, 5) of a year each, with u of 0.01 degrees and no correlations."""
+    noise, none = 1e-4 * np.eye(5), np.zeros((5, 5))
+    own = [Observation(float(t), FIVE, row, noise, none) for t, row in enumerate(values)]
+    return series_of(own, dict.fromkeys(FIVE, "deg"))
+
+
+def on_grid(steps: Matrix) -> tuple[Matrix, Matrix]:
+    """The logarithm of the posterior of an offset's rate on `LOG_RATE` by its three steps of `yearly`, and
+    the inverse of their covariance for each rate."""
+    noise = 1e-4 * (2 * np.eye(3) - np.eye(3, k=1) - np.eye(3, k=-1))
+    covariance = np.exp(2 * LOG_RATE)[:, None, None] * np.eye(3) + noise
+    inverse = np.linalg.inv(covariance)
+    squared = np.einsum("i,kij,j->k", steps, inverse, steps)
+    prior = ((LOG_RATE - np.log(MEDIAN)) / SPREAD) ** 2
+    return -0.5 * (np.linalg.slogdet(covariance)[1] + squared + prior), inverse
 
 
 def test_a_jump_is_found_where_it_is_and_no_other() -> None:
@@ -37,26 +59,63 @@ def test_a_fast_walk_is_no_jump() -> None:
 def test_walks_that_the_prior_did_not_expect_are_found_by_more_passes() -> None:
     """Five offsets that move by a degree a year: their rates lie beyond the prior's 99.9 %. Without
     correlations each has a posterior of its own, here on a grid."""
-    names = tuple(f"delta{joint}" for joint in range(2, 7))
-    states = np.cumsum(np.random.default_rng(8).normal(size=(4, 5)), axis=0)
-    noise, none = 1e-4 * np.eye(5), np.zeros((5, 5))
-    own = [Observation(float(t), names, row, noise, none) for t, row in enumerate(states)]
-    found = drift(series_of(own, dict.fromkeys(names, "deg")))
+    states = np.cumsum(np.random.default_rng(2).normal(size=(4, 5)), axis=0)
+    found = drift(yearly(states))
     assert found.jumps == ()
     assert found.effective > ENOUGH
-    log_rate = np.linspace(np.log(MEDIAN) - 6 * SPREAD, np.log(MEDIAN) + 6 * SPREAD, 4001)
-    for j, name in enumerate(names):
-        covariance = np.exp(2 * log_rate)[:, None, None] * np.eye(3) + 1e-4 * (
-            2 * np.eye(3) - np.eye(3, k=1) - np.eye(3, k=-1)
-        )
-        steps = np.diff(states[:, j])
-        squared = np.einsum("i,kij,j->k", steps, np.linalg.inv(covariance), steps)
-        prior = ((log_rate - np.log(MEDIAN)) / SPREAD) ** 2
-        density = -0.5 * (np.linalg.slogdet(covariance)[1] + squared + prior)
+    for j, name in enumerate(FIVE):
+        density, _ = on_grid(np.diff(states[:, j]))
         cumulated = np.cumsum(np.exp(density - density.max()))
-        expected = np.exp(np.interp([0.025, 0.5, 0.975], cumulated / cumulated[-1], log_rate))
+        expected = np.exp(np.interp([0.025, 0.5, 0.975], cumulated / cumulated[-1], LOG_RATE))
         median, (low, high) = found.rate(name)
         np.testing.assert_allclose(np.log([low, median, high]), np.log(expected), atol=0.25)
+
+
+@pytest.mark.parametrize("seed", [2, 4, 8])
+def test_p_values_of_jumps_are_exact_however_far_the_data_are_from_the_prior(seed: int) -> None:
+    """The same arms, against a grid of the rates by the part of the data that a jump leaves unchanged."""
+    states = np.cumsum(np.random.default_rng(seed).normal(size=(4, 5)), axis=0)
+    found = drift(yearly(states))
+    for j in range(len(FIVE)):
+        density, inverse = on_grid(np.diff(states[:, j]))
+        for t in range(3):
+            power = inverse[:, t, t]
+            score = inverse[:, t] @ np.diff(states[:, j]) / np.sqrt(power)
+            without = density + score**2 / 2 - np.log(power) / 2
+            weights = np.exp(without - without.max())
+            tails = [float(weights @ norm.cdf(side * score) / weights.sum()) for side in (-1, 1)]
+            np.testing.assert_allclose(found.p_first[t, j], 2 * min(tails), rtol=0.15)
+
+
+@pytest.mark.parametrize("offsets", [1, 5])
+def test_a_jump_of_a_hundred_uncertainties_is_found_in_two_results(offsets: int) -> None:
+    states = np.zeros((2, 5))
+    states[1, :offsets] = 1.0
+    found = drift(yearly(states))
+    assert [(own.offset, own.after) for own in found.jumps] == [(name, 0) for name in FIVE[:offsets]]
+    assert all(own.p_value < 0.01 for own in found.jumps)
+    assert found.undecided == ()
+
+
+def test_what_may_be_a_jump_or_drift_is_undecided() -> None:
+    """Twenty uncertainties in two results: no jump at the stated rate of false alarms, nor drift."""
+    states = np.zeros((2, 5))
+    states[1, 1] = 0.2
+    found = drift(yearly(states))
+    assert found.jumps == ()
+    (change,) = found.undecided
+    assert (change.offset, change.after) == ("delta3", 0)
+    assert change.interval95[0] < 0.2 < change.interval95[1]
+    assert change.interval95[1] - change.interval95[0] == pytest.approx(2 * 1.96 * 0.01 * 2**0.5, rel=0.01)
+    for factor, number in ((0.9, 0), (1.1, 1)):
+        states[1, 1] = factor * change.least_jump
+        assert len(drift(yearly(states)).jumps) == number
+    # A change within its uncertainty is none, and drift that the other results show is drift.
+    states[1, 1] = 0.02
+    assert drift(yearly(states)).undecided == ()
+    steady_drift = np.zeros((8, 5))
+    steady_drift[:, 1] = 0.2 * np.arange(8) * (-1) ** np.arange(8)
+    assert drift(yearly(steady_drift)).undecided == ()
 
 
 def test_the_correlation_of_the_offsets_counts() -> None:

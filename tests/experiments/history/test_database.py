@@ -46,6 +46,75 @@ def test_a_newer_history_is_refused(tmp_path: Path) -> None:
         restore(file, new)
 
 
+def everything(folder: Path) -> dict[str, bytes]:
+    """All files of a folder."""
+    return {file.name: file.read_bytes() for file in folder.iterdir()}
+
+
+FOREIGN = {
+    "rollback journal": "CREATE TABLE stock (part TEXT)",
+    "write-ahead log": "PRAGMA journal_mode = WAL; CREATE TABLE stock (part TEXT)",
+    "another program's migrations": "CREATE TABLE alembic_version (version_num TEXT);"
+    f"INSERT INTO alembic_version VALUES ('{tables.REVISION}'); CREATE TABLE stock (part TEXT)",
+    "nothing": "",
+}
+
+
+@pytest.mark.parametrize("content", FOREIGN.values(), ids=FOREIGN)
+@pytest.mark.parametrize("create", [False, True])
+def test_what_is_no_history_is_not_touched(tmp_path: Path, content: str, create: bool) -> None:
+    file = tmp_path / "other.sqlite"
+    file.touch()
+    with closing(sqlite3.connect(file)) as own:
+        own.executescript(content)
+    if create and not content:
+        open_history(str(file), create=True)
+        return
+    before = everything(tmp_path)
+    with pytest.raises(BadInput, match=r"holds other things[\s\S]*stock" if create else "no history in this"):
+        open_history(str(file), create=create)
+    assert everything(tmp_path) == before
+
+
+@pytest.mark.parametrize("mode", ["WAL", "DELETE"])
+def test_what_is_no_history_is_not_touched_while_another_program_has_it(tmp_path: Path, mode: str) -> None:
+    """A write-ahead log that is not in the database yet, or a transaction that has written some pages."""
+    file = tmp_path / "other.sqlite"
+    with closing(sqlite3.connect(file, isolation_level=None)) as own:
+        own.execute(f"PRAGMA journal_mode = {mode}")
+        own.execute("CREATE TABLE stock (part TEXT)")
+        own.execute("PRAGMA cache_size = 1")
+        own.execute("BEGIN")
+        own.executemany("INSERT INTO stock VALUES (?)", [("x" * 999,)] * 99)
+        before = everything(tmp_path)
+        assert len(before) == {"WAL": 3, "DELETE": 2}[mode]
+        for create in (False, True):
+            with pytest.raises(BadInput, match="other things" if create else "no history in this"):
+                open_history(str(file), create=create)
+        after = everything(tmp_path)
+        own.execute("COMMIT")
+        assert own.execute("SELECT count(*) FROM stock").fetchone() == (99,)
+    before.pop("other.sqlite-shm", None)  # SQLite's readers have their places in it
+    after.pop("other.sqlite-shm", None)
+    assert after == before
+
+
+@pytest.mark.parametrize("mode", ["WAL", "DELETE"])
+def test_a_history_is_found_in_a_write_ahead_log_too(tmp_path: Path, mode: str) -> None:
+    """As a process leaves it that is killed: what it has added is in the log alone."""
+    file, copied = tmp_path / "history.sqlite", tmp_path / "copied.sqlite"
+    made = open_history(str(file), create=True)
+    made.engine.dispose()
+    with closing(sqlite3.connect(file, isolation_level=None)) as own:
+        own.execute(f"PRAGMA journal_mode = {mode}")
+        own.execute("INSERT INTO arm VALUES ('A', 'irb1600', NULL)")
+        for suffix in ("", "-wal"):
+            if (beside := file.with_name(file.name + suffix)).exists():
+                copied.with_name(copied.name + suffix).write_bytes(beside.read_bytes())
+    with open_history(str(copied)).reading() as connection:
+        assert connection.scalar(sa.select(tables.arm.c.serial)) == "A"
+
+
 def test_what_is_no_history_is_refused_and_left_as_it_was(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="no history here yet"):
         open_history(str(tmp_path / "none.sqlite"))
@@ -89,8 +158,12 @@ def test_where_the_history_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 
 def test_a_backup_goes_nowhere_where_it_cannot_be_written(tmp_path: Path) -> None:
     made = open_history(str(tmp_path / "history.sqlite"), create=True)
-    with pytest.raises(BadInput, match="cannot be written"):
+    with pytest.raises(BadInput, match="does not exist"):
         back_up(made, tmp_path / "no folder" / "backup.sqlite")
+    with pytest.raises(BadInput, match="there is a folder of this name"):
+        back_up(made, tmp_path, force=True)
+    with pytest.raises(BadInput, match="the history is a folder"):
+        open_history(str(tmp_path), create=True)
 
 
 def test_a_failed_transaction_leaves_nothing(tmp_path: Path) -> None:

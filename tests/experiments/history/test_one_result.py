@@ -56,7 +56,7 @@ def test_a_history_that_was_altered_is_found_out(tmp_path: Path) -> None:
         (result, {"verdict": "weak"}, "verdict"),
         (result, {"operator": "someone else"}, "operator"),
         (result, {"measured_at": datetime(2026, 2, 1)}, "measured_at"),
-        (result, {"offsets": "[]"}, "offsets"),
+        (result, {"offsets": "[]", "without_prior": None, "sensitivity_mm2": None}, "offsets"),
         (result, {"without_prior": None}, "without_prior"),
         (result, {"document_sha256": "0" * 64}, "document_sha256"),
         (document, {"content": b"torn"}, "damaged"),

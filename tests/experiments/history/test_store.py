@@ -123,7 +123,7 @@ def test_what_is_not_determined_has_no_number(history: Database, tmp_path: Path)
         (lambda own: own["without_prior"]["covariance"][0].pop(), "ValueError"),
         (lambda own: own["without_prior"].update(covariance=[[0.0] * 5] * 5), "covariance"),
         (lambda own: own["parameters"][1].update(std=0.0), "above 0"),
-        (lambda own: own["accuracy"].update(sensitivity_mm2=[[1.0]]), "joints"),
+        (lambda own: own["accuracy"].update(sensitivity_mm2=[[1.0]]), "sensitivity_mm2"),
         (lambda own: own["inputs"]["header"]["provenance"].pop("serial"), "--serial"),
         (lambda own: own["inputs"]["header"]["provenance"].pop("when"), "--when"),
         (lambda own: own["inputs"]["header"]["provenance"].update(when="31/3/26"), "ISO 8601"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from datetime import datetime, timedelta
+from datetime import datetime, time, timedelta
 from functools import cache
 from pathlib import Path
 
@@ -15,7 +15,8 @@ from pages import Page, assert_fetches_nothing
 
 from zerobeam.model.errors import BadInput
 from zerobeam.reports.history.arm_page import ArmHistory, arm_page, headline
-from zerobeam.reports.history.history_folder import safe_name, write_arm, write_fleet
+from zerobeam.reports.history.arm_state import state_json
+from zerobeam.reports.history.history_folder import arm_json, safe_name, write_arm, write_fleet
 from zerobeam.reports.history.trend_figure import trend_pictures
 from zerobeam.reports.output.html import html
 from zerobeam.reports.style.canvas import Picture
@@ -129,6 +130,45 @@ def test_overdue_is_said_of_the_day_that_is_asked_about() -> None:
     assert late.state.state == "overdue"
     assert f"Overdue on {due + timedelta(days=1):%Y-%m-%d}." in headline(late).sentence
     assert arm_history(results, as_of=due - timedelta(days=1)).state.state == "on schedule"
+    midnight = datetime.combine(due, time())
+    for today in (midnight, midnight + timedelta(hours=23)):
+        own = arm_history(results, as_of=today)
+        assert own.state.state == "overdue", "a due date is a day: from its beginning to its end"
+        assert headline(own).word == "Calibrate now"
+        assert f"Due on {due:%Y-%m-%d}. " in headline(own).sentence
+
+
+@pytest.mark.parametrize(("jump", "state"), [(0.15, "undecided"), (2.0, "jump without event")])
+def test_a_large_change_between_two_results_is_never_no_jump(jump: float, state: str) -> None:
+    own = arm_history(over_years(2, jump=(1, 1, jump), every=timedelta(days=183)), tolerance_mm=1.0)
+    page, said = shown(own), headline(own).sentence
+    between = f"between {own.results[0].measured_at:%Y-%m-%d} and {own.results[1].measured_at:%Y-%m-%d}"
+    assert f"{LABEL} changed by " in said
+    assert between in said
+    assert "No jump" not in page.words
+    assert "No jump" not in pictures(own)["trend"].alt
+    if state == "undecided":
+        assert "too few results to distinguish a jump from drift" in said
+        assert "Jump or drift (" not in page.words, "said once"
+        assert f"Jump or drift: {LABEL} before" in pictures(own)["trend"].alt
+        row = page.row(LABEL)
+        assert row[1].endswith(f"{own.results[1].measured_at:%Y-%m-%d}")
+        assert row[-1] == "none logged"
+        (change,) = arm_json(own)["drift"]["undecided"]
+        assert change["offset"] == LOST
+        assert abs(change["size"]) < change["least_jump"]
+        assert state_json(own.state)["undecided"] == 1
+    else:
+        assert own.state.state == state
+        assert arm_json(own)["drift"]["undecided"] == []
+
+
+def test_two_results_that_agree_say_nothing_of_jumps() -> None:
+    page = shown(arm_history(over_years(2)))
+    assert "No change from one result to the next exceeds their uncertainty." in page.words
+    assert "No jump" not in page.words
+    drifting = arm_history(over_years(12, walk=0.1))
+    assert "No jump was found: drift at a rate that other results show" in shown(drifting).words
 
 
 def test_an_arm_of_misfits_alone_says_so() -> None:
