@@ -21,6 +21,7 @@ from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 from sqlalchemy.pool import NullPool
 
 from ...model.errors import BadInput, missing_extra
+from ...model.paths.confinement import require_within
 from . import tables
 
 VARIABLE = "ZEROBEAM_HISTORY"
@@ -168,6 +169,7 @@ def _no_url(what: str) -> BadInput:
 
 
 def _sqlite(file: Path, create: bool, journal: str | None) -> Database:
+    require_within(file)
     if create:
         try:
             file.resolve().parent.mkdir(parents=True, exist_ok=True)

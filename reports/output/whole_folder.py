@@ -18,6 +18,7 @@ from typing import TypeVar
 
 from ...interruption import interruptible, uninterrupted
 from ...model.errors import BadInput
+from ...model.paths.confinement import require_within
 
 # What file managers leave behind in any folder that was looked at.
 LITTER = {".DS_Store", "Thumbs.db", "desktop.ini"}
@@ -69,6 +70,7 @@ def write_folder(folder: Path | str, kind: Kind, fill: Callable[[Path], Made]) -
 def check_target(folder: Path | str, kind: Kind) -> None:
     """Raise BadInput unless this kind may be written to `folder`: absent, empty, or one of ours."""
     folder = Path(folder)
+    require_within(folder)
     allowed = f"a folder that does not exist, is empty, or holds a {kind.noun} of zerobeam and nothing else"
     if folder.is_dir():
         names = {entry.name for entry in folder.iterdir()} - LITTER
