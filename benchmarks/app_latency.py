@@ -50,7 +50,9 @@ def postures(count: int) -> Matrix:
 def ask(address: str, plan: dict[str, Any]) -> float:
     """ms from the question to the whole answer."""
     body = json.dumps({"plan": plan, "scene": True}).encode()
-    request = urllib.request.Request(f"{address}api/check", body, {"X-Zerobeam": "1"})
+    root, _, token = address.partition("?token=")
+    headers = {"X-Zerobeam": "1", "Authorization": f"Bearer {token}"}
+    request = urllib.request.Request(f"{root}api/check", body, headers)
     begun = time.perf_counter()
     with urllib.request.urlopen(request) as answer:
         answer.read()

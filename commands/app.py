@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from ..model.errors import missing_extra
+from ..model.errors import BadInput, missing_extra
 from .console import out
 
 
@@ -21,7 +21,7 @@ def app(
     host: Annotated[
         str | None,
         typer.Option(
-            help="Address to listen at, for other machines; then a token is needed. Default: this one alone.",
+            help="Address to listen at, for other machines. Default: this one alone.",
             show_default=False,
         ),
     ] = None,
@@ -29,15 +29,22 @@ def app(
     """Look at robots and plans in the browser, offline. Ctrl-C ends it."""
     if any(find_spec(needed) is None for needed in ("starlette", "uvicorn")):
         raise missing_extra("the app", "app")
+    from ..app.server.opening import leading_to
     from ..app.server.serve import serve
 
     def told(address: str) -> None:
         out.print(f"The app: {address}", soft_wrap=True, markup=False, highlight=False)
-        out.print("Ctrl-C ends it.")
-        if browser:
-            import threading
-            import webbrowser
+        out.print("Who has this address, with its token, may do all that the app does. Ctrl-C ends it.")
+        if not browser:
+            return
+        import threading
+        import webbrowser
 
-            threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+        try:
+            opened = leading_to(folder, address)
+        except (OSError, BadInput) as error:
+            out.print(f"The browser is not opened: {error}", soft_wrap=True, markup=False, highlight=False)
+            return
+        threading.Thread(target=webbrowser.open, args=(opened,), daemon=True).start()
 
     serve(folder, host, port, told)

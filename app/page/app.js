@@ -2,6 +2,9 @@
 import { get, Refused } from "/page/parts/api.js";
 import { by, make } from "/page/parts/dom.js";
 
+// The token of the address has become a cookie: it is not left where it is read over a shoulder or copied.
+if (location.search) history.replaceState(null, "", location.pathname + location.hash);
+
 const sections = [...document.querySelectorAll("section.work")];
 document.querySelector("nav").append(...sections.map((section) => make("a", { href: `#${section.id}` }, section.querySelector("h2").textContent)));
 const loaded = await Promise.all(sections.map((section) => import(`/page/places/${section.id}/place.js`)));

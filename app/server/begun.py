@@ -13,7 +13,7 @@ from ...model.errors import BadInput
 from ...model.files.whole_file import write_whole
 from .folder import Folder
 
-_FILE = ".zerobeam/runs.json"
+_FILE = "runs.json"
 _SCHEMA = "zerobeam/app-runs/1"
 _MOST = 200  # the oldest are forgotten
 _RESUME = "--resume"
@@ -59,7 +59,7 @@ class BegunRuns:
     def _read(self) -> dict[str, Any]:
         """What is not as it was written counts as nothing: it only spares a person the typing."""
         try:
-            content = json.loads(self._folder.inside(_FILE).read_text(encoding="utf-8"))
+            content = json.loads(self._folder.private(_FILE).read_text(encoding="utf-8"))
             runs = content["runs"] if content["schema"] == _SCHEMA else {}
             return {
                 str(name): {"command": list(map(str, own["command"])), "ended": bool(own["ended"])}
@@ -74,7 +74,7 @@ class BegunRuns:
         runs[name] = entry
         kept = dict(list(runs.items())[-_MOST:])
         try:
-            path = self._folder.inside(_FILE)
+            path = self._folder.private(_FILE)
             path.parent.mkdir(exist_ok=True)
             write_whole(path, json.dumps({"schema": _SCHEMA, "runs": kept}, indent=1) + "\n", force=True)
         except (OSError, BadInput):

@@ -12,6 +12,7 @@ from typing import Any
 
 from ...model.errors import BadInput
 from ...model.files.whole_file import refuse_existing
+from ...model.paths.confinement import resolved
 
 MOST_FILES = 2000  # listed
 MOST_SEEN = 20_000  # looked at for them
@@ -38,29 +39,24 @@ class Folder:
     def inside(self, name: str, start: Path | None = None) -> Path:
         """The resolved path of a name that is relative to `start` (the folder itself); it need not exist.
 
-        BadInput where it is not below the folder, once symbolic links are followed.
+        BadInput where it is hidden, or not below the folder, once symbolic links are followed.
         """
-        allowed = "a path below the app's folder, relative to it"
-        if not name or "\0" in name or len(name) > 1000 or os.path.isabs(name) or ":" in name or "\\" in name:
-            raise BadInput("this path cannot be used here", found=name[:100], allowed=allowed)
-        path = Path(os.path.realpath((start or self.root) / name))
-        if not path.is_relative_to(self.root) or path == self.root:
-            raise BadInput("this path is not below the app's folder", found=name[:100], allowed=allowed)
-        return path
+        return resolved(self.root, name, start)
+
+    def private(self, name: str) -> Path:
+        """The path of a file of the app itself, in `.zerobeam`; BadInput where a link leads elsewhere."""
+        return resolved(self.root, f".zerobeam/{name}", hidden=True)
 
     def file(self, name: str) -> Path:
         """The path of a regular file below the folder that is not hidden; BadInput where there is none."""
         path = self.inside(name)
-        if not path.is_file() or _hidden(self.called(path)):
+        if not path.is_file():
             raise BadInput("there is no such file in the app's folder", found=name[:100])
         return path
 
     def new(self, name: str) -> Path:
         """The path of a file that is to be made: in a folder that is there, not hidden, no other's name."""
         path = self.inside(name)
-        if _hidden(self.called(path)):
-            allowed = "a name that does not begin with a dot"
-            raise BadInput("a file cannot have this name", found=name[:100], allowed=allowed)
         refuse_existing(path)
         return path
 
@@ -104,10 +100,6 @@ class Folder:
                     continue  # gone meanwhile
                 if stat.S_ISREG(facts.st_mode) and _writable_name(path.name):
                     yield self.called(path), facts
-
-
-def _hidden(name: str) -> bool:
-    return any(part.startswith(".") for part in name.split("/"))
 
 
 def _writable_name(name: str) -> bool:

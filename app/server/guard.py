@@ -1,22 +1,27 @@
-"""Who may ask: this machine's own pages, or with `--host` who knows the token. In front of all end points."""
+"""Who may ask: pages that were opened with the token, and programs that state it. In front of all end points.
+
+Other accounts of this machine reach the server as well as its user does, so that no address is trusted.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import hmac
 import ipaddress
+import secrets
 import socket
 from collections.abc import Callable
-from dataclasses import dataclass
-from http.cookies import CookieError, SimpleCookie
+from dataclasses import dataclass, field
+from pathlib import PurePosixPath
 from typing import Any
 from urllib.parse import parse_qs
 
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.responses import JSONResponse, RedirectResponse, Response
+from starlette.responses import JSONResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 LARGEST_BODY = 64 * 10**6  # bytes
-COOKIE = "zerobeam-token"
+SHOWN = "/shown/"  # pages of the folder, by a ticket: a page in a sandbox sends no cookie with its links
 _ALONE = "frame-ancestors 'self'"
 _IN_NOTEBOOKS = (
     f"{_ALONE} http://localhost:* https://localhost:* http://127.0.0.1:* https://127.0.0.1:* vscode-webview:"
@@ -38,11 +43,11 @@ class TooLarge(Exception):
 
 @dataclass(frozen=True)
 class Access:
-    """`host`: the address that is listened at; `token`: what a browser has to know, None on loopback;
-    `framed`: whether a notebook of this machine may show the page within its own."""
+    """`host`: the address that is listened at; `token`: what a browser or program has to state; `framed`:
+    whether a notebook of this machine may show the page within its own."""
 
     host: str = "127.0.0.1"
-    token: str | None = None
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(24), repr=False)
     framed: bool = False
 
     def named(self, host: str) -> bool:
@@ -50,17 +55,39 @@ class Access:
 
         Another site's name that was made to lead here (DNS rebinding) cannot: an address is no name.
         """
-        name = (
-            host.rpartition(":")[0] if host.rpartition(":")[2].isdigit() and not host.endswith("]") else host
-        )
+        name = host.rpartition(":")[0] if _port(host) is not None else host
         name = name.removeprefix("[").removesuffix("]").lower()
         if name == "localhost":
             return True
+        alone = _is_loopback(self.host)
         try:
             address = ipaddress.ip_address(name)
         except ValueError:
-            return self.token is not None and name in {self.host.lower(), socket.gethostname().lower()}
-        return address.is_loopback or self.token is not None
+            return not alone and name in {self.host.lower(), socket.gethostname().lower()}
+        return address.is_loopback or not alone
+
+    def knows(self, given: str) -> bool:
+        """Whether this is the token."""
+        return hmac.compare_digest(given.encode(), self.token.encode())
+
+    def ticket(self, page: str) -> str:
+        """What lets a page of the app's folder be seen, and what its links lead to beside and below it: their
+        requests have no cookie, since the page is in a sandbox. `page` is its path below the app's folder."""
+        return self._signed(_scope(page))
+
+    def admits(self, ticket: str, page: str) -> bool:
+        """Whether a ticket, of this page or of one above it, lets it be seen."""
+        scopes = {page, *(str(parent) for parent in PurePosixPath(page).parents)} - {"."}
+        return any(hmac.compare_digest(ticket.encode(), self._signed(one).encode()) for one in scopes)
+
+    def _signed(self, scope: str) -> str:
+        return hmac.new(self.token.encode(), scope.encode(), hashlib.sha256).hexdigest()[:32]
+
+
+def _scope(page: str) -> str:
+    """The folder of a page; of a page that is not in one below the app's, the page alone."""
+    parent = str(PurePosixPath(page).parent)
+    return page if parent == "." else parent
 
 
 def refusal(status: int, what: str, *, allowed: str | None = None, to_do: str | None = None) -> JSONResponse:
@@ -93,9 +120,12 @@ class Guard:
                 if self.access.framed:
                     policy = "content-security-policy"
                     headers[policy] = headers[policy].replace(_ALONE, _IN_NOTEBOOKS)
+                for cookie in self._cookies(scope) if enters and answer is None else ():
+                    headers.append("set-cookie", cookie)
             await send(message)
 
-        answer = self._refused(scope) or self._let_in(scope)
+        enters = self._enters(scope)
+        answer = self._refused(scope) or (None if enters else self._let_in(scope))
         if answer is not None:
             await answer(scope, receive, guarded)
             return
@@ -127,29 +157,51 @@ class Guard:
             return refusal(403, "the request comes from a page of another site")
         return None
 
-    def _let_in(self, scope: Scope) -> Response | None:
-        """None for who may go on; a token in the address becomes a cookie, without which nothing is said."""
-        token = self.access.token
-        if token is None or _same(_cookie(Headers(scope=scope).get("cookie", "")), token):
-            return None
+    def _enters(self, scope: Scope) -> bool:
+        """Whether the page is opened by an address with the token: its browser gets the cookie."""
         given = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
-        if scope["path"] == "/" and scope["method"] == "GET" and _same(given, token):
-            answer = RedirectResponse("/", status_code=303)
-            answer.set_cookie(COOKIE, token, httponly=True, samesite="strict")
-            return answer
+        return scope["path"] == "/" and scope["method"] == "GET" and self.access.knows(given)
+
+    def _let_in(self, scope: Scope) -> Response | None:
+        """None for who may go on: by the cookie, or a program by its header."""
+        headers = Headers(scope=scope)
+        kind, _, stated = headers.get("authorization", "").partition(" ")
+        tokens = [*_values(headers.get("cookie", ""), _cookie(headers)), stated if kind == "Bearer" else ""]
+        if any(self.access.knows(token) for token in tokens):
+            return None
+        if scope["path"].startswith(SHOWN):  # the end point looks at the ticket
+            return None
         return refusal(401, "a token is needed", to_do="open the address that zerobeam app printed")
 
+    def _cookies(self, scope: Scope) -> list[str]:
+        cookie = f"{_cookie(Headers(scope=scope))}={self.access.token}; HttpOnly; Path=/"
+        # A notebook may be at another name of this machine, which is another site: a cookie of its frames.
+        framed = [f"{cookie}; SameSite=None; Secure; Partitioned"] if self.access.framed else []
+        return [f"{cookie}; SameSite=Strict", *framed]
 
-def _cookie(header: str) -> str:
+
+def _port(host: str) -> int | None:
+    """The port in a Host header; None where it states none."""
+    port = host.rpartition(":")[2]
+    return int(port) if port.isascii() and port.isdigit() and len(port) < 6 and ":" in host else None
+
+
+def _is_loopback(host: str) -> bool:
     try:
-        found = SimpleCookie(header).get(COOKIE)
-    except CookieError:
-        return ""
-    return "" if found is None else found.value
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
 
 
-def _same(given: str, token: str) -> bool:
-    return hmac.compare_digest(given.encode(), token.encode())
+def _cookie(headers: Headers) -> str:
+    """The cookie's name, by the port that is asked: browsers send a machine's cookies to all its ports."""
+    return f"zerobeam-{_port(headers['host']) or 80}"
+
+
+def _values(header: str, name: str) -> list[str]:
+    """The values of a cookie; there may be several of one name."""
+    pairs = (part.strip().partition("=") for part in header.split(";"))
+    return [value for key, _, value in pairs if key == name]
 
 
 def _too_large() -> Response:

@@ -9,9 +9,7 @@ from pydantic import BeforeValidator, Field
 
 from ...model.errors import BadInput
 from ...model.files.validation import FileModel, as_tuple
-from .begun import run_file
 from .folder import Folder
-from .named_files import require_named_inside
 
 
 class AskedJob(FileModel):
@@ -31,15 +29,15 @@ class AskedLine(FileModel):
     text: str = Field(max_length=10_000, description="one line, or several")
 
 
-Kind = Literal["read", "write", "value", "flag"]
+Kind = Literal["read", "write", "value", "values", "flag"]  # values: it may be stated several times
 
-_ANALYSE: dict[str, Kind] = {"--seed": "value", "--ess": "value", "--robust": "value", "--hold-out": "value"}
+_ANALYSE: dict[str, Kind] = {"--seed": "value", "--ess": "value", "--robust": "value", "--hold-out": "values"}
 _EXPORT: dict[str, Kind] = {
     "--out": "write",
     "--allow-weak": "flag",
     "--allow-displaced": "flag",
     "--unvalidated": "flag",
-    "--without": "value",
+    "--without": "values",
 }
 _PLAN: dict[str, Kind] = {
     "--out": "write",
@@ -67,7 +65,7 @@ _IMPORT: dict[str, Kind] = {
     "--out": "write",
     "--header": "read",
     "--plan": "read",
-    "--target": "value",
+    "--target": "values",
     "--dry-run": "flag",
 }
 _POINTS: dict[str, Kind] = {**_IMPORT, "--points": "value"}
@@ -179,6 +177,7 @@ _SHORT = {"-o": "--out"}
 _SEVERAL = {("compare",), ("import",), ("history", "add")}  # read that many files or more
 _NAMED = {("history", "report")}  # their one word is a name, and no file; behind `--` it may begin with -
 _WITHIN = {"history": "--db"}  # what must be named, so that it is in the folder
+_Option = tuple[str, str | None]  # as it is called in full, and its value; None: it takes none
 
 
 def job_command(folder: Folder, words: Sequence[str]) -> list[str]:
@@ -190,7 +189,7 @@ def job_command(folder: Folder, words: Sequence[str]) -> list[str]:
         raise BadInput("a word of the command cannot be used")
     for name, (files, options) in ALLOWED.items():
         if tuple(words[: len(name)]) == name:
-            return _checked(folder, name, files, options, list(words[len(name) :]))
+            return _checked(folder, name, files, options, words[len(name) :])
     raise BadInput(
         "the app does not carry out this command",
         found=" ".join(words)[:100],
@@ -200,70 +199,78 @@ def job_command(folder: Folder, words: Sequence[str]) -> list[str]:
 
 
 def _checked(
-    folder: Folder, name: tuple[str, ...], files: int, options: Mapping[str, Kind], rest: list[str]
+    folder: Folder, name: tuple[str, ...], files: int, options: Mapping[str, Kind], rest: Sequence[str]
 ) -> list[str]:
-    called, stated = " ".join(name), list(name)
-    read: list[str] = []
-    named: list[str] = []
-    names: list[str] = []
-    rig = "simulated"
-    while rest:
-        word = rest.pop(0)
-        if name in _NAMED and (word == "--" or not word.startswith("-")):
-            names += [word] if word != "--" else rest
-            if word == "--":
-                break
-            continue
-        if not word.startswith("-"):
-            read.append(_file(folder, word) if name[0] != "import" else folder.called(folder.file(word)))
-            continue
-        key, joined, value = word.partition("=")
-        key = _SHORT.get(key, key)
-        kind = options.get(key)
-        if kind is None:
-            allowed = ", ".join(options)
-            raise BadInput(f"{called} has no such option in the app", found=key, allowed=allowed)
-        if kind == "flag":
-            if joined:
-                raise BadInput(f"{key} takes no value", found=value)
-            stated.append(key)
-            continue
-        if not joined:
-            if not rest:
-                raise BadInput(f"{key} takes a value")
-            value = rest.pop(0)
-        if kind in ("read", "write"):
-            value = _file(folder, value)
-        if kind == "read":
-            named.append(value)
-        if key == "--rig":
-            rig = value
-        stated.append(f"{key}={value}")
-    if rig not in RIGS:
+    called = " ".join(name)
+    stated, words = _parsed(called, options, rest, ended=name in _NAMED)
+    _require_once(called, options, stated)
+    stated = [(key, _value(folder, options[key], value)) for key, value in stated]
+    values = dict(stated)
+    if (rig := values.get("--rig", RIGS[0])) not in RIGS:
         raise BadInput(
             "the app does not carry out this command",
             found=f"--rig {rig}",
             allowed=", ".join(f"--rig {name}" for name in RIGS),
             remedy="use the command line",
         )
+    names, read = (words, []) if name in _NAMED else ([], words)
     several = any(name[: len(own)] == own for own in _SEVERAL)
     if len(read) < files or (len(read) > files and not several) or len(names) > 1:
         raise BadInput(f"{called} reads another number of files", found=len(read), allowed=files)
-    if "--out" in options and not any(word.startswith("--out=") for word in stated):
+    if "--out" in options and "--out" not in values:
         raise BadInput(f"{called} writes a file, and none is named", remedy="add --out")
     needed = _WITHIN.get(name[0])
-    if needed is not None and not any(word.startswith(f"{needed}=") for word in stated):
+    if needed is not None and needed not in values:
         raise BadInput(f"{called} needs a file in the app's folder", remedy=f"add {needed}")
-    # Recordings name no files, and to look for some in a long table would take long.
-    for file in (*(() if name[0] == "import" else read), *named):
-        require_named_inside(folder, folder.inside(file))
-    if "--resume" in stated:
-        require_named_inside(folder, folder.inside(run_file(stated)))
+    # A name of an import that is no file may stand for several.
+    read = [folder.called(folder.file(word)) if name[0] == "import" else _file(folder, word) for word in read]
+    made = [*name, *(key if value is None else f"{key}={value}" for key, value in stated)]
     if name == ("run",):
-        stated += ["--json-lines", "--scene"]
+        made += ["--json-lines", "--scene"]
     elif name[0] != "import" and name[:2] != ("export", "plan"):
-        stated.append("--json")
-    return [*stated, "--", *names, *read] if names or read else stated
+        made.append("--json")
+    return [*made, "--", *names, *read] if words else made
+
+
+def _parsed(
+    called: str, options: Mapping[str, Kind], rest: Sequence[str], *, ended: bool
+) -> tuple[list[_Option], list[str]]:
+    """The options of a command and its other words. `ended`: behind `--` no word is an option."""
+    stated: list[_Option] = []
+    words: list[str] = []
+    left = list(rest)
+    while left:
+        word = left.pop(0)
+        if ended and word == "--":
+            return stated, words + left
+        if not word.startswith("-"):
+            words.append(word)
+            continue
+        key, joined, value = word.partition("=")
+        key = _SHORT.get(key, key)
+        kind = options.get(key)
+        if kind is None:
+            raise BadInput(f"{called} has no such option in the app", found=key, allowed=", ".join(options))
+        if kind == "flag" and joined:
+            raise BadInput(f"{key} takes no value", found=value)
+        if kind != "flag" and not joined:
+            if not left:
+                raise BadInput(f"{key} takes a value")
+            value = left.pop(0)
+        stated.append((key, None if kind == "flag" else value))
+    return stated, words
+
+
+def _require_once(called: str, options: Mapping[str, Kind], stated: Sequence[_Option]) -> None:
+    """Of an option that stands twice one is carried out; that the other one was checked is worth nothing."""
+    keys = [key for key, _ in stated if options[key] != "values"]
+    for key in keys:
+        if keys.count(key) > 1:
+            raise BadInput(f"{key} of {called} is stated twice", allowed=f"{key} once")
+
+
+def _value(folder: Folder, kind: Kind, value: str | None) -> str | None:
+    return _file(folder, value) if value is not None and kind in ("read", "write") else value
 
 
 def _file(folder: Folder, name: str) -> str:

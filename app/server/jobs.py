@@ -17,6 +17,7 @@ from typing import Any
 from ...experiments.rigs.abb.access import PASSWORD
 from ...interruption import ATTENDED
 from ...model.errors import BadInput
+from ...model.paths.confinement import WITHIN
 from .begun import BegunRuns
 from .folder import Folder
 
@@ -225,7 +226,7 @@ class Jobs:
             *_COMMAND,
             *job.command,
             cwd=self._folder.root,
-            env=os.environ | {PROGRESS: "lines", ATTENDED: "1"} | secret,
+            env=os.environ | {PROGRESS: "lines", ATTENDED: "1", WITHIN: str(self._folder.root)} | secret,
             stdin=subprocess.PIPE,  # also what ends with the server, however that ends
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

@@ -18,12 +18,13 @@ from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
+from starlette.responses import FileResponse, JSONResponse, RedirectResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from ...model.errors import BadInput, ZerobeamError
 from ...model.files.reading import LARGEST_YAML, parse_json
 from ...model.files.whole_file import write_whole
+from ...model.paths.confinement import confined
 from ...reports.output.template import TEMPLATES, sheet
 from ...reports.style import typeface
 from .answers.results import read_result, report_files
@@ -32,7 +33,7 @@ from .asked import asked, error_json, require_plain
 from .end_point import EndPoint
 from .end_points import END_POINTS
 from .folder import Folder
-from .guard import LARGEST_BODY, Access, Guard, refusal
+from .guard import LARGEST_BODY, SHOWN, Access, Guard, refusal
 from .job_commands import AskedJob, AskedLine, job_command
 from .jobs import Job, Jobs
 from .openapi import description
@@ -57,7 +58,7 @@ _TYPES = {
 
 def application(folder: Folder, access: Access) -> Starlette:
     """The server of one folder."""
-    server = _Server(folder)
+    server = _Server(folder, access)
     routes = [
         Route("/", server.page),
         Route("/page/{path:path}", server.page),
@@ -67,6 +68,7 @@ def application(folder: Folder, access: Access) -> Starlette:
         Route("/api/file", server.upload, methods=["PUT"]),
         Route("/api/archive", server.archive),
         Route("/report/{path:path}", server.report),
+        Route(f"{SHOWN}{{ticket}}/{{path:path}}", server.shown),
         Route("/api/jobs", server.jobs_told),
         Route("/api/jobs", server.begin_job, methods=["POST"]),
         Route("/api/jobs/{id}", server.job),
@@ -110,8 +112,8 @@ def page_files() -> dict[str, bytes]:
 class _Server:
     """The end points. The calculations have one thread: two at a time would take each twice as long."""
 
-    def __init__(self, folder: Folder) -> None:
-        self.folder = folder
+    def __init__(self, folder: Folder, access: Access) -> None:
+        self.folder, self.access = folder, access
         self.page_files = page_files()
         self.jobs = Jobs(folder)
         self.turn = asyncio.Lock()
@@ -163,8 +165,15 @@ class _Server:
         return JSONResponse({"file": self.folder.called(path), "bytes": len(content)}, status_code=201)
 
     async def report(self, request: Request) -> Response:
+        """The way to a page of the folder, with a ticket for the links in it."""
+        name = self.folder.called(self.folder.file(request.path_params["path"]))
+        return RedirectResponse(f"{SHOWN}{self.access.ticket(name)}/{quote(name)}", status_code=303)
+
+    async def shown(self, request: Request) -> Response:
         """A page of the folder, alone in a sandbox: its scripts reach neither this page nor the server."""
         path = self.folder.file(request.path_params["path"])
+        if not self.access.admits(request.path_params["ticket"], self.folder.called(path)):
+            return refusal(403, "this page was not opened from the app", to_do="open it in the app")
         if path.suffix.lower() != ".html":
             return FileResponse(path, media_type="application/octet-stream", filename=path.name)
         return FileResponse(path, media_type="text/html", headers={"content-security-policy": _ALONE})
@@ -226,8 +235,13 @@ class _Server:
             if await request.is_disconnected():  # while others were answered: a page asks anew at every move
                 raise ClientDisconnect
             loop = asyncio.get_running_loop()
-            work = functools.partial(point.answer, self.folder, *of)
+            work = functools.partial(self._confined, point, *of)
             return JSONResponse(await loop.run_in_executor(self.thread, work))
+
+    def _confined(self, point: EndPoint, *of: Any) -> Any:
+        """The answer; files that files name are refused where they are not below the folder."""
+        with confined(self.folder.root):
+            return point.answer(self.folder, *of)
 
 
 async def _body(request: Request, largest: int) -> bytes:

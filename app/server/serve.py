@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import atexit
 import ipaddress
-import secrets
 import socket
 import threading
 from collections.abc import Callable
@@ -28,26 +27,23 @@ _BESIDE_S = 30.0  # until a server of a notebook answers, or has ended
 def serve(root: Path, host: str | None, port: int, told: Callable[[str], None]) -> None:
     """Serve the app of a folder until the process is asked to end; then KeyboardInterrupt.
 
-    `told` is given the address as soon as it answers. `host` None: this machine alone, without a token.
+    `told` is given the address, with the token, as soon as it answers. `host` None: this machine alone.
     """
     folder = Folder(root)
-    access = Access() if host is None else Access(host, secrets.token_urlsafe(16))
+    access = Access() if host is None else Access(host)
     with listening(access.host, port) as open_socket:
-        number = open_socket.getsockname()[1]
-        shown = f"[{access.host}]" if ":" in access.host else access.host
-        token = "" if access.token is None else f"?token={access.token}"
-        address = f"http://{shown}:{number}/{token}"
+        address = _address(access, open_socket)
         _Server(_config(folder, access), lambda: told(address)).run([open_socket])
 
 
 def serve_beside(root: Path) -> str:
-    """Serve the app of a folder from a thread of this process, for its notebook: the address.
+    """Serve the app of a folder from a thread of this process, for its notebook: the address, with the token.
 
     It ends with the process, and its jobs with it.
     """
-    folder, answers = Folder(root), threading.Event()
-    open_socket = listening("127.0.0.1", 0)
-    server = _Server(_config(folder, Access(framed=True)), answers.set)
+    folder, access, answers = Folder(root), Access(framed=True), threading.Event()
+    open_socket = listening(access.host, 0)
+    server = _Server(_config(folder, access), answers.set)
     thread = threading.Thread(target=server.run, args=([open_socket],), name="zerobeam app", daemon=True)
     thread.start()
 
@@ -59,7 +55,12 @@ def serve_beside(root: Path) -> str:
     atexit.register(end)
     if not answers.wait(_BESIDE_S):
         raise ZerobeamError("the server of the app did not start")
-    return f"http://127.0.0.1:{open_socket.getsockname()[1]}/"
+    return _address(access, open_socket)
+
+
+def _address(access: Access, open_socket: socket.socket) -> str:
+    host = f"[{access.host}]" if ":" in access.host else access.host
+    return f"http://{host}:{open_socket.getsockname()[1]}/?token={access.token}"
 
 
 def _config(folder: Folder, access: Access) -> uvicorn.Config:

@@ -23,6 +23,7 @@ from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 from sqlalchemy.pool import NullPool
 
 from ...model.errors import BadInput, NotWritten, missing_extra
+from ...model.paths.confinement import require_within
 from . import tables
 
 if TYPE_CHECKING:
@@ -206,6 +207,7 @@ def _no_url(what: str) -> BadInput:
 
 
 def _sqlite(file: Path, create: bool, journal: str | None) -> Database:
+    require_within(file)
     if create:
         try:
             file.resolve().parent.mkdir(parents=True, exist_ok=True)

@@ -10,6 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 from ...model.errors import RigFault, missing_extra
+from ...model.paths.confinement import require_device
 from ...model.robot import Matrix
 from .line import IDENTITY, LONGEST, REQUESTS, asking, heard, sample_of
 
@@ -29,6 +30,7 @@ class Amplifier:
             import serial
         except ImportError:
             raise missing_extra("a PSD amplifier", "psd") from None
+        require_device(device)
         self._called = f"{whose} at {device}"
         try:
             self._port = serial.Serial(device, baud, timeout=_POLL_S, write_timeout=_ASK_S, exclusive=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Protocol
@@ -11,10 +12,12 @@ import numpy as np
 
 from ...model.errors import BadInput, RigFault, missing_extra
 from ...model.files.reading import require_regular
+from ...model.paths.confinement import confining_folder, require_within
 from .camera import Camera, Image
 from .sensors_file import CameraBeside
 
 _SUFFIXES = {".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".tif", ".tiff"}
+_NETWORK = re.compile(r"(https?|rtsps?|rtmps?|rtp|srt|udp|tcp)://")  # other URLs may lead to files
 _ANSWER_MS = 5000
 _NOTHING: tuple[bool, Any] = (False, None)
 
@@ -116,9 +119,14 @@ def open_camera(stated: CameraBeside, sheet: Camera, folder: Path) -> Pictures:
     """
     if stated.folder is not None:
         pictures = folder / stated.folder
+        require_within(pictures)
         return Pictures(f"the folder {pictures}", lambda: _Folder(pictures), stated.held_frames, sheet)
     stream = stated.video is not None and "://" in stated.video
     source = stated.device if stated.video is None else stated.video if stream else str(folder / stated.video)
+    if stated.video is not None and not stream:
+        require_within(folder / stated.video)
+    elif stated.video is not None and confining_folder() is not None and not _NETWORK.match(stated.video):
+        raise BadInput("this is no stream that the app opens", found=stated.video, allowed=_NETWORK.pattern)
     # A URL may hold a password: it is in no message.
     called = (
         "the camera's stream" if stream else f"the video {source}" if stated.video else f"camera {source}"

@@ -14,6 +14,7 @@ import numpy as np
 
 from ...interruption import uninterrupted
 from ..errors import BadInput, NotWritten, RigFault
+from ..paths.confinement import require_within
 from .closing import Closing
 from .header import RUN_SCHEMA, Header, check_header, header_content
 from .reading import shown
@@ -88,6 +89,7 @@ class RunJournal(Closing):
         del self._shots[number], self._places[number]
 
     def _open(self, path: Path, header: Header, fits: Fits | None = None) -> None:
+        require_within(path)
         if not path.is_file():
             raise BadInput(
                 "there is no recording to go on with",

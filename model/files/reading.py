@@ -24,6 +24,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from ..errors import BadInput
+from ..paths.confinement import require_within
 
 Place = tuple[str | int, ...]
 Schema = Literal[
@@ -79,6 +80,7 @@ def read_bytes(path: Path, most: int = LARGEST) -> bytes:
 
 def require_regular(path: Path) -> None:
     """BadInput for what is no regular file. It is not opened: a device has no end, a pipe may never begin."""
+    require_within(path)
     try:
         mode = path.stat().st_mode
     except FileNotFoundError:

@@ -13,6 +13,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from ..arms.orientation import roll_pitch_yaw
 from ..arms.plausible import doubtful_rows, too_long, warn_of
 from ..errors import BadInput
+from ..paths.confinement import BUILT_IN, require_within
 from ..robot import DHRow, Joint, Matrix, Robot, dh_chain, shift
 from .header import UrdfRef
 from .reading import did_you_mean, read_yaml, require_schema, shown
@@ -21,7 +22,6 @@ from .validation import FileModel, Name, Point, Positive, refusal, validate
 
 MOST_JOINTS = 100  # more are a mistake, and would be computed for hours
 
-BUILT_IN = Path(__file__).parents[1] / "robots"
 
 Vendor = Literal[
     "abb",
@@ -219,17 +219,11 @@ def load_robot(
     folder = Path(folder)
     ref = str(ref) if isinstance(ref, Path) else ref
     if isinstance(ref, UrdfRef):
-        path = folder / ref.urdf
-        if not path.exists():
-            raise _no_file(path, file, line)
-        return read_urdf(path, ref.base, ref.tip)
+        return read_urdf(_named_file(folder / ref.urdf, file, line), ref.base, ref.tip)
     if ref in built_in_robots():
         return _built_in_robot(ref)
     if ref.lower().endswith((".yaml", ".yml")):
-        path = folder / ref
-        if not path.exists():
-            raise _no_file(path, file, line)
-        return read_robot(path)
+        return read_robot(_named_file(folder / ref, file, line))
     if ref.lower().endswith((".urdf", ".xacro", ".xml")):
         remedy: str | None = "name its chain: robot: {urdf: " + ref + ", base: <link>, tip: <link>}"
     else:
@@ -249,15 +243,18 @@ def _built_in_robot(name: str) -> Robot:
     return read_robot(BUILT_IN / f"{name}.yaml")
 
 
-def _no_file(path: Path, file: Path | None, line: int | None) -> BadInput:
-    return BadInput(
-        "the file of the robot is not there",
-        found=path,
-        allowed="a path relative to the file that names it, or a built-in robot: "
-        + ", ".join(built_in_robots()),
-        file=file,
-        line=line,
-    )
+def _named_file(path: Path, file: Path | None, line: int | None) -> Path:
+    require_within(path, file=file, line=line)
+    if not path.exists():
+        raise BadInput(
+            "the file of the robot is not there",
+            found=path,
+            allowed="a path relative to the file that names it, or a built-in robot: "
+            + ", ".join(built_in_robots()),
+            file=file,
+            line=line,
+        )
+    return path
 
 
 def read_robot(path: Path) -> Robot:

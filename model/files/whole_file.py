@@ -20,6 +20,7 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from ...interruption import interruptible, uninterrupted
 from ..errors import BadInput, NotWritten
+from ..paths.confinement import require_within
 
 if sys.platform == "win32":
     import msvcrt
@@ -45,6 +46,7 @@ def refuse_existing(
     `or_else` is what may be done with a file that is there, besides choosing another name. With `force` a
     regular file may be there, unless it is one of those to `keep`.
     """
+    require_within(path, hidden=True)
     if force and path.is_file():
         if any(own is not None and own.exists() and path.samefile(own) for own in keep):
             raise BadInput(

@@ -16,6 +16,7 @@ from typing import TypeVar
 from ...interruption import interruptible, uninterrupted
 from ...model.errors import BadInput, NotWritten
 from ...model.files.whole_file import WRITER, is_part, remove_abandoned, writer
+from ...model.paths.confinement import require_within
 
 # What file managers leave behind in any folder that was looked at.
 LITTER = {".DS_Store", "Thumbs.db", "desktop.ini"}
@@ -68,6 +69,7 @@ def write_folder(folder: Path | str, kind: Kind, fill: Callable[[Path], Made]) -
 def check_target(folder: Path | str, kind: Kind) -> None:
     """Raise BadInput unless this kind may be written to `folder`: absent, empty, or one of ours."""
     folder = Path(folder)
+    require_within(folder)
     allowed = f"a folder that does not exist, is empty, or holds a {kind.noun} of zerobeam and nothing else"
     if folder.is_dir():
         names = names_in(folder)

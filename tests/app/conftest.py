@@ -21,7 +21,8 @@ from zerobeam.experiments.demos import demo_runs
 from zerobeam.reports.output.posterior_file import write_posterior
 from zerobeam.reports.words.result_json import dumps, to_json
 
-OURS = {"X-Zerobeam": "1"}
+TOKEN = "open-sesame"
+OURS = {"X-Zerobeam": "1", "Authorization": f"Bearer {TOKEN}"}
 BASE = "http://127.0.0.1:8800"
 
 
@@ -60,7 +61,7 @@ def root(tmp_path: Path, planned: Path) -> Path:
 
 @pytest.fixture
 def client(root: Path) -> Iterator[TestClient]:
-    with TestClient(application(Folder(root), Access()), base_url=BASE, headers=OURS) as opened:
+    with TestClient(application(Folder(root), Access(token=TOKEN)), base_url=BASE, headers=OURS) as opened:
         yield opened
 
 

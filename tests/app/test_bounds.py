@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from app_page import request, root
 from child import ZEROBEAM, child
 
 MB = 10**6
@@ -34,7 +35,7 @@ class Server:
 
     @property
     def port(self) -> int:
-        return int(self.address.rstrip("/").rpartition(":")[2])
+        return int(root(self.address).rstrip("/").rpartition(":")[2])
 
     def peak(self) -> int:
         """The most memory that it has held so far, in bytes."""
@@ -44,7 +45,7 @@ class Server:
         return int(found[1]) * 1024
 
     def files(self) -> set[str]:
-        with urllib.request.urlopen(f"{self.address}api/files", timeout=60) as answer:
+        with urllib.request.urlopen(request(self.address, "api/files"), timeout=60) as answer:
             return {row["path"] for row in json.load(answer)}
 
     def answers_again(self) -> bool:
@@ -59,11 +60,13 @@ class Server:
                 time.sleep(0.5)
         return False
 
-    def connected(self, request: str | None = None, header: str = "") -> socket.socket:
+    def connected(self, line: str | None = None, header: str = "") -> socket.socket:
         """A connection, on which the head of a request has been sent."""
         connection = socket.create_connection(("127.0.0.1", self.port), timeout=60)
-        if request is not None:
-            head = [f"{request} HTTP/1.1", "Host: localhost", "X-Zerobeam: 1", *([header] if header else [])]
+        if line is not None:
+            token = self.address.partition("=")[2]
+            ours = ["Host: localhost", "X-Zerobeam: 1", f"Authorization: Bearer {token}"]
+            head = [f"{line} HTTP/1.1", *ours, *([header] if header else [])]
             connection.sendall("\r\n".join([*head, "", ""]).encode())
         return connection
 
@@ -104,8 +107,7 @@ def test_many_uploads_at_once_wait_for_each_other(server: Server) -> None:
     before = server.peak()
 
     def sent(number: int) -> int:
-        address = f"{server.address}api/file?file=log{number}.csv"
-        body = urllib.request.Request(address, bytes(60 * MB), {"X-Zerobeam": "1"}, method="PUT")
+        body = request(server.address, f"api/file?file=log{number}.csv", bytes(60 * MB), "PUT")
         with urllib.request.urlopen(body, timeout=120) as answer:
             return int(answer.status)
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from app_page import root
 from child import ZEROBEAM, child
 from chromium import LAPTOP, PHONE, Size, Tab, chromium
 from command_line import zerobeam
@@ -185,8 +186,7 @@ def test_the_place_loads_from_the_server_alone_and_leaves_nobody_out(folder: Pat
             )
             assert small == [], state
         assert tab.console == []
-        own = tab.address.partition("#")[0]
-        assert [url for url in tab.asked if not url.startswith(own)] == []
+        assert [url for url in tab.asked if not url.startswith(root(tab.address))] == []
 
 
 @pytest.mark.long

@@ -17,8 +17,6 @@ from starlette.testclient import TestClient
 from zerobeam.interruption import ATTENDED, INTERRUPTED
 from zerobeam.model.files.run import read_run
 
-PLAN = "schema: zerobeam/plan/1\nrobot: {robot}\n"
-
 
 def line(client: TestClient, job: str, text: str) -> Any:
     return client.post(f"/api/jobs/{job}/line", json={"text": text})
@@ -101,43 +99,6 @@ def test_what_a_run_has_and_how_to_go_on_with_it(client: TestClient, root: Path)
     state = client.get("/api/run", params=ask).json()
     assert state["resume"] is None
     assert "plan" in state["why_not"]
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "command"),
-    [
-        ("p.yaml", PLAN.format(robot="../outside.yaml"), ["run", "p.yaml", "-o", "n.jsonl"]),
-        ("p.yaml", PLAN.format(robot="way/arm.yaml"), ["export", "plan", "rapid", "p.yaml", "-o", "n.mod"]),
-        (
-            "h.yaml",
-            "robot: {urdf: ../x.urdf, base: a, tip: b}\n",
-            ["plan", "x", "--header=h.yaml", "-o", "n.yaml"],
-        ),
-        ("c.yaml", "robot: /etc/arm.yaml\n", ["run", "plan.yaml", "--cell=c.yaml", "-o", "n.jsonl"]),
-        ("r.jsonl", '\n{"robot": "../outside.yaml"}\n', ["analyse", "r.jsonl"]),
-        ("r.jsonl", '{"robot": "../outside.yaml"}\n', ["run", "plan.yaml", "--resume", "-o", "r.jsonl"]),
-        (
-            "s.yaml",
-            "psds: {a: {calibration: ../outside.yaml}}\n",
-            ["run", "plan.yaml", "--rig=abb", "--sensors=s.yaml", "-o", "n.jsonl"],
-        ),
-        (
-            "s.yaml",
-            "camera: {video: 'file:///etc/passwd'}\n",
-            ["run", "plan.yaml", "--rig=abb", "--sensors=s.yaml", "-o", "n.jsonl"],
-        ),
-    ],
-)
-def test_no_file_leads_a_job_out_of_the_folder(
-    client: TestClient, root: Path, name: str, content: str, command: list[str]
-) -> None:
-    (root / "way").symlink_to(root.parent)
-    (root.parent / "arm.yaml").write_text("joints: []\n")
-    (root / name).write_text(content)
-    answer = client.post("/api/jobs", json={"command": command})
-    assert answer.status_code == 400
-    assert answer.json()["error"]["what"].startswith(f"{name}: the file names a path that is not below")
-    assert client.get("/api/jobs").json() == []
 
 
 def test_an_attended_command_ends_with_who_began_it(root: Path) -> None:

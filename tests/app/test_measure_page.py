@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from app_page import App, app, give, touch, wait
+from app_page import App, app, give, root, touch, wait
 from cells import good_plan
 from child import ZEROBEAM, child
 from chromium import LAPTOP, PHONE, Size, Tab, chromium
@@ -125,7 +125,7 @@ def test_the_place_leaves_nobody_out(server: App, size: str) -> None:
         assert tab.accessibility() == []
         assert tab.overflow() == 0
         assert tab.console == []
-        assert [url for url in tab.asked if not url.startswith(server.address)] == []
+        assert [url for url in tab.asked if not url.startswith(root(server.address))] == []
 
 
 @pytest.mark.long
@@ -163,7 +163,11 @@ def test_the_page_offers_to_resume_once_a_killed_server_is_back(server: App, fol
         server.process.kill()
         server.process.wait()
         wait(tab, f"{NOW}.startsWith('The connection to the server is lost.')")
-        with app(folder, int(server.address.rstrip("/").rpartition(":")[2])):
+        port = int(root(server.address).rstrip("/").rpartition(":")[2])
+        with app(folder, port) as again:
+            with chromium().opened(again.address):
+                """Its new token becomes the cookie of all tabs."""
+            tab.call("Page.bringToFront")  # else it is not painted
             wait(tab, RESUME, 60)
             click(tab, RESUME)
             wait(tab, UNDER_WAY)

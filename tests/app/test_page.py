@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from app_page import app, give, wait
+from app_page import app, give, root, wait
 from cells import good_plan, pattern_plan
 from chromium import LAPTOP, PHONE, Size, Tab, chromium
 from command_line import plan_file
@@ -67,7 +67,7 @@ def test_both_places_load_from_the_server_alone_and_leave_nobody_out(address: st
             assert tab.overflow() == 0
         assert tab.console == []
         assert tab.asked
-        assert [url for url in tab.asked if not url.startswith(address)] == []
+        assert [url for url in tab.asked if not url.startswith(root(address))] == []
 
 
 def test_u_follows_a_joint_and_undo_takes_it_back(address: str) -> None:

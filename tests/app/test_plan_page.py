@@ -9,7 +9,7 @@ from urllib.parse import quote
 
 import numpy as np
 import pytest
-from app_page import app, give, wait
+from app_page import app, give, root, wait
 from arm_with_meshes import URDF, stl
 from cells import good_plan, pattern_plan
 from chromium import LAPTOP, PHONE, Size, Tab, chromium
@@ -95,7 +95,7 @@ def test_everything_opened_leaves_nobody_out(address: str, size: str) -> None:
         )
         assert low == []
         assert tab.console == []
-        assert [url for url in tab.asked if not url.startswith(address)] == []
+        assert [url for url in tab.asked if not url.startswith(root(address))] == []
 
 
 def test_a_plan_is_made_with_its_certificate_and_opened(tab: Tab, folder: Path) -> None:

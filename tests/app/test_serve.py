@@ -7,12 +7,13 @@ import signal
 import socket
 import subprocess
 import sys
-import urllib.request
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from urllib.request import urlopen
 
 import pytest
+from app_page import request, root
 from child import ZEROBEAM, child
 from command_line import zerobeam
 
@@ -30,25 +31,27 @@ def started(root: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
 
 def test_it_answers_many_and_ends_with_ctrl_c(started: tuple[subprocess.Popen[str], str]) -> None:
     process, address = started
-    port = int(address.removesuffix("/").rpartition(":")[2])
+    port = int(root(address).removesuffix("/").rpartition(":")[2])
     with ExitStack() as opened:
         for _ in range(700):
             opened.enter_context(socket.create_connection(("127.0.0.1", port)))
         assert process.poll() is None
-    with urllib.request.urlopen(f"{address}api/files") as answer:
+    with urlopen(request(address, "api/files")) as answer:
         assert {row["path"] for row in json.load(answer)} == {"plan.yaml", "run.jsonl"}
         assert "server" not in answer.headers
     # Who has gone is not calculated for: that would take minutes.
-    with urllib.request.urlopen(f"{address}api/plan?file=plan.yaml") as answer:
+    with urlopen(request(address, "api/plan?file=plan.yaml")) as answer:
         plan = json.load(answer)["plan"]
     long = json.dumps({"plan": plan | {"postures_deg": plan["postures_deg"] * 100}}).encode()
+    token = address.partition("=")[2]
     head = (
-        f"POST /api/check HTTP/1.1\r\nHost: localhost\r\nX-Zerobeam: 1\r\nContent-Length: {len(long)}\r\n\r\n"
+        f"POST /api/check HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer {token}\r\nX-Zerobeam: 1\r\n"
+        f"Content-Length: {len(long)}\r\n\r\n"
     )
     for _ in range(40):
         with socket.create_connection(("127.0.0.1", port)) as gone:
             gone.sendall(head.encode() + long)
-    with urllib.request.urlopen(f"{address}api/plan?file=plan.yaml", timeout=60) as answer:
+    with urlopen(request(address, "api/plan?file=plan.yaml"), timeout=60) as answer:
         assert json.load(answer)["plan"] == plan
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=30)
@@ -58,10 +61,9 @@ def test_it_answers_many_and_ends_with_ctrl_c(started: tuple[subprocess.Popen[st
 def test_ctrl_c_ends_jobs_and_those_who_follow_them(started: tuple[subprocess.Popen[str], str]) -> None:
     process, address = started
     body = json.dumps({"command": ["analyse", "run.jsonl", "--ess", "100000"]}).encode()
-    wanted = urllib.request.Request(f"{address}api/jobs", body, {"X-Zerobeam": "1"})
-    with urllib.request.urlopen(wanted) as answer:
+    with urlopen(request(address, "api/jobs", body)) as answer:
         job = json.load(answer)["id"]
-    with urllib.request.urlopen(f"{address}api/jobs/{job}/events") as following:
+    with urlopen(request(address, f"api/jobs/{job}/events")) as following:
         assert following.readline() == b"id: 1\n"  # it has begun
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=30)  # the job would take longer

@@ -14,6 +14,7 @@ from typing import Any
 from urllib.parse import unquote
 
 import pytest
+from app_page import request
 from cells import good_plan
 
 import zerobeam as zb
@@ -35,8 +36,8 @@ def _write(folder: Path) -> str:
     return NAME
 
 
-def _get(address: str) -> Any:
-    return urllib.request.urlopen(address, timeout=30)
+def _get(address: str, path: str = "") -> Any:
+    return urllib.request.urlopen(request(address, path), timeout=30)
 
 
 def test_the_page_is_served_on_the_files_of_the_object() -> None:
@@ -47,7 +48,7 @@ def test_the_page_is_served_on_the_files_of_the_object() -> None:
     assert root.startswith("http://127.0.0.1:")
     name = unquote(place.removeprefix("plan/"))
     assert name.endswith(f"/{NAME}")
-    listed = [row["path"] for row in json.load(_get(f"{root}api/files"))]
+    listed = [row["path"] for row in json.load(_get(root, "api/files"))]
     assert name in listed
     assert app_of(thing, "plan", _write) == view  # nothing is written twice
     again = app_of(other, "plan", _write)
@@ -59,9 +60,9 @@ def test_the_page_is_served_on_the_files_of_the_object() -> None:
 
 def test_a_notebook_of_this_machine_alone_may_frame_it() -> None:
     root = app_of(Thing(), "plan", _write).address.partition("#")[0]
-    for path in ("", f"report/{json.load(_get(f'{root}api/files'))[0]['path'].partition('/')[0]}/none.html"):
+    for path in ("", f"report/{json.load(_get(root, 'api/files'))[0]['path'].partition('/')[0]}/none.html"):
         try:
-            headers = _get(root + path).headers
+            headers = _get(root, path).headers
         except urllib.error.HTTPError as error:
             headers = error.headers
         ancestors = headers["content-security-policy"].partition("frame-ancestors ")[2].partition(";")[0]
@@ -95,7 +96,7 @@ def test_a_plan_is_opened_with_its_robot_beside_it(tmp_path: Path) -> None:
     checked = zb.check(zb.read_plan(tmp_path / "a plan.yaml"))
     root, _, place = checked.app().address.partition("#")
     assert place.startswith("plan/")
-    answer = json.load(_get(f"{root}api/plan?file={place.removeprefix('plan/')}"))
+    answer = json.load(_get(root, f"api/plan?file={place.removeprefix('plan/')}"))
     assert (answer["plan"]["robot"], len(answer["plan"]["postures_deg"])) == ("own.yaml", 7)
     assert checked.app() == checked.app()
 
@@ -127,9 +128,9 @@ def test_a_solution_opens_its_result_and_the_server_ends_with_the_process() -> N
         root, _, place = process.stdout.readline().strip().partition("#")
         assert place.startswith("result/")
         file = unquote(place.removeprefix("result/"))
-        answer = json.load(_get(f"{root}api/file?file={file}"))
+        answer = json.load(_get(root, f"api/file?file={file}"))
         assert answer["schema"] == "zerobeam/result/1"
-        kinds = {row["path"]: row["kind"] for row in json.load(_get(f"{root}api/files"))}
+        kinds = {row["path"]: row["kind"] for row in json.load(_get(root, "api/files"))}
         assert "run" in kinds.values()
         process.stdin.write("\n")
         process.stdin.flush()

@@ -5,18 +5,34 @@ from __future__ import annotations
 import json
 import subprocess
 import time
-import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
+from urllib.request import Request, urlopen
 
 from child import ZEROBEAM, child
 from chromium import Tab
 
 
+def root(address: str) -> str:
+    """The address without what it has of token and place."""
+    return address.partition("#")[0].partition("?")[0]
+
+
+def request(address: str, path: str, body: bytes | None = None, method: str | None = None) -> Request:
+    """As a program with the address sends it; with a body by POST, unless `method` says otherwise."""
+    token = address.partition("#")[0].partition("?token=")[2]
+    headers = {
+        "Authorization": f"Bearer {token}",
+        "X-Zerobeam": "1",
+        "Content-Type": "application/octet-stream",
+    }
+    return Request(f"{root(address)}{path}", body, headers, method=method)
+
+
 class App(NamedTuple):
-    """Its address, and its process."""
+    """Its address, with the token, and its process."""
 
     address: str
     process: subprocess.Popen[str]
@@ -24,9 +40,7 @@ class App(NamedTuple):
     def ask(self, path: str, body: Any = None) -> Any:
         """What an end point answers; with a body it is sent by POST."""
         content = None if body is None else json.dumps(body).encode()
-        headers = {"X-Zerobeam": "1", "Content-Type": "application/json"}
-        asked = urllib.request.Request(f"{self.address}api/{path}", data=content, headers=headers)
-        with urllib.request.urlopen(asked, timeout=60) as answer:
+        with urlopen(request(self.address, f"api/{path}", content), timeout=60) as answer:
             return json.load(answer)
 
     def until(self, job: str, share: float) -> Any:

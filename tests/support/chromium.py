@@ -196,6 +196,17 @@ class Tab:
         assert "exceptionDetails" not in told, told["exceptionDetails"]
         return told["result"].get("value")
 
+    def frame(self, start: str) -> Tab:
+        """A frame whose address begins so, of another site or in a sandbox: the browser keeps those apart."""
+        (target,) = [
+            each["targetId"]
+            for each in self._browser.call("Target.getTargets", {})["targetInfos"]
+            if each["type"] == "iframe" and each["url"].startswith(start)
+        ]
+        asked = {"targetId": target, "flatten": True}
+        session = self._browser.call("Target.attachToTarget", asked)["sessionId"]
+        return Tab(self._browser, session, start)
+
     def reload(self) -> None:
         """Load the page anew, whole."""
         kept = self._browser.events

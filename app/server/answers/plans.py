@@ -100,7 +100,7 @@ def plan(folder: Folder, name: str) -> dict[str, Any]:
 def write(folder: Folder, wanted: AskedPlan) -> dict[str, Any]:
     """Write a plan as a new file or over a plan, whole or not at all; nothing else is ever replaced."""
     path = folder.inside(wanted.file)
-    if path.suffix.lower() not in {".yaml", ".yml"} or path.name.startswith("."):
+    if path.suffix.lower() not in {".yaml", ".yml"}:
         raise BadInput("a plan cannot have this name", found=wanted.file, allowed="a name that ends in .yaml")
     if path.exists():
         document = read_yaml(path)
@@ -165,7 +165,7 @@ def obstacles(folder: Folder, name: str) -> dict[str, Any]:
 def write_obstacles_file(folder: Folder, wanted: AskedObstacles) -> dict[str, Any]:
     """Write obstacles as a new file or over an obstacles file; nothing else is ever replaced."""
     path = folder.inside(wanted.file)
-    if path.suffix.lower() not in {".yaml", ".yml"} or path.name.startswith("."):
+    if path.suffix.lower() not in {".yaml", ".yml"}:
         raise BadInput(
             "obstacles cannot have this name", found=wanted.file, allowed="a name that ends in .yaml"
         )

@@ -64,16 +64,16 @@ def _read(path: Path) -> Draws:
 
     try:
         with h5py.File(path, "r") as file:
-            group = file["posterior"]
+            group = _own(file, "posterior")
             converged = str(group.attrs["converged"]) == "yes"
-            chains, steps = len(group["chain"]), len(group["draw"])
+            chains, steps = len(_own(group, "chain")), len(_own(group, "draw"))
             if chains * steps > MOST_STORED or len(group) > MOST_VARIABLES:
                 raise ValueError(f"{chains * steps} draws of {len(group)} parameters")
             columns, names, units, prior = [], [], [], []
             # Walkers wander slowly: every k-th step of all of them, or of every k-th where they are many.
             walkers = max(1, -(-chains // MOST_DRAWS))
             every = max(1, -(-steps // max(1, MOST_DRAWS // -(-chains // walkers))))
-            for variable in group.values():
+            for variable in (_own(group, name) for name in group):
                 if variable.shape != (chains, steps) or "source" not in variable.attrs:
                     continue
                 name = str(variable.attrs["long_name"])
@@ -97,6 +97,18 @@ def _read(path: Path) -> Draws:
             file=path,
         ) from None
     return Draws(converged, sha256, chains * steps, tuple(names), tuple(units), values, tuple(prior))
+
+
+def _own(group: Any, name: str) -> Any:
+    """A member of an HDF5 group that is in this very file; ValueError where the file leads to another one."""
+    import h5py
+
+    if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+        raise ValueError(f"{name[:50]} is a link")
+    member = group[name]
+    if isinstance(member, h5py.Dataset) and (member.external or member.is_virtual):
+        raise ValueError(f"{name[:50]} is stored in another file")
+    return member
 
 
 def posterior(folder: Folder, name: str) -> dict[str, Any]:

@@ -19,7 +19,6 @@ from ....reports.words.wording import person
 from ..begun import BegunRuns
 from ..end_point import EndPoint
 from ..folder import Folder
-from ..named_files import require_named_inside
 from .notes import noted
 
 _MOST = 20  # of its measurements after each of which u is said
@@ -66,7 +65,6 @@ def unfinished(folder: Folder) -> list[dict[str, Any]]:
 def _read(folder: Folder, name: str) -> tuple[Run, dict[str, Any]]:
     """A run, and what is said of it without a fit."""
     path = folder.file(name)
-    require_named_inside(folder, path)
     if path.stat().st_size > _LARGEST:
         remedy = "use zerobeam analyse"
         raise BadInput("the run is too long to be looked at here", remedy=remedy, file=Path(name))

@@ -7,8 +7,8 @@ the arm to places that nobody has meant.
 from __future__ import annotations
 
 import re
-from collections import Counter
 from codecs import BOM_UTF8
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -51,9 +51,7 @@ class Language:
     head: Callable[[str], tuple[int, str]]
     pose: Callable[[Sequence[float]], Matrix]
     form: str  # of a pose on the command line
-    literals: Callable[[str], list[tuple[int, int]]] | None = (
-        None  # places of all literals of poses and joints
-    )
+    literals: Callable[[str], list[tuple[int, int]]]  # places of all literals of poses and joints
 
 
 LANGUAGES: Mapping[str, Language] = {

@@ -69,7 +69,7 @@ export class Live {
   }
 
   now(job, run, lost) {
-    if (lost && !["done", "stopped", "failed"].includes(job.state)) return "The connection to the server is lost. The run goes on as long as the server does; this page tries again.";
+    if (lost && !["done", "stopped", "failed"].includes(job.state)) return "The connection to the server is lost. The run goes on as long as the server does; this page tries again. Where the app was started anew, open the address that it prints.";
     const kept = `${counted(run.recorded.length, "measurement")} ${run.recorded.length === 1 ? "is" : "are"} kept in ${run.file}.`;
     if (run.end) return `${named(run.end.headline)} ${kept}`;
     const left = run.file && run.counted ? ` ${kept}` : "";

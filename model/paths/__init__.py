@@ -1,0 +1,1 @@
+"""Which paths a calculation or a command of the app may use."""
