@@ -77,7 +77,12 @@ def import_csv(
         typer.Option(help="Delimiter between two values; found if not stated.", show_default=False),
     ] = None,
     decimal: Decimal = ".",
-    j3: Annotated[J3Origin, typer.Option(help="What joint 3 is counted from; FANUC: ground.")] = "link",
+    j3: Annotated[
+        J3Origin | None,
+        typer.Option(
+            help="What joint 3 is counted from, if not as the robot file states.", show_default=False
+        ),
+    ] = None,
     spot_columns: Annotated[
         str | None, typer.Option(help="Columns of spot_mm: dx,dy in mm.", show_default=False)
     ] = None,

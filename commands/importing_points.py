@@ -90,9 +90,11 @@ def import_fanuc(
     ],
     file: NewRunFile,
     j3: Annotated[
-        J3Origin,
-        typer.Option(help="What joint 3 is counted from; on the pendant: ground.", show_default=False),
-    ],
+        J3Origin | None,
+        typer.Option(
+            help="What joint 3 is counted from, if not as the robot file states.", show_default=False
+        ),
+    ] = None,
     header: SharedHeader = None,
     plan: MeasuredPlan = None,
     target: Targets = None,

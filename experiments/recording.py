@@ -9,7 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-from ..model.arms.joint_three import COUNTED_FROM_GROUND, J3, require_coupled
+from ..model.arms.pendant import pendant_of
+from ..model.conventions import J3, PendantUnit
 from ..model.errors import BadInput, RigFault
 from ..model.files.header import Header
 from ..model.files.journal import RunJournal
@@ -49,10 +50,11 @@ class Controller:
 
 @dataclass(frozen=True)
 class Answers:
-    """Where the lines of a run by hand come from, the unit of their angles, what joint 3 is counted from."""
+    """Where the lines of a run by hand come from, the unit of their values and what joint 3 is counted from:
+    None is as the robot file states."""
 
     lines: Lines
-    units: Literal["deg", "rad"] = "deg"
+    units: PendantUnit | None = None
     j3: J3 | None = None
 
 
@@ -113,13 +115,8 @@ def _led(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
         raise BadInput("a run by hand needs somebody to answer", remedy="type the values, or state --watch")
     if plan.header.tool.kind == "probe":
         _refuse({"--adaptive": request.tolerance}, "is for a laser; the plan's tool is a probe")
-    if answers.j3 is None and plan.robot.vendor in COUNTED_FROM_GROUND:
-        raise BadInput(
-            f"what is joint 3 of {plan.robot.name} counted from?",
-            allowed="--j3 ground: as FANUC's pendants count it; --j3 link: from link 2",
-        )
-    if answers.j3 == "ground":
-        require_coupled(plan.robot)
+    pendant = pendant_of(plan.robot, answers.j3)
+    pendant.per_degree(answers.units)
     order, adaptive = _order(plan, request)
     header = _header(plan, file, {"origin": "by hand", "plan sha256": plan.sha256})
     with _journal(plan, file, header, request) as journal:
@@ -130,8 +127,8 @@ def _led(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
             order,
             told,
             answers.lines,
-            answers.units,
-            answers.j3 or "link",
+            pendant,
+            answers.units or pendant.unit,
             request.scene,
         )
         carried = led.carry_out()
@@ -193,6 +190,12 @@ def _rig(
         _refuse({"--cell": request.cell, "--recorded": request.recording}, "is not for the ABB rig")
         if request.controller is None:
             raise BadInput("the ABB rig needs a controller", remedy="state --host")
+        if plan.robot.conventions.joint3 == "ground":
+            raise BadInput(
+                "the ABB rig drives arms whose joint 3 is counted from link 2",
+                found=f"{plan.robot.name}: pendant: {{joint3: ground}}",
+                remedy="export the plan as a program: zerobeam export plan rapid",
+            )
         reached = request.controller
         return AbbRig(plan, reached.access, reached.sensors, reached.caution), {**about, **reached.about}
     if request.rig == "replay":

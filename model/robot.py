@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .conventions import NOTHING_STATED, Conventions
 from .errors import BadInput
 
 Matrix = NDArray[np.float64]
@@ -63,6 +64,8 @@ class Robot:
         (4, 4) from the last joint's frame, after its motion, to the flange, mm.
     vendor
         Who makes it, as in robot files ("abb", "kuka", "universal-robots"); None where not stated.
+    conventions
+        How it is mounted and how its pendant counts. Joint positions here count joint 3 from link 2.
 
     Examples
     --------
@@ -78,6 +81,7 @@ class Robot:
     joints: tuple[Joint, ...]
     flange: Matrix
     vendor: str | None = None
+    conventions: Conventions = NOTHING_STATED
 
     def __repr__(self) -> str:
         return f"<Robot {self.name}: {self.n} joint{'' if self.n == 1 else 's'}>"

@@ -50,6 +50,7 @@ def rows_text(head: Sequence[str], stated: RobotFile, table: Table) -> str:
             *(f"  - {_joint(own, row)}" for own, row in zip(stated.joints, table.rows, strict=True)),
             *_transform("base", stated.base),
             *_transform("flange", _stated(table.flange, stated.flange)),
+            *_conventions(stated),
             "",
         ]
     )
@@ -101,6 +102,13 @@ def _stated(transform: Matrix, before: StatedTransform) -> StatedTransform:
     x, y, z = transform[:3, 3].tolist()
     roll, pitch, yaw = np.degrees(angles_of(transform[:3, :3])).tolist()
     return StatedTransform(xyz_mm=(x, y, z), rpy_deg=(roll, pitch, yaw))
+
+
+def _conventions(stated: RobotFile) -> list[str]:
+    """How the arm is mounted and counted, as the file states it."""
+    keys = ("mounting", "pendant", "limits", "encoder")
+    content = stated.model_dump(mode="json", include=set(keys), exclude_unset=True, exclude_none=True)
+    return [f"{key}: {_quoted(content[key])}" for key in keys if content.get(key)]
 
 
 def _transform(key: str, stated: StatedTransform) -> list[str]:

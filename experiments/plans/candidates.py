@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...analysis.observability.aim import aim, servo_joints
+from ...model.arms.pendant import beyond_limits
 from ...model.errors import BadInput
 from ...model.files.header import Header
 from ...model.problem import Problem
@@ -21,6 +22,7 @@ Index = NDArray[np.int64]
 _BATCH = 20_000
 _MOST_DRAWN_PER_CANDIDATE = 60
 _LEAST_DRAWN = 60_000
+_SAMPLE = 2000  # postures by which the conditions are judged one by one, where too few satisfy all
 
 
 @dataclass(frozen=True)
@@ -41,17 +43,48 @@ class View:
 @dataclass(frozen=True, eq=False)
 class CandidatePostures:
     """`postures` (C, n) rad or mm, all aimed; `drawn` how many were tried, `removed` how many each
-    constraint took, in the order in which they were judged: together they are all that were drawn."""
+    constraint took, in the order in which they were judged: together they are all that were drawn. Where
+    fewer than asked for are left, `alone` says what each constraint does by itself."""
 
     postures: Matrix
     drawn: int
     removed: dict[str, int]
+    alone: Alone | None = None
 
     def in_words(self) -> str:
         """Which constraint removed how many, in words."""
         parts = [f"{count} {reason}" for reason, count in self.removed.items() if count]
         return f"{len(self.postures)} of {self.drawn} postures are left; " + ", ".join(
             parts or ["none removed"]
+        )
+
+    def reasons(self) -> str:
+        """The same where too few are left: the decisive constraint first."""
+        return self.in_words() if self.alone is None else f"{self.in_words()}. {self.alone.in_words()}"
+
+
+@dataclass(frozen=True)
+class Alone:
+    """Of `aimed` postures that can be turned onto the target: how many each constraint `removes`, and how
+    many would be left `without` it, if all others stay."""
+
+    aimed: int
+    removes: dict[str, int]
+    without: dict[str, int]
+
+    def in_words(self) -> str:
+        """The constraint first without which most would be left; of the others that which removes most."""
+        if not self.aimed:
+            return "No posture can be turned onto the target: it is out of reach or out of sight"
+        order = sorted(self.removes, key=lambda reason: (-self.without[reason], -self.removes[reason]))
+        parts = [
+            f"{self.removes[reason]} {reason} ({self.without[reason]} would be left without this condition)"
+            for reason in order
+            if self.removes[reason]
+        ]
+        return (
+            f"Of {self.aimed} postures turned onto the target, judged by one condition alone: "
+            + ", ".join(parts or ["none is removed"])
         )
 
 
@@ -74,7 +107,7 @@ def candidates(
     """
     view = view or View()
     _check(view, count)
-    lower, upper = _limits(robot, view)
+    lower, upper, margin = _limits(robot, view)
     lowest, highest = _one_turn(robot, lower, upper)
     rng = np.random.default_rng(seed)
     problem = Problem.build(header, robot, np.zeros((_BATCH, robot.n)), [name] * _BATCH)
@@ -83,13 +116,16 @@ def candidates(
     clearance = None if obstacles is None else Clearance(problem, obstacles)
     removed: dict[str, int] = {}
     kept: list[Matrix] = []
+    sample: Problem | None = None  # some postures of the first draw that can be turned onto the target
     drawn = found = 0
     most = max(_LEAST_DRAWN, _MOST_DRAWN_PER_CANDIDATE * count)
     while found < count and drawn < most:
         joints = rng.uniform(lowest, highest, size=(_BATCH, robot.n))
         drawn += _BATCH
         aimed = aim(problem.moved(joints), x, servo_joints(problem))
-        left = _fit(aimed.problem, x, aimed.hit, lower, upper, view, clearance, removed)
+        if sample is None:
+            sample = aimed.problem.select(np.flatnonzero(aimed.hit)[:_SAMPLE])
+        left = _fit(aimed.problem, x, aimed.hit, margin, view, clearance, removed)
         kept.append(left)
         found += len(left)
         if progress is not None:
@@ -98,59 +134,89 @@ def candidates(
             break
     if found > count:
         removed["are more than asked for"] = found - count
-    return CandidatePostures(np.concatenate(kept)[:count], drawn, removed)
+    alone = None if found >= count or sample is None else _alone(sample, x, margin, view, clearance)
+    return CandidatePostures(np.concatenate(kept)[:count], drawn, removed, alone)
 
 
 def _fit(
     problem: Problem,
     x: Matrix,
     hit: Mask,
-    lower: Matrix,
-    upper: Matrix,
+    margin: Matrix,
     view: View,
     clearance: Clearance | None,
     removed: dict[str, int],
 ) -> Matrix:
     """The joints of the measurements that satisfy everything; `removed` counts the others by their first
     fault."""
+    unaimed = "cannot be turned onto the target (out of reach or out of sight)"
+    removed[unaimed] = removed.get(unaimed, 0) + int((~hit).sum())
+    left = np.flatnonzero(hit)
+    for reason, fails in _conditions(problem, x, margin, view, clearance):
+        # In this order: distances of links, which take the most time, only where all else is well.
+        failed = fails(left) if len(left) else np.zeros(0, dtype=bool)
+        removed[reason] = removed.get(reason, 0) + int(failed.sum())
+        left = left[~failed]
+    return problem.joints[left]
+
+
+def _alone(problem: Problem, x: Matrix, margin: Matrix, view: View, clearance: Clearance | None) -> Alone:
+    """What each condition does by itself to the postures of a problem, all turned onto the target."""
+    rows = np.arange(problem.shots)
+    failed = {
+        reason: fails(rows) if len(rows) else np.zeros(0, dtype=bool)
+        for reason, fails in _conditions(problem, x, margin, view, clearance)
+    }
+    faults = np.sum(list(failed.values()), axis=0)
+    return Alone(
+        len(rows),
+        {reason: int(own.sum()) for reason, own in failed.items()},
+        {reason: int((faults - own == 0).sum()) for reason, own in failed.items()},
+    )
+
+
+def _conditions(
+    problem: Problem, x: Matrix, margin: Matrix, view: View, clearance: Clearance | None
+) -> list[tuple[str, Callable[[Index], Mask]]]:
+    """Each condition: what is said of the postures that fail it, and which of some rows do."""
     origin, direction = problem.beams(x)
-    targets = problem.split(x).targets
-    left = np.ones(problem.shots, dtype=bool)
-
-    def keep(mask: Mask, reason: str) -> None:
-        removed[reason] = removed.get(reason, 0) + int((left & ~mask).sum())
-        left[:] &= mask
-
-    keep(hit, "cannot be turned onto the target (out of reach or out of sight)")
-    joints = problem.joints
-    keep(np.all((joints >= lower) & (joints <= upper), axis=1), "come too near to a joint limit")
-    if problem.tool.kind == "laser":
-        to_target = targets[0] - origin
-        length = (to_target * direction).sum(axis=1)
-        keep(length > 0, "have the target behind the laser")
-        keep((length >= view.beam[0]) & (length <= view.beam[1]), "have too short or too long a beam")
-        if view.facing is not None:
-            normal = np.array(view.facing) / np.linalg.norm(view.facing)
-            steep: Mask = np.asarray(-(direction @ normal) >= np.cos(view.acceptance))
-            keep(steep, "meet the target's face from behind or at too flat an angle")
-    if clearance is not None:
-
-        def keep_clear(hits: Callable[[Index], Mask], reason: str) -> None:
-            # Judged only where all else is well: distances of links take the most time.
-            rows = np.flatnonzero(left)
-            mask = np.ones(len(left), dtype=bool)
-            if len(rows):
-                mask[rows] = ~hits(rows)
-            keep(mask, reason)
-
-        arm = clearance
-        keep_clear(lambda rows: arm.hits_itself(joints[rows]), "make the arm hit itself")
-        keep_clear(lambda rows: arm.hits_cell(joints[rows]), "make the arm hit the floor or a box")
-        if problem.tool.kind == "laser":
-            keep_clear(
-                lambda rows: arm.beam_blocked(origin[rows], targets[0]), "have a box in the beam's way"
+    target, joints = problem.split(x).targets[0], problem.joints
+    length = ((target - origin) * direction).sum(axis=1)
+    laser = problem.tool.kind == "laser"
+    conditions: list[tuple[str, Callable[[Index], Mask]]] = [
+        (
+            "come too near to a joint limit",
+            lambda rows: beyond_limits(problem.robot, joints[rows], -margin).any(axis=1),
+        )
+    ]
+    if laser:
+        shortest, longest = view.beam
+        conditions += [
+            ("have the target behind the laser", lambda rows: length[rows] <= 0),
+            (
+                "have too short or too long a beam",
+                lambda rows: (length[rows] < shortest) | (length[rows] > longest),
+            ),
+        ]
+    if laser and view.facing is not None:
+        normal = np.array(view.facing) / np.linalg.norm(view.facing)
+        conditions.append(
+            (
+                "meet the target's face from behind or at too flat an angle",
+                lambda rows: -(direction[rows] @ normal) < np.cos(view.acceptance),
             )
-    return joints[left]
+        )
+    if clearance is not None:
+        conditions += [
+            ("make the arm hit itself", lambda rows: clearance.hits_itself(joints[rows])),
+            ("make the arm hit the floor", lambda rows: clearance.hits_floor(joints[rows])),
+            ("make the arm hit a box", lambda rows: clearance.hits_boxes(joints[rows])),
+        ]
+        if laser:
+            conditions.append(
+                ("have a box in the beam's way", lambda rows: clearance.beam_blocked(origin[rows], target))
+            )
+    return conditions
 
 
 def _check(view: View, count: int) -> None:
@@ -173,8 +239,8 @@ def _check(view: View, count: int) -> None:
         )
 
 
-def _limits(robot: Robot, view: View) -> tuple[Matrix, Matrix]:
-    """(n,) lower and upper limits with the margin kept."""
+def _limits(robot: Robot, view: View) -> tuple[Matrix, Matrix, Matrix]:
+    """(n,) lower and upper limits with the margin kept, and the margin."""
     if not view.margin >= 0:
         raise BadInput("the margin to the joint limits is negative", found=f"{view.margin:g} rad")
     margin = np.array([view.margin * (1.0 if j.kind == "revolute" else 1000.0) for j in robot.joints])
@@ -187,7 +253,7 @@ def _limits(robot: Robot, view: View) -> tuple[Matrix, Matrix]:
                 f" a margin of {margin[number - 1] * joint.display:.1f} {joint.unit}",
                 allowed="a margin below half of every joint's range",
             )
-    return lower, upper
+    return lower, upper, margin
 
 
 def _one_turn(robot: Robot, lower: Matrix, upper: Matrix) -> tuple[Matrix, Matrix]:

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from ....analysis.observability.aim import servo_joints
+from ....model.arms.pendant import Pendant, nearest_limit
 from ....model.arms.plausible import ONE_TURN
 from ....model.files.limits import beyond_limits
 from ....model.files.plan import Plan
@@ -33,8 +34,8 @@ class Doubt:
 class Judge:
     """Judges readings against a plan."""
 
-    def __init__(self, plan: Plan) -> None:
-        self._plan = plan
+    def __init__(self, plan: Plan, pendant: Pendant) -> None:
+        self._plan, self._pendant = plan, pendant
         problem = Problem.from_plan(plan)
         laser = plan.header.tool.kind == "laser"
         self._kept = servo_joints(problem) == 0 if laser else np.ones(plan.robot.n, dtype=bool)
@@ -79,9 +80,11 @@ class Judge:
         if not outside.size:
             return None
         i = int(outside[0])
-        unit, lower, upper = robot.joints[i].unit, robot.lower * robot.display, robot.upper * robot.display
+        limit, unit = nearest_limit(robot, joints / robot.display, i), robot.joints[i].unit
+        counting = limit.counting and f" ({limit.counting})"
         said = (
-            f"joint {i + 1} is at {joints[i]:.6g} {unit}, beyond its limits {lower[i]:.6g} to {upper[i]:.6g}"
+            f"joint {i + 1} is at {limit.value:.6g} {unit}{counting}, beyond its limits {limit.lower:.6g} to"
+            f" {limit.upper:.6g}"
         )
         return Doubt("limit", said)
 
@@ -98,6 +101,8 @@ class Judge:
         i = int(np.argmax(off))
         if off[i] <= SAME_POSTURE:
             return None
-        unit, planned = self._plan.robot.joints[i].unit, self._planned[number % len(self._planned)][i]
-        said = f"joint {i + 1} is at {joints[i]:.6g} {unit} and the plan has {planned:.6g}"
+        unit = self._plan.robot.joints[i].unit
+        at = float(self._pendant.counted(joints)[i])
+        planned = float(self._pendant.counted(self._planned[number % len(self._planned)])[i])
+        said = f"joint {i + 1} is at {at:.6g} {unit} and the plan has {planned:.6g}"
         return Doubt("far", said)

@@ -37,7 +37,7 @@ const OPTIONS = {
   "--points": { label: "Points", points: true },
   "--tool": { label: "Tool of the robtargets", help: "as seen from the flange: X,Y,Z,Q1,Q2,Q3,Q4; without it robtargets are not read" },
   "--frame": { label: "Work object of the robtargets", help: "X,Y,Z,Q1,Q2,Q3,Q4; default: wobj0" },
-  "--j3": { label: "Joint 3 is counted from", help: "on a FANUC pendant: the ground", words: () => [["ground", "the ground"], ["link", "link 2"]], none: "choose" },
+  "--j3": { label: "Joint 3 is counted from", help: "on a FANUC pendant: the ground", words: () => [["ground", "the ground"], ["link", "link 2"]], none: "as the robot file states" },
   "--register": { label: "First position register", help: "of a plan's program; default: 1" },
 };
 
@@ -97,7 +97,6 @@ export function open(format) {
   if (shown("--still-deg") && !(values["--still-deg"] && values["--still-s"])) return "state what a dwell is: within how many degrees, for how long";
   if (format === "csv" && values.measured === "dwells" && !values["--time-column"]) return "state the column of times";
   if (values["--time-column"] && !values["--time-units"]) return "state the unit of the times";
-  if (shown("--j3") && !values["--j3"]) return "state what joint 3 is counted from";
   return null;
 }
 

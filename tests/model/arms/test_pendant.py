@@ -1,4 +1,4 @@
-"""Joint 3 counted from the ground and from link 2."""
+"""Joints as a pendant counts, orders and limits them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from zerobeam.model.arms.joint_three import from_ground, require_coupled, to_ground
+from zerobeam.model.arms.joint_three import from_ground, to_ground
+from zerobeam.model.arms.pendant import Pendant
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot
 
@@ -29,6 +30,6 @@ def test_an_arm_without_such_a_joint_is_refused(name: str) -> None:
     joints = list(robot.joints)
     joints[2] = replace(joints[2], kind="prismatic")
     other = replace(robot, name=name, joints=tuple(joints[:2] if name == "two" else joints))
-    for refused in (require_coupled, lambda arm: from_ground(np.zeros(arm.n), arm)):
+    for refused in (lambda arm: Pendant(arm, "ground"), lambda arm: from_ground(np.zeros(arm.n), arm)):
         with pytest.raises(BadInput, match="not counted from the ground"):
             refused(other)
