@@ -12,11 +12,10 @@ import numpy as np
 from ..model.arms.orientation import Orientation, orientation
 from ..model.arms.pendant import Pendant, beyond_limits, pendant_of
 from ..model.arms.reach import reach
-from ..model.conventions import J3, PendantUnit
 from ..model.errors import BadInput
 from ..model.files.header import UrdfRef
 from ..model.files.robot_file import built_in_robots, load_robot, stated_rows
-from ..model.robot import Matrix, Robot
+from ..model.robot import J3, Matrix, PendantUnit, Robot
 from ..reports.words.wording import counted
 from .importers.typed import typed_joints
 

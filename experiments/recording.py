@@ -10,7 +10,6 @@ from typing import Literal
 import numpy as np
 
 from ..model.arms.pendant import pendant_of
-from ..model.conventions import J3, PendantUnit
 from ..model.errors import BadInput, RigFault
 from ..model.files.header import Header
 from ..model.files.journal import RunJournal
@@ -18,6 +17,7 @@ from ..model.files.plan import Plan
 from ..model.files.robot_file import rebased
 from ..model.files.run import read_run
 from ..model.files.shot import Shot
+from ..model.robot import J3, PendantUnit
 from ..reports.words.findings import finding_sentence, headline
 from ..reports.words.rehearsal import SIMULATED, true_values
 from ..reports.words.wording import person

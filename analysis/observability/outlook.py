@@ -104,7 +104,7 @@ def advice(problem: Problem, x: Matrix) -> Advice | None:
         joints[row, j] += sign * _CHANGE[robot.joints[j].kind] / robot.joints[j].display
     aimed = aim(problem.select(rows).moved(joints), x, servo_joints(problem))
     turned = aimed.problem.joints
-    inside = ~beyond_limits(robot, turned, 0.0).any(axis=1)
+    inside = np.asarray(~beyond_limits(robot, turned, 0.0).any(axis=1))
     own = _informations(problem, x)
     new = _informations(aimed.problem, x)
     total = _information(problem, x)

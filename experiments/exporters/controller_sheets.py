@@ -13,9 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...model.arms.pendant import encoder3_of, pendant_of, require_link_encoder
-from ...model.conventions import J3
 from ...model.errors import BadInput
-from ...model.robot import Robot
+from ...model.robot import J3, Robot
 from .ascii_line import one_line
 from .calibration import Calibration, Offset
 from .vendors import require_vendor

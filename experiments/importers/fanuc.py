@@ -6,9 +6,9 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from ...model.conventions import J3
 from ...model.errors import BadInput
 from ...model.files.plan import Plan
+from ...model.robot import J3
 from .imported import Imported, Stated
 from .taught import Point, import_points
 

@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ...model.arms.pendant import Pendant, pendant_of
-from ...model.conventions import J3
 from ...model.errors import BadInput
 from ...model.files.header import Header, check_header, read_header
 from ...model.files.limits import check_limits
@@ -23,7 +22,7 @@ from ...model.files.reading import Place, read_yaml
 from ...model.files.robot_file import load_robot, rebased
 from ...model.files.shot import Shot, check_distances, check_shot, unknown_targets
 from ...model.files.validation import validate
-from ...model.robot import Matrix, Robot
+from ...model.robot import J3, Matrix, Robot
 
 Stated = Path | str | Plan  # a header file, or the plan that was measured, which has a header
 

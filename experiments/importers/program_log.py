@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from ...model.arms.pendant import Pendant
-from ...model.conventions import J3
 from ...model.errors import BadInput
 from ...model.files.limits import require_joint_count
 from ...model.files.reading import read_text
+from ...model.robot import J3
 from .imported import Found, Imported, Job, Stated, matching
 from .taught import without_unused
 from .typed import PROGRAM_LINE, program_line

@@ -8,11 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...model.conventions import J3
 from ...model.errors import BadInput
 from ...model.files.limits import require_joint_count
 from ...model.files.reading import did_you_mean, read_text
-from ...model.robot import Robot
+from ...model.robot import J3, Robot
 from .imported import Found, Imported, Job, Stated
 
 

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from math import isfinite
 
 from ...model.arms.pendant import Pendant
-from ...model.conventions import PendantUnit
 from ...model.errors import BadInput
 from ...model.files.reading import shown
+from ...model.robot import PendantUnit
 
 _NUMBER = r"[-+]?(?:\d+(?:[.,]\d+)?|[.,]\d+)(?:[eE][-+]?\d+)?"
 _LABELLED = re.compile(

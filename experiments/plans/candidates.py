@@ -186,7 +186,7 @@ def _conditions(
     conditions: list[tuple[str, Callable[[Index], Mask]]] = [
         (
             "come too near to a joint limit",
-            lambda rows: beyond_limits(problem.robot, joints[rows], -margin).any(axis=1),
+            lambda rows: np.asarray(beyond_limits(problem.robot, joints[rows], -margin).any(axis=1)),
         )
     ]
     if laser:
@@ -203,7 +203,7 @@ def _conditions(
         conditions.append(
             (
                 "meet the target's face from behind or at too flat an angle",
-                lambda rows: -(direction[rows] @ normal) < np.cos(view.acceptance),
+                lambda rows: np.asarray(-(direction[rows] @ normal) < np.cos(view.acceptance)),
             )
         )
     if clearance is not None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from ..conventions import J3
-from ..robot import Matrix, Robot
+from ..robot import J3, Matrix, Robot
 from .pendant import Pendant
 
 __all__ = ["J3", "from_ground", "to_ground"]

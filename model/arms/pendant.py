@@ -15,9 +15,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ..conventions import J3, PendantUnit
 from ..errors import BadInput
-from ..robot import Matrix, Robot
+from ..robot import J3, Matrix, PendantUnit, Robot
 
 COUNTED_FROM_GROUND = ("fanuc",)  # vendors whose pendants do so: where nothing is stated, it is asked for
 SLACK = 1e-9  # rad or mm by which rounding may take a joint beyond its limit
@@ -53,7 +52,7 @@ class Limit:
 def nearest_limit(robot: Robot, joints: Matrix, i: int) -> Limit:
     """Of joint `i` (from 0) at joints (n,), rad or mm: of its limits the one that is farthest overstepped."""
     display = float(robot.display[i])
-    own = Limit(*(float(v) * display for v in (joints[i], robot.lower[i], robot.upper[i])))
+    own = Limit(float(joints[i]) * display, robot.joints[i].lower * display, robot.joints[i].upper * display)
     if i != 2 or robot.conventions.range3 is None:
         return own
     lower, upper = robot.conventions.range3

@@ -12,10 +12,11 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from ..arms.denavit_hartenberg import DHRow, dh_chain
 from ..arms.orientation import roll_pitch_yaw
 from ..arms.plausible import doubtful_rows, too_long, warn_of
 from ..errors import BadInput
-from ..robot import DHRow, Joint, Matrix, Robot, dh_chain, shift
+from ..robot import Joint, Matrix, Robot, shift
 from .header import UrdfRef
 from .reading import did_you_mean, read_yaml, require_schema, shown
 from .stated_conventions import (

@@ -9,10 +9,10 @@ import numpy as np
 from ...analysis.observability.aim import AimedPlan
 from ...analysis.observability.check import Check
 from ...model.arms.pendant import Pendant, pendant_of
-from ...model.conventions import J3
 from ...model.files.plan import Plan
+from ...model.robot import J3
 from ..output.pdf import pdf
-from ..scenes.scene import Placed, Posed, Scene3D
+from ..scenes.scene import Placed, Posed, Scene3D, floor_of
 from ..scenes.turnable import SceneWords, still_picture, turnable
 from ..style.blocks import (
     Facts,
@@ -144,10 +144,11 @@ def _picture(plan: Plan, seen: Postures, i: int, laser: bool) -> Picture:
         reaches=bool(seen.reaches[i]),
     )
     target = plan.target_index[i]
-    scene = Scene3D([posed], [Placed(plan.target_names[target], seen.targets[target], "nominal")])
+    placed = Placed(plan.target_names[target], seen.targets[target], "nominal")
+    scene = Scene3D([posed], [placed], floor_of(plan.robot))
     words = SceneWords(
         f"The arm in posture {i}{' and its beam to the target' if laser else ', the probe at the target'}.",
-        f"Posture {i}. Grid of {numbers.exact(scene.grid_step, 'mm')} at z = 0; x, y, z: the base frame.",
+        f"Posture {i}. {scene.grid_words}; x, y, z: the base frame.",
         "",
         "posture",
         laser,

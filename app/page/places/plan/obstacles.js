@@ -36,9 +36,12 @@ function boxRow(box, i) {
 function render() {
   by("obstacles-fields").hidden = content === null;
   if (content === null) return;
-  const floor = field("Height of the floor in mm", content.floor_mm, (v) => { content.floor_mm = v; }, true);
+  const at = typeof content.floor_mm === "number" ? "height" : content.floor_mm === null ? "none" : "mounting";
+  const where = make("select", { "aria-label": "Where the floor is", onchange: (event) => { content.floor_mm = { mounting: "mounting", none: null, height: 0 }[event.target.value]; render(); changed(); } },
+    ...[["mounting", "the arm's mounting face"], ["height", "at a height"], ["none", "none"]].map(([value, words]) => make("option", { value, selected: value === at }, words)));
+  const height = at === "height" ? [make("label", {}, "Its height in the base frame, mm", field("Height of the floor in mm", content.floor_mm, (v) => { content.floor_mm = v; }))] : [];
   const thick = field("Radius of the arm's links in mm", content.thickness_mm, (v) => { content.thickness_mm = v; }, true);
-  fill(by("obstacles-boxes"), [make("div", { class: "fields" }, make("label", {}, "Floor, mm (empty: none)", floor), make("label", {}, "Radius of the links, mm (empty: 5 % of the arm)", thick)), ...content.boxes.map(boxRow)]);
+  fill(by("obstacles-boxes"), [make("div", { class: "fields" }, make("label", {}, "Floor", where), ...height, make("label", {}, "Radius of the links, mm (empty: 5 % of the arm)", thick)), ...content.boxes.map(boxRow)]);
 }
 
 export function listObstacles(files) {
@@ -76,7 +79,7 @@ export function beginObstacles(then, near, listed) {
     changed();
   });
   by("obstacles-add").addEventListener("click", () => {
-    content ??= { floor_mm: 0, boxes: [], thickness_mm: null };
+    content ??= { floor_mm: "mounting", boxes: [], thickness_mm: null };
     const at = near().map(Math.round);
     content.boxes.push({ name: `box ${content.boxes.length + 1}`, min_mm: at.map((v) => v - SIZE / 2), max_mm: at.map((v) => v + SIZE / 2) });
     render();
