@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 imports = typer.Typer(help="Make a run from recorded files that people have.", no_args_is_help=True)
 
 
-AngleUnit = Literal["deg", "rad"]
+AngleUnit = Literal["deg", "rad", "pulse"]
 LengthUnit = Literal["mm", "m"]
 ClockUnit = Literal["s", "ms", "us", "ns"]
 KnownLog = Literal["ur", "egm", "robodk"]

@@ -105,22 +105,25 @@ def frame(stated: dict[str, Any] | None) -> Matrix:
     return moved(*stated.get("xyz_mm", (0, 0, 0))) @ turn
 
 
-def nearest_parts(points: Matrix, apart: float = 150.0) -> float:
-    """mm between parts of an arm that are more than `apart` of arm from each other, and do not share a
-    joint."""
-    parts = [(a, b) for a, b in itertools.pairwise(points) if np.linalg.norm(b - a) > 1e-6]
-    along, places, of = 0.0, [], []
-    for i, (a, b) in enumerate(parts):
-        length = float(np.linalg.norm(b - a))
-        for share in np.linspace(0, 1, 40):
-            places.append((along + share * length, *(a + share * (b - a))))
-            of.append(i)
-        along += length
-    table, part = np.array(places), np.array(of)
+def nearest_parts(arm: Arm, joints: Matrix) -> float:
+    """mm between parts of an arm that do not share a joint and have more than a quarter of it between them:
+    what is nearer to each other is bounded by the limits of the joints there, as are base and upper arm."""
+    points = arm.chain(joints)
+    places, along = [], 0.0
+    length = float(np.linalg.norm(np.diff(points[arm.shoulder - 1 :], axis=0), axis=1).sum())
+    parts = [(k, a, b) for k, (a, b) in enumerate(itertools.pairwise(points)) if np.linalg.norm(b - a) > 1e-6]
+    for _, a, b in parts:
+        places += [
+            (along + share * np.linalg.norm(b - a), *(a + share * (b - a))) for share in np.linspace(0, 1, 40)
+        ]
+        along += float(np.linalg.norm(b - a))
+    table, part = np.array(places), np.repeat(np.arange(len(parts)), 40)
     distance = np.linalg.norm(table[:, None, 1:] - table[None, :, 1:], axis=2)
-    far = np.abs(table[:, None, 0] - table[None, :, 0]) > apart
-    far &= np.abs(part[:, None] - part[None, :]) > 1
-    return float(distance[far].min(initial=np.inf))
+    judged = np.abs(table[:, None, 0] - table[None, :, 0]) > length / 4
+    judged &= np.abs(part[:, None] - part[None, :]) > 1
+    base = [i for i, (k, _, _) in enumerate(parts) if k < arm.shoulder - 1]
+    judged &= ~(np.isin(part, base)[:, None] & (part == len(base))[None, :])
+    return float(distance[judged & (part[:, None] < part[None, :])].min(initial=np.inf))
 
 
 def reach_of(name: str) -> float:
@@ -162,9 +165,8 @@ def require_sound(arm: Arm, postures: Matrix) -> None:
         low, high = BETWEEN[arm.name]
         assert ((between >= low) & (between <= high)).all()
     for posture in postures:
-        points = arm.chain(posture)
-        assert points[arm.shoulder :, 2].min() > arm.floor, arm.name
-        assert nearest_parts(points) > 15.0, (arm.name, posture)
+        assert arm.chain(posture)[arm.shoulder :, 2].min() > arm.floor, arm.name
+        assert nearest_parts(arm, posture) > 15.0, (arm.name, posture)
 
 
 def require_same(values: Any, expected: Matrix) -> None:
@@ -228,25 +230,25 @@ def imports_of_the_pendants_values(
     require_same([[own["value"] for own in event["pendant"]] for event in asked], shown)
 
 
-def offsets_for_the_controller(folder: Path, arm: Arm, plan: Path) -> None:
+def offsets_for_the_controller(folder: Path, arm: Arm) -> None:
     """The sheet of its maker has the offset of joint 3 that its encoder needs: that of the angle between the
     links, which the encoders of all these arms measure."""
-    run = folder / "run.jsonl"
+    plan, _ = planned(folder, arm.name, 0.3, 12)
+    run, vendor = folder / "run.jsonl", arm.stated["vendor"]
     assert zerobeam("run", plan, "--rig", "simulated", "--no-camera", "--seed", 3, "-o", run).status in (0, 1)
-    vendor = arm.stated["vendor"]
-    told = zerobeam("export", "json", run, "-o", folder / "offsets.json")
-    assert told.status in (0, 1), told.err
-    rows = json.loads((folder / "offsets.json").read_text())["parameters"]
-    (third,) = (row for row in rows if row["name"] == "delta3")
-    if vendor not in SHEETS or third["status"] != "identified":
-        return
-    sheet = zerobeam("export", SHEETS[vendor], run, "-o", folder / "sheet.txt", "--allow-weak")
-    assert sheet.status == 0, sheet.err
-    text = (folder / "sheet.txt").read_text()
+    made = zerobeam("export", "json", run, "-o", folder / "offsets.json", "--allow-weak")
+    assert made.status == 0, made.err
+    (third,) = (
+        row for row in json.loads((folder / "offsets.json").read_text())["offsets"] if row["name"] == "delta3"
+    )
+    if vendor in SHEETS:
+        sheet = zerobeam("export", SHEETS[vendor], run, "-o", folder / "sheet.txt", "--allow-weak")
+        assert sheet.status == 0, sheet.err
     if vendor == "fanuc":
+        text = (folder / "sheet.txt").read_text()
         found = re.search(r"^J3 +([-+][\d.]+)", text, re.MULTILINE)
         assert found is not None
-        assert float(found[1]) == pytest.approx(third["value"], abs=1e-6)
+        assert float(found[1]) == pytest.approx(third["applied"], abs=1e-6)
         assert "DCS" in text
 
 
@@ -275,7 +277,7 @@ def test_every_arm_from_plan_to_offsets(tmp_path: Path, name: str, monkeypatch: 
     texts_of_maker(tmp_path, arm, plan, arm.pendant(postures))
     ros_counts_from_link_2(tmp_path, plan, postures)
     imports_of_the_pendants_values(tmp_path, arm, plan, postures, monkeypatch)
-    offsets_for_the_controller(tmp_path, arm, plan)
+    offsets_for_the_controller(tmp_path, arm)
 
 
 def test_the_conventions_of_all_arms_are_stated() -> None:
@@ -290,5 +292,5 @@ def test_the_conventions_of_all_arms_are_stated() -> None:
 def test_parts_of_an_arm_that_touch_are_found() -> None:
     """The control of this module's own measure: an elbow folded through the upper arm."""
     arm = Arm("m10ia")
-    assert nearest_parts(arm.chain(np.array([0.0, 20, -60, 0, 0, 0]))) > 100
-    assert nearest_parts(arm.chain(np.array([0.0, 20, -115, 0, 0, 0]))) < 15
+    assert nearest_parts(arm, np.array([0.0, 20, -60, 0, 0, 0])) > 100
+    assert nearest_parts(arm, np.array([0.0, 20, -115, 0, 0, 0])) < 15
