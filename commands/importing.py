@@ -241,6 +241,12 @@ def import_log(
     ] = None,
     decimal: Decimal = ".",
     marker_column: MarkerColumn = None,
+    j3: Annotated[
+        J3Origin | None,
+        typer.Option(
+            help="What joint 3 is counted from, if not as the robot file states.", show_default=False
+        ),
+    ] = None,
     force: Force = False,
     dry_run: DryRun = False,
 ) -> None:
@@ -258,6 +264,7 @@ def import_log(
             delimiter=delimiter,
             decimal=decimal,
             marker_column=marker_column,
+            j3=j3,
             progress=tell,
         )
         _write(imported, file, force, dry_run, read_of(header, plan, files), tell)

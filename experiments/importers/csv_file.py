@@ -345,13 +345,14 @@ def import_log(
     delimiter: str | None = None,
     decimal: str = ".",
     marker_column: str | None = None,
+    j3: J3 | None = None,
     progress: Callable[[str, float], None] = lambda stage, share: None,
 ) -> Imported:
-    """Measurements from logs of a known kind: at each dwell, or at those that `marker_column` marks."""
+    """Measurements from logs of a known kind: at each dwell, or at those that `marker_column` marks; `j3` is
+    what the controller counts joint 3 from, if not as the robot file states."""
     if kind not in _LAYOUTS:
         raise BadInput("unknown kind of log", found=kind, allowed=", ".join(_LAYOUTS))
     layout = _LAYOUTS[kind](Job.begin(files, stated).robot.n)
-    layout = replace(
-        layout, marker_column=marker_column, delimiter=delimiter or layout.delimiter, decimal=decimal
-    )
+    layout = replace(layout, marker_column=marker_column, decimal=decimal, j3=j3)
+    layout = replace(layout, delimiter=delimiter or layout.delimiter)
     return import_csv(files, target_names, layout, stated, out, still=still, progress=progress)

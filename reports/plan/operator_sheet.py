@@ -59,7 +59,7 @@ def operator_sheet(aimed: AimedPlan, check: Check, j3: J3 | None = None) -> byte
             "The way from posture to posture is not checked for obstacles. First time: reduced speed, a hand"
             " on the enabling switch.",
             _TO_DO if laser else "Lead the probe into its socket, and write down the joints.",
-            *([] if pendant.sentence is None else [sentence(f"As on the pendant, {pendant.sentence}")]),
+            *([] if pendant.sentence is None else [sentence(f"As on the pendant, {pendant.sentence}.")]),
         ],
         sections=[
             section_of("In their order", _overview(plan, seen, pendant)),

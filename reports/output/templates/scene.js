@@ -41,7 +41,7 @@
   // As large as the first view allows, with room for the names.
   function fit() {
     aim(start);
-    const points = [[0, 0, 0], [0, 0, scene.axis], ...scene.targets.map((t) => t.at), ...(scene.extent || [])];
+    const points = [[0, 0, 0], [0, 0, scene.axis], [0, 0, scene.grid.z || 0], ...scene.targets.map((t) => t.at), ...(scene.extent || [])];
     for (const p of scene.postures) points.push(...p.arm, ...p.tool, ...(p.beam || []));
     for (const t of scene.targets)
       for (const axis of t.axes || []) for (const by of [-scene.factor, scene.factor]) points.push(t.at.map((v, i) => v + by * axis[i]));
