@@ -8,14 +8,14 @@ export const FORMATS = {
   csv: ["Table, one layout stated by you", ["csv"], ["measured", "--target-column", "--shot-column", "--spot-columns", "--time-column", "--time-units", ...DWELL, "--marker-column", "--small-angles"]],
   "log ur": ["RTDE recording of a UR (record.py)", ["log", "ur"], [...DWELL, "--marker-column"]],
   "log egm": ["EGM log of an ABB (abb_libegm)", ["log", "egm"], [...DWELL, "--marker-column"]],
-  "log robodk": ["MonitorJoints log of RoboDK", ["log", "robodk"], [...DWELL, "--marker-column"]],
+  "log robodk": ["MonitorJoints log of RoboDK", ["log", "robodk"], [...DWELL, "--j3", "--marker-column"]],
   ros: ["ROS bag", ["ros"], ["--topic", "--columns", ...DWELL, "--marker-topic"]],
   "joint states": ["Joint states in text (ros2 topic echo)", ["ros"], ["--columns"]],
   rapid: ["ABB RAPID: targets, or log of a plan's program", ["rapid"], [...POINTS, "--tool", "--frame"]],
   kuka: ["KUKA KRL: data list", ["kuka"], POINTS],
   fanuc: ["FANUC: TP program or position registers", ["fanuc"], ["--j3", ...POINTS, "--register"]],
   "universal-robots": ["UR: log of a plan's program", ["universal-robots"], []],
-  robodk: ["RoboDK: log of a plan's program", ["robodk"], []],
+  robodk: ["RoboDK: log of a plan's program", ["robodk"], ["--j3"]],
 };
 const TIMED = ["--time-column", "--time-units", ...DWELL, "--marker-column"];
 const columns = (found) => found.columns.map((column) => [column.stated, column.name]);
