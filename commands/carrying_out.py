@@ -95,12 +95,17 @@ def run(
         typer.Option(help="Manual: take the joint values from this file as it grows.", show_default=False),
     ] = None,
     units: Annotated[
-        Literal["deg", "rad"], typer.Option(help="Manual: unit of the joint values, if they state none.")
-    ] = "deg",
+        Literal["deg", "rad", "pulse"] | None,
+        typer.Option(
+            help="Manual: unit of the joint values, if neither they nor the robot file state it (deg).",
+            show_default=False,
+        ),
+    ] = None,
     j3: Annotated[
         J3Origin | None,
         typer.Option(
-            help="Manual: what joint 3 is counted from; FANUC's pendant: ground.", show_default=False
+            help="Manual: what joint 3 is counted from, if not as the robot file states.",
+            show_default=False,
         ),
     ] = None,
     closing: Annotated[

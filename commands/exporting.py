@@ -201,9 +201,11 @@ def export_fanuc(
     run: RunFile,
     file: ExportFile,
     j3: Annotated[
-        J3Origin,
-        typer.Option(help="What the controller counts joint 3 from; FANUC: ground.", show_default=False),
-    ],
+        J3Origin | None,
+        typer.Option(
+            help="What the pendant counts joint 3 from, if not as the robot file states.", show_default=False
+        ),
+    ] = None,
     master_counts: Annotated[
         str | None, typer.Option(help="Present master counts: C1,C2,…", show_default=False)
     ] = None,
@@ -223,7 +225,7 @@ def export_fanuc(
 
     def text(recorded: Run, calibration: Calibration) -> str:
         counts = FanucCounts.stated(master_counts, pulses_per_degree, recorded.robot.n)
-        return fanuc_text(recorded.robot, calibration, j3 == "ground", counts)
+        return fanuc_text(recorded.robot, calibration, counts, j3)
 
     allowed = Allowed(allow_weak, allow_displaced, unvalidated)
     _export(run, file, allowed, without, force, as_json, text)

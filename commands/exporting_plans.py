@@ -44,7 +44,11 @@ def export_plan(
     ] = None,
     j3: Annotated[
         J3Origin | None,
-        typer.Option(help="fanuc: what joint 3 is counted from; on the pendant: ground.", show_default=False),
+        typer.Option(
+            help="fanuc, robodk, csv, pdf: what the pendant counts joint 3 from, if not as the robot file"
+            " states.",
+            show_default=False,
+        ),
     ] = None,
     register: Annotated[
         int | None,
@@ -68,8 +72,8 @@ def export_plan(
     motion, planned = Motion(speed, zone, tool, j3, register, listener), read_plan(plan)
     read = [plan, robot_path(planned.header.robot, plan.parent)]
     if kind == "pdf":
-        motion.refuse("pdf", "speed", "zone", "tool", "j3", "register", "listener")
-        _write_sheet(planned, file, force, read)
+        motion.refuse("pdf", "speed", "zone", "tool", "register", "listener")
+        _write_sheet(planned, file, j3, force, read)
         return
     files, notes = write_program(kind, planned, motion, file, force=force, keep=read)
     for note in notes:
@@ -78,7 +82,9 @@ def export_plan(
         out.print(f"Written to {path}", markup=False, soft_wrap=True)
 
 
-def _write_sheet(planned: Plan, file: Path, force: bool, read: list[Path | None]) -> None:
+def _write_sheet(
+    planned: Plan, file: Path, j3: J3Origin | None, force: bool, read: list[Path | None]
+) -> None:
     """The operator's sheet of a plan."""
     from ..analysis.observability.aim import aim_plan
     from ..experiments.plans.constraints import check_plan, require_constraints
@@ -88,5 +94,5 @@ def _write_sheet(planned: Plan, file: Path, force: bool, read: list[Path | None]
     refuse_existing(file, force=force, keep=read)
     require_constraints(planned)
     turned = aim_plan(planned)
-    write_whole(file, operator_sheet(turned, check_plan(planned, turned)), force=force)
+    write_whole(file, operator_sheet(turned, check_plan(planned, turned), j3), force=force)
     out.print(f"Written to {file}", markup=False, soft_wrap=True)

@@ -67,7 +67,9 @@ def export_program(
     ] = None,
     j3: Annotated[
         J3Origin | None,
-        typer.Option(help="fanuc: what joint 3 is counted from; on the pendant: ground.", show_default=False),
+        typer.Option(
+            help="fanuc: what joint 3 is counted from, if not as the robot file states.", show_default=False
+        ),
     ] = None,
     allow_weak: AllowWeak = False,
     allow_displaced: AllowDisplaced = False,

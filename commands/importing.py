@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 imports = typer.Typer(help="Make a run from recorded files that people have.", no_args_is_help=True)
 
 
-AngleUnit = Literal["deg", "rad"]
+AngleUnit = Literal["deg", "rad", "pulse"]
 LengthUnit = Literal["mm", "m"]
 ClockUnit = Literal["s", "ms", "us", "ns"]
 KnownLog = Literal["ur", "egm", "robodk"]
@@ -77,7 +77,12 @@ def import_csv(
         typer.Option(help="Delimiter between two values; found if not stated.", show_default=False),
     ] = None,
     decimal: Decimal = ".",
-    j3: Annotated[J3Origin, typer.Option(help="What joint 3 is counted from; FANUC: ground.")] = "link",
+    j3: Annotated[
+        J3Origin | None,
+        typer.Option(
+            help="What joint 3 is counted from, if not as the robot file states.", show_default=False
+        ),
+    ] = None,
     spot_columns: Annotated[
         str | None, typer.Option(help="Columns of spot_mm: dx,dy in mm.", show_default=False)
     ] = None,
@@ -236,6 +241,12 @@ def import_log(
     ] = None,
     decimal: Decimal = ".",
     marker_column: MarkerColumn = None,
+    j3: Annotated[
+        J3Origin | None,
+        typer.Option(
+            help="What joint 3 is counted from, if not as the robot file states.", show_default=False
+        ),
+    ] = None,
     force: Force = False,
     dry_run: DryRun = False,
 ) -> None:
@@ -253,6 +264,7 @@ def import_log(
             delimiter=delimiter,
             decimal=decimal,
             marker_column=marker_column,
+            j3=j3,
             progress=tell,
         )
         _write(imported, file, force, dry_run, read_of(header, plan, files), tell)

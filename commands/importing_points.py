@@ -90,9 +90,11 @@ def import_fanuc(
     ],
     file: NewRunFile,
     j3: Annotated[
-        J3Origin,
-        typer.Option(help="What joint 3 is counted from; on the pendant: ground.", show_default=False),
-    ],
+        J3Origin | None,
+        typer.Option(
+            help="What joint 3 is counted from, if not as the robot file states.", show_default=False
+        ),
+    ] = None,
     header: SharedHeader = None,
     plan: MeasuredPlan = None,
     target: Targets = None,
@@ -162,6 +164,12 @@ def import_robodk(
     header: SharedHeader = None,
     plan: MeasuredPlan = None,
     target: Targets = None,
+    j3: Annotated[
+        J3Origin | None,
+        typer.Option(
+            help="What joint 3 is counted from, if not as the robot file states.", show_default=False
+        ),
+    ] = None,
     force: Force = False,
     dry_run: DryRun = False,
 ) -> None:
@@ -169,7 +177,7 @@ def import_robodk(
     from ..experiments import importers
 
     known = stated(header, plan)
-    imported = importers.import_program_log(files, target or [], known, file, source="RoboDK")
+    imported = importers.import_program_log(files, target or [], known, file, source="RoboDK", j3=j3)
     write_imported(imported, file, force, dry_run, read_of(header, plan, files))
 
 

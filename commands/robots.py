@@ -25,14 +25,20 @@ def robot(
     joints: Annotated[
         list[str] | None,
         typer.Option(
-            help="Joint values, degrees (mm), in any common form; repeatable. Default: all zero.",
+            help="Joint values as the pendant shows them, in any common form; repeatable. Default: all zero.",
             show_default=False,
         ),
     ] = None,
-    units: Annotated[Literal["deg", "rad"], typer.Option(help="Unit of --joints.")] = "deg",
+    units: Annotated[
+        Literal["deg", "rad", "pulse"] | None,
+        typer.Option(help="Unit of --joints, if not as the robot file states (deg).", show_default=False),
+    ] = None,
     j3: Annotated[
-        J3Origin, typer.Option(help="What joint 3 is counted from; FANUC's pendant: ground.")
-    ] = "link",
+        J3Origin | None,
+        typer.Option(
+            help="What joint 3 is counted from, if not as the robot file states.", show_default=False
+        ),
+    ] = None,
     base: Annotated[
         str | None, typer.Option(help="First link of a URDF's chain.", show_default=False)
     ] = None,
@@ -42,7 +48,8 @@ def robot(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Show a robot: joints, reach, and the flange's pose as pendants show it, to compare with the pendant."""
+    """Show a robot: mounting face, counting of the pendant, joints, reach, and the flange's pose to
+    compare."""
     from ..experiments.arm_shown import arm_json, typed_arm
     from ..model.files.header import UrdfRef
     from ..model.files.robot_file import built_in_robots

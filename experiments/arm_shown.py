@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-from ..model.arms.joint_three import J3, from_ground
 from ..model.arms.orientation import Orientation, orientation
+from ..model.arms.pendant import Pendant, beyond_limits, pendant_of
 from ..model.arms.reach import reach
 from ..model.errors import BadInput
 from ..model.files.header import UrdfRef
-from ..model.files.limits import beyond_limits
 from ..model.files.robot_file import built_in_robots, load_robot, stated_rows
-from ..model.robot import Matrix, Robot
+from ..model.robot import J3, Matrix, PendantUnit, Robot
 from ..reports.words.wording import counted
 from .importers.typed import typed_joints
 
@@ -36,23 +35,35 @@ class ShownPose:
 
 @dataclass(frozen=True, eq=False)
 class ShownArm:
-    """A robot, what its maker calls it (None: not stated), its reach in mm, and the flange in postures."""
+    """A robot, what its maker calls it (None: not stated), its reach in mm, and the flange in postures.
+
+    `pendant` says how joints are counted where they are read and shown.
+    """
 
     robot: Robot
+    pendant: Pendant
     model: str | None
     reach_mm: float
     poses: tuple[ShownPose, ...]
 
 
-def typed_arm(ref: str | UrdfRef, joints: Sequence[str], *, units: Literal["deg", "rad"], j3: J3) -> ShownArm:
-    """The robot of a name or file; `joints` are texts of joint values (none: the zero posture)."""
+def typed_arm(
+    ref: str | UrdfRef, joints: Sequence[str], *, units: PendantUnit | None, j3: J3 | None
+) -> ShownArm:
+    """The robot of a name or file; `joints` are texts of joint values as the pendant shows them (none: the
+    zero posture), in `units` and with joint 3 from `j3` where these are not as the robot file states."""
     robot = load_robot(ref)
-    return _shown(ref, robot, [_typed(robot, text, units) for text in joints], j3)
+    pendant = pendant_of(robot, j3) if joints else Pendant(robot, j3)
+    return _shown(ref, pendant, [_typed(pendant, text, units or pendant.unit) for text in joints])
 
 
-def shown_arm(ref: str | UrdfRef, joints_deg: Sequence[Sequence[float]], *, j3: J3 = "link") -> ShownArm:
-    """The same with joint values (n,) in degrees (mm) in each posture; BadInput where there are not n."""
+def shown_arm(
+    ref: str | UrdfRef, joints_deg: Sequence[Sequence[float]], *, j3: J3 | None = "link"
+) -> ShownArm:
+    """The same with joint values (n,) in degrees (mm), joint 1 first, in each posture, joint 3 from link 2 as
+    in files (`j3` None: as the pendant counts it); BadInput where there are not n."""
     robot = load_robot(ref)
+    pendant = Pendant(robot, j3)
     for values in joints_deg:
         if len(values) != robot.n:
             raise BadInput(
@@ -60,39 +71,52 @@ def shown_arm(ref: str | UrdfRef, joints_deg: Sequence[Sequence[float]], *, j3: 
                 found=counted(len(values), "joint value"),
                 allowed=robot.n,
             )
-    return _shown(ref, robot, [np.array(values, dtype=float) / robot.display for values in joints_deg], j3)
+    typed = [np.array(values, dtype=float) for values in joints_deg]
+    return _shown(ref, pendant, [pendant.between_links(values) / robot.display for values in typed])
 
 
-def _shown(ref: str | UrdfRef, robot: Robot, joints: Sequence[Matrix], j3: J3) -> ShownArm:
+def _shown(ref: str | UrdfRef, pendant: Pendant, joints: Sequence[Matrix]) -> ShownArm:
+    robot = pendant.robot
     rows = isinstance(ref, str) and (ref in built_in_robots() or ref.lower().endswith((".yaml", ".yml")))
     model = stated_rows(ref, Path()).model if rows and isinstance(ref, str) else None
-    postures = [from_ground(own, robot) if j3 == "ground" else own for own in joints] or [np.zeros(robot.n)]
-    return ShownArm(robot, model, reach(robot), tuple(_pose(robot, posture) for posture in postures))
+    postures = joints or [np.zeros(robot.n)]
+    return ShownArm(robot, pendant, model, reach(robot), tuple(_pose(robot, posture) for posture in postures))
 
 
 def arm_json(arm: ShownArm) -> dict[str, Any]:
     """`zerobeam/arm/1` (docs/files.md)."""
-    robot = arm.robot
+    robot, pendant, facts = arm.robot, arm.pendant, arm.robot.conventions
+    lower, upper = (limits.tolist() for limits in pendant.limits)
     return {
         "schema": "zerobeam/arm/1",
         "name": robot.name,
         "vendor": robot.vendor,
         "model": arm.model,
         "reach_mm": round(arm.reach_mm, 1),
+        "mounting": {"below_base_mm": facts.below_base},
+        "pendant": {
+            "joint3": pendant.joint3,
+            "names": pendant.names,
+            "order": [i + 1 for i in pendant.order],
+            "unit": pendant.unit,
+            "stated": facts.joint3 is not None,
+        },
+        "encoder": {"joint3": facts.encoder3},
         "joints": [
             {
                 "name": joint.name,
                 "kind": joint.kind,
                 "unit": joint.unit,
-                "lower": joint.lower * joint.display,
-                "upper": joint.upper * joint.display,
+                "lower": lower[i],
+                "upper": upper[i],
                 "speed": None if joint.speed is None else joint.speed * joint.display,
             }
-            for joint in robot.joints
+            for i, joint in enumerate(robot.joints)
         ],
         "poses": [
             {
                 "joints_deg": (pose.joints * robot.display).tolist(),
+                "counted_deg": pendant.counted(pose.joints * robot.display).tolist(),
                 "outside": list(pose.outside),
                 "xyz_mm": list(pose.place_mm),
                 "quaternion_wxyz": list(pose.orientation.quaternion),
@@ -106,21 +130,21 @@ def arm_json(arm: ShownArm) -> dict[str, Any]:
     }
 
 
-def _typed(robot: Robot, text: str, units: Literal["deg", "rad"]) -> Matrix:
+def _typed(pendant: Pendant, text: str, units: PendantUnit) -> Matrix:
     """(n,) rad or mm."""
-    typed = typed_joints(text, robot.n)
+    typed = typed_joints(text, pendant.robot.n, pendant)
     if typed.unit is not None and typed.unit != units:
         raise BadInput(
             f"the joint values are in {typed.unit} and --units says {units}",
             found=text.strip(),
             remedy=f"state --units {typed.unit}",
         )
-    values = np.array(typed.values)
-    return values / robot.display if units == "deg" else values
+    values = np.array(typed.values) / pendant.per_degree(units)
+    return pendant.between_links(values) / pendant.robot.display
 
 
 def _pose(robot: Robot, joints: Matrix) -> ShownPose:
     pose = robot.fk(joints, "rad")
     x, y, z = (float(value) for value in pose[:3, 3])
-    outside = np.flatnonzero(beyond_limits(robot, joints * robot.display)) + 1
+    outside = np.flatnonzero(beyond_limits(robot, joints)) + 1
     return ShownPose(joints, (x, y, z), orientation(pose[:3, :3]), tuple(int(i) for i in outside))

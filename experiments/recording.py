@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from ..analysis.observability.aim import aim_plan
-from ..model.arms.joint_three import COUNTED_FROM_GROUND, J3, require_coupled
+from ..model.arms.pendant import pendant_of
 from ..model.errors import BadInput, RigFault
 from ..model.files.header import Header
 from ..model.files.journal import RunJournal
@@ -18,6 +18,7 @@ from ..model.files.plan import Plan
 from ..model.files.robot_file import rebased
 from ..model.files.run import read_run
 from ..model.files.shot import Shot
+from ..model.robot import J3, PendantUnit
 from ..reports.words.findings import finding_sentence, headline
 from ..reports.words.rehearsal import SIMULATED, true_values
 from ..reports.words.verdict import violation_words
@@ -53,10 +54,11 @@ class Controller:
 
 @dataclass(frozen=True)
 class Answers:
-    """Where the lines of a run by hand come from, the unit of their angles, what joint 3 is counted from."""
+    """Where the lines of a run by hand come from, the unit of their values and what joint 3 is counted from:
+    None is as the robot file states."""
 
     lines: Lines
-    units: Literal["deg", "rad"] = "deg"
+    units: PendantUnit | None = None
     j3: J3 | None = None
 
 
@@ -124,13 +126,8 @@ def _led(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
         raise BadInput("a run by hand needs somebody to answer", remedy="type the values, or state --watch")
     if plan.header.tool.kind == "probe":
         _refuse({"--adaptive": request.tolerance}, "is for a laser; the plan's tool is a probe")
-    if answers.j3 is None and plan.robot.vendor in COUNTED_FROM_GROUND:
-        raise BadInput(
-            f"what is joint 3 of {plan.robot.name} counted from?",
-            allowed="--j3 ground: as FANUC's pendants count it; --j3 link: from link 2",
-        )
-    if answers.j3 == "ground":
-        require_coupled(plan.robot)
+    pendant = pendant_of(plan.robot, answers.j3)
+    pendant.per_degree(answers.units)
     order, adaptive = _order(plan, request)
     header = _header(plan, file, {"origin": "by hand", "plan sha256": plan.sha256})
     with _journal(plan, file, header, request) as journal:
@@ -141,8 +138,8 @@ def _led(plan: Plan, file: Path, request: RunRequest, told: Told) -> Ended:
             order,
             told,
             answers.lines,
-            answers.units,
-            answers.j3 or "link",
+            pendant,
+            answers.units or pendant.unit,
             request.scene,
         )
         carried = led.carry_out()
@@ -209,6 +206,12 @@ def _rig(
         _refuse({"--cell": request.cell, "--recorded": request.recording}, "is not for the ABB rig")
         if request.controller is None:
             raise BadInput("the ABB rig needs a controller", remedy="state --host")
+        if plan.robot.conventions.joint3 == "ground":
+            raise BadInput(
+                "the ABB rig drives arms whose joint 3 is counted from link 2",
+                found=f"{plan.robot.name}: pendant: {{joint3: ground}}",
+                remedy="export the plan as a program: zerobeam export plan rapid",
+            )
         reached = request.controller
         return AbbRig(plan, reached.access, reached.sensors, reached.caution), {**about, **reached.about}
     if request.rig == "replay":

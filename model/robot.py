@@ -21,6 +21,8 @@ from .errors import BadInput
 
 Matrix = NDArray[np.float64]
 JointKind = Literal["revolute", "prismatic"]
+J3 = Literal["ground", "link"]
+PendantUnit = Literal["deg", "rad", "pulse"]
 Turn = tuple[ca.SX, ca.SX]  # cosine and sine of a revolute joint, position and nothing of a prismatic one
 
 
@@ -49,6 +51,41 @@ class Joint:
         return "deg" if self.kind == "revolute" else "mm"
 
 
+@dataclass(frozen=True)
+class Conventions:
+    """What a robot file, or the reference to a URDF, states of an arm; None where it states nothing.
+
+    Parameters
+    ----------
+    below_base
+        How far the mounting face is below the origin of the base frame, mm.
+    joint3
+        What the pendant counts joint 3 from. "ground": it shows the angle between links 2 and 3 less joint 2.
+    range3
+        Range of joint 3 as the pendant counts it, rad, where that is from the ground.
+    order
+        Indices of the joints (from 0) in the order in which the pendant shows them.
+    names
+        What the pendant calls the joints, joint 1 of the robot file first.
+    unit, pulses_per_deg
+        Of the pendant's values; the pulses are for a degree (mm) of each joint, joint 1 first.
+    encoder3
+        What the encoder of joint 3 measures.
+    """
+
+    below_base: float | None = None
+    joint3: J3 | None = None
+    range3: tuple[float, float] | None = None
+    order: tuple[int, ...] | None = None
+    names: tuple[str, ...] | None = None
+    unit: PendantUnit = "deg"
+    pulses_per_deg: tuple[float, ...] | None = None
+    encoder3: J3 | None = None
+
+
+NOTHING_STATED = Conventions()
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Robot:
     """A serial arm of n joints from base to flange, with nominal geometry.
@@ -63,6 +100,8 @@ class Robot:
         (4, 4) from the last joint's frame, after its motion, to the flange, mm.
     vendor
         Who makes it, as in robot files ("abb", "kuka", "universal-robots"); None where not stated.
+    conventions
+        How it is mounted and how its pendant counts. Joint positions here count joint 3 from link 2.
 
     Examples
     --------
@@ -78,6 +117,7 @@ class Robot:
     joints: tuple[Joint, ...]
     flange: Matrix
     vendor: str | None = None
+    conventions: Conventions = NOTHING_STATED
 
     def __repr__(self) -> str:
         return f"<Robot {self.name}: {self.n} joint{'' if self.n == 1 else 's'}>"
@@ -358,39 +398,3 @@ def shift(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Matrix:
     result = np.eye(4)
     result[:3, 3] = x, y, z
     return result
-
-
-@dataclass(frozen=True)
-class DHRow:
-    """One Denavit-Hartenberg row: a, d in mm, alpha, theta in rad (theta is the joint's zero position).
-
-    `beta` is the further rotation about y, rad, of two axes that are nearly parallel (Hayati and Mirmirani).
-    """
-
-    a: float
-    alpha: float
-    d: float
-    theta: float
-    beta: float = 0.0
-
-
-def dh_chain(
-    rows: Sequence[DHRow], convention: Literal["standard", "modified"]
-) -> tuple[list[Matrix], Matrix]:
-    """Fixed transforms before each joint and the one after the last, all joints moving about or along z.
-
-    standard (eq. 1 of the paper): Rz(theta + q) Tz(d) Tx(a) Rx(alpha) Ry(beta).
-    modified (Craig):              Rx(alpha) Tx(a) Ry(beta) Rz(theta + q) Tz(d).
-    """
-    fixed: list[Matrix] = []
-    pending = np.eye(4)
-    for row in rows:
-        turn = rotation_about("z", row.theta) @ shift(z=row.d)
-        link = shift(x=row.a) @ rotation_about("x", row.alpha) @ rotation_about("y", row.beta)
-        if convention == "standard":
-            fixed.append(pending)
-            pending = turn @ link
-        else:
-            fixed.append(pending @ link)
-            pending = turn
-    return fixed, pending

@@ -25,9 +25,10 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from ...model.arms.pendant import beyond_limits
 from ...model.kernel import Index
 from ...model.problem import Problem
-from ...model.robot import Matrix
+from ...model.robot import Matrix, Robot
 from ..error_radius import radius95
 from ..observability.causes import Cause
 from ..solution import Solution
@@ -137,7 +138,7 @@ def accuracy(solution: Solution, point: Matrix | None = None) -> Accuracy:
     limits = (problem.robot.lower, problem.robot.upper)
     own = (problem.joints.min(axis=0), problem.joints.max(axis=0))
     drawn = [spread_postures(*limits, _POSTURES), spread_postures(*own, _POSTURES // 4)]
-    joints = np.concatenate([*drawn, problem.joints])
+    joints = np.concatenate([_within(problem.robot, rows) for rows in drawn] + [problem.joints])
     position, jacobian = tool_point(problem, fit.x, point, joints)
     by_offset = jacobian.transpose(1, 2, 0)[:, offsets]
     effect = np.sqrt((by_offset**2).sum(axis=0).max(axis=1)) * parameters.prior_std[offsets]
@@ -194,6 +195,12 @@ def arm_covariance(problem: Problem, covariance: Matrix) -> Matrix:
     result = np.zeros((parameters.arm.stop, parameters.arm.stop))
     result[np.ix_(own, own)] = covariance[np.ix_(at, at)] * np.outer(std, std)
     return result
+
+
+def _within(robot: Robot, joints: Matrix) -> Matrix:
+    """Those of joints (N, n) that the arm can take: where joint 3 is counted from the ground its range
+    depends on joint 2."""
+    return joints if robot.conventions.range3 is None else joints[~beyond_limits(robot, joints).any(axis=1)]
 
 
 def spread_postures(lower: Matrix, upper: Matrix, count: int) -> Matrix:

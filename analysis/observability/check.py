@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ...model.arms.pendant import beyond_limits, nearest_limit
 from ...model.errors import BadInput
 from ...model.files.plan import Plan
 from ...model.parameters import Group
@@ -111,13 +112,15 @@ class TargetBehind:
 
 @dataclass(frozen=True)
 class OutsideLimits:
-    """Turned onto the target, `joint` (from 1) of `posture` is at `at`, outside `limits` (deg or mm)."""
+    """Turned onto the target, `joint` (from 1) of `posture` is at `at`, outside `limits` (deg or mm), which
+    are of what `counting` says (empty: of the joint)."""
 
     posture: int
     joint: int
     at: float
     unit: str
     limits: tuple[float, float]
+    counting: str = ""
 
 
 PlanFinding = Unreachable | TargetBehind | OutsideLimits
@@ -315,8 +318,8 @@ def _findings(plan: Plan, aimed: Aimed) -> Iterator[PlanFinding]:
     if len(behind):
         yield TargetBehind(tuple(int(i) for i in behind), every=len(behind) == int(aimed.hit.sum()))
     robot, turned = plan.robot, aimed.problem.joints
-    slack = 1e-9
-    for i, j in np.argwhere((turned < robot.lower - slack) | (turned > robot.upper + slack)):
-        joint = robot.joints[j]
-        ends = (joint.lower * joint.display, joint.upper * joint.display)
-        yield OutsideLimits(int(i), int(j) + 1, float(turned[i, j] * joint.display), joint.unit, ends)
+    for i, j in np.argwhere(beyond_limits(robot, turned)):
+        limit = nearest_limit(robot, turned[i], int(j))
+        ends = (limit.lower, limit.upper)
+        unit = robot.joints[j].unit
+        yield OutsideLimits(int(i), int(j) + 1, limit.value, unit, ends, limit.counting)

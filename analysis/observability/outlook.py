@@ -7,6 +7,7 @@ from itertools import product
 
 import numpy as np
 
+from ...model.arms.pendant import beyond_limits
 from ...model.problem import Problem, Whitened
 from ...model.robot import Matrix
 from .aim import aim, servo_joints
@@ -103,7 +104,7 @@ def advice(problem: Problem, x: Matrix) -> Advice | None:
         joints[row, j] += sign * _CHANGE[robot.joints[j].kind] / robot.joints[j].display
     aimed = aim(problem.select(rows).moved(joints), x, servo_joints(problem))
     turned = aimed.problem.joints
-    inside = np.asarray(((turned >= robot.lower) & (turned <= robot.upper)).all(axis=1))
+    inside = np.asarray(~beyond_limits(robot, turned, 0.0).any(axis=1))
     own = _informations(problem, x)
     new = _informations(aimed.problem, x)
     total = _information(problem, x)

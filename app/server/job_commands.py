@@ -151,7 +151,7 @@ ALLOWED: Mapping[tuple[str, ...], tuple[int, Mapping[str, Kind]]] = {
         },
     ),
     ("import", "csv"): (1, _CSV),
-    **{("import", "log", kind): (1, _TABLES) for kind in ("ur", "egm", "robodk")},
+    **{("import", "log", kind): (1, {**_TABLES, "--j3": "value"}) for kind in ("ur", "egm", "robodk")},
     ("import", "ros"): (
         1,
         {**_DWELLS, **dict.fromkeys(("--columns", "--topic", "--marker-topic"), "value")},
@@ -160,7 +160,7 @@ ALLOWED: Mapping[tuple[str, ...], tuple[int, Mapping[str, Kind]]] = {
     ("import", "kuka"): (1, _POINTS),
     ("import", "fanuc"): (1, {**_POINTS, "--j3": "value", "--register": "value"}),
     ("import", "universal-robots"): (1, _IMPORT),
-    ("import", "robodk"): (1, _IMPORT),
+    ("import", "robodk"): (1, {**_IMPORT, "--j3": "value"}),
     **{("export", form): (1, _EXPORT) for form in ("robot", "urdf", "rapid", "ur", "kuka", "json", "csv")},
     **{
         ("export", "plan", form): (

@@ -110,4 +110,4 @@ def _arm(robot: Robot) -> str:
         [joint.name, joint.kind, joint.fixed.tolist(), joint.axis.tolist(), joint.lower, joint.upper]
         for joint in robot.joints
     ]
-    return json.dumps([robot.name, robot.vendor, robot.flange.tolist(), joints])
+    return json.dumps([robot.name, robot.vendor, robot.flange.tolist(), joints, asdict(robot.conventions)])

@@ -7,13 +7,14 @@ offset.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from ...model.arms.pendant import encoder3_of, pendant_of, require_link_encoder
 from ...model.errors import BadInput
-from ...model.robot import Robot
+from ...model.robot import J3, Robot
 from .ascii_line import one_line
 from .calibration import Calibration, Offset
 from .vendors import require_vendor
@@ -24,6 +25,31 @@ _CAUTION = (
     "second time the offsets would be applied twice. Drive slowly afterwards, and verify:",
     "zerobeam plan verify RUN -o PLAN.",
 )
+
+
+_RELIED_ON: Mapping[J3, list[str]] = {
+    "link": [
+        "Relied on (the robot file: encoder): the encoder of J3 measures the angle between links 2 and 3. So",
+        "the count of J3 changes by the offset of joint 3 alone, whatever the pendant counts J3 from. This",
+        "follows from the place of the motor, at the elbow; it is not from a document of FANUC. Check it:",
+        "jog J2 alone (JOINT) by 10 deg. The pulses of J3 change by 10 deg where it is so; where they stay",
+        "as they are, the encoder measures from the ground: stop, and state encoder: {joint3: ground}.",
+    ],
+    "ground": [
+        "Relied on (the robot file: encoder): the encoder of J3 measures the direction of link 3, whatever",
+        "J2 does (a parallelogram). Its count changes by the offset of joint 3 less that of joint 2.",
+    ],
+}
+_ON_THE_PENDANT = [
+    "The pendant counts J3 from the ground: at the same place it will read more by the offset of joint 3",
+    "less that of joint 2, since the new zero of J2 is in it.",
+]
+_SAFETY = [
+    "DCS (Dual Check Safety) holds a copy of the mastering: after the change it reports a difference and",
+    "stops the robot until the new data are applied (MENU, SYSTEM, DCS, APPLY, code number; then off and",
+    "on). Afterwards verify its position and speed checks and the safety report, as your safety plan and the",
+    "manual of DCS on your controller say: zones are checked with the new zeros.",
+]
 
 
 @dataclass(frozen=True)
@@ -55,6 +81,7 @@ class FanucCounts:
 def ur_text(robot: Robot, calibration: Calibration) -> str:
     """Universal Robots: the zero of each joint, for the joint calibration of the service manual."""
     require_vendor(robot, "universal-robots", "this sheet")
+    require_link_encoder(robot, "this sheet")
     return _sheet(
         calibration,
         [
@@ -70,6 +97,7 @@ def ur_text(robot: Robot, calibration: Calibration) -> str:
 def kuka_text(robot: Robot, calibration: Calibration) -> str:
     """KUKA: mastering offsets."""
     require_vendor(robot, "kuka", "this sheet")
+    require_link_encoder(robot, "this sheet")
     table = [
         "axis   offset deg   master the axis where it reads      $MAMES[] (machine data)",
         *(
@@ -95,10 +123,16 @@ def kuka_text(robot: Robot, calibration: Calibration) -> str:
     )
 
 
-def fanuc_text(robot: Robot, calibration: Calibration, ground: bool, counts: FanucCounts | None) -> str:
-    """FANUC: master counts. `ground`: joint 3 of the controller is counted from the ground."""
+def fanuc_text(
+    robot: Robot, calibration: Calibration, counts: FanucCounts | None, j3: J3 | None = None
+) -> str:
+    """FANUC: master counts. What changes the count of joint 3 is decided by what its encoder measures; `j3`
+    says what the pendant counts it from, if not as the robot file states. BadInput where neither is
+    stated."""
     require_vendor(robot, "fanuc", "this sheet")
-    offsets = _as_fanuc(calibration, ground)
+    pendant = pendant_of(robot, j3, "fanuc")
+    encoder = encoder3_of(robot, "fanuc")
+    offsets = _as_fanuc(calibration, encoder)
     lines = ["joint  offset deg   new master count"]
     for i, offset in enumerate(offsets):
         if offset is None:
@@ -108,11 +142,6 @@ def fanuc_text(robot: Robot, calibration: Calibration, ground: bool, counts: Fan
         else:
             new = counts.master[i] - round(offset * counts.per_degree[i])
             lines.append(f"J{i + 1}   {offset:+11.6f}   {new}   (now {counts.master[i]})")
-    coupled = (
-        "J3 is counted from the ground: its offset here is that of link 3 less that of joint 2."
-        if ground
-        else "J3 is counted from link 2, as in the robot file."
-    )
     return _sheet(
         calibration,
         [
@@ -121,22 +150,24 @@ def fanuc_text(robot: Robot, calibration: Calibration, ground: bool, counts: Fan
             "negative where they fall. Reading = (pulses - count) / pulses per degree, so a count that is",
             "smaller by offset * pulses per degree makes the joint read more by the offset. Check names and",
             "signs against the manual of your controller.",
-            f"{coupled}",
+            *_RELIED_ON[encoder],
+            *(_ON_THE_PENDANT if pendant.ground else ["The pendant counts J3 from link 2."]),
             "Write the new counts, calibrate (MENU, SYSTEM, Master/Cal), turn the controller off and on.",
+            *_SAFETY,
         ],
         lines,
     )
 
 
-def _as_fanuc(calibration: Calibration, ground: bool) -> list[float | None]:
-    """The offsets of the controller's own joints: None where nothing is to be changed."""
+def _as_fanuc(calibration: Calibration, encoder: J3) -> list[float | None]:
+    """The offsets of the controller's encoders: None where nothing is to be changed."""
     values: list[float | None] = [own.applied if own.exported else None for own in calibration.offsets]
-    if not ground or len(values) < 3:
+    if encoder == "link" or len(values) < 3:
         return values
     second, third = calibration.offsets[1], calibration.offsets[2]
     if second.exported != third.exported and second.status != "held" and third.status != "held":
         raise BadInput(
-            "J3 is counted from the ground, so that its offset is that of joint 3 less that of joint 2",
+            "the encoder of J3 measures from the ground: its offset is that of joint 3 less that of joint 2",
             found=f"only one of {second.name} and {third.name} is determined and exported",
             allowed="both, or neither",
             remedy=f"exclude both: --without {second.name} --without {third.name}",

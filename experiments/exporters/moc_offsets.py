@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
 
+from ...model.arms.pendant import require_link_encoder
 from ...model.errors import BadInput
 from ...model.files.reading import did_you_mean, read_text, shown
 from .ascii_line import one_line
@@ -95,6 +96,7 @@ def moc_text(calibration: Calibration, gears: Gears, against: Path | None = None
     The motors of mechanical unit `unit` are those called `<unit>_1` and so on.
     """
     require_vendor(calibration.corrected, "abb", "MOC.cfg")
+    require_link_encoder(calibration.corrected, "MOC.cfg")
     _require_turning(calibration)
     if against is None:
         return _table(calibration, gears)

@@ -7,13 +7,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...model.arms.denavit_hartenberg import DHRow
 from ...model.arms.orientation import angles_of
 from ...model.errors import BadInput
 from ...model.files.header import UrdfRef
 from ...model.files.reading import shown
 from ...model.files.robot_file import RobotFile, StatedJoint, StatedTransform, stated_rows
 from ...model.files.run import Run
-from ...model.robot import DHRow, Matrix
+from ...model.robot import Matrix
 from .ascii_line import one_line
 from .calibration import Calibration
 from .dh_rows import Table, beyond_rows, corrected_table
@@ -50,6 +51,7 @@ def rows_text(head: Sequence[str], stated: RobotFile, table: Table) -> str:
             *(f"  - {_joint(own, row)}" for own, row in zip(stated.joints, table.rows, strict=True)),
             *_transform("base", stated.base),
             *_transform("flange", _stated(table.flange, stated.flange)),
+            *_conventions(stated),
             "",
         ]
     )
@@ -101,6 +103,13 @@ def _stated(transform: Matrix, before: StatedTransform) -> StatedTransform:
     x, y, z = transform[:3, 3].tolist()
     roll, pitch, yaw = np.degrees(angles_of(transform[:3, :3])).tolist()
     return StatedTransform(xyz_mm=(x, y, z), rpy_deg=(roll, pitch, yaw))
+
+
+def _conventions(stated: RobotFile) -> list[str]:
+    """How the arm is mounted and counted, as the file states it."""
+    keys = ("mounting", "pendant", "limits", "encoder")
+    content = stated.model_dump(mode="json", include=set(keys), exclude_unset=True, exclude_none=True)
+    return [f"{key}: {_quoted(content[key])}" for key in keys if content.get(key)]
 
 
 def _transform(key: str, stated: StatedTransform) -> list[str]:

@@ -18,8 +18,8 @@ _LINE_LENGTH = 100_000
 def columns_of_joints(columns: Sequence[str] | None, robot: Robot) -> Sequence[str] | None:
     """The columns of joint 1, 2, …, in this order, from a list of them or of `column=joint`.
 
-    A joint is named as in the robot file, or j1, j2, …, or by its number. BadInput for a joint that is not
-    there, is missing or a duplicate.
+    A joint is named as in the robot file or on the pendant, or j1, j2, …, or by its number. BadInput for a
+    joint that is not there, is missing or a duplicate.
     """
     if columns is None or not any("=" in column for column in columns):
         return columns
@@ -27,7 +27,7 @@ def columns_of_joints(columns: Sequence[str] | None, robot: Robot) -> Sequence[s
     found: dict[int, str] = {}
     for item in columns:
         column, sign, joint = (part.strip() for part in item.rpartition("="))
-        index = _joint(joint, names)
+        index = _joint(joint, robot)
         if not sign or not column or index is None or index in found:
             raise BadInput(
                 "the joint of a column is not understood" if index not in found else "duplicate joint",
@@ -52,7 +52,7 @@ def reversed_joints(stated: Sequence[str], robot: Robot) -> list[int]:
     names = [joint.name for joint in robot.joints]
     found: list[int] = []
     for text in stated:
-        index = _joint(text, names)
+        index = _joint(text, robot)
         if index is None or index in found:
             raise BadInput(
                 "the joint to be reversed is not understood" if index is None else "duplicate joint",
@@ -64,11 +64,12 @@ def reversed_joints(stated: Sequence[str], robot: Robot) -> list[int]:
     return found
 
 
-def _joint(text: str, names: Sequence[str]) -> int | None:
-    if text in names:
-        return names.index(text)
+def _joint(text: str, robot: Robot) -> int | None:
+    for names in ([joint.name for joint in robot.joints], robot.conventions.names or ()):
+        if text in names:
+            return names.index(text)
     digits = text[1:] if text[:1] in ("j", "J") else text
-    return int(digits) - 1 if digits.isdecimal() and 1 <= int(digits) <= len(names) else None
+    return int(digits) - 1 if digits.isdecimal() and 1 <= int(digits) <= robot.n else None
 
 
 def found_delimiter(text: str, decimal: str) -> str:

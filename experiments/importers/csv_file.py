@@ -10,14 +10,14 @@ from typing import Literal
 
 import numpy as np
 
-from ...model.arms.joint_three import J3, from_ground
+from ...model.arms.pendant import Pendant
 from ...model.errors import BadInput
 from ...model.files.limits import like_radians
 from ...model.files.reading import shown
-from ...model.robot import Matrix, Robot
+from ...model.robot import J3, Matrix, Robot
 from .columns import columns_of_joints, reversed_joints
 from .dwells import Log, Mark, Stillness, held
-from .imported import J3_NOTE, Found, Imported, Job, Stated, uncollected
+from .imported import Found, Imported, Job, Stated, uncollected
 from .table import DELIMITERS, Table, check_signs, read_table
 
 PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
@@ -29,15 +29,15 @@ class CsvLayout:
     """How the CSV files are laid out. Columns are stated by name (with a `header_row`) or number, from 1.
 
     `columns` are those of joint 1, 2, … in this order, others are ignored; without it the files hold only
-    joints, joint 1 first; each may be `column=joint`, in any order. `delimiter` None: it is found in the
-    file. `lengths` is the unit of prismatic joints, required if there are any.
-    `spot_columns` are dx and dy in mm, as `spot_mm` of a run. `marker_column` is neither empty nor 0 where a
-    measurement begins. `changes_only`: rows only where the joints changed, each valid until the next.
-    `small_angles`: degrees that are all as small as radians are degrees all the same. `reversed_joints` (by
-    the robot's names, j1, j2, … or numbers) were recorded with the other sign.
+    joints, in the pendant's order; each may be `column=joint`, in any order. `delimiter` None: it is found in
+    the file. `lengths` is the unit of prismatic joints, required if there are any. `spot_columns` are dx and
+    dy in mm, as `spot_mm` of a run. `marker_column` is neither empty nor 0 where a measurement begins.
+    `changes_only`: rows only where the joints changed, each valid until the next. `small_angles`: degrees
+    that are all as small as radians are degrees all the same. `reversed_joints` (by the robot's names, j1,
+    j2, … or numbers) were recorded with the other sign.
     """
 
-    units: Literal["deg", "rad"]
+    units: Literal["deg", "rad", "pulse"]
     header_row: bool = False
     columns: Sequence[str] | None = None
     delimiter: str | None = ","
@@ -49,19 +49,19 @@ class CsvLayout:
     time_column: str | None = None
     time_units: TimeUnit | None = None
     marker_column: str | None = None
-    j3: J3 = "link"
+    j3: J3 | None = None
     changes_only: bool = False
     small_angles: bool = False
     reversed_joints: Sequence[str] = ()
 
     def check(self, robot: Robot) -> None:
         """BadInput for a layout that no file can have."""
-        if self.units not in ("deg", "rad"):
+        if self.units not in ("deg", "rad", "pulse"):
             raise BadInput(
-                "the unit of the angles is not stated", found=shown(self.units), allowed="deg, rad"
+                "the unit of the angles is not stated", found=shown(self.units), allowed="deg, rad, pulse"
             )
         slides = any(joint.kind == "prismatic" for joint in robot.joints)
-        if slides and self.lengths not in ("mm", "m"):
+        if slides and self.units != "pulse" and self.lengths not in ("mm", "m"):
             raise BadInput(
                 "the unit of the prismatic joints is not stated",
                 found=f"{robot.name} has prismatic joints",
@@ -122,6 +122,7 @@ def import_csv(
     job = Job.begin(files, stated)
     layout = replace(layout, columns=columns_of_joints(layout.columns, job.robot))
     layout.check(job.robot)
+    pendant = job.pendant(layout.j3)
     if layout.target_column is None:
         targets: list[str | None] = [*job.targets(target_names)]
     elif target_names:
@@ -133,11 +134,11 @@ def import_csv(
     with uncollected():
         for k, (path, target) in enumerate(zip(job.paths, targets, strict=True)):
             progress(f"file {k + 1}/{len(job.paths)}", k / len(job.paths) / 2)
-            found.append(_found(path, target, job.robot, layout, still))
+            found.append(_found(path, target, pendant, layout, still))
         if layout.units == "deg" and not layout.small_angles:
             _require_degrees(found, job.robot)
         progress(f"{sum(len(part.joints) for part in found)} measurements", 0.5)
-        return job.finish(found, out, [*_units_used(layout, job.robot), *_columns_used(layout)])
+        return job.finish(found, out, [*_units_used(layout, pendant), *_columns_used(layout, pendant)])
 
 
 def _require_degrees(found: Sequence[Found], robot: Robot) -> None:
@@ -174,7 +175,10 @@ def _check_shots(layout: CsvLayout, still: Stillness | None) -> None:
         )
 
 
-def _found(path: Path, target: str | None, robot: Robot, layout: CsvLayout, still: Stillness | None) -> Found:
+def _found(
+    path: Path, target: str | None, pendant: Pendant, layout: CsvLayout, still: Stillness | None
+) -> Found:
+    robot = pendant.robot
     table = read_table(
         path,
         header_row=layout.header_row,
@@ -182,10 +186,9 @@ def _found(path: Path, target: str | None, robot: Robot, layout: CsvLayout, stil
         decimal=layout.decimal,
         joints_of=robot if layout.joints_alone else None,
     )
-    joints = table.numbers(_joint_columns(table, robot, layout)) * _to_display(layout, robot)
+    joints = table.numbers(_joint_columns(table, pendant, layout)) * _to_display(layout, pendant)
     joints[:, reversed_joints(layout.reversed_joints, robot)] *= -1
-    if layout.j3 == "ground":
-        joints = from_ground(joints, robot)
+    joints = pendant.between_links(joints)
     spots = times = None
     if layout.spot_columns is not None:
         spots = table.numbers([table.column(name) for name in layout.spot_columns])
@@ -214,11 +217,12 @@ def _found(path: Path, target: str | None, robot: Robot, layout: CsvLayout, stil
     )
 
 
-def _joint_columns(table: Table, robot: Robot, layout: CsvLayout) -> list[int]:
+def _joint_columns(table: Table, pendant: Pendant, layout: CsvLayout) -> list[int]:
     """Index of the column of each joint."""
     if layout.columns is not None:
         return [table.column(name) for name in layout.columns]
-    own = [joint.name for joint in robot.joints]
+    robot = pendant.robot
+    own = [robot.joints[i].name for i in pendant.order]
     names = table.names or ()
     if not layout.joints_alone or (
         table.names is not None and (len(names) != robot.n or (set(names) == set(own) and list(names) != own))
@@ -226,12 +230,12 @@ def _joint_columns(table: Table, robot: Robot, layout: CsvLayout) -> list[int]:
         raise BadInput(
             "the columns are not just the joints in their order",
             found=", ".join(names) or f"{table.width} columns",
-            allowed=f"{robot.n} columns, joint 1 first ({', '.join(own)})",
+            allowed=f"{robot.n} columns, in the pendant's order ({', '.join(own)})",
             remedy="name the columns of joint 1, 2, … in this order",
             file=table.path,
             line=table.header_line or None,
         )
-    return list(range(robot.n))
+    return [pendant.order.index(i) for i in range(robot.n)]
 
 
 def _marks(table: Table, stated: str, times: Matrix, names: list[str] | None) -> list[Mark]:
@@ -259,26 +263,33 @@ def _shot_numbers(table: Table, stated: str) -> list[int]:
     return [int(text) for text in table.texts(column)]
 
 
-def _to_display(layout: CsvLayout, robot: Robot) -> Matrix:
+def _to_display(layout: CsvLayout, pendant: Pendant) -> Matrix:
     """(n,) degrees or mm in one unit of the file."""
+    if layout.units == "pulse":
+        return 1.0 / pendant.per_degree("pulse")
     angle = 1.0 if layout.units == "deg" else math.degrees(1.0)
     length = 1000.0 if layout.lengths == "m" else 1.0
-    return np.array([angle if joint.kind == "revolute" else length for joint in robot.joints])
+    return np.array([angle if joint.kind == "revolute" else length for joint in pendant.robot.joints])
 
 
-def _units_used(layout: CsvLayout, robot: Robot) -> list[str]:
-    angles = "angles in radians, converted to degrees" if layout.units == "rad" else "angles in degrees"
-    if not all(joint.kind == "revolute" for joint in robot.joints):
+def _units_used(layout: CsvLayout, pendant: Pendant) -> list[str]:
+    angles = {
+        "rad": "angles in radians, converted to degrees",
+        "deg": "angles in degrees",
+        "pulse": "joints in pulses, converted to degrees by the robot file's pulses_per_deg",
+    }[layout.units]
+    if layout.lengths is not None and any(joint.kind == "prismatic" for joint in pendant.robot.joints):
         angles += f"; prismatic joints in {layout.lengths}"
-    return [angles, *([J3_NOTE] if layout.j3 == "ground" else [])]
+    return [angles, *([] if pendant.counting is None else [pendant.counting])]
 
 
-def _columns_used(layout: CsvLayout) -> list[str]:
+def _columns_used(layout: CsvLayout, pendant: Pendant) -> list[str]:
     if layout.columns is not None:
         notes = [f"columns by name, joint 1 first: {', '.join(layout.columns)}"]
     else:
         row = "below a header row" if layout.header_row else "no header row"
-        notes = [f"columns in file order, joint 1 first; {row}"]
+        plain = pendant.order == sorted(pendant.order)
+        notes = [f"columns in file order, {'joint 1 first' if plain else 'as on the pendant'}; {row}"]
     others = {
         "target": layout.target_column,
         "measurement number": layout.shot_column,
@@ -334,13 +345,14 @@ def import_log(
     delimiter: str | None = None,
     decimal: str = ".",
     marker_column: str | None = None,
+    j3: J3 | None = None,
     progress: Callable[[str, float], None] = lambda stage, share: None,
 ) -> Imported:
-    """Measurements from logs of a known kind: at each dwell, or at those that `marker_column` marks."""
+    """Measurements from logs of a known kind: at each dwell, or at those that `marker_column` marks; `j3` is
+    what the controller counts joint 3 from, if not as the robot file states."""
     if kind not in _LAYOUTS:
         raise BadInput("unknown kind of log", found=kind, allowed=", ".join(_LAYOUTS))
     layout = _LAYOUTS[kind](Job.begin(files, stated).robot.n)
-    layout = replace(
-        layout, marker_column=marker_column, delimiter=delimiter or layout.delimiter, decimal=decimal
-    )
+    layout = replace(layout, marker_column=marker_column, decimal=decimal, j3=j3)
+    layout = replace(layout, delimiter=delimiter or layout.delimiter)
     return import_csv(files, target_names, layout, stated, out, still=still, progress=progress)

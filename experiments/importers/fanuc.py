@@ -6,9 +6,9 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from ...model.arms.joint_three import J3
 from ...model.errors import BadInput
 from ...model.files.plan import Plan
+from ...model.robot import J3
 from .imported import Imported, Stated
 from .taught import Point, import_points
 
@@ -35,7 +35,7 @@ def import_fanuc(
     stated: Stated,
     out: Path | str,
     *,
-    j3: J3,
+    j3: J3 | None = None,
     points: Sequence[str] | None = None,
     register: int = 1,
 ) -> Imported:
@@ -43,14 +43,9 @@ def import_fanuc(
     the numbers of some, as text.
 
     With a plan as `stated` its postures are in the registers from `register` on, where its program left them.
-    `j3` says from where joint 3 is counted (`from_ground`). Both files give degrees to three decimals.
+    `j3` says what joint 3 is counted from, where it is not as the robot file states. Both files give degrees
+    to three decimals.
     """
-    if j3 not in ("ground", "link"):
-        raise BadInput(
-            "the reference of joint 3 is not stated",
-            found=j3,
-            allowed="ground (as the pendant and TP programs do), link (from link 2)",
-        )
     planned = len(stated.postures) if isinstance(stated, Plan) else None
 
     def parse(text: str, path: Path) -> list[Point]:
@@ -65,7 +60,8 @@ def import_fanuc(
         stated,
         out,
         names=points,
-        ground=j3 == "ground",
+        j3=j3,
+        vendor="fanuc",
         note="FANUC positions of group 1, angles in degrees, joint 1 first",
     )
 

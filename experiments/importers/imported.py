@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...model.arms.pendant import Pendant, pendant_of
 from ...model.errors import BadInput
 from ...model.files.header import Header, check_header, read_header
 from ...model.files.limits import check_limits
@@ -21,10 +22,9 @@ from ...model.files.reading import Place, read_yaml
 from ...model.files.robot_file import load_robot, rebased
 from ...model.files.shot import Shot, check_distances, check_shot, unknown_targets
 from ...model.files.validation import validate
-from ...model.robot import Matrix, Robot
+from ...model.robot import J3, Matrix, Robot
 
 Stated = Path | str | Plan  # a header file, or the plan that was measured, which has a header
-J3_NOTE = "joint 3 is counted from the ground (FANUC): joint 2 is added to it"
 
 
 class Imported(NamedTuple):
@@ -94,6 +94,10 @@ class Job:
         robot = load_robot(header.robot, header_path.parent, file=header_path)
         check_header(header, robot, file=header_path, line=read_yaml(header_path).line)
         return cls(paths, patterns, header_path, header, robot)
+
+    def pendant(self, j3: J3 | None = None, vendor: str | None = None) -> Pendant:
+        """How the recorded joints are counted: by `j3`, else by the robot file (`pendant_of`)."""
+        return pendant_of(self.robot, j3, vendor)
 
     def targets(self, names: Sequence[str]) -> list[str]:
         """The target of each file; where a plan is stated it says so in the end, and names are refused.

@@ -8,9 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from ...model.arms.pendant import Pendant
 from ...model.errors import BadInput
 from ...model.files.limits import require_joint_count
 from ...model.files.reading import read_text
+from ...model.robot import J3
 from .imported import Found, Imported, Job, Stated, matching
 from .taught import without_unused
 from .typed import PROGRAM_LINE, program_line
@@ -31,20 +33,25 @@ def import_program_log(
     out: Path | str,
     *,
     source: str,
+    j3: J3 | None = None,
 ) -> Imported:
     """Measurements from logs of a plan's program; of a posture that was recorded again the last counts.
 
-    `source` says in the answer who wrote it. BadInput for the log of a rehearsal, or of another plan than
+    `source` says in the answer who wrote it, `j3` what it counts joint 3 from, if not as the
+    robot file states. BadInput for the log of a rehearsal, or of another plan than
     `stated`.
     """
     job = Job.begin(files, stated)
+    pendant = job.pendant(j3)
     found = [
-        _found(path, target, job) for path, target in zip(job.paths, job.targets(target_names), strict=True)
+        _found(path, target, job, pendant)
+        for path, target in zip(job.paths, job.targets(target_names), strict=True)
     ]
-    return job.finish(found, out, [f"{source}: lines of a plan's program, in degrees, joint 1 first"])
+    note = f"{source}: lines of a plan's program, in degrees, joint 1 first"
+    return job.finish(found, out, [note, *([] if pendant.counting is None else [pendant.counting])])
 
 
-def _found(path: Path, target: str, job: Job) -> Found:
+def _found(path: Path, target: str, job: Job, pendant: Pendant) -> Found:
     text, _ = read_text(path)
     lines = text.split("\n")
     rows: dict[int, tuple[tuple[float, ...], int]] = {}
@@ -80,7 +87,7 @@ def _found(path: Path, target: str, job: Job) -> Found:
     return Found(
         path,
         "line",
-        np.array([joints for joints, _ in rows.values()]),
+        pendant.between_links(np.array([joints for joints, _ in rows.values()])),
         [target] * len(rows),
         lines=[line for _, line in rows.values()],
         numbers=list(rows),

@@ -51,15 +51,16 @@ def import_rapid(
     note = "RAPID jointtargets, angles in degrees, rax_1 first, external axes ignored"
     posed: Posed | None = None
     if tool is not None:
-        solver = Robtargets(
-            Job.begin(files, stated).robot,
-            _pose(tool, "--tool"),
-            np.eye(4) if frame is None else _pose(frame, "--frame"),
-        )
+        job = Job.begin(files, stated)
+        frames = _pose(tool, "--tool"), np.eye(4) if frame is None else _pose(frame, "--frame")
+        solver, pendant = Robtargets(job.robot, *frames), job.pendant()
         note += (
             f"; robtargets by inverse kinematics of the nominal arm, tool {tool}, frame {frame or 'wobj0'}"
         )
-        posed = solver.joints
+
+        def posed(numbers: Sequence[float], name: str, path: Path, line: int) -> tuple[float, ...]:
+            return tuple(pendant.counted(np.array(solver.joints(numbers, name, path, line))).tolist())
+
     elif frame is not None:
         raise BadInput("--frame is of robtargets, and these need their tool", remedy="state --tool too")
     return import_points(

@@ -8,12 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...model.arms.joint_three import from_ground
 from ...model.errors import BadInput
 from ...model.files.limits import require_joint_count
 from ...model.files.reading import did_you_mean, read_text
-from ...model.robot import Robot
-from .imported import J3_NOTE, Found, Imported, Job, Stated
+from ...model.robot import J3, Robot
+from .imported import Found, Imported, Job, Stated
 
 
 class Point(NamedTuple):
@@ -36,19 +35,22 @@ def import_points(
     out: Path | str,
     *,
     names: Sequence[str] | None,
-    ground: bool = False,
+    j3: J3 | None = None,
+    vendor: str | None = None,
     note: str,
 ) -> Imported:
     """Measurements at the points of files, as `parse` (text, path) reads them; `names` selects some.
 
-    `ground`: joint 3 is counted from the ground. BadInput for a point without joint values.
+    `j3` says what joint 3 is counted from, by default the robot file, which must for arms of some makers
+    (`vendor`, if the robot file names none). BadInput for a point without joint values.
     """
     job = Job.begin(files, stated)
+    pendant = job.pendant(j3, vendor)
     found = []
     for path, target in zip(job.paths, job.targets(target_names), strict=True):
         points = _chosen(parse(read_text(path)[0], path), names, path)
         rows = [_joints(point, job.robot, path) for point in points]
-        joints = from_ground(np.array(rows), job.robot) if ground else np.array(rows)
+        joints = pendant.between_links(np.array(rows))
         listed = f"  points in their order: {', '.join(point.name for point in points)}"
         lines = [point.line for point in points]
         numbers = [point.number for point in points if point.number is not None]
@@ -63,7 +65,7 @@ def import_points(
                 notes=[listed],
             )
         )
-    return job.finish(found, out, [note, *([J3_NOTE] if ground else [])])
+    return job.finish(found, out, [note, *([] if pendant.counting is None else [pendant.counting])])
 
 
 def _chosen(points: Sequence[Point], names: Sequence[str] | None, path: Path) -> list[Point]:

@@ -13,10 +13,11 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
-from typing import Literal
 
+from ...model.arms.pendant import Pendant
 from ...model.errors import BadInput
 from ...model.files.reading import shown
+from ...model.robot import PendantUnit
 
 _NUMBER = r"[-+]?(?:\d+(?:[.,]\d+)?|[.,]\d+)(?:[eE][-+]?\d+)?"
 _LABELLED = re.compile(
@@ -34,8 +35,6 @@ PROGRAM_LINE = re.compile(
 )
 _PROGRAM_UNITS = {"deg": 1.0, "microdegrees": 1e-6}
 
-Unit = Literal["deg", "rad"]
-
 
 @dataclass(frozen=True)
 class Typed:
@@ -43,7 +42,7 @@ class Typed:
     line of a plan's program."""
 
     values: tuple[float, ...]
-    unit: Unit | None
+    unit: PendantUnit | None
     number: int | None = None
 
 
@@ -76,9 +75,13 @@ def program_line(text: str, n: int) -> Typed | None:
     return Typed(tuple(value * scale for value in values), "deg", int(match["number"]))
 
 
-def labelled(text: str) -> dict[int, float]:
-    """Values with a joint's name before them, by its number from 1: `J1= 10 deg`, `A1 10`, `S: 10`."""
+def labelled(text: str, names: Sequence[str] = ()) -> dict[int, float]:
+    """Values with a joint's name before them, by its number from 1: `J1= 10 deg`, `A1 10`, `S: 10`. `names`
+    are those of the pendant, joint 1 first."""
     text = text.translate(_MINUS)
+    found = _by_names(text, names)
+    if found:
+        return found
     found = {int(match[1]): _value(match[2]) for match in _LABELLED.finditer(text)}
     if 0 in found:  # q0 to q5
         found = {number + 1: value for number, value in found.items()}
@@ -89,8 +92,19 @@ def labelled(text: str) -> dict[int, float]:
     return found
 
 
-def typed_joints(text: str, n: int) -> Typed:
-    """The `n` joint values of a text, in the order of the joints.
+def _by_names(text: str, names: Sequence[str]) -> dict[int, float]:
+    """Values behind the pendant's own names, by number from 1, where there is one."""
+    values: dict[int, float] = {}
+    for number, name in enumerate(names, start=1):
+        match = re.search(rf"(?<![\w.]){re.escape(name)}(?:\s*[:=]\s*|\s+)({_NUMBER})", text)
+        if match is not None:
+            values[number] = _value(match[1])
+    return values
+
+
+def typed_joints(text: str, n: int, pendant: Pendant | None = None) -> Typed:
+    """The `n` joint values of a text, in the order of the joints: values without names are in the pendant's
+    order.
 
     Read are numbers with blanks, tabs, commas or semicolons between them, lists in brackets (`[…]`, RAPID's
     `[[…], […]]`, KRL's `{A1 …, A2 …}`), values with the joints' names (`J1= 10.5 deg`), decimal commas where
@@ -102,7 +116,7 @@ def typed_joints(text: str, n: int) -> Typed:
         return Typed(logged.values[:n], logged.unit, logged.number)
     plain = text.translate(_MINUS)
     unit = _unit(plain)
-    by_name = labelled(text)
+    by_name = labelled(text, [] if pendant is None else pendant.names)
     if by_name:
         missing = [number for number in range(1, n + 1) if number not in by_name]
         if missing:
@@ -119,25 +133,29 @@ def typed_joints(text: str, n: int) -> Typed:
             allowed=f"{n} joint values",
             remedy="switch the pendant to joint values",
         )
-    plain = re.sub(r"\b(?:deg|degrees|rad|radians|mm)\b", " ", plain)
+    plain = re.sub(r"\b(?:deg|degrees|rad|radians|mm|pulses?)\b", " ", plain)
+    order = list(range(n)) if pendant is None else pendant.order
     for inner in [match[1] for match in _INNERMOST.finditer(plain)]:
         values = _numbers(inner, n)
         if values is not None and len(values) == n:
-            return Typed(values, unit)
+            return Typed(tuple(values[order.index(i)] for i in range(n)), unit)
     values = _numbers(re.sub(r"[\[\](){}]", " ", plain), n)
     if values is None or len(values) != n:
         count = "no numbers" if not values else f"{len(values)} numbers"
         raise BadInput(
             "these are not the joint values",
             found=f"{shown(text.strip()) or 'nothing'} ({count})",
-            allowed=f"{n} numbers, joint 1 first",
+            allowed=f"{n} numbers, "
+            + ("joint 1 first" if order == sorted(order) else "in the pendant's order"),
         )
-    return Typed(values, unit)
+    return Typed(tuple(values[order.index(i)] for i in range(n)), unit)
 
 
-def _unit(text: str) -> Unit | None:
+def _unit(text: str) -> PendantUnit | None:
     if re.search(r"\b(?:deg|degrees)\b", text):
         return "deg"
+    if re.search(r"\bpulses?\b", text):
+        return "pulse"
     return "rad" if re.search(r"\b(?:rad|radians)\b", text) else None
 
 

@@ -23,6 +23,7 @@ Mask = NDArray[np.bool_]
 _BATCH = 20_000
 _MOST_DRAWN_PER_CANDIDATE = 60
 _LEAST_DRAWN = 60_000
+_SAMPLE = 2000  # postures by which the conditions are judged one by one, where too few satisfy all
 
 
 # What is counted of the postures that break a condition.
@@ -40,17 +41,48 @@ _REASONS: dict[Condition, str] = {
 @dataclass(frozen=True, eq=False)
 class CandidatePostures:
     """`postures` (C, n) rad or mm, all aimed; `drawn` how many were tried, `removed` how many each
-    constraint took, in the order in which they were judged: together they are all that were drawn."""
+    constraint took, in the order in which they were judged: together they are all that were drawn. Where
+    fewer than asked for are left, `alone` says what each constraint does by itself."""
 
     postures: Matrix
     drawn: int
     removed: dict[str, int]
+    alone: Alone | None = None
 
     def in_words(self) -> str:
         """Which constraint removed how many, in words."""
         parts = [f"{count} {reason}" for reason, count in self.removed.items() if count]
         return f"{len(self.postures)} of {self.drawn} postures are left; " + ", ".join(
             parts or ["none removed"]
+        )
+
+    def reasons(self) -> str:
+        """The same where too few are left: the decisive constraint first."""
+        return self.in_words() if self.alone is None else f"{self.in_words()}. {self.alone.in_words()}"
+
+
+@dataclass(frozen=True)
+class Alone:
+    """Of `aimed` postures that can be turned onto the target: how many each constraint `removes`, and how
+    many would be left `without` it, if all others stay."""
+
+    aimed: int
+    removes: dict[str, int]
+    without: dict[str, int]
+
+    def in_words(self) -> str:
+        """The constraint first without which most would be left; of the others that which removes most."""
+        if not self.aimed:
+            return "No posture can be turned onto the target: it is out of reach or out of sight"
+        order = sorted(self.removes, key=lambda reason: (-self.without[reason], -self.removes[reason]))
+        parts = [
+            f"{self.removes[reason]} {reason} ({self.without[reason]} would be left without this condition)"
+            for reason in order
+            if self.removes[reason]
+        ]
+        return (
+            f"Of {self.aimed} postures turned onto the target, judged by one condition alone: "
+            + ", ".join(parts or ["none is removed"])
         )
 
 
@@ -82,12 +114,16 @@ def candidates(
     clearance = None if obstacles is None else Clearance(problem, obstacles)
     removed: dict[str, int] = {}
     kept: list[Matrix] = []
+    sample: Conditions | None = None  # on postures of the first draw that can be turned onto the target
     drawn = found = 0
     most = max(_LEAST_DRAWN, _MOST_DRAWN_PER_CANDIDATE * count)
     while found < count and drawn < most:
         joints = rng.uniform(lowest, highest, size=(_BATCH, robot.n))
         drawn += _BATCH
         aimed = aim(problem.moved(joints), x, servo_joints(problem))
+        if sample is None:
+            some = aimed.problem.select(np.flatnonzero(aimed.hit)[:_SAMPLE])
+            sample = Conditions(some, x, view, clearance)
         left = _fit(Conditions(aimed.problem, x, view, clearance), aimed.hit, removed)
         kept.append(left)
         found += len(left)
@@ -97,7 +133,8 @@ def candidates(
             break
     if found > count:
         removed["are more than asked for"] = found - count
-    return CandidatePostures(np.concatenate(kept)[:count], drawn, removed)
+    alone = None if found >= count or sample is None else _alone(sample)
+    return CandidatePostures(np.concatenate(kept)[:count], drawn, removed, alone)
 
 
 def _fit(conditions: Conditions, hit: Mask, removed: dict[str, int]) -> Matrix:
@@ -115,6 +152,21 @@ def _fit(conditions: Conditions, hit: Mask, removed: dict[str, int]) -> Matrix:
         remove(len(broken), _REASONS[condition])
         left[broken] = False
     return conditions.joints[left]
+
+
+def _alone(conditions: Conditions) -> Alone:
+    """What each condition does by itself to postures that are all turned onto the target."""
+    rows = np.arange(len(conditions.joints))
+    broken = {
+        _REASONS[condition]: breaks(rows) if len(rows) else np.zeros(0, dtype=bool)
+        for condition, breaks in conditions.in_order()
+    }
+    faults = np.sum(list(broken.values()), axis=0)
+    return Alone(
+        len(rows),
+        {reason: int(mask.sum()) for reason, mask in broken.items()},
+        {reason: int((faults - mask == 0).sum()) for reason, mask in broken.items()},
+    )
 
 
 def _check(view: View, count: int) -> None:

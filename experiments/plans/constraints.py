@@ -13,6 +13,7 @@ from ...analysis.observability.aim import AimedPlan, aim_plan
 from ...analysis.observability.check import Check
 from ...analysis.observability.check import check as check_observability
 from ...analysis.observability.violations import Condition, Violation
+from ...model.arms.pendant import beyond_limits
 from ...model.errors import BadInput
 from ...model.files.plan import Plan
 from ...model.files.stated_plan.constraints import StatedConstraints
@@ -83,7 +84,8 @@ class Conditions:
 
     def __init__(self, problem: Problem, x: Matrix, view: View, clearance: Clearance | None) -> None:
         self._problem, self._view, self._clearance = problem, view, clearance
-        self._lower, self._upper = view.limits(problem.robot)
+        lower, _ = view.limits(problem.robot)
+        self._margin = lower - problem.robot.lower
         self.joints = problem.joints
         self._origin, self._direction = problem.beams(x)
         self._targets = problem.split(x).targets
@@ -120,9 +122,8 @@ class Conditions:
                 yield "beam", self._blocked
 
     def beyond(self, rows: Index) -> Mask:
-        """(m, n) True where a joint is outside its limits with the margin."""
-        joints = self.joints[rows]
-        return np.asarray((joints < self._lower) | (joints > self._upper))
+        """(m, n) True where a joint is outside its limits with the margin, as the pendant counts it too."""
+        return np.asarray(beyond_limits(self._problem.robot, self.joints[rows], -self._margin))
 
     def _blocked(self, rows: Index) -> Mask:
         assert self._clearance is not None

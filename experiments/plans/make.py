@@ -152,8 +152,8 @@ def make_plan(request: PlanRequest, file: Path | None, tell: Progress, *, force:
         if len(found.postures) < wanted:
             raise BadInput(
                 f"there are too few postures to choose {wanted} measurements from",
-                found=removed,
-                remedy="loosen what removes most of them, or put the target elsewhere",
+                found=found.reasons(),
+                remedy="loosen the condition without which most would be left, or put the target elsewhere",
             )
         tell("choice", 0.0)
         planner = Planner(header, robot, target, found, name=name)

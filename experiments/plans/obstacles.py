@@ -13,12 +13,21 @@ from ...model.files.stated_plan.obstacles import Box, Obstacles
 from ...model.files.validation import read_model
 from ...model.files.whole_file import refuse_existing, write_whole
 from ...model.problem import Problem
-from ...model.robot import Matrix
+from ...model.robot import Matrix, Robot
 
 Mask = NDArray[np.bool_]
 
 _SAME_POINT = 1e-6
 _DEFAULT_THICKNESS = 0.05  # of the stretched arm
+_COLUMN = 3  # links that are the arm's own base: from the mounting face to the base frame, and on to joint 2
+
+
+def floor_of(obstacles: Obstacles, robot: Robot) -> float | None:
+    """Height of the floor in the base frame, mm; None where there is none. A robot file that does not state
+    the mounting face has it at the origin of the base frame."""
+    if obstacles.floor_mm == "mounting":
+        return -(robot.conventions.below_base or 0.0)
+    return obstacles.floor_mm
 
 
 def read_obstacles(path: Path) -> Obstacles:
@@ -44,16 +53,18 @@ class Clearance:
         self._tool = problem.functions.kernel("beam")
         self._problem, self._obstacles = problem, obstacles
         # The base's column ends where joint 2 begins; it is not part of the stretched arm.
-        nominal = _lengths(self._points(np.zeros((1, problem.robot.n))))[0]
-        self._radius = obstacles.thickness_mm or _DEFAULT_THICKNESS * float(nominal[2:].sum())
+        nominal = _lengths(self._standing(np.zeros((1, problem.robot.n))))[0]
+        self._radius = obstacles.thickness_mm or _DEFAULT_THICKNESS * float(nominal[_COLUMN:].sum())
+        self._floor = floor_of(obstacles, problem.robot)
 
     def hits_itself(self, joints: Matrix) -> Mask:
         """(N,) True where two parts of the arm come nearer than their thickness.
 
         Parts with less arm between them than twice that may be built so near each other (a wrist of short
-        links, each at a right angle to the next): they are not judged.
+        links, each at a right angle to the next; an elbow with an offset): of these what is as far along the
+        arm from the other part must not be within it, half their thickness.
         """
-        points = self._points(joints)
+        points = self._standing(joints)
         lengths = _lengths(points)
         along = np.concatenate([np.zeros((len(joints), 1)), lengths.cumsum(axis=1)], axis=1)
         links = _links(lengths)
@@ -61,25 +72,51 @@ class Clearance:
         for a, first in enumerate(links):
             for second in links[a + 1 :]:
                 between = along[:, second] - along[:, first + 1]
-                rows = np.flatnonzero(between > 4 * self._radius)
-                p = points[rows]
-                apart = segment_distance(p[:, first], p[:, first + 1], p[:, second], p[:, second + 1])
-                result[rows] |= apart < 2 * self._radius
+                # Parts that share a joint are bounded by its limits.
+                short = np.where(
+                    between > _SAME_POINT, np.maximum(4 * self._radius - between, 0.0) / 2, np.inf
+                )
+                left = np.minimum(lengths[:, first], lengths[:, second]) - short
+                rows = np.flatnonzero(left > 0)
+                p, cut = points[rows], short[rows, None]
+                ahead = (p[:, first + 1] - p[:, first]) / lengths[rows, first, None]
+                back = (p[:, second + 1] - p[:, second]) / lengths[rows, second, None]
+                apart = segment_distance(
+                    p[:, first],
+                    p[:, first + 1] - cut * ahead,
+                    p[:, second] + cut * back,
+                    p[:, second + 1],
+                )
+                result[rows] |= apart < np.where(short[rows] > 0, 1.0, 2.0) * self._radius
         return result
 
     def hits_cell(self, joints: Matrix) -> Mask:
         """(N,) True where a moving link touches the floor or a box."""
-        points = self._points(joints)
-        floor = self._obstacles.floor_mm
+        return self.hits_floor(joints) | self.hits_boxes(joints)
+
+    def hits_floor(self, joints: Matrix) -> Mask:
+        """(N,) True where a link that joint 2 or a later one moves touches the floor."""
+        points = self._standing(joints)
         result = np.zeros(len(joints), dtype=bool)
-        # The first link is the base's column, which is fixed to the floor.
-        moving = _links(_lengths(points))[1:]
-        if floor is not None:
-            for i in moving:
-                result |= np.minimum(points[:, i, 2], points[:, i + 1, 2]) < floor + self._radius
+        if self._floor is None:
+            return result
+        for i in _links(_lengths(points)):
+            if i >= _COLUMN:
+                lowest = np.minimum(points[:, i, 2], points[:, i + 1, 2])
+                result |= lowest < self._floor + self._radius
+        return result
+
+    def hits_boxes(self, joints: Matrix) -> Mask:
+        """(N,) True where a moving link touches a box, which may stand at the arm's own base."""
+        points = self._standing(joints)
+        result = np.zeros(len(joints), dtype=bool)
+        links = _links(_lengths(points))
+        # The first link above the mounting face is fixed to it, or the turret on it.
+        fixed = [i for i in links if i < _COLUMN][:2] if links[:1] == [0] else links[:1]
         for box in self._obstacles.boxes:
-            for i in moving:
-                result |= meets_box(points[:, i], points[:, i + 1], box, self._radius)
+            for i in links:
+                if i >= _COLUMN or i not in fixed:
+                    result |= meets_box(points[:, i], points[:, i + 1], box, self._radius)
         return result
 
     def beam_blocked(self, origins: Matrix, target: Matrix) -> Mask:
@@ -101,9 +138,15 @@ class Clearance:
         origin, _ = self._tool(joints, nominal.arm, nominal.tool)
         return np.concatenate([skeleton.transpose(0, 2, 1), origin[:, None, :]], axis=1)
 
+    def _standing(self, joints: Matrix) -> Matrix:
+        """(N, n + 4, 3): the mounting face below the base frame, and the same."""
+        foot = np.zeros((len(joints), 1, 3))
+        foot[:, 0, 2] = -(self._problem.robot.conventions.below_base or 0.0)
+        return np.concatenate([foot, self._points(joints)], axis=1)
+
 
 def _lengths(points: Matrix) -> Matrix:
-    """(N, n + 2) of the links between the points (N, n + 3, 3)."""
+    """(N, n + 3) of the links between the points (N, n + 4, 3)."""
     return np.asarray(np.linalg.norm(np.diff(points, axis=1), axis=2))
 
 

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from ...analysis.estimation.levenberg_marquardt import least_squares, levenberg_marquardt
+from ...model.arms.pendant import beyond_limits
 from ...model.errors import BadInput
 from ...model.files.header import Header
 from ...model.kernel import Index
@@ -93,7 +94,7 @@ class _BeamAt:
         ]
         for seed in seeds:
             q = self._solve(start, seed)
-            if q is not None and (q >= robot.lower).all() and (q <= robot.upper).all():
+            if q is not None and not beyond_limits(robot, q, 0.0).any():
                 return q
         return None
 

@@ -150,7 +150,8 @@ class Recorded(Event):
 @dataclass(frozen=True)
 class Asked(Event):
     """A person is asked for measurement `shot`: `done` of `postures` are measured or skipped; `joints_deg` as
-    planned, joint 3 as the pendant counts it."""
+    planned, joint 3 as the pendant counts it; `pendant`: name, value and unit of each joint as it shows
+    them."""
 
     event: ClassVar[str] = "posture"
     shot: int
@@ -158,6 +159,7 @@ class Asked(Event):
     done: int
     postures: int
     joints_deg: tuple[float, ...]
+    pendant: tuple[dict[str, str | float], ...]
 
 
 @dataclass(frozen=True)

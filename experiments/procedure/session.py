@@ -18,6 +18,7 @@ from ...analysis.estimation.fit import fit_likelihood
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.so_far import SoFar, so_far
 from ...interruption import interruptible, obey, uninterrupted
+from ...model.arms.pendant import beyond_limits
 from ...model.errors import RigFault
 from ...model.files.plan import Plan
 from ...model.files.shot import Shot
@@ -201,7 +202,7 @@ class Procedure:
             spot = self._steady(read_spot(rig, psd, dark, _SAMPLES))
             read = np.median([before, read_joints(rig, joints, tolerance)], axis=0)
         robot = self._problem.robot
-        outside = (read < robot.lower) | (read > robot.upper)
+        outside = beyond_limits(robot, read, 0.0)
         if self.plan.header.limits == "error" and outside.any():
             joint = int(np.flatnonzero(outside)[0])
             raise MeasurementRefused(Reason.LIMIT, f"joint {joint + 1} is read beyond its limit")

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...analysis.observability.aim import aim, servo_joints
 from ...interruption import obey
+from ...model.arms.pendant import beyond_limits
 from ...model.problem import Problem
 from ...model.robot import Matrix
 from .refusal import MeasurementRefused, Reason
@@ -79,7 +80,7 @@ class Belief:
         """(n,) the joints with the wrist turned onto the target; None where the limits do not allow it."""
         aimed = aim(self.problem.moved(joints[None]), self.x, self.wrist)
         found, robot = aimed.problem.joints[0], self.problem.robot
-        inside = (found >= robot.lower).all() and (found <= robot.upper).all()
+        inside = not beyond_limits(robot, found, 0.0).any()
         return found if aimed.hit[0] and aimed.ahead[0] and inside else None
 
 
@@ -112,7 +113,7 @@ def step(belief: Belief, joints: Matrix, jacobian: Matrix, error: Matrix, larges
         turn = -weighted.T @ np.linalg.solve(damped, error)
         turn *= min(1.0, largest / max(float(np.abs(turn / scale).max()), 1e-300))
         after = joints + turn
-        outside = (weights > 0) & ((after < robot.lower) | (after > robot.upper))
+        outside = (weights > 0) & beyond_limits(robot, after, 0.0)
         if not outside.any():
             return np.asarray(after)
         weights[outside] = 0.0

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...model.files.closing import Closing
+from ...model.files.whole_file import Closing
 from ...model.robot import Matrix
 from .counts import read_calibration
 from .interface import Sensors

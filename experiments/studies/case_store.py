@@ -16,9 +16,8 @@ from pydantic import TypeAdapter
 from ...analysis.status import UnsoundResult
 from ...interruption import obey, uninterrupted
 from ...model.errors import BadInput, NotWritten
-from ...model.files.closing import Closing
 from ...model.files.reading import parse_json, shown
-from ...model.files.whole_file import lock
+from ...model.files.whole_file import Closing, lock
 from ..processes import side_by_side
 
 CASES_SCHEMA = "zerobeam/study-cases/1"

@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from ..robot import Matrix, Robot
+from .pendant import beyond_limits
 
 _LENGTH = 1000.0  # mm that count as one radian
 _EXACT = 1e-9  # rad, and mm over _LENGTH
@@ -117,7 +118,8 @@ class Solver:
             first = np.ceil((lower - value) / turn) if np.isfinite(turn) else 0.0
             values = [value + k * turn if k else value for k in first + np.arange(4)]
             choices.append([each for each in values if lower <= each <= upper])
-        return np.array(list(itertools.product(*choices))).reshape(-1, robot.n)
+        rows = np.array(list(itertools.product(*choices))).reshape(-1, robot.n)
+        return rows[~beyond_limits(robot, rows, _AT_LIMIT).any(axis=1)]
 
     def nearest_turns(self, row: Matrix, near: Matrix) -> Matrix:
         """(n,): of the same joints but for whole turns those nearest to `near`, whatever the limits."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..robot import Matrix, Robot
+from .pendant import beyond_limits
 
 _FIRST, _AGAIN = 2000, 150
 _STEPS = (0.3, 0.1, 0.03, 0.01, 0.003, 0.001, 0.0003)  # of each joint's range
@@ -28,6 +29,10 @@ def reach(robot: Robot) -> float:
 
 
 def _far(robot: Robot, joints: Matrix) -> Matrix:
+    return np.where(beyond_limits(robot, joints).any(axis=1), 0.0, _distance(robot, joints))
+
+
+def _distance(robot: Robot, joints: Matrix) -> Matrix:
     first = robot.joints[0]
     between = robot.fk(joints, "rad")[:, :3, 3] - first.fixed[:3, 3]
     if first.kind == "prismatic":

@@ -16,6 +16,7 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 from ..errors import BadInput
 from ..robot import Matrix, Robot
 from .reading import Place, read_yaml, shown
+from .stated_conventions import StatedEncoder, StatedMounting, StatedPendant, UrdfLimits
 from .stated_geometry import StatedGeometry
 from .validation import (
     FileModel,
@@ -67,6 +68,20 @@ class UrdfRef(FileModel):
     urdf: Name = Field(description="path of the URDF file, relative to the file that names it")
     base: Name = Field(description="name of the link that is the base frame")
     tip: Name = Field(description="name of the link that is the flange frame")
+    mounting: StatedMounting | None = Field(default=None, description="where the arm's mounting face is")
+    pendant: StatedPendant = Field(default=StatedPendant(), description="how the pendant counts the joints")
+    encoder: StatedEncoder | None = Field(default=None, description="what the encoders measure")
+    limits: UrdfLimits = Field(default=UrdfLimits(), description="limits that the URDF does not hold")
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        if self.limits.joint3_pendant_deg is not None and self.pendant.joint3 != "ground":
+            raise refusal(
+                "joint3_pendant_deg is for a pendant that counts joint 3 from the ground",
+                key=("limits", "joint3_pendant_deg"),
+                remedy="state pendant: {joint3: ground}, or leave it out",
+            )
+        return self
 
 
 def _robot_tag(value: object) -> str | None:

@@ -15,13 +15,12 @@ import numpy as np
 from ...interruption import uninterrupted
 from ..errors import BadInput, NotWritten, RigFault
 from ..paths.confinement import require_within
-from .closing import Closing
 from .header import RUN_SCHEMA, Header, check_header, header_content
 from .reading import shown
 from .robot_file import load_robot
 from .run import Run, header_text, recorded, shot_text
 from .shot import Shot, check_shot
-from .whole_file import lock, refuse_existing, sync_folder, write_whole
+from .whole_file import Closing, lock, refuse_existing, sync_folder, write_whole
 
 Fits = Callable[[Run], None]  # raises BadInput for a recording that must not be gone on with
 

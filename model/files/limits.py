@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arms import pendant
 from ..arms.plausible import ONE_TURN
 from ..errors import BadInput
 from ..robot import Matrix, Robot
@@ -34,8 +35,7 @@ def require_joint_count(
 
 def beyond_limits(robot: Robot, joints: Matrix) -> NDArray[np.bool_]:
     """Which of joint values (…, n), degrees or mm, are outside the limits."""
-    lower, upper = robot.lower * robot.display, robot.upper * robot.display
-    return np.asarray((joints < lower - ROUNDING) | (joints > upper + ROUNDING))
+    return pendant.beyond_limits(robot, joints / robot.display, ROUNDING / robot.display)
 
 
 def check_limits(
@@ -53,20 +53,19 @@ def check_limits(
     A joint outside its limits is BadInput; with `limits` 'warn' it is one sentence for each joint, which
     names all such rows. Values that look like radians, all within limits, are a sentence too.
     """
-    lower, upper = robot.lower * robot.display, robot.upper * robot.display
     outside = beyond_limits(robot, joints)
     if not outside.any():
         return _perhaps_radians(robot, joints)
     hint = _unit_hint(robot, joints)
     if limits == "error":
         row, i = (int(index) for index in np.argwhere(outside)[0])
-        joint = robot.joints[i]
+        joint, limit = robot.joints[i], pendant.nearest_limit(robot, joints[row] / robot.display, i)
         rest = int(outside.any(axis=1).sum()) - 1
         more = "" if rest == 0 else f"; {rest} more like it"
         raise BadInput(
             f"{noun} {numbers[row]}: joint {i + 1} is outside its limits{more}",
-            found=f"{joints[row, i]:.6g} {joint.unit}",
-            allowed=f"{lower[i]:.6g} to {upper[i]:.6g} {joint.unit} ({robot.name}, {joint.name})",
+            found=f"{limit.value:.6g} {joint.unit}{limit.counting and f', {limit.counting}'}",
+            allowed=f"{limit.lower:.6g} to {limit.upper:.6g} {joint.unit} ({robot.name}, {joint.name})",
             remedy=hint or "correct the value; if the arm was really there, state limits: warn in the header",
             file=file,
             line=lines[row],
@@ -76,12 +75,13 @@ def check_limits(
         rows = [int(row) for row in np.flatnonzero(outside[:, i])]
         if not rows:
             continue
-        beyond = np.maximum(lower[i] - joints[rows, i], joints[rows, i] - upper[i])
-        farthest = joints[rows[np.argmax(beyond)], i]
+        limits_met = (pendant.nearest_limit(robot, joints[row] / robot.display, i) for row in rows)
+        limit = max(limits_met, key=lambda met: met.excess)
+        counting = limit.counting and f", {limit.counting}"
         warnings.append(
-            f"joint {i + 1} is outside its limits ({lower[i]:.6g} to {upper[i]:.6g} {robot.joints[i].unit}), "
-            f"up to {farthest:.6g}, in {len(rows)} of {len(joints)} {noun}s: "
-            + ", ".join(str(numbers[row]) for row in rows)
+            f"joint {i + 1} is outside its limits ({limit.lower:.6g} to {limit.upper:.6g}"
+            f" {robot.joints[i].unit}{counting}), up to {limit.value:.6g}, in {len(rows)} of {len(joints)}"
+            f" {noun}s: " + ", ".join(str(numbers[row]) for row in rows)
         )
     return (*warnings, hint) if hint else tuple(warnings)
 

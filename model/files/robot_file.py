@@ -3,22 +3,33 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
+from pydantic_core import PydanticCustomError
 
+from ..arms.denavit_hartenberg import DHRow, dh_chain
 from ..arms.orientation import roll_pitch_yaw
 from ..arms.plausible import doubtful_rows, too_long, warn_of
 from ..errors import BadInput
 from ..paths.confinement import BUILT_IN, require_within
-from ..robot import DHRow, Joint, Matrix, Robot, dh_chain, shift
+from ..robot import Joint, Matrix, Robot, shift
 from .header import UrdfRef
 from .reading import did_you_mean, read_yaml, require_schema, shown
+from .stated_conventions import (
+    FileLimits,
+    StatedEncoder,
+    StatedMounting,
+    StatedPendant,
+    conventions,
+    require_fitting,
+)
 from .urdf import read_urdf
-from .validation import FileModel, Name, Point, Positive, refusal, validate
+from .validation import FileModel, Name, Point, Positive, bad_input, refusal, validate
 
 MOST_JOINTS = 100  # more are a mistake, and would be computed for hours
 
@@ -72,8 +83,12 @@ class StatedJoint(FileModel):
         default=0.0,
         description="rotation about y behind the twist, degrees, of axes that are nearly parallel (Hayati)",
     )
-    lower_deg: float | None = Field(default=None, description="lower limit, degrees; for a revolute joint")
-    upper_deg: float | None = Field(default=None, description="upper limit, degrees; for a revolute joint")
+    lower_deg: float | None = Field(
+        default=None, description="lower limit, degrees, as the pendant counts; for a revolute joint"
+    )
+    upper_deg: float | None = Field(
+        default=None, description="upper limit, degrees, as the pendant counts; for a revolute joint"
+    )
     lower_mm: float | None = Field(
         default=None, description="lower limit, millimetres; for a prismatic joint"
     )
@@ -158,6 +173,38 @@ class RobotFile(FileModel):
     flange: StatedTransform = Field(
         default=StatedTransform(), description="from the frame of the last row to the flange frame"
     )
+    mounting: StatedMounting | None = Field(default=None, description="where the arm's mounting face is")
+    pendant: StatedPendant = Field(default=StatedPendant(), description="how the pendant counts the joints")
+    encoder: StatedEncoder | None = Field(default=None, description="what the encoders measure")
+    limits: FileLimits = Field(default=FileLimits(), description="limits besides those of the rows")
+
+    @model_validator(mode="after")
+    def _conventions_agree(self) -> Self:
+        require_fitting(self.pendant, self.encoder, [joint.kind for joint in self.joints])
+        between = self.limits.joint3_to_link2_deg
+        if between is not None and self.pendant.joint3 != "ground":
+            raise refusal(
+                "joint3_to_link2_deg is for a pendant that counts joint 3 from the ground",
+                key=("limits", "joint3_to_link2_deg"),
+                remedy="state pendant: {joint3: ground}; otherwise lower_deg and upper_deg of joint 3 say it",
+            )
+        if self.pendant.joint3 == "ground" and not self._range3[0] < self._range3[1]:
+            raise refusal(
+                "the limits of joints 2 and 3 leave nothing between links 2 and 3",
+                key=("limits", "joint3_to_link2_deg"),
+                found=shown(between),
+            )
+        return self
+
+    @property
+    def _range3(self) -> tuple[float, float]:
+        """The range of the angle between links 2 and 3, degrees: what the pendant's ranges of joints 2 and 3
+        allow, and what is stated of it."""
+        second, third = self.joints[1:3]
+        lower = (second.lower_deg or 0.0) + (third.lower_deg or 0.0)
+        upper = (second.upper_deg or 0.0) + (third.upper_deg or 0.0)
+        stated = self.limits.joint3_to_link2_deg
+        return (lower, upper) if stated is None else (max(lower, stated[0]), min(upper, stated[1]))
 
     @model_validator(mode="after")
     def _agree(self) -> Self:
@@ -170,11 +217,20 @@ class RobotFile(FileModel):
     def robot(self) -> Robot:
         fixed, last = dh_chain([joint.row for joint in self.joints], self.convention)
         fixed[0] = self.base.matrix() @ fixed[0]
-        joints = tuple(
+        joints = [
             stated.joint(number, transform)
             for number, (stated, transform) in enumerate(zip(self.joints, fixed, strict=True), start=1)
-        )
-        return Robot(self.name, joints, last @ self.flange.matrix(), self.vendor)
+        ]
+        range3 = None
+        if self.pendant.joint3 == "ground":
+            third = self.joints[2]
+            assert third.lower_deg is not None
+            assert third.upper_deg is not None
+            range3 = third.lower_deg, third.upper_deg
+            lower, upper = np.radians(self._range3).tolist()
+            joints[2] = replace(joints[2], lower=lower, upper=upper)
+        facts = conventions(self.mounting, self.pendant, self.encoder, range3)
+        return Robot(self.name, tuple(joints), last @ self.flange.matrix(), self.vendor, facts)
 
 
 def built_in_robots() -> tuple[str, ...]:
@@ -219,7 +275,7 @@ def load_robot(
     folder = Path(folder)
     ref = str(ref) if isinstance(ref, Path) else ref
     if isinstance(ref, UrdfRef):
-        return read_urdf(_named_file(folder / ref.urdf, file, line), ref.base, ref.tip)
+        return _urdf_robot(ref, _named_file(folder / ref.urdf, file, line))
     if ref in built_in_robots():
         return _built_in_robot(ref)
     if ref.lower().endswith((".yaml", ".yml")):
@@ -236,6 +292,16 @@ def load_robot(
         file=file,
         line=line,
     )
+
+
+def _urdf_robot(ref: UrdfRef, path: Path) -> Robot:
+    robot = read_urdf(path, ref.base, ref.tip)
+    try:
+        require_fitting(ref.pendant, ref.encoder, [joint.kind for joint in robot.joints])
+    except PydanticCustomError as error:
+        raise bad_input(error, path) from None
+    facts = conventions(ref.mounting, ref.pendant, ref.encoder, ref.limits.joint3_pendant_deg)
+    return replace(robot, conventions=facts)
 
 
 @cache

@@ -72,7 +72,7 @@ _FLOAT = frozenset({float})
 @cache
 def _largest(name: str) -> tuple[float, str]:
     """The largest magnitude of a key's numbers, and the unit that ends the key."""
-    unit = name.rpartition("_")[2]
+    unit = "" if "_per_" in name else name.rpartition("_")[2]
     return (LARGEST[unit], f" {unit}") if unit in LARGEST else (LARGEST_OTHER, "")
 
 
@@ -87,6 +87,13 @@ def refusal(
     """An error for a model's own validator to raise; `key` leads from the validated value to the culprit."""
     facts = {"what": what, "key": key, "found": found, "allowed": allowed, "remedy": remedy}
     return PydanticCustomError("refused", "{what}", facts)
+
+
+def bad_input(refused: PydanticCustomError, file: Path | None) -> BadInput:
+    """The error of a `refusal` that was found outside of a model's own validation."""
+    facts = dict(refused.context or {})
+    facts.pop("key")
+    return BadInput(facts.pop("what"), file=file, **facts)
 
 
 def as_tuple(value: object) -> object:

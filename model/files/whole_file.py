@@ -10,10 +10,11 @@ import sys
 import tempfile
 import time
 import zlib
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from io import FileIO, StringIO
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
@@ -234,3 +235,16 @@ def short_in_one_line(content: dict[str, Any]) -> dict[str, Any]:
         else:
             result[key] = value
     return result
+
+
+class Closing(ABC):
+    """`close` is called at the end of a `with`, however that ends."""
+
+    @abstractmethod
+    def close(self) -> None: ...
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

@@ -8,9 +8,11 @@ import numpy as np
 
 from ...analysis.observability.aim import AimedPlan
 from ...analysis.observability.check import Check
+from ...model.arms.pendant import Pendant, pendant_of
 from ...model.files.plan import Plan
+from ...model.robot import J3
 from ..output.pdf import pdf
-from ..scenes.scene import Placed, Posed, Scene3D
+from ..scenes.scene import Placed, Posed, Scene3D, floor_of
 from ..scenes.turnable import SceneWords, still_picture, turnable
 from ..style.blocks import (
     Facts,
@@ -26,10 +28,11 @@ from ..style.blocks import (
 )
 from ..style.canvas import Picture
 from ..words import numbers
-from ..words.wording import clipped, counted, listed, shown
+from ..words.wording import clipped, counted, listed, sentence, shown
 from .plan_page import verdict_on
 from .plan_scene import Postures, postures_of
 
+_DIGITS = {"deg": 3, "mm": 3, "rad": 5, "pulse": 0}  # decimals, as pendants show them
 _FIELD = "\u2009".join(["_"] * 9)
 _TO_DO = (
     "Go to the posture slowly; look at cables, stops and people. Jog the wrist in small steps until the PSD"
@@ -38,9 +41,11 @@ _TO_DO = (
 )
 
 
-def operator_sheet(aimed: AimedPlan, check: Check) -> bytes:
-    """The PDF of a plan; `check` is the judgement of the same aimed plan."""
+def operator_sheet(aimed: AimedPlan, check: Check, j3: J3 | None = None) -> bytes:
+    """The PDF of a plan; `check` is the judgement of the same aimed plan. Joints are those of the pendant, by
+    the robot file or `j3`. BadInput where neither says what joint 3 is counted from."""
     plan, seen = aimed.plan, postures_of(aimed)
+    pendant = pendant_of(plan.robot, j3)
     laser = plan.header.tool.kind == "laser"
     pictures = {f"posture-{i}": _picture(plan, seen, i, laser) for i in range(len(plan.postures))}
     targets = listed([clipped(name, 24) for name in plan.target_names])
@@ -53,10 +58,11 @@ def operator_sheet(aimed: AimedPlan, check: Check) -> bytes:
             "The way from posture to posture is not checked for obstacles. First time: reduced speed, a hand"
             " on the enabling switch.",
             _TO_DO if laser else "Lead the probe into its socket, and write down the joints.",
+            *([] if pendant.sentence is None else [sentence(f"As on the pendant, {pendant.sentence}.")]),
         ],
         sections=[
-            section_of("In their order", _overview(plan, seen)),
-            *(_posture(plan, seen, i, laser) for i in range(len(plan.postures))),
+            section_of("In their order", _overview(plan, seen, pendant)),
+            *(_posture(plan, seen, i, laser, pendant) for i in range(len(plan.postures))),
         ],
         facts=[
             ("Robot, serial number", _FIELD),
@@ -67,23 +73,25 @@ def operator_sheet(aimed: AimedPlan, check: Check) -> bytes:
     return pdf(page, pictures)
 
 
-def _joints(plan: Plan, row: np.ndarray) -> list[str]:
+def _joints(pendant: Pendant, row: np.ndarray) -> list[str]:
+    """As the pendant shows joints (n,), rad or mm."""
+    values = pendant.shown(row * pendant.robot.display).tolist()
     return [
-        numbers.with_unit(numbers.fixed(float(value) * joint.display, 3), joint.unit)
-        for value, joint in zip(row, plan.robot.joints, strict=True)
+        numbers.with_unit(numbers.fixed(value, _DIGITS[unit]), unit)
+        for value, unit in zip(values, [pendant.units[i] for i in pendant.order], strict=True)
     ]
 
 
-def _names(plan: Plan) -> list[tuple[str, str]]:
-    return [(f"J{i}", "right") for i in range(1, plan.robot.n + 1)]
+def _names(pendant: Pendant) -> list[tuple[str, str]]:
+    return [(pendant.names[i], "right") for i in pendant.order]
 
 
-def _overview(plan: Plan, seen: Postures) -> Table:
+def _overview(plan: Plan, seen: Postures, pendant: Pendant) -> Table:
     rows = [
-        row_of(str(i), clipped(target, 24), *_joints(plan, plan.postures[i]), _millimetres(seen.length[i]))
+        row_of(str(i), clipped(target, 24), *_joints(pendant, plan.postures[i]), _millimetres(seen.length[i]))
         for i, target in enumerate(plan.targets)
     ]
-    columns = [("posture", "right"), ("target", "left"), *_names(plan), ("beam", "right")]
+    columns = [("posture", "right"), ("target", "left"), *_names(pendant), ("beam", "right")]
     return table_of("Planned postures, and the length of the beam", columns, rows)
 
 
@@ -91,7 +99,7 @@ def _millimetres(value: float) -> str:
     return numbers.with_unit(numbers.fixed(float(value), 0), "mm")
 
 
-def _posture(plan: Plan, seen: Postures, i: int, laser: bool) -> Section:
+def _posture(plan: Plan, seen: Postures, i: int, laser: bool, pendant: Pendant) -> Section:
     reach = float(np.linalg.norm(seen.origin[i][:2]))
     where = [
         ("Laser at" if laser else "Probe at", _place(seen.origin[i])),
@@ -100,13 +108,14 @@ def _posture(plan: Plan, seen: Postures, i: int, laser: bool) -> Section:
     if laser:
         where.append(("Beam to the target", _millimetres(seen.length[i])))
     rows: list[Row] = [
-        row_of(f"by way of {k}", *_joints(plan, between)) for k, between in enumerate(plan.via_of(i), start=1)
+        row_of(f"by way of {k}", *_joints(pendant, between))
+        for k, between in enumerate(plan.via_of(i), start=1)
     ]
     rows += [
-        row_of("planned", *_joints(plan, plan.postures[i])),
+        row_of("planned", *_joints(pendant, plan.postures[i])),
         row_of("recorded", *[_FIELD] * plan.robot.n),
     ]
-    table = table_of(f"Joints at posture {i}", [("", "left"), *_names(plan)], rows)
+    table = table_of(f"Joints at posture {i}", [("", "left"), *_names(pendant)], rows)
     filled: Sequence[tuple[str, str]] = [
         *([("PSD x, y (mm), sum signal", _FIELD)] if laser else []),
         ("Time, remarks", _FIELD),
@@ -134,10 +143,11 @@ def _picture(plan: Plan, seen: Postures, i: int, laser: bool) -> Picture:
         reaches=bool(seen.reaches[i]),
     )
     target = plan.target_index[i]
-    scene = Scene3D([posed], [Placed(plan.target_names[target], seen.targets[target], "nominal")])
+    placed = Placed(plan.target_names[target], seen.targets[target], "nominal")
+    scene = Scene3D([posed], [placed], floor_of(plan.robot))
     words = SceneWords(
         f"The arm in posture {i}{' and its beam to the target' if laser else ', the probe at the target'}.",
-        f"Posture {i}. Grid of {numbers.exact(scene.grid_step, 'mm')} at z = 0; x, y, z: the base frame.",
+        f"Posture {i}. {scene.grid_words}; x, y, z: the base frame.",
         "",
         "posture",
         laser,

@@ -147,7 +147,7 @@ def _scene_words(plan: Plan, seen: Postures, scene: Scene3D) -> SceneWords:
         "The table of postures on this page says the same in numbers."
     )
     caption = (
-        f"Grid of {numbers.exact(scene.grid_step, 'mm')} at z = 0; x, y and z are the base frame. "
+        f"{scene.grid_words}; x, y and z are the base frame. "
         "No joint offsets; targets at their nominal places."
     )
     few = f" Drawn on paper: the first {MOST_DRAWN} postures." if count > MOST_DRAWN else ""

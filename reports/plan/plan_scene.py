@@ -11,7 +11,7 @@ from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.aim import AimedPlan
 from ...model.files.plan import Plan
 from ...model.robot import Matrix
-from ..scenes.scene import Placed, Posed, Scene3D
+from ..scenes.scene import Placed, Posed, Scene3D, floor_of
 
 
 class Postures(NamedTuple):
@@ -65,4 +65,5 @@ def plan_scene(plan: Plan, seen: Postures) -> Scene3D:
             for i in range(count)
         ],
         [Placed(name, at, "nominal") for name, at in zip(plan.target_names, seen.targets, strict=True)],
+        floor_of(plan.robot),
     )

@@ -11,9 +11,8 @@ import numpy as np
 from ...model.files.whole_file import refuse_existing, write_whole
 from ...model.robot import Matrix, Robot
 from ..output.html import scene_html
-from ..words import numbers
 from ..words.wording import clipped, counted
-from .scene import Posed, Scene3D
+from .scene import Posed, Scene3D, floor_of
 from .turnable import SceneWords, turnable
 
 
@@ -31,13 +30,12 @@ def arm_page(robot: Robot, postures: Sequence[Matrix]) -> str:
     for i, joints in enumerate(postures):
         arm = np.array(skeleton(joints)).T
         posed.append(Posed(f"posture {i}", arm, arm[-1], None, True))
-    scene = Scene3D(posed, [])
+    scene = Scene3D(posed, [], floor_of(robot))
     name = clipped(robot.name, 40)
     words = SceneWords(
         alt=f"{name}: the arm as a line through its joints in {counted(len(posed), 'posture')}, above a floor"
         " grid.",
-        caption=f"Grid of {numbers.exact(scene.grid_step, 'mm')} at z = 0; x, y and z are the base frame."
-        " The line ends at the flange.",
+        caption=f"{scene.grid_words}; x, y and z are the base frame. The line ends at the flange.",
         paper="On paper: posture 0 in black, the others in grey.",
         one="posture",
         laser=False,

@@ -120,13 +120,16 @@ class _Flat:
 
 def _grid(scene: Scene3D, flat: _Flat) -> Markup:
     (x0, x1, y0, y1), step = scene.grid_bounds, scene.grid_step
-    lines = [[[x, y0, 0.0], [x, y1, 0.0]] for x in np.arange(x0, x1 + step / 2, step)]
-    lines += [[[x0, y, 0.0], [x1, y, 0.0]] for y in np.arange(y0, y1 + step / 2, step)]
+    z = scene.floor
+    lines = [[[x, y0, z], [x, y1, z]] for x in np.arange(x0, x1 + step / 2, step)]
+    lines += [[[x0, y, z], [x1, y, z]] for y in np.arange(y0, y1 + step / 2, step)]
     return Markup("").join(flat.line(np.array(line), "grid") for line in lines)
 
 
 def _axes(scene: Scene3D, flat: _Flat) -> Markup:
     parts = []
+    if scene.floor:
+        parts.append(flat.line(np.array([[0.0, 0.0, scene.floor], np.zeros(3)]), "axis"))
     for i, name in enumerate("xyz"):
         end = np.zeros(3)
         end[i] = scene.axis

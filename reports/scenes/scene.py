@@ -10,7 +10,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...model.robot import Matrix
+from ...model.robot import Matrix, Robot
+from ..words import numbers
 from ..words.wording import clipped
 
 AZIMUTH, ELEVATION = -62.0, 20.0  # degrees: from where the scene is first seen, over y < 0
@@ -82,10 +83,11 @@ class Placed:
 
 @dataclass(frozen=True, eq=False)
 class Scene3D:
-    """Postures and targets, and the frame that they are seen in."""
+    """Postures and targets, and the frame that they are seen in; `floor` is how high the mounting face is."""
 
     postures: Sequence[Posed]
     targets: Sequence[Placed]
+    floor: float = 0.0
 
     @cached_property
     def _corners(self) -> tuple[Matrix, Matrix]:
@@ -100,8 +102,15 @@ class Scene3D:
                 *(posed.end for posed in self.postures if posed.end is not None),
                 *(target.at for target in self.targets),
                 np.zeros(3),
+                np.array([0.0, 0.0, self.floor]),
             ]
         )
+
+    @property
+    def grid_words(self) -> str:
+        """What the grid shows."""
+        height = "0" if self.floor == 0 else f"{numbers.exact(self.floor, 'mm')}, the mounting face"
+        return f"Grid of {numbers.exact(self.grid_step, 'mm')} at z = {height}"
 
     @property
     def centre(self) -> Matrix:
@@ -151,13 +160,18 @@ class Scene3D:
         return int(10 ** np.clip(exponent, 0, math.log10(LARGEST_FACTOR)))
 
 
+def floor_of(robot: Robot) -> float:
+    """Height of the arm's mounting face in the base frame, mm: 0 where it is not stated."""
+    return -(robot.conventions.below_base or 0.0) + 0.0
+
+
 def scene_json(scene: Scene3D) -> dict[str, Any]:
     """The scene as `scene.js` reads it."""
     return {
         "centre": _rounded(scene.centre),
         "radius": round(scene.radius, 1),
         "view": [AZIMUTH, ELEVATION],
-        "grid": {"step": scene.grid_step, "bounds": list(scene.grid_bounds)},
+        "grid": {"step": scene.grid_step, "bounds": list(scene.grid_bounds), "z": scene.floor},
         "axis": scene.axis,
         "factor": scene.factor,
         "targets": [

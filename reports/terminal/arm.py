@@ -10,13 +10,18 @@ from rich.table import Table
 from rich.text import Text
 
 from ...experiments.arm_shown import ShownArm, ShownPose
-from ...model.arms.joint_three import COUNTED_FROM_GROUND
+from ...model.arms.pendant import COUNTED_FROM_GROUND, Pendant
 from ...model.files.robot_file import built_in_robots, stated_rows
 from ...model.robot import Joint
 from ..words import numbers
 from ..words.wording import counted, listed, shown
 
 _NOT_STATED = "–"
+_UNITS = {"deg": "degrees", "rad": "radians", "pulse": "pulses"}
+_ENCODERS = {
+    "link": "the angle between links 2 and 3",
+    "ground": "the direction of link 3, whatever joint 2 does",
+}
 
 
 def print_robots(console: Console) -> None:
@@ -39,9 +44,14 @@ def print_arm(console: Console, arm: ShownArm) -> None:
     table = Table(box=None, pad_edge=False)
     for column in ("joint", "name", "kind", "lower", "upper", "top speed"):
         table.add_column(column, justify="left" if column in ("name", "kind") else "right")
-    for number, joint in enumerate(robot.joints, start=1):
-        table.add_row(f"J{number}", Text(shown(joint.name)), joint.kind, *_range(joint))
+    lower, upper = (limits.tolist() for limits in arm.pendant.limits)
+    for i in arm.pendant.order:
+        joint = robot.joints[i]
+        cells = _value(lower[i], joint), _value(upper[i], joint), _speed(joint)
+        table.add_row(Text(shown(arm.pendant.names[i])), Text(shown(joint.name)), joint.kind, *cells)
     console.print(table)
+    for line in _conventions(arm.pendant):
+        console.print(Text(line))
     reach = numbers.with_unit(numbers.fixed(arm.reach_mm, 0), "mm")
     console.print(Text(f"Reach: the flange gets up to {reach} from the axis of joint 1."))
     for pose in arm.poses:
@@ -49,16 +59,43 @@ def print_arm(console: Console, arm: ShownArm) -> None:
         _print_pose(console, pose, arm)
     console.print()
     console.print(Text("Compare with the pendant: pose of the flange in the base frame, without a tool."))
-    if robot.vendor in COUNTED_FROM_GROUND:
-        said = "Joint 3 is counted from link 2 here. The pendant counts it from the ground: --j3 ground."
-        console.print(Text(said))
 
 
-def _range(joint: Joint) -> list[str]:
-    speed = _NOT_STATED
-    if joint.speed is not None:
-        speed = numbers.with_unit(numbers.exact(round(joint.speed * joint.display, 2)), joint.unit) + "/s"
-    return [_value(joint.lower * joint.display, joint), _value(joint.upper * joint.display, joint), speed]
+def _conventions(pendant: Pendant) -> list[str]:
+    """How the arm is mounted and counted, a sentence each."""
+    robot, facts = pendant.robot, pendant.robot.conventions
+    if facts.below_base is None:
+        lines = ["Mounting face: not stated; it is taken to be at z = 0 of the base frame."]
+    else:
+        height = numbers.with_unit(numbers.exact(-facts.below_base), "mm")
+        lines = [f"Mounting face: at z = {height} of the base frame. It is the floor of a plan."]
+    if pendant.ground:
+        low, high = (
+            numbers.with_unit(numbers.exact(round(limit * robot.display[2], 6)), "deg")
+            for limit in (robot.lower[2], robot.upper[2])
+        )
+        lines.append(
+            f"Joint 3 is counted from the ground ({pendant.source}): the angle between links 2 and 3 is"
+            f" J2 + J3; it may be from {low} to {high}."
+        )
+    elif pendant.override is None and facts.joint3 is None and robot.vendor in COUNTED_FROM_GROUND:
+        lines.append(
+            "What the pendant counts joint 3 from is not stated: here it is link 2. A FANUC counts it from"
+            " the ground: state pendant: {joint3: ground} in the robot file."
+        )
+    else:
+        lines.append(f"Joint 3 is counted from link 2 ({pendant.source}).")
+    order = ", ".join(pendant.names[i] for i in pendant.order)
+    lines.append(f"The pendant shows {shown(order)}, in {_UNITS[pendant.unit]}.")
+    if facts.encoder3 is not None:
+        lines.append(f"The encoder of joint 3 measures {_ENCODERS[facts.encoder3]}.")
+    return lines
+
+
+def _speed(joint: Joint) -> str:
+    if joint.speed is None:
+        return _NOT_STATED
+    return numbers.with_unit(numbers.exact(round(joint.speed * joint.display, 2)), joint.unit) + "/s"
 
 
 def _value(value: float, joint: Joint) -> str:
@@ -66,13 +103,15 @@ def _value(value: float, joint: Joint) -> str:
 
 
 def _print_pose(console: Console, pose: ShownPose, arm: ShownArm) -> None:
+    pendant = arm.pendant
+    of_pendant = pendant.shown(pose.joints * arm.robot.display).tolist()
     values = [
-        _value(float(value) * joint.display, joint)
-        for value, joint in zip(pose.joints, arm.robot.joints, strict=True)
+        numbers.with_unit(numbers.exact(round(value, 6)), pendant.units[i])
+        for value, i in zip(of_pendant, pendant.order, strict=True)
     ]
     console.print(Text(f"Joints {', '.join(values)}", style="bold"))
     if pose.outside:
-        beyond = listed([f"J{number}" for number in pose.outside])
+        beyond = listed([pendant.names[number - 1] for number in pose.outside])
         console.print(Text(f"beyond the limits: {beyond}", style="yellow"))
     table = Table(box=None, pad_edge=False, show_header=False)
     table.add_column(no_wrap=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from rich.console import Console
 from rich.text import Text
@@ -21,6 +21,7 @@ from ...experiments.procedure.events import (
 from ..words import numbers
 from ..words.wording import counted, ended, label, sentence, shown
 
+_DIGITS = {"rad": 4, "pulse": 0}  # decimals; of degrees and millimetres 2
 _ANSWERS = {"yes": "'yes' records it all the same", "rad": "'rad' takes them as radians"}
 
 
@@ -36,7 +37,7 @@ def led_view(console: Console) -> Told:
             case Asked():
                 console.print()
                 _say(console, _asked(event), "bold")
-                _say(console, _joints(event.joints_deg))
+                _say(console, _joints(event.pendant))
             case Doubted(kind="help"):
                 _say(console, sentence(event.found))
             case Doubted():
@@ -83,8 +84,12 @@ def _asked(event: Asked) -> str:
     )
 
 
-def _joints(values: tuple[float, ...]) -> str:
-    return "  " + ", ".join(f"J{i} {numbers.fixed(value, 2)}" for i, value in enumerate(values, start=1))
+def _joints(readings: Sequence[Mapping[str, str | float]]) -> str:
+    """Names and values as the pendant has them."""
+    return "  " + ", ".join(
+        f"{shown(str(own['name']))} {numbers.fixed(float(own['value']), _DIGITS.get(str(own['unit']), 2))}"
+        for own in readings
+    )
 
 
 def _choices(event: Doubted) -> str:

@@ -22,7 +22,7 @@ _FILES = {
     "abb": ("export rapid", "offsets.mod"),
     "universal-robots": ("export ur", "joint-zero.txt"),
     "kuka": ("export kuka", "mastering.txt"),
-    "fanuc": ("export fanuc --j3 ground", "mastering.txt"),
+    "fanuc": ("export fanuc", "mastering.txt"),
 }
 
 

@@ -134,8 +134,8 @@ def _plan_sentence(finding: PlanFinding) -> str:
                 f"In posture {listed([str(i) for i in postures], 99)} the target is behind the laser: no"
                 " measurement is counted there"
             )
-        case OutsideLimits(posture, joint, at, unit, (low, high)):
+        case OutsideLimits(posture, joint, at, unit, (low, high), counting):
             return (
                 f"Turned onto the target, joint {joint} of posture {posture} is at {at:.1f} {unit}, outside"
-                f" {low:.0f} to {high:.0f}"
+                f" {low:.0f} to {high:.0f}{counting and f' ({counting})'}"
             )

@@ -65,6 +65,8 @@ def test_the_file_is_the_text(what: str, run: Run, tmp_path: Path) -> None:
 def test_a_robot_file_is_written_and_read_again(run: Run, tmp_path: Path) -> None:
     rows = arm_run(tmp_path)
     told = zerobeam("export", "robot", rows.path, "-o", tmp_path / "corrected.yaml")
+    # How the arm is mounted and counted goes along.
+    assert load_robot(tmp_path / "corrected.yaml").conventions == rows.robot.conventions
     assert told.status == 0
     assert (tmp_path / "corrected.yaml").read_bytes() == robot_text(rows, calibration(rows)).encode()
     robot = load_robot(tmp_path / "corrected.yaml")

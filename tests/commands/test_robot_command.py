@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from command_line import zerobeam
 
-from zerobeam.model.files.robot_file import built_in_robots, load_robot
+from zerobeam.model.files.robot_file import BUILT_IN, built_in_robots, load_robot
 
 
 def test_the_built_in_robots_are_listed() -> None:
@@ -24,7 +24,7 @@ def test_forward_kinematics_to_hold_against_the_pendant() -> None:
     assert "525.00\u00a0mm, 0.00\u00a0mm, 890.00\u00a0mm" in answer.out
     assert "A, B, C 0.000°, 90.000°, 0.000° KUKA" in words
     assert "981 mm from the axis of joint 1" in words
-    assert "J6 joint6 revolute −350° 350° 615°/s" in words
+    assert "A6 joint6 revolute −350° 350° 615°/s" in words
 
 
 def test_json_is_what_the_robot_computes() -> None:
@@ -41,14 +41,32 @@ def test_json_is_what_the_robot_computes() -> None:
 
 
 def test_joint_3_from_the_ground() -> None:
-    ground = zerobeam("robot", "lrmate_200id", "--joints", "0 20 10 0 0 0", "--j3", "ground", "--json").json
-    link = zerobeam("robot", "lrmate_200id", "--joints", "0 20 30 0 0 0", "--json").json
-    assert ground["poses"] == link["poses"]
-    assert "--j3 ground" in " ".join(zerobeam("robot", "lrmate_200id").out.split())
+    ground = zerobeam("robot", "lrmate_200id", "--joints", "0 20 10 0 0 0", "--json").json
+    link = zerobeam("robot", "lrmate_200id", "--joints", "0 20 30 0 0 0", "--j3", "link", "--json").json
+    assert ground["poses"][0]["xyz_mm"] == link["poses"][0]["xyz_mm"]
+    assert (ground["poses"][0]["joints_deg"][2], ground["poses"][0]["counted_deg"][2]) == (
+        pytest.approx(30),
+        pytest.approx(10),
+    )
+    assert (ground["joints"][2]["lower"], ground["joints"][2]["upper"]) == (-140, 280)
+    assert (link["joints"][2]["lower"], link["joints"][2]["upper"]) == (-70, 205)
+    said = " ".join(zerobeam("robot", "lrmate_200id").out.split())
+    assert "Joint 3 is counted from the ground (as the robot file of lrmate_200id states)" in said
+    assert "Mounting face: at z = −330\u00a0mm" in zerobeam("robot", "lrmate_200id").out
+    assert "The encoder of joint 3 measures the angle between links 2 and 3." in said
+
+
+def test_a_fanuc_whose_file_does_not_say_how_joint_3_is_counted(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    text = (BUILT_IN / "lrmate_200id.yaml").read_text(encoding="utf-8").splitlines(keepends=True)
+    keys = ("mounting", "pendant", "limits", "encoder")
+    path.write_text("".join(line for line in text if not line.startswith(keys)), encoding="utf-8")
+    assert "is not stated: here it is link 2" in " ".join(zerobeam("robot", path).out.split())
+    assert "--j3 ground" in zerobeam("robot", path, "--joints", "0 20 10 0 0 0").refused()
 
 
 def test_postures_beyond_the_limits_are_shown_and_said() -> None:
-    assert "beyond the limits: J2" in zerobeam("robot", "kr6_r900", "--joints", "0 90 0 0 0 0").out
+    assert "beyond the limits: A2" in zerobeam("robot", "kr6_r900", "--joints", "0 90 0 0 0 0").out
 
 
 def test_a_robot_file_in_metres_is_shown_with_a_note(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from zerobeam.experiments.recording import Answers, RunRequest, record
 from zerobeam.experiments.rigs.manual.lines import WatchedLines
 from zerobeam.experiments.simulate import Truth, simulated_shots
 from zerobeam.model.files.plan import read_plan
+from zerobeam.model.files.robot_file import BUILT_IN
 from zerobeam.model.files.run import read_run
 
 POSTURES = [
@@ -233,16 +235,25 @@ def test_the_measurement_that_contradicts_the_others_is_named(
 
 
 def test_a_fanuc_is_asked_what_joint_3_is_counted_from(plan: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    mine = plan.parent / "mine.yaml"
+    m10ia = (BUILT_IN / "m10ia.yaml").read_text(encoding="utf-8")
     plan.write_text(
         plan.read_text(encoding="utf-8")
-        .replace("irb1600", "m10ia")
+        .replace("irb1600", "mine.yaml")
         .replace("targets", "limits: warn\ntargets"),
         encoding="utf-8",
     )
+    mine.write_text(re.sub(r"^(pendant|limits):.*\n", "", m10ia, flags=re.MULTILINE), encoding="utf-8")
     assert "counted from" in led(plan, monkeypatch, TYPED[0]).refused()
     ground = np.array(POSTURES[0]) - [0, 0, POSTURES[0][1], 0, 0, 0]
     led(plan, monkeypatch, " ".join(map(str, ground)), "pause", asked=("--j3", "ground"))
     np.testing.assert_allclose(joints_of(plan)[0], POSTURES[0], rtol=0, atol=1e-9)
+    # A robot file that says so needs no option, and the person is asked for what the pendant will show.
+    plan.with_name("run.jsonl").unlink()
+    mine.write_text(m10ia, encoding="utf-8")
+    answer = led(plan, monkeypatch, " ".join(map(str, ground)), "pause")
+    np.testing.assert_allclose(joints_of(plan)[0], POSTURES[0], rtol=0, atol=1e-9)
+    assert f"J3 {ground[2]:.2f}".replace("-", "−") in answer.out + answer.err
 
 
 def test_values_after_an_incomplete_paste_are_not_lost(plan: Path, monkeypatch: pytest.MonkeyPatch) -> None:

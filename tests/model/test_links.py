@@ -6,11 +6,12 @@ import pytest
 from plain_geometry import chain_of_robot, rotation, shift
 from plain_model import URDF
 
+from zerobeam.model.arms.denavit_hartenberg import DHRow, dh_chain
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.urdf import read_urdf
 from zerobeam.model.geometry import Geometry
 from zerobeam.model.posture import Posture
-from zerobeam.model.robot import DHRow, Joint, Robot, dh_chain
+from zerobeam.model.robot import Joint, Robot
 
 Z = np.array([0.0, 0.0, 1.0])
 # a, alpha, d, theta: crossing, skew, nearly parallel and parallel axes, negative lengths and twists.

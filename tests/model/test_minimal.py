@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from zerobeam.analysis.observability.aim import aim
+from zerobeam.model.arms.denavit_hartenberg import DHRow, dh_chain
 from zerobeam.model.files.header import Header
 from zerobeam.model.geometry import Geometry
 from zerobeam.model.problem import Problem
-from zerobeam.model.robot import DHRow, Joint, Robot, dh_chain
+from zerobeam.model.robot import Joint, Robot
 
 TARGETS, SHOTS = 3, 30  # of each target
 LASER = {"kind": "laser", "calibrated": False, "point_mm": [5, -3, 65], "direction": [1, 0.2, 0.1]}

@@ -14,7 +14,7 @@ from pydantic import BeforeValidator, Field
 from ....experiments.importers.inspection import columns_found, readings
 from ....experiments.importers.table import Table, check_signs
 from ....experiments.schema import json_schema
-from ....model.arms.joint_three import from_ground, require_coupled
+from ....model.arms.pendant import Pendant
 from ....model.errors import BadInput
 from ....model.files.header import Header, RobotRef, check_header, header_content, write_header
 from ....model.files.limits import beyond_limits
@@ -68,7 +68,9 @@ class AskedColumns(AskedTable):
     reversed_joints: Annotated[tuple[int, ...], BeforeValidator(as_tuple)] = Field(
         default=(), description="joints, from 1, that were recorded with the other sign"
     )
-    j3: Literal["link", "ground"] = Field(default="link", description="what joint 3 is counted from")
+    j3: Literal["link", "ground"] | None = Field(
+        default=None, description="what joint 3 is counted from (default: as the robot file states)"
+    )
 
 
 class AskedHeader(FileModel):
@@ -97,8 +99,7 @@ def columns(folder: Folder, wanted: AskedColumns) -> dict[str, Any]:
     for i, number in enumerate(wanted.reversed_joints):
         if not 1 <= number <= robot.n:
             raise _wrong(("reversed_joints", i), "there is no such joint", number, f"1 to {robot.n}")
-    if wanted.j3 == "ground":
-        _at(("j3",), lambda: require_coupled(robot))
+    pendant = _at(("j3",), lambda: Pendant(robot, wanted.j3))
     tables, whole = [], True
     for name in wanted.files:
         path = folder.file(name)
@@ -112,13 +113,11 @@ def columns(folder: Folder, wanted: AskedColumns) -> dict[str, Any]:
     signs = np.ones(robot.n)
     signs[[number - 1 for number in wanted.reversed_joints]] = -1
     recorded = raw * scale  # NaN where the unit is not stated
-    joints = recorded * signs
-    if wanted.j3 == "ground":
-        joints = from_ground(joints, robot)
+    joints = pendant.between_links(recorded * signs)
     outside = beyond_limits(robot, joints)
-    units = readings.unit_reading(robot, raw)
+    units = readings.unit_reading(robot, pendant.between_links(raw))
     lengths = readings.length_reading(robot, raw)
-    sign = readings.sign_readings(robot, recorded) if wanted.j3 == "link" else [None] * robot.n
+    sign = [None] * robot.n if pendant.ground else readings.sign_readings(robot, recorded)
     j3 = readings.j3_reading(robot, recorded * signs) if robot.n > 2 else None
     return {
         "robot": robot.name,

@@ -34,7 +34,11 @@ class AskedRobot(FileModel):
     joints_deg: Annotated[tuple[float, ...], BeforeValidator(as_tuple)] | None = Field(
         default=None, description="joint positions, degrees (millimetres for a prismatic joint); default: 0"
     )
-    j3: Literal["link", "ground"] = Field(default="link", description="what joint 3 is counted from")
+    j3: Literal["link", "ground", "pendant"] = Field(
+        default="link",
+        description="what joint 3 is counted from: link 2, as in files; the ground; or as the robot file"
+        " states of the pendant",
+    )
 
 
 class AskedMeshes(FileModel):
@@ -56,7 +60,8 @@ def robot(folder: Folder, wanted: AskedRobot) -> dict[str, Any]:
     frame; `notes` where numbers look wrong."""
     with noted() as notes:
         ref = whole_ref(folder, wanted.robot, folder.root)
-        arm = shown_arm(ref, [] if wanted.joints_deg is None else [wanted.joints_deg], j3=wanted.j3)
+        j3 = None if wanted.j3 == "pendant" else wanted.j3
+        arm = shown_arm(ref, [] if wanted.joints_deg is None else [wanted.joints_deg], j3=j3)
     return arm_of(arm) | {"notes": notes}
 
 

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import re
 
-from ....model.arms.joint_three import require_coupled
+from ....model.arms.pendant import pendant_of
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ..ascii_line import one_line
-from .steps import LOG_PLAN, Motion, decimal, made_for, percents, require_j3, short_hash, steps_of
+from .steps import LOG_PLAN, Motion, decimal, made_for, percents, short_hash, steps_of
 
 AXES = 6
 _COMMENT = 32  # characters of a comment line
@@ -21,13 +21,11 @@ _NAME = re.compile(r"[A-Za-z]\w{0,35}")
 
 
 def fanuc_program(plan: Plan, motion: Motion, name: str) -> str:
-    """Text of the listing `name`.ls. Joint 3 must be said to count from the ground, as a FANUC does, or from
-    link 2, as on the few controllers that are set so."""
+    """Text of the listing `name`.ls. Joint 3 is counted from the ground, as a FANUC does, or from link 2, as
+    on the few controllers that are set so."""
     motion.refuse("fanuc", "listener")
     made_for(plan, "fanuc", "a TP program", AXES, "a TP position")
-    require_j3(motion.j3)
-    if motion.j3 == "ground":
-        require_coupled(plan.robot)
+    pendant = pendant_of(plan.robot, motion.j3, "fanuc")
     if not _NAME.fullmatch(name):
         raise BadInput(
             "the file's name is that of the program, and a FANUC does not allow this one",
@@ -35,7 +33,7 @@ def fanuc_program(plan: Plan, motion: Motion, name: str) -> str:
             allowed="a letter, then letters, digits and _: at most 36 (zb_plan.ls)",
             remedy="choose another name for the file",
         )
-    steps, register = steps_of(plan), 1 if motion.register is None else motion.register
+    steps, register = steps_of(plan, motion), 1 if motion.register is None else motion.register
     if not 1 <= register <= _REGISTERS - len(steps) + 1:
         raise BadInput(
             "the position registers of the postures do not exist",
@@ -45,7 +43,9 @@ def fanuc_program(plan: Plan, motion: Motion, name: str) -> str:
         )
     percent = min(percents(plan.robot, motion.speed))
     end = f"CNT{round(motion.zone)}" if motion.zone else "FINE"
-    body = [_remark(line) for line in (LOG_PLAN + " " + short_hash(plan), "Registers: not measured yet")]
+    counted = f"J3 counted from {'the ground' if pendant.ground else 'link 2'}"
+    remarks = (f"{LOG_PLAN} {short_hash(plan)}", counted, "Registers: not measured yet")
+    body = [_remark(line) for line in remarks]
     for step in steps:
         body += [f"  PR[{register + step.number}]=JPOS    ", f"  PR[{register + step.number},1]=999    "]
     body += ["  UFRAME_NUM=0 ", f"  UTOOL_NUM={_tool(motion.tool)} "]
@@ -87,10 +87,7 @@ def _remark(text: str) -> str:
 
 
 def _position(number: int, comment: str, row: tuple[float, ...], motion: Motion) -> str:
-    joints = list(row)
-    if motion.j3 == "ground":
-        joints[2] = round(joints[2] - joints[1], 9) + 0.0
-    values = [f"J{i}= {decimal(value, 3):>9} deg" for i, value in enumerate(joints, start=1)]
+    values = [f"J{i}= {decimal(value, 3):>9} deg" for i, value in enumerate(row, start=1)]
     rows = [",\t".join(values[i : i + 3]) for i in range(0, len(values), 3)]
     text = ",\n\t".join(rows)
     return f'P[{number}:"{comment}"]{{\n   GP1:\n\tUF : 0, UT : {_tool(motion.tool)},\n\t{text}\n}};'

@@ -30,7 +30,7 @@ def krl_program(plan: Plan, motion: Motion, name: str) -> tuple[str, str]:
             allowed="a letter, then letters, digits and _: at most 24 (zb_plan.src)",
             remedy="choose another name for the file",
         )
-    steps, head = steps_of(plan), [f"; {line}" for line in head_lines(plan, motion, note)]
+    steps, head = steps_of(plan, motion), [f"; {line}" for line in head_lines(plan, motion, note)]
     return _source(plan, motion, name, steps, head), _data(plan, name, steps, head)
 
 

@@ -1,21 +1,26 @@
-"""A plan as a table (CSV): one row for each posture to go to, in order."""
+"""A plan as a table (CSV): one row for each posture to go to, as the pendant shows it, in order."""
 
 from __future__ import annotations
 
+import numpy as np
+
+from ....model.arms.pendant import pendant_of
 from ....model.files.plan import Plan
 from ....reports.words import spreadsheet
 from ..ascii_line import one_line
-from .steps import Motion, steps_of
+from .steps import Motion, rounded
 
 
 def csv_table(plan: Plan, motion: Motion, name: str) -> str:
-    """Columns `posture`, `target`, then the joints by name; `posture` is empty for an intermediate one."""
-    motion.refuse("csv", "speed", "zone", "j3", "register", "listener", "tool")
-    names = [f"{one_line(joint.name)}_{joint.unit}" for joint in plan.robot.joints]
-    rows = []
-    for step in steps_of(plan):
-        passing = [("", "", row) for row in step.via]
-        for number, target, row in [*passing, (str(step.number), one_line(step.target), step.joints)]:
-            values = dict(zip(names, row, strict=True))
-            rows.append({"posture": number, "target": target, **values})
+    """Columns `posture`, `target`, then the joints by name in the pendant's order; `posture` is empty for an
+    intermediate one."""
+    motion.refuse("csv", "speed", "zone", "register", "listener", "tool")
+    robot, pendant = plan.robot, pendant_of(plan.robot, motion.j3)
+    names = [f"{one_line(robot.joints[i].name)}_{pendant.units[i]}" for i in pendant.order]
+    rows: list[dict[str, object]] = []
+    for i, posture in enumerate(plan.postures):
+        way = rounded(pendant.shown(np.array([*plan.via_of(i), posture]) * robot.display))
+        texts = [("", "")] * (len(way) - 1) + [(str(i), one_line(plan.targets[i]))]
+        for (number, target), row in zip(texts, way, strict=True):
+            rows.append({"posture": number, "target": target, **dict(zip(names, row, strict=True))})
     return spreadsheet.csv_text(rows)

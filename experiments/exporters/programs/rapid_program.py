@@ -26,7 +26,7 @@ def rapid_program(plan: Plan, motion: Motion, name: str) -> str:
     tool = motion.tool or "tool0"
     if not re.fullmatch(r"[A-Za-z]\w{0,31}", tool):
         raise BadInput("--tool is not a name of RAPID", found=tool, allowed="the name of a tooldata: tool0")
-    steps = steps_of(plan)
+    steps = steps_of(plan, motion)
     lines = [
         "MODULE zb_plan",
         *(f"  ! {line}" for line in head_lines(plan, motion, note)),

@@ -1,5 +1,6 @@
 """A plan as a Python program for RoboDK: MoveJ, a message at each posture, the joints into a text file.
 
+RoboDK counts joint 3 as the robot's controller does (its limits of a FANUC are those of the pendant).
 `Joints()` is that of the real robot where RoboDK drives it (RUNMODE_RUN_ROBOT); in a simulation it is the
 commanded one, which is no measurement: such a log is marked as a rehearsal, and is not imported.
 """
@@ -12,10 +13,10 @@ from .steps import LOG, LOG_PLAN, REHEARSAL, Motion, head_lines, short_hash, ste
 
 def robodk_program(plan: Plan, motion: Motion, name: str) -> str:
     """Text of the program; the log is called `name`.log."""
-    motion.refuse("robodk", "j3", "register", "listener", "tool")
+    motion.refuse("robodk", "register", "listener", "tool")
     rows = "".join(
         f"    ({step.number}, {step.target!a}, {list(map(list, step.via))}, {list(step.joints)}),\n"
-        for step in steps_of(plan)
+        for step in steps_of(plan, motion)
     )
     linear = any(joint.kind == "prismatic" for joint in plan.robot.joints)
     return _PROGRAM.format(

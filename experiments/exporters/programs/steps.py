@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ....model.arms.joint_three import J3
+from ....model.arms.pendant import Pendant, pendant_of
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ....model.files.robot_file import Vendor
-from ....model.robot import Robot
+from ....model.robot import J3, Matrix, Robot
 from ..ascii_line import one_line
 from ..vendors import require_vendor
 
@@ -31,8 +31,9 @@ class Motion:
     """How a program moves, by options of the command.
 
     `speed` deg/s is that of the fastest joint; `zone` rounds the path at intermediate postures, mm or percent
-    as the language has it, 0 stops there; `tool` is its name or number in the controller; `j3` from where a
-    FANUC counts joint 3; `register` the first position register for what is recorded; `listener` HOST:PORT.
+    as the language has it, 0 stops there; `tool` is its name or number in the controller; `j3` what the
+    controller counts joint 3 from, if it is not as the robot file states; `register` the first position
+    register for what is recorded; `listener` HOST:PORT.
     """
 
     speed: float = 10.0
@@ -62,19 +63,10 @@ class Motion:
                 raise BadInput(f"--{name} is not for {language}", remedy=f"leave --{name} out")
 
 
-def require_j3(j3: J3 | None) -> None:
-    """BadInput where it is not stated what a FANUC counts joint 3 from."""
-    if j3 is None:
-        raise BadInput(
-            "the reference of joint 3 is not stated",
-            allowed="--j3 ground (as the pendant and TP programs count it), or --j3 link (from link 2)",
-        )
-
-
 @dataclass(frozen=True)
 class Step:
-    """One posture of a plan: its number (from 0), its target, degrees (mm if prismatic) to the last digit of
-    the plan, and those of the intermediate postures on the way to it."""
+    """One posture of a plan: its number (from 0), its target, degrees (mm if prismatic) as the controller
+    counts them, to the last digit of the plan, and those of the intermediate postures on the way to it."""
 
     number: int
     target: str
@@ -82,19 +74,22 @@ class Step:
     via: tuple[tuple[float, ...], ...]
 
 
-def steps_of(plan: Plan) -> list[Step]:
+def steps_of(plan: Plan, motion: Motion) -> list[Step]:
     """The postures of a plan in its order."""
-    display = plan.robot.display
+    pendant, display = pendant_of(plan.robot, motion.j3), plan.robot.display
 
     def rows(joints: np.ndarray) -> tuple[tuple[float, ...], ...]:
-        return tuple(
-            tuple(round(value, _DIGITS) + 0.0 for value in row) for row in (joints * display).tolist()
-        )
+        return rounded(pendant.counted(joints * display))
 
     return [
         Step(i, target, joints, rows(plan.via_of(i)))
         for i, (target, joints) in enumerate(zip(plan.targets, rows(plan.postures), strict=True))
     ]
+
+
+def rounded(joints: Matrix) -> tuple[tuple[float, ...], ...]:
+    """Rows of joints to the last digit of a plan."""
+    return tuple(tuple(round(value, _DIGITS) + 0.0 for value in row) for row in joints.tolist())
 
 
 def short_hash(plan: Plan) -> str:
@@ -111,6 +106,9 @@ def head_lines(plan: Plan, motion: Motion, note: str | None) -> list[str]:
         f"Joint moves in the plan's order, no joint faster than about {motion.speed:g} deg/s.",
         "Not checked: collisions on the way. First run: reduced speed, a hand on the enabling switch.",
     ]
+    counting = Pendant(plan.robot, motion.j3).counting
+    if counting is not None:
+        lines.append(one_line(counting[0].upper() + counting[1:] + "."))
     if not plan.via:
         lines.append("The plan states no intermediate postures: the arm goes straight from one to the next.")
     return lines if note is None else [*lines, f"Note: {one_line(note)}."]

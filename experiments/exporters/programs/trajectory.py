@@ -1,10 +1,15 @@
-"""A plan for ROS: trajectory_msgs/JointTrajectory in YAML, one document for each posture, in rad and m."""
+"""A plan for ROS: trajectory_msgs/JointTrajectory in YAML, one document for each posture, in rad and m.
+
+Joint 3 is counted from link 2, as a URDF has it: a driver of ROS converts it where the controller counts from
+the ground (fanuc_driver, J23_factor).
+"""
 
 from __future__ import annotations
 
 import json
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -30,7 +35,8 @@ def ros_trajectories(plan: Plan, motion: Motion, name: str) -> str:
         documents.append(f"# posture {i}, target {json.dumps(plan.targets[i])}\n{document}")
         before = posture
     head = [
-        *head_lines(plan, motion, None),
+        *head_lines(plan, replace(motion, j3="link"), None),
+        "Joint 3 is counted from link 2, as in a URDF; the driver converts it for controllers that do not.",
         "One trajectory_msgs/msg/JointTrajectory for each posture. Centre the beam, then append the joints:",
         "ros2 topic echo --once /joint_states >> recorded.yaml, which zerobeam import ros reads.",
     ]

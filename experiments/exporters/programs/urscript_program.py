@@ -26,7 +26,7 @@ def urscript_program(plan: Plan, motion: Motion, name: str) -> str:
     note = made_for(plan, "universal-robots", "a URScript program", AXES, "a URScript joint vector")
     if plan.robot.n != AXES:
         raise BadInput("a URScript joint vector has six joints", found=f"{plan.robot.n} joints")
-    steps = steps_of(plan)
+    steps = steps_of(plan, motion)
     lines = [
         *(f"# {line}" for line in head_lines(plan, motion, note)),
         "# At each posture dialogues ask for the joint to turn and by how much, until the beam is on the",

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Literal, get_args
 
+from ....model.arms.pendant import Pendant
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ....model.files.robot_file import Vendor
@@ -77,4 +78,14 @@ def write_program(
         write_whole(path, text, force=force)
     vendor = _VENDORS.get(kind)
     note = None if vendor is None else require_vendor(plan.robot, vendor, f"a program in {kind}")
-    return list(texts), [*plan.warnings, *([] if note is None else [note])]
+    return list(texts), [*plan.warnings, *([] if note is None else [note]), *_counting(kind, plan, motion)]
+
+
+def _counting(kind: ProgramKind, plan: Plan, motion: Motion) -> list[str]:
+    """A sentence on how joints are counted in the file, where a reader could take them for something else."""
+    if kind == "ros":
+        ground = plan.robot.conventions.joint3 == "ground"
+        return ["joint 3 is counted from link 2, as URDF and the drivers of ROS do"] if ground else []
+    pendant = Pendant(plan.robot, motion.j3)
+    sentence = pendant.sentence if kind == "csv" else pendant.counting
+    return [] if sentence is None else [sentence]

@@ -10,12 +10,13 @@ import re
 from codecs import BOM_UTF8
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from ....model.arms.joint_three import J3, from_ground
+from ....model.arms.pendant import pendant_of
 from ....model.arms.poses import from_abc, from_quaternion, from_rotation_vector, from_rpy, stated_numbers
 from ....model.errors import BadInput
 from ....model.files.reading import read_bytes
@@ -25,7 +26,7 @@ from ....reports.words.wording import listed
 from ...importers.robtargets import up_to_flange
 from ..ascii_line import one_line
 from ..calibration import Calibration
-from ..programs.steps import require_axes, require_j3
+from ..programs.steps import require_axes
 from ..vendors import require_vendor
 from .fanuc_targets import fanuc_head, fanuc_literals, fanuc_targets
 from .krl_targets import krl_head, krl_literals, krl_targets
@@ -187,7 +188,7 @@ def _text(path: Path) -> str:
 def _stated(language: Language, robot: Robot, choices: Choices) -> Stated:
     upper = language.name in ("TP", "URScript")
     if language.name == "TP":
-        require_j3(choices.j3)
+        choices = replace(choices, j3=pendant_of(robot, choices.j3, "fanuc").joint3)
     elif choices.j3 is not None:
         raise BadInput(f"--j3 is not for {language.name}", remedy="leave --j3 out")
     near = None

@@ -333,7 +333,8 @@ class _Work:
                 "two configurations of the arm are about as near to the joints before it; state --near, or a"
                 " joint target before it"
             )
-        self._require_isolated(flange, unique[order[0]] * display)
+        if apart[order[0]] > np.radians(_SAME_POSTURE):  # else the known joints reach it themselves
+            self._require_isolated(flange, unique[order[0]] * display)
         self.nearest.append(target.name)
         return np.asarray(unique[order[0]] * display)
 

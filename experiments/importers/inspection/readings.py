@@ -6,13 +6,13 @@ decide: then there is no choice, and the sentence says so.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ....model.arms.joint_three import from_ground
+from ....model.arms.pendant import Pendant, nearest_limit
 from ....model.files.limits import beyond_limits, like_radians
 from ....model.robot import Matrix, Robot
 
@@ -88,12 +88,16 @@ def j3_reading(robot: Robot, joints: Matrix) -> Reading | None:
     kinds = [joint.kind for joint in robot.joints[1:3]]
     if kinds != ["revolute", "revolute"] or np.isnan(joints[:, 1:3]).any():
         return None
-    return _by_limits(robot, {"link": _only(joints, [2]), "ground": _only(from_ground(joints, robot), [2])})
+    ways = {"link": joints, "ground": Pendant(robot, "ground").between_links(joints)}
+    return _by_limits(robot, {way: _only(values, [1, 2]) for way, values in ways.items()}, [2])
 
 
-def _by_limits(robot: Robot, rows: Mapping[str, Matrix]) -> Reading:
-    """The one way that has no row outside the limits, if the others have some."""
+def _by_limits(robot: Robot, rows: Mapping[str, Matrix], judged: Sequence[int] | None = None) -> Reading:
+    """The one way that has no row outside the limits, if the others have some; `judged` joints count."""
     beyond = {way: beyond_limits(robot, values) for way, values in rows.items()}
+    if judged is not None:
+        for wrong in beyond.values():
+            wrong[:, [i for i in range(robot.n) if i not in judged]] = False
     outside = {way: int(wrong.any(axis=1).sum()) for way, wrong in beyond.items()}
     count = len(next(iter(rows.values())))
     within = [way for way, number in outside.items() if not number]
@@ -111,11 +115,15 @@ def _by_limits(robot: Robot, rows: Mapping[str, Matrix]) -> Reading:
 
 
 def _farthest(robot: Robot, values: Matrix, wrong: NDArray[np.bool_]) -> str:
-    lower, upper = robot.lower * robot.display, robot.upper * robot.display
-    past = np.where(wrong, np.maximum(lower - values, values - upper), -np.inf)
-    row, i = np.unravel_index(int(np.argmax(past)), past.shape)
-    unit = robot.joints[i].unit
-    return f"J{i + 1} {values[row, i]:.5g} {unit}, limits {lower[i]:.5g} to {upper[i]:.5g}"
+    met = [
+        (int(i), nearest_limit(robot, values[row] / robot.display, int(i))) for row, i in np.argwhere(wrong)
+    ]
+    i, limit = max(met, key=lambda each: each[1].excess)
+    counting = limit.counting and f" {limit.counting}"
+    return (
+        f"J{i + 1}{counting} {limit.value:.5g} {robot.joints[i].unit}, limits {limit.lower:.5g} to"
+        f" {limit.upper:.5g}"
+    )
 
 
 def _kind(robot: Robot, kind: str) -> list[int]:

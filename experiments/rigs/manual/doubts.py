@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from ....model.arms.pendant import Pendant, nearest_limit
 from ....model.arms.plausible import ONE_TURN
 from ....model.files.limits import beyond_limits
 from ....model.files.plan import Plan
@@ -32,8 +33,8 @@ class Doubt:
 class Judge:
     """Judges readings against a plan."""
 
-    def __init__(self, plan: Plan) -> None:
-        self._plan = plan
+    def __init__(self, plan: Plan, pendant: Pendant) -> None:
+        self._plan, self._pendant = plan, pendant
         self._aiming = Aiming(plan) if plan.header.tool.kind == "laser" else None
         self._kept = np.ones(plan.robot.n, dtype=bool) if self._aiming is None else ~self._aiming.joints
         self._planned = plan.postures * plan.robot.display
@@ -78,9 +79,11 @@ class Judge:
         if not outside.size:
             return None
         i = int(outside[0])
-        unit, lower, upper = robot.joints[i].unit, robot.lower * robot.display, robot.upper * robot.display
+        limit, unit = nearest_limit(robot, joints / robot.display, i), robot.joints[i].unit
+        counting = limit.counting and f" ({limit.counting})"
         said = (
-            f"joint {i + 1} is at {joints[i]:.6g} {unit}, beyond its limits {lower[i]:.6g} to {upper[i]:.6g}"
+            f"joint {i + 1} is at {limit.value:.6g} {unit}{counting}, beyond its limits {limit.lower:.6g} to"
+            f" {limit.upper:.6g}"
         )
         return Doubt("limit", said)
 
@@ -97,8 +100,10 @@ class Judge:
         i = int(np.argmax(off))
         if off[i] <= SAME_POSTURE:
             return None
-        unit, planned = self._plan.robot.joints[i].unit, self._planned[number % len(self._planned)][i]
-        said = f"joint {i + 1} is at {joints[i]:.6g} {unit} and the plan has {planned:.6g}"
+        unit = self._plan.robot.joints[i].unit
+        at = float(self._pendant.counted(joints)[i])
+        planned = float(self._pendant.counted(self._planned[number % len(self._planned)])[i])
+        said = f"joint {i + 1} is at {at:.6g} {unit} and the plan has {planned:.6g}"
         return Doubt("far", said)
 
     def _beyond_aiming(self, number: int, joints: Matrix) -> Doubt | None:
@@ -111,9 +116,12 @@ class Judge:
         i = int(np.argmax(excess))
         if excess[i] <= 0:
             return None
-        unit, planned = self._plan.robot.joints[i].unit, self._planned[place][i]
+        unit = self._plan.robot.joints[i].unit
+        # What the pendant counts joint 3 with (joint 2) is the same at both ends.
+        at, planned = (float(self._pendant.counted(row)[i]) for row in (joints, self._planned[place]))
+        low, high = (float(end[i] + at - joints[i]) for end in (lower, upper))
         said = (
-            f"joint {i + 1} is at {joints[i]:.6g} {unit} and the plan has {planned:.6g}: to aim the laser it"
-            f" would be at {lower[i]:.0f} to {upper[i]:.0f} {unit}"
+            f"joint {i + 1} is at {at:.6g} {unit} and the plan has {planned:.6g}: to aim the laser it"
+            f" would be at {low:.0f} to {high:.0f} {unit}"
         )
         return Doubt("far", said)

@@ -8,20 +8,19 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal
 
 import numpy as np
 
 from ....analysis.diagnostics.suspect import suspect
 from ....analysis.so_far import SoFar
 from ....interruption import obey
-from ....model.arms.joint_three import J3, from_ground, to_ground
+from ....model.arms.pendant import Pendant
 from ....model.errors import BadInput
 from ....model.files.journal import RunJournal
 from ....model.files.plan import Plan
 from ....model.files.shot import Shot
 from ....model.problem import Problem
-from ....model.robot import Matrix
+from ....model.robot import Matrix, PendantUnit
 from ...importers.typed import labelled, typed_joints
 from ...procedure.events import Asked, Doubted, GivenUp, Suspected, Told, Withdrawn
 from ...procedure.order import Order
@@ -59,15 +58,16 @@ class _Decided(Exception):
 
 @dataclass(eq=False)
 class Manual:
-    """One session. `lines` says what the person or robot writes, `units` and `j3` what its numbers are."""
+    """One session. `lines` says what the person or robot writes, `pendant` and `units` what its numbers
+    are."""
 
     plan: Plan
     journal: RunJournal
     order: Order
     told: Told
     lines: Lines
-    units: Literal["deg", "rad"] = "deg"
-    j3: J3 = "link"
+    pendant: Pendant
+    units: PendantUnit
     scene: bool = False  # whether to tell where the arm is to be
     _refused: dict[int, RefusedPosture] = field(default_factory=dict, init=False)
     _again: int | None = field(default=None, init=False)
@@ -75,7 +75,7 @@ class Manual:
 
     def __post_init__(self) -> None:
         self._problem = Problem.from_plan(self.plan)
-        self._judge = Judge(self.plan)
+        self._judge = Judge(self.plan, self.pendant)
         shots = self.journal.shots
         self._since = time.monotonic() - (shots[-1].time_s or 0.0 if shots else 0.0)
 
@@ -140,7 +140,9 @@ class Manual:
                 parts = ""
                 self._command(word, rest, number)
             elif text:
-                if parts and not labelled(text):  # the values by name have ended: what is missing is said
+                if parts and not labelled(
+                    text, self.pendant.names
+                ):  # the values by name have ended: what is missing is said
                     self._read(number, parts)
                     parts = ""
                 parts = f"{parts} {text}" if parts else text
@@ -157,23 +159,21 @@ class Manual:
 
     def _unfinished(self, text: str) -> bool:
         """Whether a person pasted the values of some joints by name, and the next line has others."""
-        named = labelled(text).keys()
+        named = labelled(text, self.pendant.names).keys()
         return self.lines.confirms and 0 < len(named) < self.plan.robot.n
 
     def _read(self, number: int, text: str) -> tuple[int, Matrix] | None:
         """The measurement and (n,) its values in degrees (mm), joint 3 from link 2; None where a text cannot
         be read. The line of a plan's program says which posture it is of."""
         try:
-            typed = typed_joints(text, self.plan.robot.n)
+            typed = typed_joints(text, self.plan.robot.n, self.pendant)
         except BadInput as error:
             self._say(number, "unreadable", f"{error.what}: {error.found}")
             return None
-        joints = np.array(typed.values)
-        if (typed.unit or self.units) == "rad":
-            joints = joints * self.plan.robot.display
         if typed.number is not None and typed.number in self._left():
             number = typed.number
-        return number, self._from_link(joints)
+        values = np.array(typed.values) / self.pendant.per_degree(typed.unit or self.units)
+        return number, self.pendant.between_links(values)
 
     def _judged(self, number: int, joints: Matrix) -> tuple[int, Doubt | None]:
         """The measurement that these values are, and what speaks against them, which is said.
@@ -241,14 +241,15 @@ class Manual:
 
     def _ask(self, number: int) -> None:
         place = number % len(self.plan.postures)
-        joints = self._as_typed(self.plan.postures[place] * self.plan.robot.display)
+        joints = self.plan.postures[place] * self.plan.robot.display
         self.told(
             Asked(
                 shot=number,
                 target=self.plan.targets[place],
                 done=len(self.journal.shots) + len(self._refused),
                 postures=len(self.plan.postures),
-                joints_deg=tuple(round(float(value), 6) for value in joints),
+                joints_deg=tuple(round(float(value), 6) for value in self.pendant.counted(joints)),
+                pendant=tuple(self.pendant.readings(joints)),
             )
         )
         if self.scene:
@@ -257,13 +258,7 @@ class Manual:
 
     def _degrees(self, joints: Matrix) -> Matrix:
         """Values that were taken for degrees and are radians."""
-        return self._from_link(self._as_typed(joints) * self.plan.robot.display)
-
-    def _from_link(self, joints: Matrix) -> Matrix:
-        return from_ground(joints, self.plan.robot) if self.j3 == "ground" else joints
-
-    def _as_typed(self, joints: Matrix) -> Matrix:
-        return to_ground(joints, self.plan.robot) if self.j3 == "ground" else joints
+        return self.pendant.between_links(self.pendant.counted(joints) * self.plan.robot.display)
 
     def _shot(self, number: int, joints: Matrix) -> Shot:
         comment, self._comment = self._comment, None

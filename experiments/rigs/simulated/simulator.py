@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ....model.arms.pendant import beyond_limits
 from ....model.errors import RigFault
 from ....model.files.plan import Plan
 from ....model.files.run import ENOUGH_CALIBRATED
@@ -91,7 +92,7 @@ class SimulatedRig:
     def move(self, joints: Matrix) -> None:
         self._faults.called()
         robot = self._robot
-        outside = (joints < robot.lower) | (joints > robot.upper)
+        outside = beyond_limits(robot, joints, 0.0)
         if outside.any():
             joint = int(np.flatnonzero(outside)[0])
             raise RigFault(f"the controller refuses the move: joint {joint + 1} would leave its limits")

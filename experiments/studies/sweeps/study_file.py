@@ -187,6 +187,8 @@ class Case:
             values = [*joint.fixed.ravel(), *joint.axis, joint.lower, joint.upper]
             parts.append(f"{joint.name} {joint.kind} {joint.speed} {[float(v).hex() for v in values]}")
         parts.append(str([float(v).hex() for v in self.robot.flange.ravel()]))
+        if self.robot.conventions.range3 is not None:
+            parts.append(str([v.hex() for v in self.robot.conventions.range3]))
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field, model_validator
 
 from ..validation import FileModel, Name, Point, Positive, refusal
@@ -29,8 +31,10 @@ class Box(FileModel):
 class Obstacles(FileModel):
     """The content of an obstacles file: boxes and floor in the cell, and the thickness of the arm."""
 
-    floor_mm: float | None = Field(
-        default=0.0, description="height of the floor, base frame, millimetres; null: none"
+    floor_mm: float | Literal["mounting"] | None = Field(
+        default="mounting",
+        description="height of the floor, base frame, millimetres; mounting: the robot's mounting face, as"
+        " its robot file states it; null: none",
     )
     boxes: list[Box] = Field(default=[], description="boxes in the cell")
     thickness_mm: Positive | None = Field(

@@ -41,7 +41,7 @@
   // As large as the first view allows, with room for the names.
   function fit() {
     aim(start);
-    const points = [[0, 0, 0], [0, 0, scene.axis], ...scene.targets.map((t) => t.at), ...(scene.extent || [])];
+    const points = [[0, 0, 0], [0, 0, scene.axis], [0, 0, scene.grid.z || 0], ...scene.targets.map((t) => t.at), ...(scene.extent || [])];
     for (const p of scene.postures) points.push(...p.arm, ...p.tool, ...(p.beam || []));
     for (const t of scene.targets)
       for (const axis of t.axes || []) for (const by of [-scene.factor, scene.factor]) points.push(t.at.map((v, i) => v + by * axis[i]));
@@ -72,9 +72,10 @@
   }
 
   function floor() {
-    const [x0, x1, y0, y1] = scene.grid.bounds, step = scene.grid.step;
-    for (let x = x0; x <= x1 + step / 2; x += step) line([at([x, y0, 0]), at([x, y1, 0])], 1, colours.line);
-    for (let y = y0; y <= y1 + step / 2; y += step) line([at([x0, y, 0]), at([x1, y, 0])], 1, colours.line);
+    const [x0, x1, y0, y1] = scene.grid.bounds, step = scene.grid.step, z = scene.grid.z || 0;
+    for (let x = x0; x <= x1 + step / 2; x += step) line([at([x, y0, z]), at([x, y1, z])], 1, colours.line);
+    for (let y = y0; y <= y1 + step / 2; y += step) line([at([x0, y, z]), at([x1, y, z])], 1, colours.line);
+    if (z) line([at([0, 0, z]), at([0, 0, 0])], 2, colours.muted); // the arm's own base
     ["x", "y", "z"].forEach((name, i) => {
       const end = [0, 0, 0];
       end[i] = scene.axis;

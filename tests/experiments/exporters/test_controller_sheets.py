@@ -64,17 +64,23 @@ def test_kuka(run, offsets):
     np.testing.assert_allclose(numbers(text, r"old value +([-+][\d.]+)$"), values[1:], atol=1e-6)
 
 
-@pytest.mark.parametrize("ground", [True, False])
-def test_fanuc_counts_make_the_controller_read_the_truth(run, offsets, ground):
+@pytest.mark.parametrize("encoder", ["link", "ground"])
+@pytest.mark.parametrize("pendant", ["link", "ground"])
+def test_fanuc_counts_make_the_controller_read_the_truth(run, offsets, encoder, pendant):
+    """What the encoder measures decides, whatever the pendant counts joint 3 from."""
     found, values = offsets
-    text = fanuc_text(run.robot, found, ground, FanucCounts(COUNTS, PULSES))
+    robot = replace(run.robot, conventions=replace(run.robot.conventions, encoder3=encoder))
+    text = fanuc_text(robot, found, FanucCounts(COUNTS, PULSES), pendant)
+    assert ("from the ground: at the same place" in text) == (pendant == "ground")
+    assert "DCS (Dual Check Safety)" in text
     rows = re.findall(r"^J(\d) +\S+ +(-?\d+) +\(now (-?\d+)\)$", text, flags=re.MULTILINE)
     assert [int(row[0]) for row in rows] == [2, 3, 4, 5, 6]
     pulses = np.array([5000, 6000, 7000, 8000, 9000, 10000])
 
     def read(counts):
+        """The angles between the links that a controller with these encoders believes in."""
         own = (pulses - counts) / np.array(PULSES)
-        if ground:
+        if encoder == "ground":
             own[2] += own[1]
         return own
 
@@ -83,7 +89,7 @@ def test_fanuc_counts_make_the_controller_read_the_truth(run, offsets, ground):
 
 
 def test_only_what_is_determined_is_in_a_sheet(tmp_path):
-    for command in (["ur"], ["kuka"], ["fanuc", "--j3", "ground"]):
+    for command in (["ur"], ["kuka"], ["fanuc"]):
         out = tmp_path / "sheet.txt"
         assert (
             "unidentifiable" in zerobeam("export", *command, X_PATTERN, "-o", out).err.lower()
@@ -102,7 +108,7 @@ def test_a_vendor_is_known_by_the_robots_name_too(run, offsets):
     found, _ = offsets
     named = replace(run.robot, name="My IRB 1600")
     assert (run.robot.vendor, named.vendor) == (None, None)
-    for text in (ur_text, kuka_text, lambda robot, own: fanuc_text(robot, own, True, None)):
+    for text in (ur_text, kuka_text, lambda robot, own: fanuc_text(robot, own, None, "ground")):
         with pytest.raises(BadInput, match="this sheet is for robots of"):
             text(named, found)
 

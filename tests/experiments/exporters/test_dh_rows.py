@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from zerobeam.experiments.exporters.dh_rows import Table, beyond_rows, corrected_table
+from zerobeam.model.arms.denavit_hartenberg import dh_chain
 from zerobeam.model.files.robot_file import RobotFile, stated_rows
 from zerobeam.model.geometry import Geometry
-from zerobeam.model.robot import Robot, dh_chain
+from zerobeam.model.robot import Robot
 
 HERE = Path(".")
 BASED = {

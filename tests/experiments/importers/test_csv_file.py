@@ -8,6 +8,7 @@ import pytest
 from zerobeam.experiments.importers import CsvLayout, import_csv
 from zerobeam.experiments.importers.imported import uncollected
 from zerobeam.model.files.header import UrdfRef
+from zerobeam.model.files.robot_file import BUILT_IN
 from zerobeam.model.files.run import read_run, write_run
 
 HEADER = """\
@@ -283,3 +284,39 @@ def test_the_arm_that_goes_beyond_its_limits(shared_data, tmp_path, out, refused
     (warning,) = read_run(out).warnings
     assert warning.startswith("joint 6 is outside its limits (-119.748 to 119.748 deg), up to -157.128")
     assert "in 33 of 137 measurements" in warning
+
+
+PENDANT = """
+mounting: {below_base_mm: 0}
+pendant:
+  joint3: ground
+  order: [1, 2, 6, 3, 4, 5]
+  names: [S, L, U, R, B, T]
+  unit: pulse
+  pulses_per_deg: [100, -200, 300, 400, 500, 600]
+"""
+
+
+def test_a_table_as_the_pendant_shows_it_in_pulses_and_in_its_order(tmp_path, out, refused):
+    arm = (BUILT_IN / "irb1600.yaml").read_text(encoding="utf-8")
+    (tmp_path / "arm.yaml").write_text(arm[: arm.index("mounting:")] + PENDANT.lstrip(), encoding="utf-8")
+    header = tmp_path / "header.yaml"
+    header.write_text(HEADER.replace("irb1600", "arm.yaml"))
+    ground = ROWS.copy()
+    ground[:, 2] -= ROWS[:, 1]
+    pulses = ground * [100, -200, 300, 400, 500, 600]
+    file = csv(tmp_path, "a.csv", pulses[:, [0, 1, 5, 2, 3, 4]])
+    found = import_csv([file], ["one"], CsvLayout("pulse"), header, out)
+    np.testing.assert_allclose([shot.joints_deg for shot in found.shots], ROWS, atol=1e-9)
+    said = " ".join(found.understood)
+    for words in ("from the ground, as the robot file of irb1600 states", "as on the pendant", "in pulses"):
+        assert words in said
+    # Columns may be named for the pendant's names; `--j3` overrides the file.
+    layout = CsvLayout("pulse", columns=["1=S", "2=L", "3=T", "4=U", "5=R", "6=B"], j3="link")
+    plain = import_csv([file], ["one"], layout, header, out)
+    np.testing.assert_allclose([shot.joints_deg[2] for shot in plain.shots], ground[:, 2], atol=1e-9)
+    header.write_text(HEADER)
+    assert (
+        "pulses for a degree are not stated"
+        in refused(import_csv, [file], ["one"], CsvLayout("pulse"), header, out).what
+    )

@@ -8,7 +8,6 @@ from fanuc_interpreter import registers_text
 from recorded_logs import HEADER, POSTURES, fanuc_listing, fanuc_position, kuka_list, kuka_point
 
 from zerobeam.experiments.importers import import_fanuc, import_kuka
-from zerobeam.experiments.importers.imported import J3_NOTE
 from zerobeam.model.files.plan import read_plan
 from zerobeam.model.files.run import read_run, write_run
 
@@ -75,10 +74,11 @@ def test_joint_3_from_the_ground(fanuc, refused):
     assert joints(found)[1, 2] - joints(found)[0, 2] == pytest.approx(15)
     np.testing.assert_array_equal(joints(found)[:, 2], rows[:, 2] + rows[:, 1])
     np.testing.assert_array_equal(np.delete(joints(found), 2, axis=1), np.delete(rows, 2, axis=1))
-    assert J3_NOTE in found.understood
+    note = "joint 3 is counted from the ground, as --j3 states: J2 + J3 is the angle between links 2 and 3"
+    assert note in found.understood
     plain = fanuc(text, j3="link")
     np.testing.assert_array_equal(joints(plain), rows)
-    assert J3_NOTE not in plain.understood
+    assert note not in plain.understood
     assert "reference of joint 3" in refused(fanuc, text, j3="base").what
 
 

@@ -1,9 +1,13 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from zerobeam.experiments.importers.typed import labelled, typed_joints
+from zerobeam.model.arms.pendant import pendant_of
 from zerobeam.model.errors import BadInput
+from zerobeam.model.files.robot_file import load_robot
 
 VALUES = (1.2, 3.0, -4.0, 5.0, 6.0, 7.5)
 
@@ -70,3 +74,15 @@ def test_labels_by_number() -> None:
     assert labelled("J1: 10 J3: −5") == {1: 10.0, 3: -5.0}
     assert labelled("1 2 3") == {}
     assert labelled("T 5 S 2") == {}  # KUKA's status and turn
+
+
+def test_values_without_names_are_in_the_pendants_order_and_names_are_the_pendants() -> None:
+    own = replace(load_robot("gp7").conventions, order=(0, 1, 5, 2, 3, 4))
+    pendant = pendant_of(replace(load_robot("gp7"), conventions=own))
+    assert typed_joints("1 2 6 3 4 5", 6, pendant).values == (1, 2, 3, 4, 5, 6)
+    assert typed_joints("T 6, S 1, L 2, U 3, R 4, B 5", 6, pendant).values == (1, 2, 3, 4, 5, 6)
+    assert typed_joints("1 2 6 3 4 5 pulses", 6, pendant).unit == "pulse"
+    assert labelled("Wrist 2: 5 deg, Base: −10", ["Base", "Shoulder", "Elbow", "Wrist 1", "Wrist 2"]) == {
+        1: -10.0,
+        5: 5.0,
+    }

@@ -7,6 +7,7 @@ from cells import LASER, PROBE, header, irb1600
 from zerobeam.experiments.plans import candidates as module
 from zerobeam.experiments.plans.candidates import View, _one_turn, candidates
 from zerobeam.experiments.plans.obstacles import Box, Clearance, Obstacles
+from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.problem import Problem
 
 TARGET = np.array([900.0, 100.0, 50.0])
@@ -204,3 +205,36 @@ def test_one_turn_nearest_to_zero_is_drawn_from():
     low, high = _one_turn(four, lower, upper)
     np.testing.assert_allclose(np.degrees(low), [-180, -90, 200, -460])
     np.testing.assert_allclose(np.degrees(high), [180, 120, 300, -100])
+
+
+def test_what_one_condition_alone_removes_is_said_the_decisive_one_first():
+    """A ceiling so low that every posture hits it: that is said first, not the laser's direction, which
+    removes most of those that are judged one condition after the other."""
+    lid = Box(name="ceiling", min_mm=(-3000, -3000, 300), max_mm=(3000, 3000, 3000))
+    own = candidates(header(), irb1600(), TARGET, 20, obstacles=Obstacles(boxes=[lid]), seed=1)
+    assert len(own.postures) == 0
+    alone = own.alone
+    assert alone is not None
+    assert alone.removes["make the arm hit a box"] == alone.aimed
+    # Without that condition some postures would be left, without any other none.
+    assert [reason for reason, left in alone.without.items() if left] == ["make the arm hit a box"]
+    said = own.reasons()
+    assert said.startswith(own.in_words())
+    one_by_one = said[len(own.in_words()) :]
+    assert one_by_one.index("hit a box") < one_by_one.index("behind the laser")
+    assert f"{alone.without['make the arm hit a box']} would be left without this condition" in one_by_one
+    free = candidates(header(), irb1600(), TARGET, 20, obstacles=Obstacles(), seed=1)
+    assert free.alone is None
+
+
+def test_both_ranges_of_a_coupled_joint_are_kept_with_the_margin():
+    robot = load_robot("lrmate_200id")
+    own = candidates(header(LASER, robot="lrmate_200id"), robot, np.array([450.0, 0, -200]), 40, seed=1)
+    degrees = np.degrees(own.postures)
+    for values, low, high in (
+        (degrees[:, 2], -70, 205),
+        (degrees[:, 2] - degrees[:, 1], -140, 280),
+        (degrees[:, 1], -100, 145),
+    ):
+        assert values.min() >= low + 5 - 1e-9
+        assert values.max() <= high - 5 + 1e-9

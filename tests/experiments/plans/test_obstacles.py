@@ -6,16 +6,22 @@ from zerobeam.experiments.plans.obstacles import (
     Box,
     Clearance,
     Obstacles,
+    floor_of,
     meets_box,
     read_obstacles,
     segment_distance,
 )
+from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.problem import Problem
 from zerobeam.model.robot import Joint, Robot, shift
 
 
+def _slides(robot):
+    return any(joint.kind == "prismatic" for joint in robot.joints)
+
+
 def clearance(obstacles=None, robot=None, **changes):
-    own = header({**LASER, **changes}, noise={"joint_mm": 0.05} if robot else None)
+    own = header({**LASER, **changes}, noise={"joint_mm": 0.05} if robot and _slides(robot) else None)
     robot = robot or irb1600()
     problem = Problem.build(own, robot, np.zeros((1, robot.n)), ["psd"])
     return Clearance(problem, obstacles or Obstacles())
@@ -238,3 +244,53 @@ def test_faults_in_a_file_have_a_line(tmp_path, refused, text, line, part):
     assert error.line == line
     assert part in str(error)
     assert "cell.yaml" in str(error)
+
+
+# Arms whose base frame is above the mounting face
+
+
+@pytest.mark.parametrize(
+    ("name", "below"), [("lrmate_200id", 330), ("m10ia", 450), ("gp7", 330), ("tx2_60", 375)]
+)
+def test_an_arm_does_not_hit_the_floor_with_its_own_base(name, below):
+    robot = load_robot(name)
+    judge = clearance(robot=robot)
+    up = np.zeros((1, robot.n))
+    assert not judge.hits_cell(up)[0]
+    assert floor_of(Obstacles(), robot) == -below
+    # The control: a floor at the base frame's origin is as high as the shoulder, where the upper arm begins.
+    assert clearance(Obstacles(floor_mm=0.0), robot=robot).hits_floor(up)[0]
+    # Nor does it hit a pedestal or a table that it stands on.
+    pedestal = Box(name="pedestal", min_mm=(-200, -200, -900), max_mm=(200, 200, 5 - below))
+    assert not clearance(Obstacles(floor_mm=None, boxes=[pedestal]), robot=robot).hits_boxes(up)[0]
+
+
+def test_the_upper_arm_of_an_arm_without_a_column_is_no_column():
+    """Axes 1 and 2 of a TX2-60 meet at the base frame's origin: its first link is the upper arm."""
+    judge = clearance(robot=load_robot("tx2_60"))
+    down = np.radians([[0.0, 127, 0, 0, 0, 0]])  # the upper arm hangs down, along its own base
+    reached = judge._points(down)[0][3, 2]
+    assert reached < -150
+    box = Box(name="box", min_mm=(150, -50, -300), max_mm=(300, 50, -150))
+    assert clearance(Obstacles(floor_mm=None, boxes=[box]), robot=load_robot("tx2_60")).hits_boxes(down)[0]
+
+
+def test_an_arm_hits_its_own_base_below_the_base_frame():
+    """The forearm of an LR Mate that is folded down against the column below its shoulder."""
+    robot = load_robot("lrmate_200id")
+    judge = clearance(robot=robot)
+    rows = np.zeros((400, 6))
+    grid = np.stack(np.meshgrid(np.linspace(90, 145, 20), np.linspace(-70, 205, 20)), axis=-1).reshape(-1, 2)
+    rows[:, 1:3] = np.radians(grid)
+    skeleton = judge._points(rows)
+    foot, top = np.array([0.0, 0.0, -330.0]), np.zeros(3)
+    near = np.array([sampled_distance(foot, top, p[4], p[5], count=80) for p in skeleton])
+    assert (near < judge._radius).any()
+    assert judge.hits_itself(rows)[near < judge._radius].all()
+
+
+@pytest.mark.parametrize("turn", [-110, -130, -150, 200, 240])
+def test_an_elbow_that_folds_through_the_upper_arm_hits(turn):
+    judge = clearance(robot=load_robot("m10ia"))
+    rows = np.radians([[0.0, 20, turn, 0, 0, 0], [0.0, 20, -80, 0, 0, 0], [0.0, 20, 150, 0, 0, 0]])
+    assert judge.hits_itself(rows).tolist() == [True, False, False]

@@ -60,7 +60,7 @@ export class Form {
 
   group(key, schema, path, given, required) {
     const inner = this.object(schema, path, given, required);
-    if (required || path.length > 1) return { element: make("fieldset", { class: "group", "data-header-key": path.join("/") }, make("legend", {}, title(key)), this.help(schema), inner.element), value: inner.value };
+    if (required || (path.length > 1 && !(schema.required || []).length)) return { element: make("fieldset", { class: "group", "data-header-key": path.join("/") }, make("legend", {}, title(key)), this.help(schema), inner.element), value: inner.value };
     // What need not be stated stays folded, and is opened to be stated.
     const fold = make("details", { class: "group", "data-header-key": path.join("/"), open: given !== undefined }, make("summary", {}, title(key)), this.help(schema), inner.element);
     return { element: fold, value: inner.value };
@@ -178,7 +178,7 @@ export class Form {
   // Marks the required fields that are empty and shown; returns the first.
   missing() {
     this.right();
-    const empty = [...this.parent.querySelectorAll("[data-required]")].filter((e) => e.offsetParent !== null && e.querySelector("input, select").value.trim() === "");
+    const empty = [...this.parent.querySelectorAll("[data-required]")].filter((e) => e.offsetParent !== null && !e.closest("details:not([open])") && e.querySelector("input, select").value.trim() === "");
     for (const element of empty) this.mark(element, "This must be stated.");
     return empty[0];
   }

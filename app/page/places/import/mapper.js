@@ -13,7 +13,7 @@ const ask = latest(
   async () => {
     const asked = source;
     if (asked === null) return null;
-    const found = await post("/api/columns", { files: asked.files, robot: asked.robot, beside: asked.beside, ...layout, ...state.columns && { columns: state.columns }, units: state.units || null, lengths: state.lengths || null, reversed_joints: state.reversed, j3: state.j3 });
+    const found = await post("/api/columns", { files: asked.files, robot: asked.robot, beside: asked.beside, ...layout, ...state.columns && { columns: state.columns }, units: state.units || null, lengths: state.lengths || null, reversed_joints: state.reversed, j3: state.j3 || null });
     return asked === source ? found : null;
   },
   (found) => {
@@ -47,7 +47,7 @@ export function show(given, looked, told) {
   redo = looked;
   changed = told;
   if (!same || state === null) {
-    state = { columns: null, units: "", lengths: "", reversed: [], j3: "link" };
+    state = { columns: null, units: "", lengths: "", reversed: [], j3: "" };
     answer = null;
     fill(by("import-mapper"), []);
   }
@@ -160,7 +160,7 @@ function render() {
     make("div", { class: "fields" },
       turns ? select("Unit of the angles", [["deg", "degrees"], ["rad", "radians"]], state.units, pick("units"), "choose") : "",
       slides ? select("Unit of prismatic joints", [["mm", "millimetres"], ["m", "metres"]], state.lengths, pick("lengths"), "choose") : "",
-      select("Joint 3 is counted from", [["link", "link 2"], ["ground", "the ground"]], state.j3, pick("j3"))),
+      select("Joint 3 is counted from", [["link", "link 2"], ["ground", "the ground"]], state.j3, pick("j3"), "as the robot file states")),
     make("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Columns as joints" },
       make("table", { class: "mapper" }, make("caption", {}, `${answer.whole ? `All ${answer.rows} rows` : `The first ${answer.rows} rows; the rest is checked at the import`}, robot ${answer.robot}.`),
         make("thead", {}, make("tr", {}, ...head.map((text, i) => make("th", { scope: "col", class: i === 3 || i === 4 ? "right" : "" }, text)))),
@@ -180,7 +180,7 @@ export function words() {
   if (state.lengths) stated.push(`--lengths=${state.lengths}`);
   if (state.columns) stated.push(`--columns=${state.columns.join(",")}`);
   if (state.reversed.length) stated.push(`--reversed=${state.reversed.map((n) => `j${n}`).join(",")}`);
-  if (state.j3 !== "link") stated.push(`--j3=${state.j3}`);
+  if (state.j3) stated.push(`--j3=${state.j3}`);
   return stated;
 }
 

@@ -8,14 +8,14 @@ export const FORMATS = {
   csv: ["Table, one layout stated by you", ["csv"], ["measured", "--target-column", "--shot-column", "--spot-columns", "--time-column", "--time-units", ...DWELL, "--marker-column", "--small-angles"]],
   "log ur": ["RTDE recording of a UR (record.py)", ["log", "ur"], [...DWELL, "--marker-column"]],
   "log egm": ["EGM log of an ABB (abb_libegm)", ["log", "egm"], [...DWELL, "--marker-column"]],
-  "log robodk": ["MonitorJoints log of RoboDK", ["log", "robodk"], [...DWELL, "--marker-column"]],
+  "log robodk": ["MonitorJoints log of RoboDK", ["log", "robodk"], [...DWELL, "--j3", "--marker-column"]],
   ros: ["ROS bag", ["ros"], ["--topic", "--columns", ...DWELL, "--marker-topic"]],
   "joint states": ["Joint states in text (ros2 topic echo)", ["ros"], ["--columns"]],
   rapid: ["ABB RAPID: targets, or log of a plan's program", ["rapid"], [...POINTS, "--tool", "--frame"]],
   kuka: ["KUKA KRL: data list", ["kuka"], POINTS],
   fanuc: ["FANUC: TP program or position registers", ["fanuc"], ["--j3", ...POINTS, "--register"]],
   "universal-robots": ["UR: log of a plan's program", ["universal-robots"], []],
-  robodk: ["RoboDK: log of a plan's program", ["robodk"], []],
+  robodk: ["RoboDK: log of a plan's program", ["robodk"], ["--j3"]],
 };
 const TIMED = ["--time-column", "--time-units", ...DWELL, "--marker-column"];
 const columns = (found) => found.columns.map((column) => [column.stated, column.name]);
@@ -37,7 +37,7 @@ const OPTIONS = {
   "--points": { label: "Points", points: true },
   "--tool": { label: "Tool of the robtargets", help: "as seen from the flange: X,Y,Z,Q1,Q2,Q3,Q4; without it robtargets are not read" },
   "--frame": { label: "Work object of the robtargets", help: "X,Y,Z,Q1,Q2,Q3,Q4; default: wobj0" },
-  "--j3": { label: "Joint 3 is counted from", help: "on a FANUC pendant: the ground", words: () => [["ground", "the ground"], ["link", "link 2"]], none: "choose" },
+  "--j3": { label: "Joint 3 is counted from", help: "on a FANUC pendant: the ground", words: () => [["ground", "the ground"], ["link", "link 2"]], none: "as the robot file states" },
   "--register": { label: "First position register", help: "of a plan's program; default: 1" },
 };
 
@@ -97,7 +97,6 @@ export function open(format) {
   if (shown("--still-deg") && !(values["--still-deg"] && values["--still-s"])) return "state what a dwell is: within how many degrees, for how long";
   if (format === "csv" && values.measured === "dwells" && !values["--time-column"]) return "state the column of times";
   if (values["--time-column"] && !values["--time-units"]) return "state the unit of the times";
-  if (shown("--j3") && !values["--j3"]) return "state what joint 3 is counted from";
   return null;
 }
 

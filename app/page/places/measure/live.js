@@ -117,7 +117,7 @@ export class Live {
     this.once("asked", run.asked, () => {
       const own = run.asked, closing = own.shot >= own.postures ? ", closing" : "";
       by("measure-asked").textContent = `Posture ${own.done + 1} of ${Math.max(own.postures, own.done + 1)} (measurement ${own.shot}${closing}), target ${own.target}`;
-      fill(by("measure-joints"), own.joints_deg.map((v, i) => make("li", {}, make("b", {}, `J${i + 1}`), fixed(v, 2))));
+      fill(by("measure-joints"), own.pendant.map((joint) => make("li", {}, make("b", {}, joint.name), fixed(joint.value, joint.unit === "rad" ? 4 : joint.unit === "pulse" ? 0 : 2))));
       by("measure-line").value = "";
       if (this.visible && (document.activeElement === document.body || form.contains(document.activeElement))) by("measure-line").focus();
       say(by("measure-asked").textContent);

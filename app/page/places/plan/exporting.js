@@ -4,7 +4,7 @@ import { by, make } from "/page/parts/dom.js";
 import { carryOut } from "/page/parts/jobs.js";
 
 const ENDINGS = { rapid: ["mod"], urscript: ["script"], krl: ["src", "dat"], fanuc: ["ls"], robodk: ["py"], ros: ["yaml"], csv: ["csv"], pdf: ["pdf"] };
-const OPTIONS = { speed: ["rapid", "urscript", "krl", "fanuc", "robodk", "ros"], zone: ["rapid", "urscript", "robodk", "krl", "fanuc"], tool: ["rapid", "krl", "fanuc"], j3: ["fanuc"], register: ["fanuc"] };
+const OPTIONS = { speed: ["rapid", "urscript", "krl", "fanuc", "robodk", "ros"], zone: ["rapid", "urscript", "robodk", "krl", "fanuc"], tool: ["rapid", "krl", "fanuc"], j3: ["fanuc", "robodk", "csv", "pdf"], register: ["fanuc"] };
 const kind = () => by("program-kind").value;
 
 export const link = (file) => make("a", { href: `/api/file?file=${encodeURIComponent(file)}`, download: file.replace(/^.*\//, "") }, file);

@@ -3,7 +3,6 @@ import { get, put, Refused } from "/page/parts/api.js";
 import { by, fill, make, options } from "/page/parts/dom.js";
 
 const SIZE = 200; // mm, of a new box
-const FLOOR = { undefined: "by default", null: "none" }; // where its height is no number
 
 let current = () => null, change = () => {}; // the plan that is open, and how it is changed
 
@@ -42,10 +41,12 @@ export function renderObstacles() {
   const content = obstacles();
   by("obstacles-fields").hidden = content === null;
   if (content === null) return;
-  const height = typeof content.floor_mm === "number" ? content.floor_mm : null;
-  const floor = field("Height of the floor in mm", height, (v) => edit("floor_mm", (own) => { own.floor_mm = v; }), FLOOR[content.floor_mm] ?? String(content.floor_mm));
+  const at = typeof content.floor_mm === "number" ? "height" : content.floor_mm === null ? "none" : "mounting";
+  const where = make("select", { "aria-label": "Where the floor is", onchange: (event) => edit(null, (own) => { own.floor_mm = { mounting: "mounting", none: null, height: 0 }[event.target.value]; }) },
+    ...[["mounting", "the arm's mounting face"], ["height", "at a height"], ["none", "none"]].map(([value, words]) => make("option", { value, selected: value === at }, words)));
+  const height = at === "height" ? [make("label", {}, "Its height in the base frame, mm", field("Height of the floor in mm", content.floor_mm, (v) => edit("floor_mm", (own) => { own.floor_mm = v; })))] : [];
   const thick = field("Radius of the arm's links in mm", content.thickness_mm, (v) => edit("thickness_mm", (own) => { own.thickness_mm = v; }), "5 % of the arm");
-  fill(by("obstacles-boxes"), [make("div", { class: "fields", "data-key": "constraints/obstacles" }, make("label", {}, "Floor, mm (cleared: none)", floor), make("label", {}, "Radius of the links, mm", thick)), ...(content.boxes ?? []).map(boxRow)]);
+  fill(by("obstacles-boxes"), [make("div", { class: "fields", "data-key": "constraints/obstacles" }, make("label", {}, "Floor", where), ...height, make("label", {}, "Radius of the links, mm", thick)), ...(content.boxes ?? []).map(boxRow)]);
 }
 
 export function listObstacles(files) {

@@ -44,14 +44,14 @@ function shown(answer) {
   const now = JSON.stringify([by("robot-name").value, answer.joints]);
   if (now !== shape) {
     shape = now;
-    values = [...pose.joints_deg];
+    values = [...pose.counted_deg];
     setRows = jointRows(by("robot-joints"), answer.joints, (i, value) => { values[i] = value; ask(); });
     setRows(values);
     fill(by("robot-table").tBodies[0], answer.joints.map((joint, i) => make("tr", {},
-      make("th", { scope: "row" }, `J${i + 1}`), make("td", {}, joint.name), make("td", {}, joint.kind),
+      make("th", { scope: "row" }, answer.pendant.names[i]), make("td", {}, joint.name), make("td", {}, joint.kind),
       ...[joint.lower, joint.upper].map((v) => make("td", { class: "right" }, withUnit(String(Number(v.toFixed(2))), joint.unit))),
       make("td", { class: "right" }, joint.speed === null ? "not stated" : `${withUnit(String(Number(joint.speed.toFixed(2))), joint.unit)}/s`))));
-    by("robot-facts").textContent = `${[answer.vendor, answer.model || answer.name].filter(Boolean).join(", ")}: ${answer.joints.length} joints. The flange gets up to ${fixed(answer.reach_mm, 0)} mm from the axis of joint 1.`;
+    by("robot-facts").textContent = `${[answer.vendor, answer.model || answer.name].filter(Boolean).join(", ")}: ${answer.joints.length} joints. The flange gets up to ${fixed(answer.reach_mm, 0)} mm from the axis of joint 1. ${answer.pendant.joint3 === "ground" ? "Joint 3 is counted from the ground: the angle between links 2 and 3 is J2 + J3." : "Joint 3 is counted from link 2."} ${answer.mounting.below_base_mm === null ? "The mounting face is not stated." : `The mounting face is at z = ${withUnit(String(-answer.mounting.below_base_mm), "mm")} of the base frame.`}`;
   } else setRows(values);
   renderNotes();
   fill(by("robot-pose").tBodies[0], forms(pose).map(([name, text, used]) => make("tr", {},

@@ -63,10 +63,10 @@ def krl(folder: Path, plan: Plan, arm: PendantArm) -> Imported:
 
 
 def fanuc(folder: Path, plan: Plan, arm: PendantArm) -> Imported:
-    write_program("fanuc", plan, Motion(j3="ground", register=11), folder / "zb_plan.ls")
+    write_program("fanuc", plan, Motion(register=11), folder / "zb_plan.ls")
     saved = folder / "posreg.va"
     saved.write_text(fanuc_interpreter.carried_out((folder / "zb_plan.ls").read_text(), arm))
-    return importers.import_fanuc([saved], [], plan, folder / "run.jsonl", j3="ground", register=11)
+    return importers.import_fanuc([saved], [], plan, folder / "run.jsonl", register=11)
 
 
 def robodk(folder: Path, plan: Plan, arm: PendantArm) -> Imported:
@@ -146,7 +146,7 @@ def test_offsets_come_back_through_the_program_of_every_arm(
     arm = PendantArm(plan)
     imported = carried_out(tmp_path, plan, arm)
     # To the plan's last digit, in its order.
-    assert arm.moves == [list(step.joints) for step in steps_of(plan)]
+    assert arm.moves == [list(step.joints) for step in steps_of(plan, Motion(j3="link"))]
     assert [shot.shot for shot in imported.shots] == list(range(len(plan.postures)))
     assert imported.header.provenance["plan sha256"] == plan.sha256
     run = tmp_path / "run.jsonl"

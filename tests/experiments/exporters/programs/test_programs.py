@@ -155,7 +155,7 @@ def test_the_table_is_read_by_the_importer_of_tables(tmp_path: Path) -> None:
     columns = [f"joint{i}_deg" for i in range(1, 7)]
     layout = CsvLayout("deg", True, columns, target_column="target", shot_column="posture")
     found = import_csv([file], [], layout, tmp_path / "header.yaml", tmp_path / "run.jsonl")
-    assert [shot.joints_deg for shot in found.shots] == [step.joints for step in steps_of(plan)]
+    assert [shot.joints_deg for shot in found.shots] == [step.joints for step in steps_of(plan, Motion())]
     assert [shot.target for shot in found.shots] == ["psd"] * 3
     rows = files_of(tmp_path, "csv", Motion())[".txt"].splitlines()
     assert rows[2] == ",,0.0,-10.0,20.0,0.5,-30.0,0.0"
@@ -225,7 +225,6 @@ def test_joints_that_a_language_cannot_hold(tmp_path: Path, refused: Callable[..
         ("rapid", {"tool": "a;b"}, "--tool is not a name of RAPID"),
         ("rapid", {"j3": "ground"}, "--j3 is not for rapid"),
         ("krl", {"tool": "0"}, "--tool is not a tool number of KRL"),
-        ("fanuc", {}, "the reference of joint 3 is not stated"),
         (
             "fanuc",
             {"j3": "link", "register": 100},
