@@ -29,7 +29,7 @@ from ..calibration import Calibration
 from ..programs.steps import require_axes
 from ..vendors import require_vendor
 from .fanuc_targets import fanuc_head, fanuc_literals, fanuc_targets
-from .krl_targets import krl_head, krl_literals, krl_targets
+from .krl.targets import krl_head, krl_literals, krl_targets
 from .parts import Edit, Parsed, Source, Stated
 from .rapid_statements import rapid_literals
 from .rapid_targets import rapid_head, rapid_targets

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 from lark import Token, Tree
 
-from ....model.robot import Matrix
-from .krl_flow import Change, State, Value, Values, assigned, values
-from .krl_statements import Names, pose_of, span, whole
+from .....model.robot import Matrix
+from .flow import Change, State, Value, Values, assigned, values
+from .statements import Names, pose_of, span, whole
 
 NULL_FRAME: Value = ("null", 0)
 SETTING = {

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 from lark import Token, Tree
 
-from .krl_flow import Change, Routine, Step, assigned
-from .krl_frames import SETTING, Frames, nothing_known, perhaps_kept
-from .krl_statements import BUILT_IN, POSE, Names, Statement, fields
+from .flow import Change, Routine, Step, assigned
+from .frames import SETTING, Frames, nothing_known, perhaps_kept
+from .statements import BUILT_IN, POSE, Names, Statement, fields
 
 _IN_DATA_LIST = {"declaration", "value", "external", "signal", "enumeration"}
 _QUIET = {"output", "load", "nothing", "assignment", "header", "interrupt", "home"}

@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from lark import Token, Tree
 
-from ....model.arms.poses import from_abc
-from ....model.robot import Matrix
-from .grammar import understood
-from .parts import Parsed, Place, Source
+from .....model.arms.poses import from_abc
+from .....model.robot import Matrix
+from ..grammar import understood
+from ..parts import Parsed, Place, Source
 
 POSE = ("X", "Y", "Z", "A", "B", "C")
 SCALARS = {"INT", "REAL", "BOOL", "CHAR"}

@@ -13,14 +13,15 @@ from functools import cached_property
 import numpy as np
 from lark import Token, Tree
 
-from ....model.arms.branches import Branch, Branches, is_kuka_turn, kuka_status, kuka_turn
-from ....model.arms.orientation import orientation
-from ....model.arms.poses import from_abc
-from ....model.robot import Matrix
-from .krl_flow import Flow, State, Value, Values, values
-from .krl_frames import nothing_known
-from .krl_routines import Routines
-from .krl_statements import (
+from .....model.arms.branches import Branch, Branches, is_kuka_turn, kuka_status, kuka_turn
+from .....model.arms.orientation import orientation
+from .....model.arms.poses import from_abc
+from .....model.robot import Matrix
+from ..parts import NULL, Edit, JointTarget, Motion, Parsed, Place, PoseTarget, Source, number_edits
+from .flow import Flow, State, Value, Values, values
+from .frames import nothing_known
+from .routines import Routines
+from .statements import (
     POSE,
     Names,
     Position,
@@ -32,7 +33,6 @@ from .krl_statements import (
     statements,
     whole,
 )
-from .parts import NULL, Edit, JointTarget, Motion, Parsed, Place, PoseTarget, Source, number_edits
 
 __all__ = ["krl_head", "krl_literals", "krl_targets"]
 
