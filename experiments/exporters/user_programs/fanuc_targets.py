@@ -10,8 +10,8 @@ import numpy as np
 from lark import Token, Tree
 
 from ....model.arms.branches import Branch, fanuc_configuration, is_fanuc_configuration
-from ....model.arms.joint_three import from_ground, to_ground
 from ....model.arms.orientation import orientation
+from ....model.arms.pendant import Pendant
 from ....model.arms.poses import from_rpy
 from ....model.robot import Matrix
 from .fanuc_statements import Frames, read_statements
@@ -163,14 +163,15 @@ class _Listing:
         if [key for key in values if key[0] != "E"] != keys or any(units[key] != "deg" for key in keys):
             self._problem(place, f"the joints of {name} are not those of the robot")
             return
-        robot, ground = self.source.robot, self.stated.j3 == "ground"
+        robot = self.source.robot
+        pendant = Pendant(robot, self.stated.j3)
         shown = np.array([float(values[key]) for key in keys])
 
         def write(new: Matrix) -> list[Edit]:
-            written = to_ground(new, robot) if ground else new
+            written = pendant.counted(new)
             return [self._edit(values[key], value) for key, value in zip(keys, written.tolist(), strict=True)]
 
-        joints = from_ground(shown, robot) if ground else shown
+        joints = pendant.between_links(shown)
         self.parsed.targets[name] = JointTarget(name, self.source.line(place), joints, write)
 
     def _add_pose(

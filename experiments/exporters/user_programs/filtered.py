@@ -15,13 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ....model.arms.joint_three import J3, from_ground
-from ....model.arms.pendant import pendant_of
+from ....model.arms.pendant import Pendant, pendant_of
 from ....model.arms.poses import from_abc, from_quaternion, from_rotation_vector, from_rpy, stated_numbers
 from ....model.errors import BadInput
 from ....model.files.reading import read_bytes
 from ....model.files.robot_file import Vendor
-from ....model.robot import Matrix, Robot
+from ....model.robot import J3, Matrix, Robot
 from ....reports.words.wording import listed
 from ...importers.robtargets import up_to_flange
 from ..ascii_line import one_line
@@ -194,7 +193,7 @@ def _stated(language: Language, robot: Robot, choices: Choices) -> Stated:
     near = None
     if choices.near is not None:
         near = np.array(stated_numbers(choices.near, robot.n, "--near", "J1,J2,…"))
-        near = from_ground(near, robot) if choices.j3 == "ground" else near
+        near = Pendant(robot, choices.j3).between_links(near) if choices.j3 else near
     return Stated(
         dict(_frame(text, "--tool", language) for text in choices.tools),
         dict(_frame(text, "--frame", language) for text in choices.frames),

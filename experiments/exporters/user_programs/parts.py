@@ -11,10 +11,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from ....model.arms.branches import Branch
-from ....model.arms.joint_three import J3
 from ....model.errors import BadInput
 from ....model.files.reading import did_you_mean
-from ....model.robot import Matrix, Robot
+from ....model.robot import J3, Matrix, Robot
 from ..programs.steps import decimal
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
