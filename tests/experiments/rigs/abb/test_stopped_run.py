@@ -34,6 +34,12 @@ from zerobeam.model.robot import Matrix
 
 pytest.importorskip("abb_robot_client")
 
+# An interruption that comes while the HTTP library opens a connection leaves its socket to the collector.
+pytestmark = [
+    pytest.mark.filterwarnings("ignore:unclosed <socket:ResourceWarning"),
+    pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"),
+]
+
 CELL = Cell.model_validate({"camera": None, "psd": {"placed": {"psd": {"centre_mm": [900.0, 0.0, 0.0]}}}})
 
 
