@@ -43,7 +43,7 @@ style: .venv/installed-test
 	@$(BIN)/ruff check --quiet .
 	@$(BIN)/ruff format --quiet --check .
 	@rm -rf build/typing && mkdir -p build/typing/zerobeam
-	@for part in *.py py.typed $(dir $(wildcard */__init__.py)); do \
+	@for part in $(filter-out setup.py,$(wildcard *.py)) py.typed $(dir $(wildcard */__init__.py)); do \
 		ln -s "$(CURDIR)/$${part%/}" build/typing/zerobeam/; done
 	@PYTHONPATH=build/typing $(BIN)/lint-imports --no-cache --no-logo >build/imports.txt || \
 		{ cat build/imports.txt; exit 1; }

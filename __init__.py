@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from .model.files.plan import Plan, read_plan
     from .model.files.robot_file import load_robot
     from .model.files.run import Run, read_run
-    from .model.robot import Robot
+    from .model.kinematics.robot import Robot
     from .reports.run.report_folder import write_report
 
 __version__ = "0.1.0"
@@ -78,7 +78,7 @@ _HOME = {
     "Probe": "model.files.arrays",
     "Result": "analysis.result",
     "RigFault": "model.errors",
-    "Robot": "model.robot",
+    "Robot": "model.kinematics.robot",
     "Run": "model.files.run",
     "SceneView": "face.pictures",
     "Solution": "analysis.solution",

@@ -10,8 +10,8 @@ import numpy as np
 
 from ..model.errors import BadInput
 from ..model.files.run import Run
-from ..model.geometry import NOMINAL
-from ..model.problem import Problem, rms_length
+from ..model.likelihood.geometry import NOMINAL
+from ..model.likelihood.problem import Problem, rms_length
 from .diagnostics.accuracy import accuracy
 from .diagnostics.budget import budget
 from .diagnostics.diagnosis import diagnose

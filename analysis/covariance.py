@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..model.errors import BadInput
-from ..model.robot import Matrix
+from ..model.kinematics.robot import Matrix
 from .rows import frame
 from .status import Status, UnsoundResult, require_no_more_than
 

@@ -1,4 +1,4 @@
-"""What a reader must see of an answer, as data: sentences are made in `reports/words`."""
+"""What a reader must see of an answer, as data: sentences are made in `words`."""
 
 from __future__ import annotations
 

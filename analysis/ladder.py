@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..model.density import Density
 from ..model.files.header import Header
-from ..model.geometry import NOMINAL, Geometry
-from ..model.problem import Problem
+from ..model.likelihood.density import Density
+from ..model.likelihood.geometry import NOMINAL, Geometry
+from ..model.likelihood.problem import Problem
 from .estimation.fit import LikelihoodFit, fit_from, fit_likelihood, reweighted
 from .estimation.tolerance_factors import Factors, with_factors
 from .observability.geometry import Rung, RungName

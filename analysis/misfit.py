@@ -22,8 +22,8 @@ from typing import ClassVar, Literal
 import numpy as np
 import scipy
 
-from ..model.problem import Problem, rms_length
-from ..model.robot import Matrix
+from ..model.kinematics.robot import Matrix
+from ..model.likelihood.problem import Problem, rms_length
 from .estimation.fit import CONTRADICTED, LikelihoodFit
 from .observability.identifiability import Identified
 from .placements import placements

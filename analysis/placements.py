@@ -12,8 +12,8 @@ from os.path import commonprefix
 
 import numpy as np
 
-from ..model.kernel import Index
-from ..model.problem import Problem
+from ..model.likelihood.kernel import Index
+from ..model.likelihood.problem import Problem
 
 
 @dataclass(frozen=True, eq=False)

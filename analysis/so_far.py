@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..model.files.header import Header
-from ..model.problem import Problem
-from ..model.robot import Matrix
+from ..model.kinematics.robot import Matrix
+from ..model.likelihood.problem import Problem
 from .diagnostics.displacement import Displacement
 from .estimation.fit import fit_likelihood
 from .findings import Finding, moved_target

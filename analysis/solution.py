@@ -18,9 +18,9 @@ import numpy as np
 import scipy
 
 from ..model.errors import BadInput
-from ..model.parameters import Group, Parameter
-from ..model.problem import Problem
-from ..model.robot import Matrix
+from ..model.kinematics.robot import Matrix
+from ..model.likelihood.parameters import Group, Parameter
+from ..model.likelihood.problem import Problem
 from .covariance import Covariance
 from .estimation.fit import AgainstNoise, LikelihoodFit, fit_likelihood
 from .misfit import Misfit, misfit_of

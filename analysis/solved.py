@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..model.files.header import Header
-from ..model.problem import Problem
+from ..model.likelihood.problem import Problem
 from .estimation.fit import LikelihoodFit, fit_from
 from .estimation.tolerance_factors import Factors, with_open_factors
 from .ladder import climb_ladder

@@ -26,7 +26,7 @@ from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.studies.data_sets import drawn
 from zerobeam.model.files.run import header_text, read_run, shot_text
 from zerobeam.model.files.shot import Shot
-from zerobeam.model.problem import Problem
+from zerobeam.model.likelihood.problem import Problem
 
 SEED = 5
 OFFSET_DEG = 0.5

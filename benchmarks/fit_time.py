@@ -31,10 +31,10 @@ from threadpoolctl import threadpool_limits
 
 from zerobeam.analysis.estimation.fit import Fits, LikelihoodFit, fit_likelihood, fit_rows, start_at
 from zerobeam.experiments.demos import demo_runs
-from zerobeam.model.density import Density
 from zerobeam.model.files.run import read_run
-from zerobeam.model.problem import Problem
-from zerobeam.model.robot import Matrix
+from zerobeam.model.kinematics.robot import Matrix
+from zerobeam.model.likelihood.density import Density
+from zerobeam.model.likelihood.problem import Problem
 
 SEED = 1
 REACHED = 1e-3  # posterior stds: nearer than this a peer has got to the optimum

@@ -31,7 +31,7 @@ from zerobeam.model.files.header import RUN_SCHEMA, Header
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import write_run
-from zerobeam.model.problem import Problem
+from zerobeam.model.likelihood.problem import Problem
 
 SHOTS = (7, 20, 60, 200, 600, 2000, 6000, 20_000)
 JOINTS = (6, 12, 18, 24, 30)

@@ -35,11 +35,11 @@ from zerobeam.analysis.posterior.moves import IndependenceProposal, degrees_of_f
 from zerobeam.analysis.posterior.posterior import Whitening
 from zerobeam.analysis.posterior.sampler import sample_density
 from zerobeam.experiments.demos import demo_runs
-from zerobeam.model.density import Density
 from zerobeam.model.files.run import read_run
-from zerobeam.model.geometry import Geometry
-from zerobeam.model.problem import Problem
-from zerobeam.model.robot import Matrix
+from zerobeam.model.kinematics.robot import Matrix
+from zerobeam.model.likelihood.density import Density
+from zerobeam.model.likelihood.geometry import Geometry
+from zerobeam.model.likelihood.problem import Problem
 
 SEED = 1
 CORES = 2

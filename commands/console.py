@@ -114,14 +114,14 @@ def json_text(answer: dict[str, Any], indent: int | None = None) -> str:
 
 
 def _visible_json(text: str) -> str:
-    from ..reports.words.wording import visible
+    from ..words.wording import visible
 
     return visible(text, lambda letter: json.dumps(letter)[1:-1])
 
 
 def plain(message: object) -> str:
     """A message of several lines with nothing in it that a terminal would obey or a person not see."""
-    from ..reports.words.wording import shown
+    from ..words.wording import shown
 
     return "\n".join(shown(line) for line in str(message).split("\n"))
 

@@ -61,8 +61,8 @@ def demo(
     from ..reports.run.report_folder import check_target, write_report
     from ..reports.terminal.answers import print_side_by_side
     from ..reports.terminal.check import print_verdict
-    from ..reports.words.findings import headline
-    from ..reports.words.wording import person
+    from ..words.findings import headline
+    from ..words.wording import person
 
     cases = demo_runs()
     for case in cases:
@@ -95,7 +95,7 @@ def check(plan: PlanFile, as_json: Json = False, picture: Picture = None) -> Non
 
         write_plan_page(picture, turned, found)
     if as_json:
-        from ..reports.words.result_json import check_json
+        from ..words.result_json import check_json
 
         print_json(check_json(found))
     else:
@@ -115,7 +115,7 @@ def analyse(
     """Estimate the offsets of a run, with their uncertainty and identifiability."""
     from ..model.files.run import read_run
     from ..reports.terminal.answers import print_result
-    from ..reports.words.result_json import to_json
+    from ..words.result_json import to_json
 
     recorded = read_run(run)
     with progress("analyse", _ANALYSE) as tell:
@@ -140,7 +140,7 @@ def report(
     from ..model.files.run import read_run
     from ..reports.run.report_folder import check_target, write_report
     from ..reports.terminal.answers import print_result
-    from ..reports.words.result_json import to_json
+    from ..words.result_json import to_json
 
     recorded = read_run(run)
     check_target(folder)

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from ..model.arms.orientation import Orientation, orientation
-from ..model.arms.pendant import Pendant, beyond_limits, pendant_of
-from ..model.arms.reach import reach
 from ..model.errors import BadInput
 from ..model.files.header import UrdfRef
 from ..model.files.robot_file import built_in_robots, load_robot, stated_rows
-from ..model.robot import J3, Matrix, PendantUnit, Robot
-from ..reports.words.wording import counted
+from ..model.kinematics.orientation import Orientation, orientation
+from ..model.kinematics.pendant import Pendant, beyond_limits, pendant_of
+from ..model.kinematics.reach import reach
+from ..model.kinematics.robot import J3, Matrix, PendantUnit, Robot
+from ..words.wording import counted
 from .importers.typed import typed_joints
 
 

@@ -20,7 +20,7 @@ from typing import Any, TypeVar
 from threadpoolctl import threadpool_limits
 
 from ..analysis.estimation.threads import one_thread
-from ..model.kernel import compiled_at_once
+from ..model.likelihood.kernel import compiled_at_once
 
 Job = TypeVar("Job")
 Answer = TypeVar("Answer")

@@ -10,7 +10,6 @@ from typing import Literal
 import numpy as np
 
 from ..analysis.observability.aim import aim_plan
-from ..model.arms.pendant import pendant_of
 from ..model.errors import BadInput, RigFault
 from ..model.files.header import Header
 from ..model.files.journal import RunJournal
@@ -18,11 +17,12 @@ from ..model.files.plan import Plan
 from ..model.files.robot_file import rebased
 from ..model.files.run import read_run
 from ..model.files.shot import Shot
-from ..model.robot import J3, PendantUnit
-from ..reports.words.findings import finding_sentence, headline
-from ..reports.words.rehearsal import SIMULATED, true_values
-from ..reports.words.verdict import violation_words
-from ..reports.words.wording import listed, person
+from ..model.kinematics.pendant import pendant_of
+from ..model.kinematics.robot import J3, PendantUnit
+from ..words.findings import finding_sentence, headline
+from ..words.rehearsal import SIMULATED, true_values
+from ..words.verdict import violation_words
+from ..words.wording import listed, person
 from .corrected_arm import corrected_arm
 from .plans.constraints import require_constraints, violations
 from .procedure.events import Begun, Ended, KnownOffset, Told

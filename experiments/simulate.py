@@ -12,8 +12,8 @@ from ..analysis.observability.aim import aim, servo_joints
 from ..model.errors import RigFault
 from ..model.files.plan import Plan
 from ..model.files.shot import Shot
-from ..model.problem import Problem
-from ..model.robot import Matrix
+from ..model.kinematics.robot import Matrix
+from ..model.likelihood.problem import Problem
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,11 +19,11 @@ from ..reports.run.parameters import NO_NUMBER, offsets_caption, offsets_worth, 
 from ..reports.run.report_folder import ReportPaths, write_report
 from ..reports.run.report_page import report_notes
 from ..reports.style.blocks import Cell, Page, Row, Table, Verdict, row_of, table_of
-from ..reports.words import numbers
-from ..reports.words.findings import headline
-from ..reports.words.result_json import to_json
-from ..reports.words.verdict import VERDICT_WORDS
-from ..reports.words.wording import NOT_DETERMINED, clipped, counted, label, person, sentence
+from ..words import numbers
+from ..words.findings import headline
+from ..words.result_json import to_json
+from ..words.verdict import VERDICT_WORDS
+from ..words.wording import NOT_DETERMINED, clipped, counted, label, person, sentence
 from .arguments import require_choice, require_kind, require_number
 from .in_app import AppView, app_of, write_run_beside
 from .pictures import Figure, SceneView
@@ -186,7 +186,7 @@ class Plots:
             no offset.
         """
         from ..reports.run.posterior_summary import posterior_picture
-        from ..reports.words.findings import posterior_message
+        from ..words.findings import posterior_message
 
         result = self.solution.result
         picture = posterior_picture(result, self.solution.draws)

@@ -14,7 +14,7 @@ from ..reports.output.pdf import picture_bytes
 from ..reports.output.template import font_face
 from ..reports.style.canvas import Picture
 from ..reports.style.palette import light
-from ..reports.words.wording import clipped
+from ..words.wording import clipped
 
 
 @dataclass(frozen=True, repr=False)

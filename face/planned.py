@@ -24,10 +24,10 @@ from ..reports.plan.plan_scene import postures_of
 from ..reports.run.geometry import check_lines
 from ..reports.run.parameters import unit_of, worth_column
 from ..reports.style.blocks import Cell, Page, Row, Table, row_of, table_of
-from ..reports.words import numbers
-from ..reports.words.result_json import check_json
-from ..reports.words.verdict import check_notes
-from ..reports.words.wording import clipped, counted, label, sentence
+from ..words import numbers
+from ..words.result_json import check_json
+from ..words.verdict import check_notes
+from ..words.wording import clipped, counted, label, sentence
 from .arguments import require_choice, require_kind, require_number, vector
 from .in_app import AppView, app_of, write_plan_beside
 from .pictures import SceneView

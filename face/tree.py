@@ -11,7 +11,7 @@ from ..analysis.posterior.posterior import Draws
 from ..analysis.result import Result
 from ..model.errors import BadInput, missing_extra
 from ..reports.output.posterior_file import write_posterior
-from ..reports.words.findings import likelihood_message, posterior_message
+from ..words.findings import likelihood_message, posterior_message
 
 if TYPE_CHECKING:
     import xarray as xr

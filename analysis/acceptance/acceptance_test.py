@@ -23,8 +23,8 @@ from scipy import stats
 from scipy.linalg import block_diag, solve_triangular
 
 from ...model.files.header import Header
-from ...model.problem import Problem, Whitened, rms_length
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.problem import Problem, Whitened, rms_length
 from ..solution import Solution
 
 FALSE_ALARM = 0.01

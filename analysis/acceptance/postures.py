@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...model.files.header import Header
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
 from ..solution import Solution
 from .acceptance_test import POWER, EnteredOffset, Prediction, entered_offsets
 

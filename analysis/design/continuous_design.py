@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...model.errors import FitFailed
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
 
 Criterion = Literal["A", "D", "E"]
 Index = NDArray[np.int64]

@@ -14,7 +14,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
 from .continuous_design import Index
 
 _SEARCHES = 150  # of a start: with many measurements not every two of them are exchanged

@@ -25,10 +25,10 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from ...model.arms.pendant import beyond_limits
-from ...model.kernel import Index
-from ...model.problem import Problem
-from ...model.robot import Matrix, Robot
+from ...model.kinematics.pendant import beyond_limits
+from ...model.kinematics.robot import Matrix, Robot
+from ...model.likelihood.kernel import Index
+from ...model.likelihood.problem import Problem
 from ..error_radius import radius95
 from ..observability.causes import Cause
 from ..solution import Solution

@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from ...model.constraint import shot_functions
-from ...model.density import Density
-from ...model.problem import Problem
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.constraint import shot_functions
+from ...model.likelihood.density import Density
+from ...model.likelihood.problem import Problem
 from ..solution import Solution
 from .hypotheses import Cause
 from .link_rival import with_links_freed

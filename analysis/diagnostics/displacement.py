@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from ...model.kernel import Index
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.kernel import Index
 from ..estimation.fit import LikelihoodFit
 
 _CHANCE = 1e-3  # that a run without a displacement is said to have one; that what is left is not noise

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...model.errors import BadInput
-from ...model.kernel import Index
+from ...model.likelihood.kernel import Index
 from ..placements import Placement, placements
 from ..solution import Solution
 from ..status import known

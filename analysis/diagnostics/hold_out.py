@@ -15,8 +15,8 @@ import numpy as np
 import scipy
 
 from ...model.errors import BadInput
-from ...model.problem import Problem, rms_length
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.problem import Problem, rms_length
 from ..estimation.fit import fit_likelihood
 from ..placements import Placement, placements
 

@@ -15,12 +15,12 @@ from typing import Literal
 
 import numpy as np
 
-from ...model.constraint import ShotFunctions
-from ...model.geometry import NOMINAL
-from ...model.kernel import Index
-from ...model.parameters import Parameter, Parameters
-from ...model.problem import Problem
-from ...model.robot import Joint, Matrix, Robot
+from ...model.kinematics.robot import Joint, Matrix, Robot
+from ...model.likelihood.constraint import ShotFunctions
+from ...model.likelihood.geometry import NOMINAL
+from ...model.likelihood.kernel import Index
+from ...model.likelihood.parameters import Parameter, Parameters
+from ...model.likelihood.problem import Problem
 
 Cause = Literal[
     "swapped_joints",

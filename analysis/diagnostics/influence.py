@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...model.density import Density
-from ...model.problem import Problem
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.density import Density
+from ...model.likelihood.problem import Problem
 from ..estimation.coordinates import SeenCoordinates
 from ..estimation.fit import LikelihoodFit, modes
 from ..estimation.robust import leverages

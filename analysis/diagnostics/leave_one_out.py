@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...model.density import Density
-from ...model.kernel import Index
-from ...model.problem import Problem
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.density import Density
+from ...model.likelihood.kernel import Index
+from ...model.likelihood.problem import Problem
 from ..estimation.fit import modes, unbiased_weight
 from ..observability.gauges import information_root
 from ..placements import Placement, placements

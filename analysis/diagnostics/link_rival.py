@@ -11,9 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...model.density import Density
-from ...model.problem import Problem
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.density import Density
+from ...model.likelihood.problem import Problem
 from ..observability.consider import with_links
 from .trials import Left, lefts
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
 from ..solution import Solution
 
 Point = tuple[float, float, float]

@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from ...model.density import Density
-from ...model.kernel import Index
-from ...model.parameters import Parameters
-from ...model.problem import Problem
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.density import Density
+from ...model.likelihood.kernel import Index
+from ...model.likelihood.parameters import Parameters
+from ...model.likelihood.problem import Problem
 from ..estimation.fit import CONTRADICTED, LikelihoodFit, modes, start_at
 from ..placements import placements
 from .displacement import displacement

@@ -21,7 +21,7 @@ import numpy as np
 from scipy import special
 
 from ...model.errors import BadInput
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
 from ..status import UnsoundResult
 from .importance import Pass, effective, normalised, over_passes, sampled
 from .jump_test import JumpTest, jump_tests

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...model.density import Density
-from ...model.kernel import Index
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.density import Density
+from ...model.likelihood.kernel import Index
 from .compiled_climb import compiled_climb
 from .coordinates import seen_coordinates
 from .levenberg_marquardt import Minima, Quadratic, levenberg_marquardt

@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...model.c_source import GridInput, per_both, per_inner
-from ...model.density import Density, together
-from ...model.kernel import Index
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.c_source import GridInput, per_both, per_inner
+from ...model.likelihood.density import Density, together
+from ...model.likelihood.kernel import Index
 
 
 class Place(NamedTuple):

@@ -11,10 +11,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ...model.density import Density
-from ...model.kernel import Index
-from ...model.problem import Problem, Whitened
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.density import Density
+from ...model.likelihood.kernel import Index
+from ...model.likelihood.problem import Problem, Whitened
 from .levenberg_marquardt import least_squares, levenberg_marquardt
 
 Mask = NDArray[np.bool_]

@@ -15,10 +15,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ...model.density import Density, density_of
-from ...model.kernel import Index
-from ...model.problem import Problem, Whitened
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.density import Density, density_of
+from ...model.likelihood.kernel import Index
+from ...model.likelihood.problem import Problem, Whitened
 from .climb import MOST_STEPS, Climb
 from .compiled_climb import compiled_climb
 from .coordinates import seen_coordinates

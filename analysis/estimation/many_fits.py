@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 
-from ...model.problem import Problem
+from ...model.likelihood.problem import Problem
 from .fit import LikelihoodFit, fit_alike
 
 

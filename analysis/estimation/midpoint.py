@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...model.kernel import Index
-from ...model.problem import Problem
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.kernel import Index
+from ...model.likelihood.problem import Problem
 from .levenberg_marquardt import least_squares, levenberg_marquardt, solve_rows
 
 _PAIRS = 50_000  # of beams: all of them up to here, of more

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...model.density import Density
-from ...model.problem import Problem
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.density import Density
+from ...model.likelihood.problem import Problem
 from .climb import Climb
 
 _STEP = 0.1  # of the logarithms, for the differences

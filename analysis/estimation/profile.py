@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...model.density import Density
-from ...model.kernel import Index
-from ...model.problem import Problem
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.density import Density
+from ...model.likelihood.kernel import Index
+from ...model.likelihood.problem import Problem
 from .climb import Climb
 from .coordinates import SeenCoordinates
 from .fit import LikelihoodFit

@@ -15,10 +15,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ...model.density import Density
-from ...model.kernel import Index
-from ...model.problem import Problem
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.density import Density
+from ...model.likelihood.kernel import Index
+from ...model.likelihood.problem import Problem
 from .fit import LikelihoodFit, modes
 
 Loss = Literal["huber", "student"]

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from ...model.geometry import ANGLES
-from ...model.problem import Problem
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.geometry import ANGLES
+from ...model.likelihood.problem import Problem
 from .fit import LikelihoodFit, fit_from
 
 _PRIOR_STD = 1.0  # of the logarithm of a factor: 95 % between 1/7 and 7

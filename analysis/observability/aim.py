@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...model.files.plan import Plan
-from ...model.problem import Problem
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.problem import Problem
 from ..estimation.threads import one_blas_thread
 
 _ITERATIONS = 60

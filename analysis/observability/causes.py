@@ -1,13 +1,13 @@
 """Why a parameter is held, or the data do not determine it: causes as data. Their sentences and remedies are
-made in `reports/words`."""
+made in `words`."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal
 
-from ...model.parameters import HeldBy
-from ...model.tool import ToolKind
+from ...model.likelihood.parameters import HeldBy
+from ...model.likelihood.tool import ToolKind
 
 
 @dataclass(frozen=True)

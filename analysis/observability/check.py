@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ...model.arms.pendant import beyond_limits, nearest_limit
 from ...model.errors import BadInput
 from ...model.files.plan import Plan
-from ...model.parameters import Group
-from ...model.problem import Problem
-from ...model.robot import Matrix
+from ...model.kinematics.pendant import beyond_limits, nearest_limit
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.parameters import Group
+from ...model.likelihood.problem import Problem
 from ..estimation.threads import one_blas_thread
 from ..rows import Rows, frame
 from ..status import Status, Verdict, known, require_no_more_than, verdict_of, versions

@@ -15,9 +15,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from ...model.geometry import Geometry
-from ...model.problem import Problem
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.geometry import Geometry
+from ...model.likelihood.problem import Problem
 
 TYPICAL_MM, TYPICAL_DEG = 0.3, 0.1  # of the links of industrial arms, as measured on ten of them
 

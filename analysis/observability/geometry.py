@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from ...model.files.header import Header
-from ...model.problem import Problem
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.problem import Problem
 from ..status import Status, known
 from .consider import TYPICAL_DEG, TYPICAL_MM, considered, with_tolerances
 

@@ -12,9 +12,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ...model.parameters import Parameters
-from ...model.problem import Problem
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.parameters import Parameters
+from ...model.likelihood.problem import Problem
 from ..status import Status
 from .causes import NullDirection
 from .gauges import PART, ROUNDING, complement, gauge_of

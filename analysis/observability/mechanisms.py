@@ -13,7 +13,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from ...model.problem import Problem
+from ...model.likelihood.problem import Problem
 from .causes import (
     BaseFrame,
     Cause,

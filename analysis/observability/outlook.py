@@ -7,9 +7,9 @@ from itertools import product
 
 import numpy as np
 
-from ...model.arms.pendant import beyond_limits
-from ...model.problem import Problem, Whitened
-from ...model.robot import Matrix
+from ...model.kinematics.pendant import beyond_limits
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.problem import Problem, Whitened
 from .aim import aim, servo_joints
 
 _DRAWS = 16

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from ...model.parameters import Parameter
+from ...model.likelihood.parameters import Parameter
 from ..status import Status
 from .causes import Cause, Held, NotResolvable, NotTheModel, NullDirection, ToleranceOnly
 

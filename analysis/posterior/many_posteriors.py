@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from ...model.density import Density
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.density import Density
 from ..estimation.coordinates import SeenCoordinates
 from ..estimation.fit import Fits
 from .moves import IndependenceProposal, degrees_of_freedom

@@ -13,10 +13,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ...model.density import Density
-from ...model.parameters import Parameter
-from ...model.problem import Problem
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.density import Density
+from ...model.likelihood.parameters import Parameter
+from ...model.likelihood.problem import Problem
 from ..estimation.coordinates import SeenCoordinates
 from ..estimation.fit import LikelihoodFit
 from ..estimation.threads import threads

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
 from .convergence import effective, nested_rhat, normal_scores
 from .ensemble import load_emcee
 from .moves import DifferentialMove, IndependenceMove, IndependenceProposal

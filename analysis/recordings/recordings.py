@@ -15,9 +15,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...model.kernel import Index
-from ...model.problem import Problem, Whitened
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.kernel import Index
+from ...model.likelihood.problem import Problem, Whitened
 from ..estimation.fit import LikelihoodFit
 
 _NOTHING = 1e-18  # a correlation below rounding

@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...model.kernel import Index
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.kernel import Index
 from ..estimation.fit import LikelihoodFit
 from ..holm import holm
 from ..solution import Solution

@@ -11,7 +11,7 @@ from typing import Literal, TypeVar
 import numpy as np
 
 from ...model.files.run import Run
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
 from ..holm import holm
 from ..status import UnsoundResult, versions
 from .consistency import (

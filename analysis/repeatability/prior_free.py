@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...model.density import Density
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.density import Density
 from ..covariance import OffsetsWithoutPrior
 from ..estimation.fit import LikelihoodFit
 from ..observability.gauges import information_root

@@ -14,8 +14,8 @@ from ...model.errors import BadInput
 from ...model.files.header import Header
 from ...model.files.reading import LARGEST_RECORDING, read_bytes
 from ...model.files.run import Run, read_run
-from ...model.problem import Problem
-from ...model.robot import Matrix, Robot
+from ...model.kinematics.robot import Matrix, Robot
+from ...model.likelihood.problem import Problem
 from ..estimation.threads import one_blas_thread
 from .offset_table import read_table
 from .repeat import Kind, Repeat

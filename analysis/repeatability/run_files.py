@@ -10,7 +10,7 @@ import numpy as np
 from ...model.errors import BadInput
 from ...model.files.header import Header
 from ...model.files.run import Run
-from ...model.problem import Problem
+from ...model.likelihood.problem import Problem
 from ..findings import FileWarning, OtherBasins, moved_target
 from ..optima import undecided_names
 from ..solution import Solution, require_noise_data

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from ...model.errors import BadInput
+from ...model.files.confinement import resolved
 from ...model.files.whole_file import refuse_existing
-from ...model.paths.confinement import resolved
 
 MOST_FILES = 2000  # listed
 MOST_SEEN = 20_000  # looked at for them

@@ -17,7 +17,7 @@ from typing import Any
 from ...experiments.rigs.abb.access import PASSWORD
 from ...interruption import ATTENDED
 from ...model.errors import BadInput
-from ...model.paths.confinement import WITHIN
+from ...model.files.confinement import WITHIN
 from .begun import BegunRuns
 from .folder import Folder
 

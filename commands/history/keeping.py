@@ -200,7 +200,7 @@ def export(
     from ...experiments.history.store import events, find_arm, results
     from ...model.files.whole_file import write_whole
     from ...reports.history.lists import history_text, offset_rows
-    from ...reports.words.spreadsheet import csv_lines
+    from ...words.spreadsheet import csv_lines
 
     if file.suffix not in (".csv", ".json"):
         raise BadInput("no table of this kind is written", found=file.name, allowed=".csv or .json")

@@ -11,7 +11,7 @@ from typing import Literal
 from ...analysis.analyse import Sampling
 from ...analysis.status import Status, UnsoundResult, Verdict, known, require_no_more_than, versions
 from ...model.files.run import Run
-from ...model.robot import Robot
+from ...model.kinematics.robot import Robot
 from ..source import source_hash
 
 Outcome = Verdict | Literal["failed"]

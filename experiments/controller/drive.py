@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
 
 
 class Drive:

@@ -20,7 +20,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ...model.errors import BadInput, missing_extra
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
 
 _LARGEST = 65536
 Mci = Literal["MCI_STOPPED", "MCI_RUNNING", "MCI_ERROR"]

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from ...model.errors import RigFault, ZerobeamError
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
 from ..rigs.simulated.simulator import SimulatedRig
 from ..sensors.camera import Camera, Image
 from ..sensors.psd import Psd

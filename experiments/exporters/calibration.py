@@ -17,12 +17,12 @@ from ...analysis.status import Status, versions
 from ...model.errors import BadInput, FitFailed
 from ...model.files.reading import did_you_mean
 from ...model.files.run import Run
-from ...model.problem import Problem
-from ...model.robot import JointKind, Robot
-from ...reports.words.causes import reason
-from ...reports.words.findings import displacement_sentence
-from ...reports.words.misfit import criterion_sentence, misfit_headline
-from ...reports.words.wording import listed
+from ...model.kinematics.robot import JointKind, Robot
+from ...model.likelihood.problem import Problem
+from ...words.causes import reason
+from ...words.findings import displacement_sentence
+from ...words.misfit import criterion_sentence, misfit_headline
+from ...words.wording import listed
 from .ascii_line import one_line
 from .corrected import (
     STATUS_WORDS,

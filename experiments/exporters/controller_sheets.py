@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...model.arms.pendant import encoder3_of, pendant_of, require_link_encoder
 from ...model.errors import BadInput
-from ...model.robot import J3, Robot
+from ...model.kinematics.pendant import encoder3_of, pendant_of, require_link_encoder
+from ...model.kinematics.robot import J3, Robot
 from .ascii_line import one_line
 from .calibration import Calibration, Offset
 from .vendors import require_vendor

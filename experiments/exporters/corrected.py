@@ -15,9 +15,9 @@ import numpy as np
 
 from ...analysis.solution import ParameterResult, Solution
 from ...analysis.status import Status, known
-from ...model.problem import Problem, rms_length
-from ...model.robot import Matrix, Robot
-from ...reports.words.causes import reason
+from ...model.kinematics.robot import Matrix, Robot
+from ...model.likelihood.problem import Problem, rms_length
+from ...words.causes import reason
 
 # What a kind of file has room for: the offsets, these and the links, or every parameter.
 Holds = Literal["offsets", "links", "all"]

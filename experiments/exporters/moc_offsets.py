@@ -20,9 +20,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-from ...model.arms.pendant import require_link_encoder
 from ...model.errors import BadInput
 from ...model.files.reading import did_you_mean, read_text, shown
+from ...model.kinematics.pendant import require_link_encoder
 from .ascii_line import one_line
 from .calibration import Calibration, Offset
 from .vendors import require_vendor

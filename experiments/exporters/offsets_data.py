@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from ...reports.words import spreadsheet
-from ...reports.words.causes import reason
+from ...words import spreadsheet
+from ...words.causes import reason
 from .ascii_line import one_line
 from .calibration import MEANING, SEED, Calibration, Offset
 

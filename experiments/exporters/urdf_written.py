@@ -9,9 +9,9 @@ import re
 from collections.abc import Sequence
 from xml.sax.saxutils import quoteattr
 
-from ...model.arms.orientation import angles_of
 from ...model.files.urdf import MILLIMETRES
-from ...model.robot import Joint, Matrix, Robot
+from ...model.kinematics.orientation import angles_of
+from ...model.kinematics.robot import Joint, Matrix, Robot
 
 BASE, FLANGE = "base", "flange"
 _ESCAPED = {"\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}

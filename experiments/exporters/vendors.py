@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from ...model.errors import BadInput
 from ...model.files.robot_file import Vendor
-from ...model.robot import Robot
+from ...model.kinematics.robot import Robot
 
 NAMES: Mapping[Vendor, str] = {
     "abb": "ABB",

@@ -23,7 +23,7 @@ from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 from sqlalchemy.pool import NullPool
 
 from ...model.errors import BadInput, NotWritten, missing_extra
-from ...model.paths.confinement import require_within
+from ...model.files.confinement import require_within
 from . import tables
 
 if TYPE_CHECKING:

@@ -12,16 +12,7 @@ from typing import Any
 
 from ...model.errors import BadInput
 from ...model.files.reading import LARGEST_RECORDING, read_text
-from ...reports.words.provenance import (
-    DATE,
-    KEYS,
-    OPERATOR,
-    SERIAL,
-    by_plain_key,
-    first_stated,
-    instrument,
-    stated,
-)
+from ...words.provenance import DATE, KEYS, OPERATOR, SERIAL, by_plain_key, first_stated, instrument, stated
 from .content import (
     DAMAGED,
     checked_offset,
@@ -93,7 +84,7 @@ def read_entry(
     if is_run(path):
         from ...analysis.analyse import analyse
         from ...model.files.run import read_run
-        from ...reports.words.result_json import dumps, to_json
+        from ...words.result_json import dumps, to_json
 
         run = read_run(path)
         origin = _origin(run.header.provenance, path, serial, when)

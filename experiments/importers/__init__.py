@@ -1,6 +1,6 @@
 """Runs from recordings that people have: units, order and targets are stated or in the file."""
 
-from ...model.robot import J3
+from ...model.kinematics.robot import J3
 from .csv_file import CsvLayout, LogKind, TimeUnit, import_csv, import_log
 from .dwells import Stillness
 from .fanuc import import_fanuc

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from ...model.errors import BadInput
 from ...model.files.reading import did_you_mean
-from ...model.robot import Robot
+from ...model.kinematics.robot import Robot
 
 _LINES = 50  # of a file, to find its delimiter in
 _LINE_LENGTH = 100_000

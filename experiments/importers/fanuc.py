@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ...model.errors import BadInput
 from ...model.files.plan import Plan
-from ...model.robot import J3
+from ...model.kinematics.robot import J3
 from .imported import Imported, Stated
 from .taught import Point, import_points
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...model.errors import BadInput
 from ...model.files.reading import did_you_mean, read_text, shown
-from ...model.robot import Matrix, Robot
+from ...model.kinematics.robot import Matrix, Robot
 from .columns import columns_of_joints
 from .imported import Found, Imported, Job, Stated
 from .table import number

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ...model.arms.pendant import Pendant
 from ...model.errors import BadInput
 from ...model.files.limits import require_joint_count
 from ...model.files.reading import read_text
-from ...model.robot import J3
+from ...model.kinematics.pendant import Pendant
+from ...model.kinematics.robot import J3
 from .imported import Found, Imported, Job, Stated, matching
 from .taught import without_unused
 from .typed import PROGRAM_LINE, program_line

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...model.errors import BadInput
 from ...model.files.reading import did_you_mean, require_regular
-from ...model.robot import Robot
+from ...model.kinematics.robot import Robot
 from .bags.opened import JOINT_STATE, opened
 from .columns import columns_of_joints
 from .dwells import Log, Mark, Stillness

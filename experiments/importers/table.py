@@ -13,7 +13,7 @@ import numpy as np
 
 from ...model.errors import BadInput
 from ...model.files.reading import LARGEST_TABLE, did_you_mean, read_text, shown
-from ...model.robot import Matrix, Robot
+from ...model.kinematics.robot import Matrix, Robot
 from .columns import found_delimiter
 
 # As people call them: those that are looked for, and any other one as it is.

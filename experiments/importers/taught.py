@@ -11,7 +11,7 @@ import numpy as np
 from ...model.errors import BadInput
 from ...model.files.limits import require_joint_count
 from ...model.files.reading import did_you_mean, read_text
-from ...model.robot import J3, Robot
+from ...model.kinematics.robot import J3, Robot
 from .imported import Found, Imported, Job, Stated
 
 

@@ -14,10 +14,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 
-from ...model.arms.pendant import Pendant
 from ...model.errors import BadInput
 from ...model.files.reading import shown
-from ...model.robot import PendantUnit
+from ...model.kinematics.pendant import Pendant
+from ...model.kinematics.robot import PendantUnit
 
 _NUMBER = r"[-+]?(?:\d+(?:[.,]\d+)?|[.,]\d+)(?:[eE][-+]?\d+)?"
 _LABELLED = re.compile(

@@ -13,8 +13,8 @@ from ...analysis.observability.violations import Condition
 from ...model.errors import BadInput
 from ...model.files.header import Header
 from ...model.files.stated_plan.obstacles import Obstacles
-from ...model.problem import Problem
-from ...model.robot import Matrix, Robot
+from ...model.kinematics.robot import Matrix, Robot
+from ...model.likelihood.problem import Problem
 from .constraints import Conditions, View
 from .obstacles import Clearance
 

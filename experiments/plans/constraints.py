@@ -13,12 +13,12 @@ from ...analysis.observability.aim import AimedPlan, aim_plan
 from ...analysis.observability.check import Check
 from ...analysis.observability.check import check as check_observability
 from ...analysis.observability.violations import Condition, Violation
-from ...model.arms.pendant import beyond_limits
 from ...model.errors import BadInput
 from ...model.files.plan import Plan
 from ...model.files.stated_plan.constraints import StatedConstraints
-from ...model.problem import Problem
-from ...model.robot import Matrix, Robot
+from ...model.kinematics.pendant import beyond_limits
+from ...model.kinematics.robot import Matrix, Robot
+from ...model.likelihood.problem import Problem
 from .obstacles import Clearance
 
 Mask = NDArray[np.bool_]

@@ -19,8 +19,8 @@ from ...model.files.robot_file import load_robot, rebased
 from ...model.files.stated_plan.constraints import UNCONSTRAINED, StatedConstraints
 from ...model.files.stated_plan.obstacles import Obstacles
 from ...model.files.whole_file import refuse_existing
-from ...reports.words import numbers
-from ...reports.words.result_json import check_json
+from ...words import numbers
+from ...words.result_json import check_json
 from .candidates import candidates
 from .constraints import View, check_plan
 from .optimal import Fewest, Planner, Proposal

@@ -12,8 +12,8 @@ from ruamel.yaml import YAML
 from ...model.files.stated_plan.obstacles import Box, Obstacles
 from ...model.files.validation import read_model
 from ...model.files.whole_file import refuse_existing, write_whole
-from ...model.problem import Problem
-from ...model.robot import Matrix, Robot
+from ...model.kinematics.robot import Matrix, Robot
+from ...model.likelihood.problem import Problem
 
 Mask = NDArray[np.bool_]
 

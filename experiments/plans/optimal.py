@@ -13,8 +13,8 @@ from ...analysis.design.exact_design import STARTS, Design, design
 from ...analysis.estimation.threads import one_blas_thread
 from ...model.errors import BadInput
 from ...model.files.header import Header
-from ...model.problem import Problem
-from ...model.robot import Matrix, Robot
+from ...model.kinematics.robot import Matrix, Robot
+from ...model.likelihood.problem import Problem
 from ..processes import on_cluster
 from .candidates import CandidatePostures
 

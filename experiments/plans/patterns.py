@@ -7,12 +7,12 @@ from typing import Literal
 import numpy as np
 
 from ...analysis.estimation.levenberg_marquardt import least_squares, levenberg_marquardt
-from ...model.arms.pendant import beyond_limits
 from ...model.errors import BadInput
 from ...model.files.header import Header
-from ...model.kernel import Index
-from ...model.problem import Problem
-from ...model.robot import Matrix, Robot
+from ...model.kinematics.pendant import beyond_limits
+from ...model.kinematics.robot import Matrix, Robot
+from ...model.likelihood.kernel import Index
+from ...model.likelihood.problem import Problem
 
 Pattern = Literal["x", "y"]
 

@@ -17,8 +17,8 @@ from ...model.errors import BadInput
 from ...model.files.plan import Plan
 from ...model.files.run import ENOUGH_CALIBRATED, ENOUGH_UNCALIBRATED
 from ...model.files.shot import Shot
-from ...model.problem import Problem
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.problem import Problem
 
 _STARTS = 8
 

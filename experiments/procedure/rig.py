@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Protocol
 
 from ...model.files.shot import Shot
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
 from ..sensors.camera import Camera, Image
 from ..sensors.psd import Psd
 

@@ -18,13 +18,13 @@ from ...analysis.estimation.fit import fit_likelihood
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.so_far import SoFar, so_far
 from ...interruption import interruptible, obey, uninterrupted
-from ...model.arms.pendant import beyond_limits
 from ...model.errors import RigFault
 from ...model.files.plan import Plan
 from ...model.files.shot import Shot
-from ...model.parameters import Parameters
-from ...model.problem import Problem
-from ...model.robot import Matrix
+from ...model.kinematics.pendant import beyond_limits
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.parameters import Parameters
+from ...model.likelihood.problem import Problem
 from ..sensors.psd import WEAKEST
 from .centring import centre
 from .events import Attempted, GivenUp, PhaseBegun, Recorded, Retried, SpotSeen, Stopped, Told

@@ -8,9 +8,9 @@ import numpy as np
 
 from ...analysis.observability.aim import aim, servo_joints
 from ...interruption import obey
-from ...model.arms.pendant import beyond_limits
-from ...model.problem import Problem
-from ...model.robot import Matrix
+from ...model.kinematics.pendant import beyond_limits
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.problem import Problem
 from .refusal import MeasurementRefused, Reason
 from .rig import Rig
 

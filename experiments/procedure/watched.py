@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...model.files.shot import Shot
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
 from ..sensors.camera import Camera, Image
 from ..sensors.psd import Psd
 from .events import ArmSent, PictureTaken, Told

@@ -11,8 +11,8 @@ from ...model.errors import BadInput, RigFault
 from ...model.files.plan import Plan
 from ...model.files.run import Run
 from ...model.files.shot import Shot
-from ...model.problem import Problem
-from ...model.robot import Matrix, same_arm
+from ...model.kinematics.robot import Matrix, same_arm
+from ...model.likelihood.problem import Problem
 from ..procedure.steering import Belief
 from ..sensors.camera import Camera, Image
 from ..sensors.psd import Psd

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...model.files.reading import shown
 from ...model.files.validation import refusal, without_length
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
 
 PsdKind = Literal["duo-lateral", "tetra-lateral"]
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from ...model.files.whole_file import Closing
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
 from .counts import read_calibration
 from .interface import Sensors
 from .line import IDENTITY, LONGEST, MOST_SAMPLES, Sample, asked, read_sample, sealed

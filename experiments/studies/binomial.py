@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special, stats
 
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
 from .answer import Share
 
 

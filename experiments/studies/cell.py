@@ -21,9 +21,9 @@ from ...analysis.status import versions
 from ...model.files.header import Header
 from ...model.files.plan import Plan
 from ...model.files.robot_file import load_robot
-from ...model.problem import Problem
-from ...model.robot import Matrix
-from ...reports.words.wording import label, listed
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.problem import Problem
+from ...words.wording import label, listed
 from ..plans.candidates import candidates
 from ..plans.optimal import Planner
 from ..plans.patterns import pattern

@@ -29,11 +29,11 @@ from ...analysis.posterior.sampler import ROUND
 from ...analysis.status import Status, known, versions
 from ...model.files.header import Header
 from ...model.files.robot_file import load_robot
-from ...model.kernel import Index, compiled_at_once
-from ...model.parameters import Parameter
-from ...model.problem import Problem
-from ...model.robot import Matrix
-from ...reports.words.wording import label, listed
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.kernel import Index, compiled_at_once
+from ...model.likelihood.parameters import Parameter
+from ...model.likelihood.problem import Problem
+from ...words.wording import label, listed
 from ..plans.candidates import candidates
 from ..plans.optimal import Planner
 from ..plans.patterns import pattern

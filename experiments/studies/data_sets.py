@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...analysis.estimation.fit import Fits, fit_each
-from ...model.problem import Problem
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.problem import Problem
 from ..simulate import simulated_readings
 
 _FURTHER = 3.0  # how often more truths are drawn than needed, should some not be met

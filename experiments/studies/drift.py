@@ -21,9 +21,9 @@ from ...analysis.repeatability.prior_free import offsets_without_prior
 from ...analysis.solved import solved
 from ...analysis.status import versions
 from ...model.files.run import read_run
-from ...model.kernel import compiled_at_once
-from ...model.problem import Problem
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.kernel import compiled_at_once
+from ...model.likelihood.problem import Problem
 from ..demos import demo_runs
 from .answer import Share, StudyAnswer
 from .binomial import held_share, share_interval

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from ...analysis.estimation.fit import Fits
 from ...analysis.estimation.midpoint import fit_midpoints
-from ...model.geometry import NOMINAL
-from ...model.kernel import Index
-from ...model.parameters import Parameters
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...model.likelihood.geometry import NOMINAL
+from ...model.likelihood.kernel import Index
+from ...model.likelihood.parameters import Parameters
 from .data_sets import DataSets, fitted
 
 _PINV = 1e-12  # of J'J: directions below 1e-6 of the largest singular value are dropped, as is customary

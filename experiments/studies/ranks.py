@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from ...model.parameters import Parameter
+from ...model.likelihood.parameters import Parameter
 
 DRAWS = 199  # of each posterior: central intervals of 50, 90, 95 and 99 % are then exact by ranks
 BINS = 20

@@ -16,8 +16,8 @@ from scipy import optimize, stats
 
 from ...analysis.status import versions
 from ...model.files.plan import Plan
-from ...model.robot import Matrix
-from ...reports.words.wording import label
+from ...model.kinematics.robot import Matrix
+from ...words.wording import label
 from ..rigs.simulated.cell_file import ArmInCell, Cell
 from .campaign import Repeated, campaign, seeds
 from .case_store import each_case

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import BadInput
-from ..robot import Matrix, Robot
+from ..kinematics.robot import Matrix, Robot
 from .header import Header, StatedNoise, StatedTool, check_header
 from .reading import Place
 from .robot_file import load_robot

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from ..errors import BadInput
-from ..robot import Matrix, Robot
+from ..kinematics.robot import Matrix, Robot
 from .reading import Place, read_yaml, shown
 from .stated_conventions import StatedEncoder, StatedMounting, StatedPendant, UrdfLimits
 from .stated_geometry import StatedGeometry

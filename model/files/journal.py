@@ -14,7 +14,7 @@ import numpy as np
 
 from ...interruption import uninterrupted
 from ..errors import BadInput, NotWritten, RigFault
-from ..paths.confinement import require_within
+from .confinement import require_within
 from .header import RUN_SCHEMA, Header, check_header, header_content
 from .reading import shown
 from .robot_file import load_robot

@@ -9,10 +9,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arms import pendant
-from ..arms.plausible import ONE_TURN
 from ..errors import BadInput
-from ..robot import Matrix, Robot
+from ..kinematics import pendant
+from ..kinematics.plausible import ONE_TURN
+from ..kinematics.robot import Matrix, Robot
 
 # Values recorded at a limit may differ from it by what one conversion between degrees and radians rounds off.
 ROUNDING = 1e-6

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from ..errors import BadInput
-from ..robot import Matrix, Robot
+from ..kinematics.robot import Matrix, Robot
 from .arrays import (
     Laser,
     Noise,

@@ -24,7 +24,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from ..errors import BadInput
-from ..paths.confinement import require_within
+from .confinement import require_within
 
 Place = tuple[str | int, ...]
 Schema = Literal[

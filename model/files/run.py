@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import BadInput
-from ..robot import Matrix, Robot
+from ..kinematics.robot import Matrix, Robot
 from .arrays import (
     Laser,
     Noise,

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 
 from ..errors import BadInput
-from ..robot import Robot
+from ..kinematics.robot import Robot
 from .header import Header
 from .limits import check_limits, require_joint_count
 from .reading import did_you_mean, shown

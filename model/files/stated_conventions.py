@@ -8,7 +8,7 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
-from ..robot import J3, Conventions, JointKind, PendantUnit
+from ..kinematics.robot import J3, Conventions, JointKind, PendantUnit
 from .reading import Place, shown
 from .validation import FileModel, Name, Pair, as_tuple, refusal
 

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 
 from ..errors import BadInput
-from ..robot import Matrix, Robot
+from ..kinematics.robot import Matrix, Robot
 from .reading import Place, shown
 from .validation import (
     FileModel,

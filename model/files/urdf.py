@@ -16,10 +16,10 @@ from xml.parsers import expat
 
 import numpy as np
 
-from ..arms.orientation import roll_pitch_yaw
-from ..arms.plausible import too_long, warn_of
 from ..errors import BadInput
-from ..robot import Joint, JointKind, Matrix, Robot, shift
+from ..kinematics.orientation import roll_pitch_yaw
+from ..kinematics.plausible import too_long, warn_of
+from ..kinematics.robot import Joint, JointKind, Matrix, Robot, shift
 from .reading import did_you_mean, read_text
 from .validation import LARGEST_OTHER
 

@@ -10,9 +10,9 @@ from typing import Any
 
 from ...model.errors import missing_extra
 from ...model.files.whole_file import write_whole
+from ...words.result_json import dumps
+from ...words.spreadsheet import csv_text
 from ..output.html import html
-from ..words.result_json import dumps
-from ..words.spreadsheet import csv_text
 from .batch_page import Batch, batch_page
 from .uncertainty_figure import uncertainty_picture
 

@@ -9,6 +9,9 @@ from functools import cached_property
 
 from ...analysis.repeatability.odd_values import FEWEST, odd_values
 from ...experiments.batch.rows import BatchOffset, BatchRow, BatchSettings, Outcome
+from ...words import numbers
+from ...words.verdict import VERDICT_WORDS
+from ...words.wording import clipped, counted, label, person, shown
 from ..style.blocks import (
     Block,
     Cell,
@@ -24,9 +27,6 @@ from ..style.blocks import (
     table_of,
 )
 from ..style.blocks import Verdict as Headline
-from ..words import numbers
-from ..words.verdict import VERDICT_WORDS
-from ..words.wording import clipped, counted, label, person, shown
 
 CHANCE = 0.01  # of a false alarm over all arms and offsets
 _MOST_ROWS = 1000

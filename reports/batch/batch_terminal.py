@@ -5,8 +5,8 @@ from __future__ import annotations
 from rich.console import Console
 from rich.text import Text
 
+from ...words.wording import clipped
 from ..style.console import VERDICT_STYLE, note, print_block
-from ..words.wording import clipped
 from .batch_page import Batch, batch_page
 
 _MOST_NAMED = 20

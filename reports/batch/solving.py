@@ -19,12 +19,12 @@ from ...analysis.solution import require_noise_data
 from ...experiments.batch.rows import BatchOffset, BatchRow, BatchSettings
 from ...model.errors import BadInput, ZerobeamError
 from ...model.files.run import Run
-from ...model.problem import Problem
+from ...model.likelihood.problem import Problem
+from ...words.findings import headline
+from ...words.result_json import dumps, to_json
+from ...words.wording import person
 from ..run.inputs import when_and_serial
 from ..run.report_folder import RESULT, write_report
-from ..words.findings import headline
-from ..words.result_json import dumps, to_json
-from ..words.wording import person
 
 TOGETHER = 16  # runs of a piece: their starts climb side by side in one thread
 

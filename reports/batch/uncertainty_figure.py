@@ -8,11 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...experiments.batch.rows import BatchRow
+from ...words import numbers
+from ...words.wording import counted
 from ..style.canvas import Picture, new_figure, style, to_svg
 from ..style.log_axis import set_log_scale
 from ..style.palette import light
-from ..words import numbers
-from ..words.wording import counted
 
 _BINS = 36
 _LEAST_RANGE = 4.0  # of the axis, so that it has ticks

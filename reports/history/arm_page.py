@@ -11,6 +11,9 @@ from ...analysis.drift.drift import ALARM, MEDIAN
 from ...analysis.status import known
 from ...experiments.history.arm_drift import ArmDrift
 from ...experiments.history.store import Event, StoredResult
+from ...words import numbers
+from ...words.verdict import VERDICT_WORDS
+from ...words.wording import clipped, label, listed
 from ..style.blocks import (
     Block,
     Cell,
@@ -26,9 +29,6 @@ from ..style.blocks import (
     table_of,
 )
 from ..style.blocks import Verdict as Headline
-from ..words import numbers
-from ..words.verdict import VERDICT_WORDS
-from ..words.wording import clipped, label, listed
 from .arm_state import ArmState, State, arm_state
 from .drift_text import FEW_RATES, UNDECIDED, change_sentence, due_sentence, jumps_blocks, offsets_block
 from .lists import day, events_table, offset_names

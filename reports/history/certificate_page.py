@@ -8,6 +8,10 @@ from typing import Any
 
 from ...analysis.status import known
 from ...experiments.history.signing import grouped
+from ...words import numbers
+from ...words.geometry import IF_IT_DEVIATES, tolerance_words
+from ...words.verdict import VERDICT_WORDS
+from ...words.wording import NOT_DETERMINED, clipped, ended, label, listed, sentence, shown
 from ..run.parameters import NO_NUMBER, OFFSETS, legend, unit_of
 from ..style.blocks import (
     Block,
@@ -25,10 +29,6 @@ from ..style.blocks import (
     section_of,
     table_of,
 )
-from ..words import numbers
-from ..words.geometry import IF_IT_DEVIATES, tolerance_words
-from ..words.verdict import VERDICT_WORDS
-from ..words.wording import NOT_DETERMINED, clipped, ended, label, listed, sentence, shown
 
 SIGNED = ("certificate.json", "certificate.html", "certificate.pdf")
 _NOT_STATED = "not stated"

@@ -11,9 +11,9 @@ import numpy as np
 
 from ...analysis.drift.drift import Jump, Undecided
 from ...experiments.history.arm_drift import ArmDrift, DatedChange, DatedJump
+from ...words import numbers
+from ...words.wording import clipped, counted, label, shown
 from ..style.blocks import Block, Cell, Paragraph, Table, row_of, table_of
-from ..words import numbers
-from ..words.wording import clipped, counted, label, shown
 from .lists import day, event_json, utc
 
 SCHEMA = "zerobeam/drift/1"

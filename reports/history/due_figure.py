@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import datetime
 
+from ...words.wording import counted
 from ..style.canvas import Picture, new_figure, style, to_svg
 from ..style.palette import light
-from ..words.wording import counted
 from .arm_state import ArmState
 
 _MONTHS = 24

@@ -10,10 +10,10 @@ from functools import cached_property
 
 from ...experiments.history.arm_drift import NOT_SOON
 from ...experiments.history.fleet_drift import FleetDrift
+from ...words import numbers
+from ...words.wording import clipped, listed
 from ..style.blocks import Cell, Facts, FigureBlock, Page, Row, Section, Table, row_of, section_of, table_of
 from ..style.blocks import Verdict as Headline
-from ..words import numbers
-from ..words.wording import clipped, listed
 from .arm_page import DUE_MEANS, KEYS, VERDICTS, WORDS
 from .arm_state import MARKS, STATES, ArmState, State
 from .drift_text import clearest_jump, with_labels

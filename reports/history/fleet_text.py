@@ -7,9 +7,9 @@ from typing import Any
 
 from ...analysis.drift.instruments import Bias
 from ...experiments.history.fleet_drift import FEW, ArmWalk, ArmWalks, FleetDrift, ModelWalk, Rate, Suspect
+from ...words import numbers
+from ...words.wording import clipped, counted, label, listed
 from ..style.blocks import Block, Cell, Paragraph, Row, row_of, table_of
-from ..words import numbers
-from ..words.wording import clipped, counted, label, listed
 from .lists import utc
 
 _MOST = 20  # rows of a table; the JSON has all

@@ -7,10 +7,10 @@ from datetime import UTC, datetime
 from typing import Any
 
 from ...experiments.history.store import Arm, Event, StoredResult
+from ...words import numbers
+from ...words.result_json import one_line
+from ...words.wording import clipped, counted, label, shown
 from ..style.blocks import Cell, Table, row_of, table_of
-from ..words import numbers
-from ..words.result_json import one_line
-from ..words.wording import clipped, counted, label, shown
 
 SCHEMA = "zerobeam/history/1"
 _NONE = "none"

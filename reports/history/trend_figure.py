@@ -12,12 +12,12 @@ from ...analysis.drift.band import Band, bands
 from ...analysis.drift.drift import Drift
 from ...experiments.history.arm_drift import YEAR, ArmDrift
 from ...experiments.history.store import Event
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...words import numbers
+from ...words.wording import clipped, counted, label, listed
 from ..style.canvas import Picture, hatched, new_figure, style, to_svg
 from ..style.palette import SHAPES, light
 from ..style.typeface import in_font
-from ..words import numbers
-from ..words.wording import clipped, counted, label, listed
 from .drift_text import without_jump
 from .lists import day
 

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+from ...words.spreadsheet import Row, csv_text
 from ..style.blocks import Page
 from ..style.canvas import Picture
-from ..words.spreadsheet import Row, csv_text
 from .html import PageKind, Turnable, html
 from .pdf import pdf
 

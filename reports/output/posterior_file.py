@@ -22,7 +22,7 @@ from pathlib import Path
 
 from ...analysis.posterior.posterior import Draws
 from ...analysis.result import Result
-from ..words.wording import clipped, shown
+from ...words.wording import clipped, shown
 
 # Longest name that netCDF allows is 256 bytes; names beyond this are clipped, `long_name` has them whole.
 _NAME_WIDTH = 60

@@ -15,8 +15,8 @@ from typing import TypeVar
 
 from ...interruption import interruptible, uninterrupted
 from ...model.errors import BadInput, NotWritten
+from ...model.files.confinement import require_within
 from ...model.files.whole_file import WRITER, is_part, remove_abandoned, writer
-from ...model.paths.confinement import require_within
 
 # What file managers leave behind in any folder that was looked at.
 LITTER = {".DS_Store", "Thumbs.db", "desktop.ini"}

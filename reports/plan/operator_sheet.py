@@ -8,9 +8,11 @@ import numpy as np
 
 from ...analysis.observability.aim import AimedPlan
 from ...analysis.observability.check import Check
-from ...model.arms.pendant import Pendant, pendant_of
 from ...model.files.plan import Plan
-from ...model.robot import J3
+from ...model.kinematics.pendant import Pendant, pendant_of
+from ...model.kinematics.robot import J3
+from ...words import numbers
+from ...words.wording import clipped, counted, listed, sentence, shown
 from ..output.pdf import pdf
 from ..scenes.scene import Placed, Posed, Scene3D, floor_of
 from ..scenes.turnable import SceneWords, still_picture, turnable
@@ -27,8 +29,6 @@ from ..style.blocks import (
     table_of,
 )
 from ..style.canvas import Picture
-from ..words import numbers
-from ..words.wording import clipped, counted, listed, sentence, shown
 from .plan_page import verdict_on
 from .plan_scene import Postures, postures_of
 

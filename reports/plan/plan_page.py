@@ -13,6 +13,10 @@ from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.check import Check, CheckedParameter
 from ...analysis.observability.geometry import GeometryResult
 from ...model.files.plan import Plan
+from ...words import numbers
+from ...words.observability import advice_sentence, over_target_sentence, rank_facts
+from ...words.verdict import VERDICT_WORDS, check_headline, check_notes, tone_of
+from ...words.wording import clipped, counted, label, listed, person, sentence, shown
 from ..output.html import Turnable
 from ..output.template import TEMPLATES, style, template
 from ..run.geometry import check_lines
@@ -32,10 +36,6 @@ from ..style.blocks import (
     row_of,
     table_of,
 )
-from ..words import numbers
-from ..words.observability import advice_sentence, over_target_sentence, rank_facts
-from ..words.verdict import VERDICT_WORDS, check_headline, check_notes, tone_of
-from ..words.wording import clipped, counted, label, listed, person, sentence, shown
 from .plan_scene import Postures, plan_scene, postures_of
 
 NOT_DETERMINED = "unidentifiable from these measurements"

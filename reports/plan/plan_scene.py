@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.aim import AimedPlan
 from ...model.files.plan import Plan
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
 from ..scenes.scene import Placed, Posed, Scene3D, floor_of
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from ...analysis.repeatability.compare import CHANCE, ComparedOffset, ComparedRun, Comparison
 from ...analysis.repeatability.consistency import LEVEL
-from ..words.comparison import failure, headline, notes
+from ...words.comparison import failure, headline, notes
 
 SCHEMA = "zerobeam/compare/1"
 

@@ -17,6 +17,9 @@ from ...analysis.repeatability.compare import (
 )
 from ...analysis.repeatability.consistency import Mean, Scatter
 from ...analysis.solution import NORMAL_95
+from ...words import numbers
+from ...words.comparison import headline, notes
+from ...words.wording import clipped, counted, label, listed, sentence, shown
 from ..style import blocks
 from ..style.blocks import (
     Block,
@@ -32,9 +35,6 @@ from ..style.blocks import (
     table_of,
 )
 from ..style.console import VERDICT_STYLE, print_block
-from ..words import numbers
-from ..words.comparison import headline, notes
-from ..words.wording import clipped, counted, label, listed, sentence, shown
 
 _VERDICT: dict[Agreement, tuple[str, str]] = {
     "agrees": ("pass", "Agrees"),

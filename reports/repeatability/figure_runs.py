@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 from ...analysis.repeatability.compare import Comparison
 from ...analysis.solution import NORMAL_95
+from ...words.numbers import significant, with_unit
+from ...words.wording import clipped, label
 from ..style.canvas import Picture, new_figure, style, to_svg
 from ..style.palette import SHAPES, light
 from ..style.typeface import in_font
-from ..words.numbers import significant, with_unit
-from ..words.wording import clipped, label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ...analysis.observability.check import Check
-from ..style.blocks import FigureBlock, Legend, Paragraph, Section, Table, row_of, section_of, table_of
-from ..words import numbers
-from ..words.geometry import (
+from ...words import numbers
+from ...words.geometry import (
     RUNGS,
     SET_BY_TOLERANCES,
     confounded_sentence,
@@ -18,7 +17,8 @@ from ..words.geometry import (
     rung_reason,
     worth_sentence,
 )
-from ..words.wording import counted, label, listed, person
+from ...words.wording import counted, label, listed, person
+from ..style.blocks import FigureBlock, Legend, Paragraph, Section, Table, row_of, section_of, table_of
 from .parameters import NO_NUMBER, reasons, unit_of
 
 if TYPE_CHECKING:

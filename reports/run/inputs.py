@@ -8,8 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ...analysis.result import Inputs, Result
-from ..style.blocks import Facts, Paragraph, Section, row_of, section_of, table_of
-from ..words.provenance import (
+from ...words.provenance import (
     DATE,
     INSTRUMENTS,
     KEYS,
@@ -20,7 +19,8 @@ from ..words.provenance import (
     instrument,
     stated,
 )
-from ..words.wording import clipped, listed, shown
+from ...words.wording import clipped, listed, shown
+from ..style.blocks import Facts, Paragraph, Section, row_of, section_of, table_of
 
 
 def head_facts(result: Result) -> list[tuple[str, str]]:

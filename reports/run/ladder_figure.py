@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from ...analysis.observability.geometry import Rung
 from ...analysis.result import Result
+from ...words import numbers
+from ...words.geometry import RUNGS
 from ..style.canvas import Picture, bare_y, new_figure, style, to_svg
 from ..style.palette import light
-from ..words import numbers
-from ..words.geometry import RUNGS
 from .geometry import LADDER
 
 if TYPE_CHECKING:

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 from ...analysis.result import Result
 from ...analysis.solution import ParameterResult
+from ...words import numbers
+from ...words.wording import NOT_DETERMINED, label
 from ..style.canvas import Picture, bare_y, hatched, new_figure, style, to_svg
 from ..style.palette import SHAPES, light
 from ..style.typeface import in_font
-from ..words import numbers
-from ..words.wording import NOT_DETERMINED, label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,7 +8,18 @@ from typing import TYPE_CHECKING, Protocol
 from ...analysis.observability.causes import Cause
 from ...analysis.observability.geometry import GeometryResult
 from ...analysis.status import Status
-from ...model.parameters import Group
+from ...model.likelihood.parameters import Group
+from ...words import numbers
+from ...words.causes import reason
+from ...words.geometry import (
+    IF_IT_DEVIATES,
+    SET_BY_TOLERANCES,
+    Offset,
+    by_tolerances,
+    percent,
+    worth_sentence,
+)
+from ...words.wording import NOT_DETERMINED, label, listed, person, sentence
 from ..style.blocks import (
     Cell,
     Column,
@@ -24,17 +35,6 @@ from ..style.blocks import (
     section_of,
     table_of,
 )
-from ..words import numbers
-from ..words.causes import reason
-from ..words.geometry import (
-    IF_IT_DEVIATES,
-    SET_BY_TOLERANCES,
-    Offset,
-    by_tolerances,
-    percent,
-    worth_sentence,
-)
-from ..words.wording import NOT_DETERMINED, label, listed, person, sentence
 
 if TYPE_CHECKING:
     from ...analysis.result import Result

@@ -11,14 +11,14 @@ from numpy.typing import ArrayLike
 from ...analysis.posterior.posterior import Draws
 from ...analysis.result import Result
 from ...analysis.solution import ParameterResult
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...words import numbers
+from ...words.findings import posterior_message
+from ...words.wording import counted, ended, label, sentence
 from ..style.blocks import Cell, Facts, FigureBlock, Paragraph, Section, Table, row_of, section_of, table_of
 from ..style.canvas import WIDTH, Picture, new_figure, style, to_svg
 from ..style.palette import light
 from ..style.typeface import in_font
-from ..words import numbers
-from ..words.findings import posterior_message
-from ..words.wording import counted, ended, label, sentence
 from .parameters import unit_of
 
 if TYPE_CHECKING:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from ...analysis.posterior.posterior import Draws
 from ...analysis.result import RESULT_SCHEMA, Result
+from ...words.result_json import dumps, to_json
 from ..output import whole_folder
 from ..output.whole_folder import Kind, write_folder
-from ..words.result_json import dumps, to_json
 
 RESULT = "result.json"
 REPORT_NAMES = frozenset({"report.html", "report.pdf", RESULT, "posterior.nc", "figures"})

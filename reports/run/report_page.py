@@ -6,11 +6,11 @@ from dataclasses import replace
 
 from ...analysis.posterior.posterior import Draws
 from ...analysis.result import Result
+from ...words.findings import finding_sentence, headline
+from ...words.verdict import VERDICT_WORDS
+from ...words.wording import clipped, counted, ended, person, sentence
 from ..style.blocks import Page, Verdict
 from ..style.canvas import Picture
-from ..words.findings import finding_sentence, headline
-from ..words.verdict import VERDICT_WORDS
-from ..words.wording import clipped, counted, ended, person, sentence
 from .diagnostics.diagnosis import diagnosis_section
 from .diagnostics.fit_quality import fit_section, not_converged
 from .diagnostics.placements import placements_picture, placements_section

@@ -9,13 +9,13 @@ import numpy as np
 
 from ...analysis.diagnostics.scene import Scene, SceneTarget
 from ...analysis.result import Result
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
+from ...words import numbers
+from ...words.wording import NOT_DETERMINED, clipped, counted, label, listed
 from ..output.html import Turnable
 from ..scenes.scene import Placed, Posed, Scene3D
 from ..scenes.turnable import SceneWords, exaggerated, turnable
 from ..style.blocks import Paragraph, SceneBlock, Section, section_of
-from ..words import numbers
-from ..words.wording import NOT_DETERMINED, clipped, counted, label, listed
 
 _MOST_TOLD = 6  # targets in the words next to the picture: more are in the report's tables
 

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from ...analysis.diagnostics.budget import Budget, BudgetRow
 from ...analysis.result import Result
 from ...analysis.solution import ParameterResult
+from ...words import numbers
+from ...words.wording import label, listed
 from ..style.blocks import Block, Cell, Legend, Paragraph, Section, Table, row_of, section_of, table_of
-from ..words import numbers
-from ..words.wording import label, listed
 from .diagnostics.fit_quality import misfit_factor
 from .parameters import reasons
 

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.identifiability import Identifiability
 from ...analysis.status import known
+from ...words.causes import reason, remedy
+from ...words.observability import combination_words, direction_kind, rank_facts
+from ...words.wording import NOT_DETERMINED, counted, label, listed, person, sentence
 from ..style.blocks import Direction, Directions, Facts, Paragraph, Section, section_of
-from ..words.causes import reason, remedy
-from ..words.observability import combination_words, direction_kind, rank_facts
-from ..words.wording import NOT_DETERMINED, counted, label, listed, person, sentence
 from .parameters import Judged
 
 LISTED = "They are listed under Geometry."

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from ...analysis.diagnostics.accuracy import Accuracy, Region
 from ...analysis.result import Result
+from ...words import numbers
+from ...words.findings import accuracy_reason, place
+from ...words.wording import label, listed, person, sentence
 from ..style.blocks import FigureBlock, Paragraph, Section, Table, row_of, section_of, table_of
-from ..words import numbers
-from ..words.findings import accuracy_reason, place
-from ..words.wording import label, listed, person, sentence
 from .workspace_figure import NAME
 
 TITLE = "Accuracy of the TCP"

@@ -10,9 +10,9 @@ import numpy as np
 
 from ...analysis.diagnostics.accuracy import Accuracy, Grid, Level, LevelMap, Map
 from ...analysis.result import Result
+from ...words import numbers
 from ..style.canvas import WIDTH, Picture, new_figure, style, to_svg
 from ..style.palette import light
-from ..words import numbers
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

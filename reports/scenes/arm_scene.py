@@ -9,9 +9,9 @@ import casadi as ca
 import numpy as np
 
 from ...model.files.whole_file import refuse_existing, write_whole
-from ...model.robot import Matrix, Robot
+from ...model.kinematics.robot import Matrix, Robot
+from ...words.wording import clipped, counted
 from ..output.html import scene_html
-from ..words.wording import clipped, counted
 from .scene import Posed, Scene3D, floor_of
 from .turnable import SceneWords, turnable
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...model.errors import BadInput
 from ...model.files.reading import decode, read_bytes
-from ...model.robot import Matrix
+from ...model.kinematics.robot import Matrix
 
 Faces = NDArray[np.int64]
 

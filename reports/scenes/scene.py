@@ -10,9 +10,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...model.robot import Matrix, Robot
-from ..words import numbers
-from ..words.wording import clipped
+from ...model.kinematics.robot import Matrix, Robot
+from ...words import numbers
+from ...words.wording import clipped
 
 AZIMUTH, ELEVATION = -62.0, 20.0  # degrees: from where the scene is first seen, over y < 0
 LARGEST_FACTOR = 1000  # that an ellipsoid can be exaggerated by

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 
 from ...experiments.procedure.session import PHASES
 from ...experiments.studies.cell_answer import CellPlan, CellSettings, CellStudy
+from ...words import numbers
+from ...words.wording import clipped, counted, label, listed, sentence
 from ..style.blocks import (
     Cell,
     Facts,
@@ -19,8 +21,6 @@ from ..style.blocks import (
     table_of,
 )
 from ..style.canvas import Picture
-from ..words import numbers
-from ..words.wording import clipped, counted, label, listed, sentence
 from .coverage_figure import coverage_picture
 from .phrases import (
     LONGEST_NAME,

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ...experiments.studies.answer import ObservedParameter, Share
+from ...words import numbers
+from ...words.wording import clipped, label
 from ..style.canvas import WIDTH, Picture, bare_y, hatched, new_figure, style, to_svg
 from ..style.palette import light
 from ..style.typeface import in_font
-from ..words import numbers
-from ..words.wording import clipped, label
 from .phrases import NOT_DETERMINED
 from .shares import Judged, percent, share, standing, worst_at
 

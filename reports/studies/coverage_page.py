@@ -11,6 +11,8 @@ from ...experiments.studies.coverage import (
     Estimator,
 )
 from ...experiments.studies.ranks import Calibration
+from ...words import numbers
+from ...words.wording import clipped, counted, label, listed, sentence
 from ..style.blocks import (
     Cell,
     Facts,
@@ -26,8 +28,6 @@ from ..style.blocks import (
     table_of,
 )
 from ..style.canvas import Picture
-from ..words import numbers
-from ..words.wording import clipped, counted, label, listed, sentence
 from .coverage_figure import coverage_picture
 from .phrases import (
     LONGEST_NAME,

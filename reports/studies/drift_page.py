@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ...experiments.studies.drift import DriftStudy, Power
+from ...words import numbers
 from ..style.blocks import FigureBlock, Page, Paragraph, Table, row_of, section_of, table_of
 from ..style.canvas import Picture, new_figure, style, to_svg
 from ..style.palette import light
 from ..style.typeface import in_font
-from ..words import numbers
 from .phrases import about_study, files_block, view_of
 from .shares import STANDING, PlainRow, percent, share, share_interval, share_text
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from ...experiments.studies.answer import NoiseLevel, StudyAnswer
+from ...words import numbers
+from ...words.wording import clipped, counted, sentence, shown
 from ..style.blocks import Facts, Page, Paragraph, Section, Verdict
-from ..words import numbers
-from ..words.wording import clipped, counted, sentence, shown
 
 NOT_DETERMINED = "not determined"
 NOT_GIVEN = "not given"

@@ -9,11 +9,11 @@ import numpy as np
 
 from ...experiments.studies.coverage import CoveragePlan, CoverageSettings
 from ...experiments.studies.ranks import Calibration, RankedParameter
+from ...words import numbers
+from ...words.wording import clipped, label
 from ..style.canvas import WIDTH, Picture, new_figure, style, to_svg
 from ..style.palette import light
 from ..style.typeface import in_font
-from ..words import numbers
-from ..words.wording import clipped, label
 from .shares import standing
 
 if TYPE_CHECKING:

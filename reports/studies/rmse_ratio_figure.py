@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ...experiments.studies.coverage import CoveragePlan, CoveredParameter
+from ...words import numbers
+from ...words.wording import clipped, label
 from ..style.canvas import Picture, bare_y, new_figure, style, to_svg
 from ..style.palette import light
 from ..style.typeface import in_font
-from ..words import numbers
-from ..words.wording import clipped, label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from ...experiments.studies.table2_answer import ScatterParameter, Table2Plan
+from ...words import numbers
+from ...words.wording import clipped, label
 from ..style.canvas import Picture, bare_y, hatched, new_figure, style, to_svg
 from ..style.palette import light
 from ..style.typeface import in_font
-from ..words import numbers
-from ..words.wording import clipped, label
 from .phrases import NOT_DETERMINED, NOT_GIVEN, spread, spread_range
 
 if TYPE_CHECKING:

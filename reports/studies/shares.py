@@ -12,9 +12,9 @@ from typing import Protocol
 
 from ...analysis.solution import NORMAL_95
 from ...experiments.studies.answer import ObservedParameter, Share
+from ...words import numbers
+from ...words.wording import clipped, label, sentence
 from ..style.blocks import Cell, LegendEntry, Reason
-from ..words import numbers
-from ..words.wording import clipped, label, sentence
 from .phrases import LONGEST_NAME, NOT_DETERMINED, NOT_GIVEN
 
 BY_CHANCE = (

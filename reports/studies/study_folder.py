@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...experiments.studies.answer import SCHEMA, StudyAnswer, to_json
+from ...words.result_json import dumps
 from ..output import whole_folder
 from ..output.page_files import write_page
 from ..output.whole_folder import Kind, write_folder
-from ..words.result_json import dumps
 from .kinds import study_of, study_of_file
 
 _JSON = "study.json"

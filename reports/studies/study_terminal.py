@@ -10,15 +10,8 @@ from rich.text import Text
 
 from ...experiments.studies.answer import StudyAnswer
 from ...experiments.studies.coverage import CoveragePlan, CoverageStudy, Estimator
+from ...words.wording import clipped, counted, label, listed, sentence, shown
 from ..style.console import LONGEST_NAME, MARK, STYLE, marked, note, print_block
-from ..words.wording import (
-    clipped,
-    counted,
-    label,
-    listed,
-    sentence,
-    shown,
-)
 from .coverage_page import comparison, overview_caption
 from .kinds import study_page
 from .phrases import NOT_DETERMINED

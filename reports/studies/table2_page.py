@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from ...experiments.studies.table2_answer import Paper, Table2Plan, Table2Study
+from ...words import numbers
+from ...words.wording import clipped, label, sentence
 from ..style.blocks import Cell, Facts, FigureBlock, Page, Paragraph, Table, row_of, section_of, table_of
 from ..style.canvas import Picture
-from ..words import numbers
-from ..words.wording import clipped, label, sentence
 from .phrases import (
     LONGEST_NAME,
     NOT_DETERMINED,

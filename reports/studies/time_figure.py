@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 from ...experiments.procedure.session import PHASES
 from ...experiments.studies.cell_answer import CellPlan
+from ...words import numbers
+from ...words.wording import clipped
 from ..style.canvas import Picture, bare_y, new_figure, style, to_svg
 from ..style.palette import light
 from ..style.typeface import in_font
-from ..words import numbers
-from ..words.wording import clipped
 from .phrases import seconds
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ..words.numbers import NO_BREAK
+from ...words.numbers import NO_BREAK
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from ..words.wording import NOT_DETERMINED, clipped
+from ...words.wording import NOT_DETERMINED, clipped
 from . import blocks
 
 STYLE = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from ..words import numbers
+from ...words import numbers
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

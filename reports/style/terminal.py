@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
 
-from ..words.wording import visible
+from ...words.wording import visible
 
 
 class Terminal(Console):

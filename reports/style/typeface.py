@@ -10,7 +10,7 @@ import functools
 from pathlib import Path
 from typing import Literal
 
-from ..words.wording import escaped
+from ...words.wording import escaped
 
 Cut = Literal["Regular", "Bold", "Italic"]
 

@@ -15,10 +15,10 @@ from ...analysis.acceptance.acceptance_test import (
     EnteredOffset,
 )
 from ...analysis.acceptance.postures import VerificationPlan
+from ...words import numbers
+from ...words.wording import counted, label, listed
 from ..style.blocks import Table, row_of, table_of
 from ..style.console import rich_table
-from ..words import numbers
-from ..words.wording import counted, label, listed
 
 _HEAD: dict[Acceptance, tuple[str, str]] = {
     "pass": ("Pass", "bold green"),

@@ -13,6 +13,11 @@ from ...analysis.result import LikelihoodSummary, Result
 from ...analysis.solution import ParameterResult
 from ...experiments.plans.make import MadePlan
 from ...experiments.procedure.events import Ended, KnownOffset
+from ...words import numbers
+from ...words.findings import headline
+from ...words.geometry import worth_sentence
+from ...words.verdict import check_headline
+from ...words.wording import counted, ended, label, listed, person, sentence, shown
 from ..run.diagnostics.diagnosis import diagnosis_section
 from ..run.diagnostics.placements import placements_lines
 from ..run.diagnostics.second_opinions import hold_out_section, intervals_section, robust_section
@@ -30,11 +35,6 @@ from ..run.posterior_summary import posterior_sentence
 from ..run.report_page import report_notes
 from ..style import blocks
 from ..style.console import MARK, STYLE, VERDICT_STYLE, marked, rich_table
-from ..words import numbers
-from ..words.findings import headline
-from ..words.geometry import worth_sentence
-from ..words.verdict import check_headline
-from ..words.wording import counted, ended, label, listed, person, sentence, shown
 from .check import print_directions, print_notes, print_verdict
 
 _MOST_ROWS = 40

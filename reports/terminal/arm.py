@@ -10,11 +10,11 @@ from rich.table import Table
 from rich.text import Text
 
 from ...experiments.arm_shown import ShownArm, ShownPose
-from ...model.arms.pendant import COUNTED_FROM_GROUND, Pendant
 from ...model.files.robot_file import built_in_robots, stated_rows
-from ...model.robot import Joint
-from ..words import numbers
-from ..words.wording import counted, listed, shown
+from ...model.kinematics.pendant import COUNTED_FROM_GROUND, Pendant
+from ...model.kinematics.robot import Joint
+from ...words import numbers
+from ...words.wording import counted, listed, shown
 
 _NOT_STATED = "–"
 _UNITS = {"deg": "degrees", "rad": "radians", "pulse": "pulses"}

@@ -12,14 +12,14 @@ from rich.text import Text
 from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.check import Check
 from ...analysis.observability.violations import PlanVerdict
+from ...words import numbers
+from ...words.observability import advice_sentence, over_target_sentence
+from ...words.verdict import VERDICT_WORDS, check_headline, check_notes
+from ...words.wording import ended, label, person, sentence
 from ..run.geometry import check_lines
 from ..run.parameters import Judged, unit_of, worth_column
 from ..run.unobservable import beside_tolerances, direction_words
 from ..style.console import VERDICT_STYLE, marked, note
-from ..words import numbers
-from ..words.observability import advice_sentence, over_target_sentence
-from ..words.verdict import VERDICT_WORDS, check_headline, check_notes
-from ..words.wording import ended, label, person, sentence
 
 
 def print_check(console: Console, check: Check) -> None:

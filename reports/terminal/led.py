@@ -18,8 +18,8 @@ from ...experiments.procedure.events import (
     Told,
     Withdrawn,
 )
-from ..words import numbers
-from ..words.wording import counted, ended, label, sentence, shown
+from ...words import numbers
+from ...words.wording import counted, ended, label, sentence, shown
 
 _DIGITS = {"rad": 4, "pulse": 0}  # decimals; of degrees and millimetres 2
 _ANSWERS = {"yes": "'yes' records it all the same", "rad": "'rad' takes them as radians"}

@@ -25,9 +25,9 @@ from ...experiments.procedure.events import (
     Stopped,
     Told,
 )
+from ...words import numbers
+from ...words.wording import clipped, label, sentence, shown
 from ..style.console import STYLE
-from ..words import numbers
-from ..words.wording import clipped, label, sentence, shown
 from .answers import contradicted
 
 _REDRAWN = 8  # times a second

@@ -14,10 +14,10 @@ from zerobeam.analysis.observability.causes import Held
 from zerobeam.analysis.observability.check import check
 from zerobeam.analysis.observability.identifiability import identify
 from zerobeam.model.files.run import read_run
-from zerobeam.model.problem import Problem
-from zerobeam.reports.words.causes import reason
-from zerobeam.reports.words.findings import headline, likelihood_message, notes
-from zerobeam.reports.words.result_json import dumps, to_json
+from zerobeam.model.likelihood.problem import Problem
+from zerobeam.words.causes import reason
+from zerobeam.words.findings import headline, likelihood_message, notes
+from zerobeam.words.result_json import dumps, to_json
 
 
 def rows(result):

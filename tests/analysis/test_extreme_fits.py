@@ -14,7 +14,7 @@ from zerobeam.analysis.analyse import analyse
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.run import read_run
-from zerobeam.model.problem import Problem
+from zerobeam.model.likelihood.problem import Problem
 
 GOOD = next(run.path for run in demo_runs() if run.name == "good")
 

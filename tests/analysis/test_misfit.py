@@ -27,9 +27,9 @@ from zerobeam.analysis.status import UnsoundResult, verdict_of
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import Run
 from zerobeam.model.files.stated_geometry import StatedGeometry
-from zerobeam.model.problem import Problem
-from zerobeam.model.robot import Matrix, Robot
-from zerobeam.reports.words.misfit import criterion_sentence
+from zerobeam.model.kinematics.robot import Matrix, Robot
+from zerobeam.model.likelihood.problem import Problem
+from zerobeam.words.misfit import criterion_sentence
 
 PLACES = {
     "left_a": (700.0, 250.0, 450.0),

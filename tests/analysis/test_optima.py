@@ -14,10 +14,10 @@ from zerobeam.analysis.findings import OtherBasins
 from zerobeam.analysis.observability.causes import LocalOptima
 from zerobeam.analysis.optima import EQUALLY_GOOD, undecided_names
 from zerobeam.analysis.solution import judge
-from zerobeam.model.robot import Matrix
-from zerobeam.reports.words.causes import reason, remedy
-from zerobeam.reports.words.findings import finding_sentence
-from zerobeam.reports.words.observability import direction_kind
+from zerobeam.model.kinematics.robot import Matrix
+from zerobeam.words.causes import reason, remedy
+from zerobeam.words.findings import finding_sentence
+from zerobeam.words.observability import direction_kind
 
 
 @pytest.fixture(scope="module")

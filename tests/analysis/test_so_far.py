@@ -30,7 +30,7 @@ from zerobeam.analysis.solution import judge
 from zerobeam.experiments.plans.patterns import pattern
 from zerobeam.model.files.header import StatedDistance, StatedTarget
 from zerobeam.model.files.plan import Plan
-from zerobeam.model.problem import Problem
+from zerobeam.model.likelihood.problem import Problem
 
 
 def statuses(told: SoFar) -> dict[str, str]:

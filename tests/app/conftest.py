@@ -19,7 +19,7 @@ from zerobeam.app.server.guard import Access
 from zerobeam.app.server.routes import application
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.reports.output.posterior_file import write_posterior
-from zerobeam.reports.words.result_json import dumps, to_json
+from zerobeam.words.result_json import dumps, to_json
 
 TOKEN = "open-sesame"
 OURS = {"X-Zerobeam": "1", "Authorization": f"Bearer {TOKEN}"}

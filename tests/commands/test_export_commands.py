@@ -20,7 +20,7 @@ from zerobeam.experiments.exporters.robot_rows import robot_text
 from zerobeam.experiments.exporters.urdf_origins import urdf_text
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import Run
-from zerobeam.model.kernel import compiled_at_once
+from zerobeam.model.likelihood.kernel import compiled_at_once
 
 TEXTS: dict[str, Callable[[Run, Calibration], str]] = {
     "urdf": urdf_text,

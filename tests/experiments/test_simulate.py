@@ -15,7 +15,7 @@ from scipy import stats
 
 from zerobeam.experiments.simulate import Truth, simulated_shots
 from zerobeam.model.errors import RigFault
-from zerobeam.model.problem import Problem
+from zerobeam.model.likelihood.problem import Problem
 
 
 def test_without_noise_every_shot_hits():

@@ -17,7 +17,7 @@ import xarray as xr
 import zerobeam as zb
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.face.pictures import Figure
-from zerobeam.reports.words.result_json import to_json
+from zerobeam.words.result_json import to_json
 
 OFFSETS = [f"delta{i}" for i in range(1, 7)]
 HOSTILE = "<script>alert(1)</script>"

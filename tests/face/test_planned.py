@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import zerobeam as zb
-from zerobeam.reports.words.result_json import check_json
+from zerobeam.words.result_json import check_json
 
 HEADER = {
     "robot": "irb1600",

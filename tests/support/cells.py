@@ -17,8 +17,8 @@ from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import Run
 from zerobeam.model.files.shot import Shot
-from zerobeam.model.problem import Problem
-from zerobeam.model.robot import Joint, Matrix, Robot
+from zerobeam.model.kinematics.robot import Joint, Matrix, Robot
+from zerobeam.model.likelihood.problem import Problem
 
 LASER = {"kind": "laser", "calibrated": True, "point_mm": [0, 0, 65], "direction": [1, 0, 0]}
 OPEN_LASER = {**LASER, "calibrated": False}

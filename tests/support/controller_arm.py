@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from zerobeam.model.robot import Matrix, Robot
+from zerobeam.model.kinematics.robot import Matrix, Robot
 
 _STARTS, _STEPS = 100, 60
 _EXACT = 1e-6  # mm, and 1e-6 / _LENGTH rad

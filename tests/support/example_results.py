@@ -25,7 +25,7 @@ from zerobeam.model.files.header import StatedDistance, StatedTarget
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import Run, read_run
 from zerobeam.model.files.stated_geometry import StatedGeometry
-from zerobeam.model.robot import Robot
+from zerobeam.model.kinematics.robot import Robot
 from zerobeam.reports.run.report_page import pictures
 from zerobeam.reports.style.canvas import Picture
 

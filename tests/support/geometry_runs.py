@@ -11,7 +11,7 @@ from export_runs import saved
 
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import Run
-from zerobeam.model.robot import Robot
+from zerobeam.model.kinematics.robot import Robot
 
 LINKS = {"link2.a": 0.31, "link2.beta": 0.08, "link3.d": -0.2, "link4.alpha": 0.05, "link3.alpha": -0.1}
 _PLACES = {

@@ -21,7 +21,7 @@ from made_once import made_once
 from zerobeam.analysis.analyse import analyse
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.run import read_run
-from zerobeam.reports.words.result_json import dumps, to_json
+from zerobeam.words.result_json import dumps, to_json
 
 
 def demo_result(name: str) -> dict[str, Any]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from zerobeam.analysis.observability.identifiability import Identified
 from zerobeam.analysis.observability.verdict import cause_for
 from zerobeam.analysis.status import Status, Verdict, verdict_of
-from zerobeam.model.parameters import Parameter
-from zerobeam.model.problem import Problem
-from zerobeam.reports.words.causes import reason
-from zerobeam.reports.words.verdict import verdict_sentence
+from zerobeam.model.likelihood.parameters import Parameter
+from zerobeam.model.likelihood.problem import Problem
+from zerobeam.words.causes import reason
+from zerobeam.words.verdict import verdict_sentence
 
 
 def verdict(problem: Problem, identified: Identified) -> Verdict:

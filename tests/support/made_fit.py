@@ -13,8 +13,8 @@ from zerobeam.analysis.estimation.fit import LikelihoodFit
 from zerobeam.analysis.observability.identifiability import Identifiability, Identified
 from zerobeam.analysis.solution import Solution
 from zerobeam.analysis.status import Status
-from zerobeam.model.problem import Problem
-from zerobeam.model.robot import Robot
+from zerobeam.model.kinematics.robot import Robot
+from zerobeam.model.likelihood.problem import Problem
 
 
 def by_hand(

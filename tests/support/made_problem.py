@@ -11,7 +11,7 @@ from scipy import stats
 
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.plan import Plan
-from zerobeam.model.problem import Problem
+from zerobeam.model.likelihood.problem import Problem
 
 LASER = {"kind": "laser", "point_mm": [0, 0, 65], "direction": [1, 0, 0]}
 OPEN_LASER = {**LASER, "calibrated": False}

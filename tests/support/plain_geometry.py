@@ -22,9 +22,9 @@ from plain_model import (
     miss,
 )
 
-from zerobeam.model.geometry import Geometry
-from zerobeam.model.robot import Robot
-from zerobeam.model.tool import Tool
+from zerobeam.model.kinematics.robot import Robot
+from zerobeam.model.likelihood.geometry import Geometry
+from zerobeam.model.likelihood.tool import Tool
 
 Value = np.ndarray | complex
 Link = Callable[[Mapping[str, Value]], np.ndarray]

@@ -15,11 +15,11 @@ from xml.etree import ElementTree
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from zerobeam.model.arms.denavit_hartenberg import DHRow, dh_chain
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.urdf import read_urdf
-from zerobeam.model.robot import Joint, Robot
-from zerobeam.model.tool import Tool
+from zerobeam.model.kinematics.denavit_hartenberg import DHRow, dh_chain
+from zerobeam.model.kinematics.robot import Joint, Robot
+from zerobeam.model.likelihood.tool import Tool
 
 Pose = Callable[[np.ndarray], np.ndarray]
 

@@ -17,8 +17,8 @@ from zerobeam.experiments.rigs.simulated.cell_file import Cell
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.experiments.sensors.psd import Psd
 from zerobeam.model.files.plan import Plan
-from zerobeam.model.problem import Problem
-from zerobeam.model.robot import Matrix
+from zerobeam.model.kinematics.robot import Matrix
+from zerobeam.model.likelihood.problem import Problem
 
 # A cell without anything wrong: what a test adds is what it is about.
 EXACT: dict[str, Any] = {

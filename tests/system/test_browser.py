@@ -19,9 +19,9 @@ from zerobeam.experiments.demos import demo_runs
 from zerobeam.reports.output.html import html
 from zerobeam.reports.run.report_page import report_page
 from zerobeam.reports.run.run_scene import run_turnable
-from zerobeam.reports.words import numbers
-from zerobeam.reports.words.result_json import dumps, to_json
-from zerobeam.reports.words.wording import label
+from zerobeam.words import numbers
+from zerobeam.words.result_json import dumps, to_json
+from zerobeam.words.wording import label
 
 pytestmark = pytest.mark.browser
 

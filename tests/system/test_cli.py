@@ -31,7 +31,7 @@ from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.schema import SCHEMA_NAMES
 from zerobeam.model.files.header import RUN_SCHEMA
 from zerobeam.model.files.run import read_run
-from zerobeam.model.problem import Problem
+from zerobeam.model.likelihood.problem import Problem
 
 GOOD, X_PATTERN, UNCALIBRATED = (case.path for case in demo_runs())
 HEADER, *SHOTS = (json.loads(line) for line in GOOD.read_text(encoding="utf-8").splitlines())

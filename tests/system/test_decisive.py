@@ -32,14 +32,14 @@ from zerobeam.analysis.status import Status, UnsoundResult
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.plan import read_plan
 from zerobeam.model.files.run import read_run
-from zerobeam.model.problem import Problem
+from zerobeam.model.likelihood.problem import Problem
 from zerobeam.reports.output.html import html
 from zerobeam.reports.output.pdf import pdf
 from zerobeam.reports.run import report_folder
 from zerobeam.reports.run.report_page import report_page
 from zerobeam.reports.terminal.answers import print_result, print_side_by_side
 from zerobeam.reports.terminal.check import print_check
-from zerobeam.reports.words.result_json import check_json, dumps, to_json
+from zerobeam.words.result_json import check_json, dumps, to_json
 
 GOOD, X_PATTERN, UNCALIBRATED = (case.path for case in demo_runs())
 

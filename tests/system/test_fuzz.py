@@ -16,12 +16,12 @@ from pathlib import Path
 import pytest
 from fuzzing import WHOLE, Damaged, Files, damaged, draw, judged, whole_files
 
-from zerobeam.model import constraint, kernel
+from zerobeam.model.likelihood import constraint, kernel
 
 # As for a person: libraries' warnings are no errors. And without a compiler, since each damaged arm would be
 # compiled for a few evaluations.
 pytestmark = [
-    pytest.mark.filterwarnings("default", "ignore::zerobeam.model.compiling.KernelWarning"),
+    pytest.mark.filterwarnings("default", "ignore::zerobeam.model.likelihood.compiling.KernelWarning"),
 ]
 QUICK = [one for one in WHOLE if one.quick]
 LONG, PARTS = 5_200, 26

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 from command_line import zerobeam
 
-from zerobeam.model import constraint, kernel
+from zerobeam.model.likelihood import constraint, kernel
 
-pytestmark = pytest.mark.filterwarnings("ignore::zerobeam.model.compiling.KernelWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::zerobeam.model.likelihood.compiling.KernelWarning")
 ROBOT = """schema: zerobeam/robot/1
 name: one
 convention: standard

@@ -86,7 +86,6 @@ def test_the_wheel_names_the_command_and_carries_the_licence(wheel: Path) -> Non
 def test_what_the_package_list_forgets_is_caught(tmp_path: Path) -> None:
     tree = copy_of_tree(tmp_path / "tree")
     forgotten = [
-        "model/nested/__init__.py",
         "model/nested/thing.py",
         "newroom/thing.py",
         "model/robots/x.bin",

@@ -30,7 +30,7 @@ from zerobeam.model.errors import BadInput
 from zerobeam.model.files.header import StatedNoise
 from zerobeam.model.files.run import Run, read_run
 from zerobeam.model.files.stated_geometry import StatedGeometry
-from zerobeam.model.problem import Problem
+from zerobeam.model.likelihood.problem import Problem
 
 NOISE = StatedNoise(joint_deg=0.01, spot_mm=0.1, scale="estimated")
 SLIPPED = ("high_0", "high_1")  # of panda_2: the plate slipped while they were recorded

@@ -14,9 +14,9 @@ from cells import OPEN_LASER, good_plan, header, irb1600, pattern_plan, plan_of
 from zerobeam.analysis.observability.aim import aim
 from zerobeam.analysis.observability.check import Check, CheckedParameter, check
 from zerobeam.model.files.plan import Plan
-from zerobeam.model.problem import Problem
-from zerobeam.model.robot import Matrix, Robot
-from zerobeam.reports.words.causes import reason, remedy
+from zerobeam.model.kinematics.robot import Matrix, Robot
+from zerobeam.model.likelihood.problem import Problem
+from zerobeam.words.causes import reason, remedy
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")

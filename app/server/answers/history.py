@@ -8,7 +8,7 @@ from typing import Any
 
 from ....model.errors import BadInput
 from ....model.files.header import RUN_SCHEMA
-from ....reports.words.wording import clipped
+from ....words.wording import clipped
 from ..end_point import EndPoint
 from ..folder import Folder
 from .results import Kept, ResultFile, read_result, sha256_of

@@ -26,9 +26,9 @@ from ....model.files.validation import FileModel, as_tuple
 from ....reports.plan.plan_scene import Postures, postures_of
 from ....reports.run.geometry import check_lines
 from ....reports.run.parameters import unit_of, worth_column
-from ....reports.words.observability import advice_sentence, over_target_sentence
-from ....reports.words.result_json import check_json
-from ....reports.words.verdict import violation_words
+from ....words.observability import advice_sentence, over_target_sentence
+from ....words.result_json import check_json
+from ....words.verdict import violation_words
 from ..asked import NOWHERE, keyed
 from ..end_point import EndPoint
 from ..folder import Folder

@@ -12,9 +12,9 @@ from pydantic import BeforeValidator, Field
 
 from ....model.errors import BadInput
 from ....model.files.validation import FileModel, as_tuple
-from ....model.problem import Problem
-from ....model.robot import Matrix
-from ....reports.words.wording import shown
+from ....model.kinematics.robot import Matrix
+from ....model.likelihood.problem import Problem
+from ....words.wording import shown
 from ..end_point import EndPoint
 from ..folder import Folder
 from .refits import FittedRun, fitted

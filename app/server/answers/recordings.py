@@ -12,10 +12,10 @@ from ....analysis.so_far import SoFar, so_far
 from ....model.errors import BadInput
 from ....model.files.plan import read_plan
 from ....model.files.run import Run, recorded
-from ....model.problem import Problem
-from ....reports.words.findings import headline
-from ....reports.words.rehearsal import SIMULATED
-from ....reports.words.wording import person
+from ....model.likelihood.problem import Problem
+from ....words.findings import headline
+from ....words.rehearsal import SIMULATED
+from ....words.wording import person
 from ..begun import BegunRuns
 from ..end_point import EndPoint
 from ..folder import Folder

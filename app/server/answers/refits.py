@@ -18,10 +18,10 @@ from ....analysis.status import known
 from ....model.errors import BadInput
 from ....model.files.run import Run, read_run
 from ....model.files.validation import FileModel, as_tuple
-from ....model.problem import Problem
-from ....reports.words.findings import solution_headline
-from ....reports.words.misfit import criterion_sentence
-from ....reports.words.result_json import direction_json, parameter_json
+from ....model.likelihood.problem import Problem
+from ....words.findings import solution_headline
+from ....words.misfit import criterion_sentence
+from ....words.result_json import direction_json, parameter_json
 from ..asked import Refused
 from ..end_point import EndPoint
 from ..folder import Folder

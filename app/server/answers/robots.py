@@ -16,7 +16,7 @@ from ....model.files.header import RobotRef, UrdfRef
 from ....model.files.robot_file import built_in_robots, stated_rows
 from ....model.files.urdf import visuals_of
 from ....model.files.validation import FileModel, as_tuple
-from ....model.robot import Matrix
+from ....model.kinematics.robot import Matrix
 from ....reports.scenes.meshes import read_mesh, simplified, solid
 from ..end_point import EndPoint
 from ..folder import Folder

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import re
 
-from ....model.arms.pendant import pendant_of
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
+from ....model.kinematics.pendant import pendant_of
 from ..ascii_line import one_line
 from .steps import LOG_PLAN, Motion, decimal, made_for, percents, short_hash, steps_of
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ....model.arms.pendant import pendant_of
 from ....model.files.plan import Plan
-from ....reports.words import spreadsheet
+from ....model.kinematics.pendant import pendant_of
+from ....words import spreadsheet
 from ..ascii_line import one_line
 from .steps import Motion, rounded
 

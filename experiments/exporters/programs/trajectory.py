@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from ....model.files.plan import Plan
-from ....model.robot import Matrix, Robot
+from ....model.kinematics.robot import Matrix, Robot
 from .steps import Motion, head_lines
 
 _SETTLE_S = 1.0  # more than the way alone takes: also from where the wrist was turned to

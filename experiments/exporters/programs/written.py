@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Literal, get_args
 
-from ....model.arms.pendant import Pendant
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ....model.files.robot_file import Vendor
 from ....model.files.whole_file import refuse_existing, write_whole
+from ....model.kinematics.pendant import Pendant
 from ...plans.constraints import require_constraints
 from ..vendors import require_vendor
 from .fanuc_program import fanuc_program

@@ -15,13 +15,19 @@ from pathlib import Path
 
 import numpy as np
 
-from ....model.arms.pendant import Pendant, pendant_of
-from ....model.arms.poses import from_abc, from_quaternion, from_rotation_vector, from_rpy, stated_numbers
 from ....model.errors import BadInput
 from ....model.files.reading import read_bytes
 from ....model.files.robot_file import Vendor
-from ....model.robot import J3, Matrix, Robot
-from ....reports.words.wording import listed
+from ....model.kinematics.pendant import Pendant, pendant_of
+from ....model.kinematics.poses import (
+    from_abc,
+    from_quaternion,
+    from_rotation_vector,
+    from_rpy,
+    stated_numbers,
+)
+from ....model.kinematics.robot import J3, Matrix, Robot
+from ....words.wording import listed
 from ...importers.robtargets import up_to_flange
 from ..ascii_line import one_line
 from ..calibration import Calibration

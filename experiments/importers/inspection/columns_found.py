@@ -13,7 +13,7 @@ import numpy as np
 
 from ....model.errors import BadInput
 from ....model.files.reading import LARGEST_TABLE, decode, read_bytes, require_regular, shown
-from ....model.robot import Matrix, Robot
+from ....model.kinematics.robot import Matrix, Robot
 from ..columns import found_delimiter
 from ..table import DELIMITERS, Table, number, table_of
 

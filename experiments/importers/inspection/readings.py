@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ....model.arms.pendant import Pendant, nearest_limit
 from ....model.files.limits import beyond_limits, like_radians
-from ....model.robot import Matrix, Robot
+from ....model.kinematics.pendant import Pendant, nearest_limit
+from ....model.kinematics.robot import Matrix, Robot
 
 _WAYS = {
     "deg": "degrees",

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from ....model.errors import BadInput
 from ....model.files.reading import shown
-from ....model.robot import Robot
+from ....model.kinematics.robot import Robot
 
 USUAL_SHARE = 0.25  # of the joints' top speeds
 _IO_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")  # RAPID's names; all three go into an address

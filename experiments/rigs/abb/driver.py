@@ -18,7 +18,7 @@ import numpy as np
 from ....model.errors import BadInput, RigFault
 from ....model.files.plan import Plan
 from ....model.files.shot import Shot
-from ....model.robot import Matrix
+from ....model.kinematics.robot import Matrix
 from ...sensors.camera import Image
 from ...sensors.interface import Sensors
 from .access import Access

@@ -14,13 +14,13 @@ import numpy as np
 from ....analysis.diagnostics.suspect import suspect
 from ....analysis.so_far import SoFar
 from ....interruption import obey
-from ....model.arms.pendant import Pendant
 from ....model.errors import BadInput
 from ....model.files.journal import RunJournal
 from ....model.files.plan import Plan
 from ....model.files.shot import Shot
-from ....model.problem import Problem
-from ....model.robot import Matrix, PendantUnit
+from ....model.kinematics.pendant import Pendant
+from ....model.kinematics.robot import Matrix, PendantUnit
+from ....model.likelihood.problem import Problem
 from ...importers.typed import labelled, typed_joints
 from ...procedure.events import Asked, Doubted, GivenUp, Suspected, Told, Withdrawn
 from ...procedure.order import Order

@@ -8,15 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ....analysis.observability.aim import aim, servo_joints
-from ....model.arms.orientation import roll_pitch_yaw
-from ....model.constraint import ShotFunctions, shot_functions
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ....model.files.reading import Place, did_you_mean
-from ....model.noise import NoiseModel
-from ....model.problem import Problem
-from ....model.robot import Matrix, Robot, same_arm, shift
-from ....model.tool import Tool
+from ....model.kinematics.orientation import roll_pitch_yaw
+from ....model.kinematics.robot import Matrix, Robot, same_arm, shift
+from ....model.likelihood.constraint import ShotFunctions, shot_functions
+from ....model.likelihood.noise import NoiseModel
+from ....model.likelihood.problem import Problem
+from ....model.likelihood.tool import Tool
 from ...sensors.camera import Camera
 from ...sensors.psd import Psd
 from ...simulate import Truth

@@ -30,7 +30,7 @@ from ....model.files.validation import (
     refusal,
     tuple_of,
 )
-from ....model.robot import Robot
+from ....model.kinematics.robot import Robot
 from ...sensors.psd import face_normal
 from .faults import Fault
 

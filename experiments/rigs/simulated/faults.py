@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Field
 
 from ....model.files.reading import did_you_mean, shown
 from ....model.files.validation import Count, FileModel, NotNegative, Pair, Point, refusal
-from ....model.robot import Matrix
+from ....model.kinematics.robot import Matrix
 
 
 class _AtShot(FileModel):

@@ -12,9 +12,9 @@ from ....analysis.estimation.fit import fit_each, single
 from ....analysis.observability.consider import considered
 from ....analysis.solution import Solution, judge
 from ....analysis.status import known
-from ....model.geometry import NOMINAL
-from ....model.problem import Problem
-from ....model.robot import Matrix
+from ....model.kinematics.robot import Matrix
+from ....model.likelihood.geometry import NOMINAL
+from ....model.likelihood.problem import Problem
 from ..data_sets import DataSets, drawn
 
 _TIP_MM = 2.0  # of a free tip from where the header has it: far less than its prior

@@ -13,7 +13,7 @@ import numpy as np
 from ....model.files.header import Header
 from ....model.files.plan import Plan
 from ....model.files.robot_file import load_robot
-from ....model.robot import Matrix, Robot
+from ....model.kinematics.robot import Matrix, Robot
 from ...plans.candidates import candidates
 from ...plans.optimal import Planner, Proposal
 from .answer import ToleranceLevel

@@ -20,10 +20,10 @@ from ....analysis.observability.check import Check, check
 from ....analysis.observability.identifiability import identify
 from ....analysis.solution import NORMAL_95
 from ....analysis.status import Status, known, versions
-from ....model.geometry import NOMINAL
-from ....model.parameters import Parameter
-from ....model.problem import Problem
-from ....reports.words.wording import label, listed
+from ....model.likelihood.geometry import NOMINAL
+from ....model.likelihood.parameters import Parameter
+from ....model.likelihood.problem import Problem
+from ....words.wording import label, listed
 from ..answer import NoiseLevel
 from ..binomial import Accuracy, accuracy, held_share
 from ..case_store import each_piece

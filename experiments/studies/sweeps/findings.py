@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ....analysis.estimation.fit import CONTRADICTED, MANY_STARTS
-from ....reports.words.numbers import exact, significant, spread
-from ....reports.words.wording import listed
+from ....words.numbers import exact, significant, spread
+from ....words.wording import listed
 from .grid_answer import GridAxis, GridCase, GridSettings
 
 _MOST_NAMED = 3  # cases that contradict their prediction

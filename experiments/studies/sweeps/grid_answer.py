@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from ....analysis.status import Status, UnsoundResult, Verdict, known, require_no_more_than
-from ....model.parameters import Group
+from ....model.likelihood.parameters import Group
 from ..answer import StudyAnswer
 from .case_settings import Settings
 

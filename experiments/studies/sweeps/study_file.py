@@ -22,12 +22,12 @@ from ....model.files.header import Header, check_header
 from ....model.files.reading import Document, Place, did_you_mean, read_yaml, shown
 from ....model.files.robot_file import load_robot
 from ....model.files.validation import FileModel, Name, Point, refusal, validate
-from ....model.geometry import Geometry
-from ....model.noise import NoiseModel
-from ....model.parameters import Parameters
-from ....model.robot import Robot
-from ....model.tool import Tool
-from ....reports.words import numbers
+from ....model.kinematics.robot import Robot
+from ....model.likelihood.geometry import Geometry
+from ....model.likelihood.noise import NoiseModel
+from ....model.likelihood.parameters import Parameters
+from ....model.likelihood.tool import Tool
+from ....words import numbers
 from .case_settings import TARGET, Settings, as_tuple, overlap, setting_names
 
 STUDY_FILE_SCHEMA: Literal["zerobeam/study-file/1"] = "zerobeam/study-file/1"

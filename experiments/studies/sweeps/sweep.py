@@ -25,9 +25,9 @@ from ....analysis.observability.outlook import predicted_std
 from ....analysis.status import known as is_known
 from ....analysis.status import verdict_of, versions
 from ....model.errors import BadInput
-from ....model.kernel import Index
-from ....model.problem import Problem
-from ....model.robot import Matrix
+from ....model.kinematics.robot import Matrix
+from ....model.likelihood.kernel import Index
+from ....model.likelihood.problem import Problem
 from ...plans.candidates import candidates
 from ...plans.constraints import View
 from ...plans.optimal import Planner

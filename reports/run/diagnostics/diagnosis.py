@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from ....analysis.result import Result
+from ....words.diagnosis import CAUSES, changed, diagnosis_said, explanation_sentence
+from ....words.numbers import times
+from ....words.wording import sentence
 from ...style.blocks import Paragraph, Section, row_of, section_of, table_of
-from ...words.diagnosis import CAUSES, changed, diagnosis_said, explanation_sentence
-from ...words.numbers import times
-from ...words.wording import sentence
 
 
 def diagnosis_section(result: Result) -> Section | None:

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from ....analysis.misfit import LACK_OF_FIT, LackOfFit
 from ....analysis.result import DistanceResult, LikelihoodSummary, MidpointSummary, Result
 from ....analysis.solution import ParameterResult
+from ....words import numbers
+from ....words.findings import likelihood_message
+from ....words.misfit import criterion_sentence
+from ....words.wording import NOT_DETERMINED, clipped, label, person, sentence
 from ...style.blocks import Cell, Paragraph, Section, Table, row_of, section_of, table_of
-from ...words import numbers
-from ...words.findings import likelihood_message
-from ...words.misfit import criterion_sentence
-from ...words.wording import NOT_DETERMINED, clipped, label, person, sentence
 from ..parameters import noise_factors, other_tables
 
 _NO_COST = "—"  # not defined for this cost

@@ -11,12 +11,12 @@ from ....analysis.misfit import LACK_OF_FIT
 from ....analysis.recordings.effective import Effective
 from ....analysis.recordings.steps import Step, Steps
 from ....analysis.result import Result
+from ....words import numbers
+from ....words.wording import clipped, counted, label, listed, shown
 from ...style.blocks import FigureBlock, Paragraph, Section, Table, row_of, section_of, table_of
 from ...style.canvas import Picture, new_figure, style, to_svg
 from ...style.palette import light
 from ...style.typeface import in_font
-from ...words import numbers
-from ...words.wording import clipped, counted, label, listed, shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

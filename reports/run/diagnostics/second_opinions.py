@@ -7,10 +7,10 @@ from ....analysis.diagnostics.outliers import Robust
 from ....analysis.findings import HeldOutMisfit
 from ....analysis.posterior.intervals import Intervals
 from ....analysis.result import Result
+from ....words import numbers
+from ....words.findings import hold_out_message
+from ....words.wording import NOT_DETERMINED, clipped, label, listed, sentence
 from ...style.blocks import Cell, Facts, Paragraph, Section, Table, row_of, section_of, table_of
-from ...words import numbers
-from ...words.findings import hold_out_message
-from ...words.wording import NOT_DETERMINED, clipped, label, listed, sentence
 from ..parameters import noise_factors, unit_of
 
 

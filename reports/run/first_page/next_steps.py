@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ....analysis.result import Result
+from ....words.next_steps import Entry, next_steps
+from ....words.wording import label
 from ...style.blocks import Block, Commands, Paragraph, Section, Table, row_of, section_of, table_of
-from ...words.next_steps import Entry, next_steps
-from ...words.wording import label
 
 
 def next_steps_section(result: Result) -> Section:

@@ -6,10 +6,10 @@ from collections.abc import Iterable, Mapping
 from typing import Protocol
 
 from ....analysis.result import Result
+from ....words import numbers
+from ....words.rehearsal import true_values
+from ....words.wording import label
 from ...style.blocks import Paragraph, Row, Section, Table, row_of, section_of, table_of
-from ...words import numbers
-from ...words.rehearsal import true_values
-from ...words.wording import label
 from ..parameters import unit_of
 
 

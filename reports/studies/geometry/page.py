@@ -14,6 +14,8 @@ from ....experiments.studies.geometry.answer import (
     GeometryStudy,
     ToleranceLevel,
 )
+from ....words import numbers
+from ....words.wording import clipped, counted, label, sentence
 from ...style.blocks import (
     Cell,
     Facts,
@@ -28,8 +30,6 @@ from ...style.blocks import (
     table_of,
 )
 from ...style.canvas import Picture
-from ...words import numbers
-from ...words.wording import clipped, counted, label, sentence
 from ..coverage_figure import coverage_picture
 from ..phrases import (
     LONGEST_NAME,

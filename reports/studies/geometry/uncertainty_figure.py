@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ....experiments.studies.geometry.answer import GeometryPlan
+from ....words import numbers
 from ...style.canvas import Picture, new_figure, style, to_svg
 from ...style.palette import light
-from ...words import numbers
 
 _KINDS = (
     ("noise_only", "noise only", "held"),

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ....experiments.studies.geometry.answer import GeometryEstimator, GeometryPlan
+from ....words import numbers
+from ....words.wording import clipped, label
 from ...style.canvas import Picture, bare_y, hatched, new_figure, style, to_svg
 from ...style.palette import light
 from ...style.typeface import in_font
-from ...words import numbers
-from ...words.wording import clipped, label
 from ..phrases import NOT_DETERMINED
 from ..shares import standing
 

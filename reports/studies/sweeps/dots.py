@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ....experiments.studies.sweeps.grid_answer import CaseParameter, GridCase, GridStudy
+from ....words import numbers
+from ....words.wording import label
 from ...style.canvas import Picture, bare_y, new_figure, style, to_svg
 from ...style.log_axis import log_ticks, set_log_scale
 from ...style.palette import light
 from ...style.typeface import in_font
-from ...words import numbers
-from ...words.wording import label
 from .grid_words import NO_PLAN, case_name, dot_pages, shown_unit, standing, unit_signs
 from .marks import FITS, UNCERTAINTY, draw_fits, draw_tolerance, gap, hatching, legend, log_scale, write_gap
 

@@ -10,8 +10,8 @@ from typing import Literal
 from ....analysis.status import Verdict
 from ....experiments.studies.sweeps.case_settings import overlap
 from ....experiments.studies.sweeps.grid_answer import CaseParameter, GridAxis, GridCase, GridStudy, RunErrors
-from ...words import numbers
-from ...words.wording import clipped
+from ....words import numbers
+from ....words.wording import clipped
 
 NO_PLAN = "no plan"
 # Mark (a role of the palette) and words of a case's verdict.

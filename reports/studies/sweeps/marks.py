@@ -7,10 +7,10 @@ from collections.abc import Collection, Iterable
 from typing import TYPE_CHECKING, Any
 
 from ....experiments.studies.sweeps.grid_answer import CaseParameter, Fit, GridCase, GridStudy
+from ....words import numbers
+from ....words.wording import clipped
 from ...style.palette import light
 from ...style.typeface import in_font
-from ...words import numbers
-from ...words.wording import clipped
 from ..phrases import NOT_DETERMINED
 from .grid_words import NO_PLAN, rmse_interval, shown_unit, tolerance
 

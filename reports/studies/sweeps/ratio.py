@@ -6,12 +6,12 @@ import numpy as np
 
 from ....analysis.status import Status
 from ....experiments.studies.sweeps.grid_answer import Fit, GridStudy
-from ....model.robot import Matrix
+from ....model.kinematics.robot import Matrix
+from ....words import numbers
 from ...style.canvas import Picture, new_figure, style, to_svg
 from ...style.log_axis import set_log_scale
 from ...style.palette import SHAPES, light
 from ...style.typeface import in_font
-from ...words import numbers
 from .grid_words import rmse_interval, unit_signs
 from .marks import FITS, UNCERTAINTY, dot_style, legend_above
 

@@ -17,6 +17,8 @@ from ....experiments.studies.sweeps.grid_answer import (
     LikelihoodErrors,
     RunErrors,
 )
+from ....words import numbers
+from ....words.wording import clipped, counted, label, listed, sentence, shown
 from ...style.blocks import (
     Cell,
     Facts,
@@ -34,8 +36,6 @@ from ...style.blocks import (
     table_of,
 )
 from ...style.canvas import Picture
-from ...words import numbers
-from ...words.wording import clipped, counted, label, listed, sentence, shown
 from ..phrases import LONGEST_NAME, NOT_DETERMINED, NOT_GIVEN, about_study, files_block, view_of
 from ..shares import BY_CHANCE, PlainRow, percent, share_text
 from .dots import dots_pictures

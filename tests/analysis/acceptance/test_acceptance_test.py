@@ -11,7 +11,7 @@ from zerobeam.analysis.acceptance.postures import choose
 from zerobeam.analysis.solved import solved
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.run import read_run
-from zerobeam.model.problem import Problem
+from zerobeam.model.likelihood.problem import Problem
 
 TOLERANCE = {"deg": 0.1, "mm": 1.0}
 ENTERED = tuple(f"delta{j}" for j in range(2, 7))

@@ -26,10 +26,10 @@ from zerobeam.analysis.diagnostics.budget import budget, check_linear
 from zerobeam.analysis.estimation.fit import fit_likelihood, fit_rows
 from zerobeam.analysis.posterior.posterior import UNSAMPLED, PosteriorParameter
 from zerobeam.analysis.solution import judge
-from zerobeam.model.density import Density
-from zerobeam.model.parameters import Parameters
-from zerobeam.model.problem import Problem
-from zerobeam.model.robot import Joint, Robot
+from zerobeam.model.kinematics.robot import Joint, Robot
+from zerobeam.model.likelihood.density import Density
+from zerobeam.model.likelihood.parameters import Parameters
+from zerobeam.model.likelihood.problem import Problem
 
 
 def budgets_of(fit, posterior=UNSAMPLED):

@@ -25,11 +25,11 @@ from zerobeam.analysis.diagnostics.link_rival import with_links_freed
 from zerobeam.analysis.diagnostics.trials import Left
 from zerobeam.analysis.observability.consider import with_links
 from zerobeam.analysis.solution import Solution, solve
-from zerobeam.model.constraint import shot_functions
-from zerobeam.model.geometry import Geometry
-from zerobeam.model.problem import Problem
-from zerobeam.model.robot import Matrix
-from zerobeam.reports.words.diagnosis import explanation_sentence
+from zerobeam.model.kinematics.robot import Matrix
+from zerobeam.model.likelihood.constraint import shot_functions
+from zerobeam.model.likelihood.geometry import Geometry
+from zerobeam.model.likelihood.problem import Problem
+from zerobeam.words.diagnosis import explanation_sentence
 
 FAST = {"starts": 0}
 

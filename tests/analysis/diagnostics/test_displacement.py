@@ -11,10 +11,10 @@ from scipy import stats
 from zerobeam.analysis.diagnostics.displacement import Displacement, _displaced, _Left, displacement
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
 from zerobeam.model.files.plan import Plan
-from zerobeam.model.parameters import Parameters
-from zerobeam.model.problem import Problem
-from zerobeam.model.robot import Matrix
-from zerobeam.reports.words.findings import displacement_sentence
+from zerobeam.model.kinematics.robot import Matrix
+from zerobeam.model.likelihood.parameters import Parameters
+from zerobeam.model.likelihood.problem import Problem
+from zerobeam.words.findings import displacement_sentence
 
 CHANCE = 1e-3
 

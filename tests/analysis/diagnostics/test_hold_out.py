@@ -5,10 +5,10 @@ from scipy import stats
 
 from zerobeam.analysis.diagnostics import hold_out as module
 from zerobeam.analysis.diagnostics.hold_out import hold_out
-from zerobeam.model.arms.denavit_hartenberg import DHRow, dh_chain
-from zerobeam.model.problem import Problem
-from zerobeam.model.robot import Robot
-from zerobeam.reports.words.findings import hold_out_message
+from zerobeam.model.kinematics.denavit_hartenberg import DHRow, dh_chain
+from zerobeam.model.kinematics.robot import Robot
+from zerobeam.model.likelihood.problem import Problem
+from zerobeam.words.findings import hold_out_message
 
 PLACES = {"left": (800.0, 300.0, 100.0), "right": (850.0, -350.0, 200.0), "psd": (900.0, 0.0, 0.0)}
 LEVEL = 1e-3

@@ -6,7 +6,7 @@ from zerobeam.analysis.diagnostics import influence as module
 from zerobeam.analysis.diagnostics.influence import Influence, influence
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.estimation.robust import leverages
-from zerobeam.model.problem import Problem
+from zerobeam.model.likelihood.problem import Problem
 
 
 def without(plan, problem, i):

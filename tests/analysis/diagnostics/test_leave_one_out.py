@@ -25,7 +25,7 @@ from zerobeam.analysis.placements import Placement, placements
 from zerobeam.analysis.recordings.effective import effective
 from zerobeam.analysis.solution import Solution, solve
 from zerobeam.model.errors import BadInput
-from zerobeam.model.problem import Problem
+from zerobeam.model.likelihood.problem import Problem
 
 PLACES = {
     "left_a": (800.0, 300.0, 100.0),

@@ -9,9 +9,9 @@ from zerobeam.analysis.estimation.compiled_climb import compiled_climb
 from zerobeam.analysis.estimation.coordinates import seen_coordinates
 from zerobeam.analysis.estimation.fit import start_at
 from zerobeam.analysis.estimation.levenberg_marquardt import NOT_FINITE
-from zerobeam.model import kernel
-from zerobeam.model.density import Density
-from zerobeam.model.problem import Problem
+from zerobeam.model.likelihood import kernel
+from zerobeam.model.likelihood.density import Density
+from zerobeam.model.likelihood.problem import Problem
 
 needs_compiler = pytest.mark.skipif(kernel._compiler() is None, reason="no C compiler on this machine")
 TARGETS = {"a": {"guess_mm": [900, 0, 0]}, "b": {"guess_mm": [800, 100, 200], "sigma_mm": 500.0}}

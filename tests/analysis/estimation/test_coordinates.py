@@ -3,8 +3,8 @@ import pytest
 from cells import OPEN_LASER, OPEN_PROBE, good_plan, header, irb1600, plan_of, random_robot
 
 from zerobeam.analysis.estimation.coordinates import SeenCoordinates
-from zerobeam.model.density import Density
-from zerobeam.model.problem import Problem
+from zerobeam.model.likelihood.density import Density
+from zerobeam.model.likelihood.problem import Problem
 
 TARGETS = {"a": {"guess_mm": [900, 0, 0]}, "b": {"guess_mm": [800, 100, 200], "sigma_mm": 500.0}}
 

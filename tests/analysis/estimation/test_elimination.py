@@ -15,7 +15,7 @@ from scipy import optimize
 
 from zerobeam.analysis.estimation.elimination import eliminated
 from zerobeam.analysis.estimation.fit import fit_likelihood, start_at
-from zerobeam.model.density import Density
+from zerobeam.model.likelihood.density import Density
 
 
 def two_targets():

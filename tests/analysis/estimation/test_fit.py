@@ -25,8 +25,8 @@ from zerobeam.analysis.estimation.fit import (
 from zerobeam.analysis.estimation.levenberg_marquardt import least_squares, levenberg_marquardt
 from zerobeam.analysis.observability.aim import aim, servo_joints
 from zerobeam.experiments.studies.coverage import drawn
-from zerobeam.model.density import Density
-from zerobeam.model.problem import Problem
+from zerobeam.model.likelihood.density import Density
+from zerobeam.model.likelihood.problem import Problem
 
 GUESS = (900.0, 0.0, 0.0)
 

@@ -10,8 +10,8 @@ from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
 from zerobeam.analysis.estimation.many_fits import fits_of
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.run import read_run
-from zerobeam.model.kernel import compiled_at_once
-from zerobeam.model.problem import Problem
+from zerobeam.model.likelihood.kernel import compiled_at_once
+from zerobeam.model.likelihood.problem import Problem
 
 
 def problems():

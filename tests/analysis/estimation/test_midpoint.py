@@ -19,7 +19,7 @@ from scipy import optimize, stats
 
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.estimation.midpoint import _Middles, fit_midpoint, fit_midpoints
-from zerobeam.model.problem import Problem
+from zerobeam.model.likelihood.problem import Problem
 
 
 def middle(first, second):

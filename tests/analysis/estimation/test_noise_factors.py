@@ -8,9 +8,9 @@ from scipy import optimize, stats
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.estimation.fit import fit_likelihood, fit_rows
 from zerobeam.analysis.estimation.noise_factors import _STEP, _quadratic, marginal_noise
-from zerobeam.model.density import Density
-from zerobeam.model.problem import Problem
-from zerobeam.reports.words.result_json import to_json
+from zerobeam.model.likelihood.density import Density
+from zerobeam.model.likelihood.problem import Problem
+from zerobeam.words.result_json import to_json
 
 TRUE = np.log([1.5, 0.7])
 NEAR, FAR = (900.0, 0.0, 0.0), (4000.0, 0.0, 500.0)

@@ -3,7 +3,7 @@ import pytest
 from cells import header, irb1600, plan_of, random_robot, varied_postures
 
 from zerobeam.analysis.observability.aim import aim, moving_joints, servo_joints
-from zerobeam.model.problem import Problem
+from zerobeam.model.likelihood.problem import Problem
 
 AWAY = {"kind": "laser", "calibrated": True, "point_mm": [10, -20, 65], "direction": [1, 0.2, -0.1]}
 

@@ -5,7 +5,7 @@ from cells import PROBE, TABLE_2, good_plan, simulated_problem
 
 from zerobeam.analysis.observability.consider import considered, link_columns
 from zerobeam.analysis.observability.gauges import information_root
-from zerobeam.model.problem import Problem
+from zerobeam.model.likelihood.problem import Problem
 
 
 def probe_run() -> Problem:

@@ -23,9 +23,9 @@ from mpmath import mpf
 from zerobeam.analysis.observability.aim import aim
 from zerobeam.analysis.observability.gauges import information_root
 from zerobeam.analysis.observability.identifiability import identify
-from zerobeam.model.geometry import NOMINAL
-from zerobeam.model.problem import Problem
-from zerobeam.model.robot import Matrix
+from zerobeam.model.kinematics.robot import Matrix
+from zerobeam.model.likelihood.geometry import NOMINAL
+from zerobeam.model.likelihood.problem import Problem
 
 _spec = importlib.util.spec_from_file_location("judge", Path(__file__).with_name("test_gauges.py"))
 assert _spec is not None

@@ -27,9 +27,9 @@ from zerobeam.analysis.observability.identifiability import identify, observabil
 from zerobeam.experiments.plans.candidates import candidates
 from zerobeam.experiments.plans.optimal import Planner
 from zerobeam.model.files.urdf import read_urdf
-from zerobeam.model.problem import Problem
-from zerobeam.model.robot import rotation_about
-from zerobeam.reports.words.causes import reason, remedy
+from zerobeam.model.kinematics.robot import rotation_about
+from zerobeam.model.likelihood.problem import Problem
+from zerobeam.words.causes import reason, remedy
 
 
 def judged(plan):

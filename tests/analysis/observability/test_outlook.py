@@ -10,7 +10,7 @@ from zerobeam.analysis.observability.aim import aim, servo_joints
 from zerobeam.analysis.observability.check import Check, check
 from zerobeam.analysis.observability.outlook import over_target
 from zerobeam.model.files.plan import Plan
-from zerobeam.model.problem import Problem
+from zerobeam.model.likelihood.problem import Problem
 
 
 def worst(plan: Plan) -> float:

@@ -6,8 +6,8 @@ from judgements import reason_for, sentence_of, verdict
 from zerobeam.analysis.observability.causes import NotResolvable
 from zerobeam.analysis.observability.identifiability import identify
 from zerobeam.analysis.observability.verdict import worst_direction
-from zerobeam.model.problem import Problem
-from zerobeam.reports.words.wording import listed
+from zerobeam.model.likelihood.problem import Problem
+from zerobeam.words.wording import listed
 
 
 def judged(plan):

@@ -17,9 +17,9 @@ from zerobeam.analysis.estimation.profile import profile_intervals
 from zerobeam.analysis.posterior import intervals
 from zerobeam.analysis.posterior.posterior import UNSAMPLED
 from zerobeam.experiments.plans.patterns import pattern
-from zerobeam.model.problem import Problem
-from zerobeam.reports.words.findings import notes
-from zerobeam.reports.words.result_json import to_json
+from zerobeam.model.likelihood.problem import Problem
+from zerobeam.words.findings import notes
+from zerobeam.words.result_json import to_json
 
 HALF = float(stats.norm.ppf(0.975))
 

@@ -31,9 +31,9 @@ from zerobeam.analysis.recordings.recordings import (
 )
 from zerobeam.analysis.recordings.steps import all_steps, steps
 from zerobeam.analysis.solution import Solution, judge
-from zerobeam.model.constraint import shot_functions
-from zerobeam.model.geometry import Geometry
-from zerobeam.model.robot import Matrix
+from zerobeam.model.kinematics.robot import Matrix
+from zerobeam.model.likelihood.constraint import shot_functions
+from zerobeam.model.likelihood.geometry import Geometry
 
 PLACES = {"left": (800.0, 300.0, 100.0), "right": (850.0, -350.0, 200.0), "psd": (900.0, 0.0, 0.0)}
 EACH = 20

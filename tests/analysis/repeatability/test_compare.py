@@ -30,7 +30,7 @@ from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import Run
 from zerobeam.model.files.shot import Shot
-from zerobeam.model.problem import Problem
+from zerobeam.model.likelihood.problem import Problem
 from zerobeam.reports.repeatability.comparison_json import comparison_json
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -23,7 +23,7 @@ from zerobeam.experiments.controller.service import own_plan
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.model.errors import BadInput, RigFault
-from zerobeam.model.robot import Matrix
+from zerobeam.model.kinematics.robot import Matrix
 
 DT = 0.004
 TOP, ACCELERATION = np.array([1.0, 2.0, 3.0]), np.array([5.0, 5.0, 8.0])

@@ -23,8 +23,8 @@ from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import BUILT_IN, load_robot
 from zerobeam.model.files.run import Run
 from zerobeam.model.files.urdf import read_urdf
-from zerobeam.model.problem import Problem
-from zerobeam.model.robot import Matrix, Robot
+from zerobeam.model.kinematics.robot import Matrix, Robot
+from zerobeam.model.likelihood.problem import Problem
 
 
 def told(run: Run, holds: Holds = "links", **how: bool) -> Calibration:

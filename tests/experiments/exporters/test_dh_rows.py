@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from zerobeam.experiments.exporters.dh_rows import Table, beyond_rows, corrected_table
-from zerobeam.model.arms.denavit_hartenberg import dh_chain
 from zerobeam.model.files.robot_file import RobotFile, stated_rows
-from zerobeam.model.geometry import Geometry
-from zerobeam.model.robot import Robot
+from zerobeam.model.kinematics.denavit_hartenberg import dh_chain
+from zerobeam.model.kinematics.robot import Robot
+from zerobeam.model.likelihood.geometry import Geometry
 
 HERE = Path(".")
 BASED = {

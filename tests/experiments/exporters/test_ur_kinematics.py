@@ -13,7 +13,7 @@ from export_runs import TRUTH, saved
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.reading import read_yaml
 from zerobeam.model.files.robot_file import load_robot, read_robot
-from zerobeam.model.robot import Robot
+from zerobeam.model.kinematics.robot import Robot
 
 JOINTS = np.random.default_rng(5).uniform(-180, 180, (40, 6))
 

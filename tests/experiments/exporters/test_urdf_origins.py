@@ -25,11 +25,11 @@ from export_runs import (
 
 from zerobeam.experiments.exporters.calibration import Calibration, Offset, calibration
 from zerobeam.experiments.exporters.urdf_origins import urdf_text
-from zerobeam.model.arms.orientation import angles_of, roll_pitch_yaw
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.run import Run
 from zerobeam.model.files.urdf import read_urdf
-from zerobeam.model.robot import Robot
+from zerobeam.model.kinematics.orientation import angles_of, roll_pitch_yaw
+from zerobeam.model.kinematics.robot import Robot
 
 KINDS = {"turning": TURNING, "sliding": SLIDING}
 

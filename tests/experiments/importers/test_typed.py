@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 
 from zerobeam.experiments.importers.typed import labelled, typed_joints
-from zerobeam.model.arms.pendant import pendant_of
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot
+from zerobeam.model.kinematics.pendant import pendant_of
 
 VALUES = (1.2, 3.0, -4.0, 5.0, 6.0, 7.5)
 

@@ -7,11 +7,11 @@ import pytest
 from command_line import zerobeam
 
 from zerobeam.experiments.importers.ur_calibration import DELTAS, LINKS, read_ur_calibration
-from zerobeam.model.arms.denavit_hartenberg import DHRow, dh_chain
-from zerobeam.model.arms.orientation import angles_of
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot, stated_rows
-from zerobeam.model.robot import Robot
+from zerobeam.model.kinematics.denavit_hartenberg import DHRow, dh_chain
+from zerobeam.model.kinematics.orientation import angles_of
+from zerobeam.model.kinematics.robot import Robot
 
 # Made up, in the size of real ones: axes 2 to 4 meet metres away.
 DELTA = {

@@ -8,7 +8,7 @@ from zerobeam.experiments.plans import candidates as module
 from zerobeam.experiments.plans.candidates import View, _one_turn, candidates
 from zerobeam.experiments.plans.obstacles import Box, Clearance, Obstacles
 from zerobeam.model.files.robot_file import load_robot
-from zerobeam.model.problem import Problem
+from zerobeam.model.likelihood.problem import Problem
 
 TARGET = np.array([900.0, 100.0, 50.0])
 PROBED = np.array([900.0, 100.0, 500.0])

@@ -22,7 +22,7 @@ from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan, read_plan, write_plan
 from zerobeam.model.files.stated_plan.constraints import UNCONSTRAINED, StatedConstraints
 from zerobeam.model.files.stated_plan.obstacles import Box, Obstacles
-from zerobeam.reports.words.verdict import check_headline
+from zerobeam.words.verdict import check_headline
 
 TARGET = (900.0, 0.0, 0.0)
 

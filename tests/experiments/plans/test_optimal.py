@@ -13,7 +13,7 @@ from zerobeam.experiments.plans.obstacles import Obstacles
 from zerobeam.experiments.plans.optimal import Planner, _length, _shortest, _two_opt, travel_order
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.plan import read_plan, write_plan
-from zerobeam.model.robot import Joint, Robot
+from zerobeam.model.kinematics.robot import Joint, Robot
 
 TARGET = np.array([900.0, 0.0, 0.0])
 

@@ -17,7 +17,7 @@ from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.journal import RunJournal
 from zerobeam.model.files.plan import Plan, read_plan
-from zerobeam.model.problem import Problem
+from zerobeam.model.likelihood.problem import Problem
 
 POOL = 20
 

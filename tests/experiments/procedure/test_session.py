@@ -24,8 +24,8 @@ from zerobeam.model.errors import RigFault
 from zerobeam.model.files.journal import RunJournal
 from zerobeam.model.files.plan import Plan, read_plan
 from zerobeam.model.files.run import read_run
-from zerobeam.model.problem import Problem
-from zerobeam.model.robot import Matrix
+from zerobeam.model.kinematics.robot import Matrix
+from zerobeam.model.likelihood.problem import Problem
 
 Event = dict[str, Any]  # as it is printed
 

@@ -17,7 +17,7 @@ from zerobeam.experiments.procedure.watched import arm_sent, picture_taken
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.experiments.studies.campaign import MemoryJournal
-from zerobeam.model.problem import Problem
+from zerobeam.model.likelihood.problem import Problem
 
 
 def test_who_watches_changes_nothing() -> None:

@@ -24,7 +24,7 @@ from zerobeam.experiments.sensors.attached import read_sensors
 from zerobeam.experiments.sensors.stand_in import AmplifierStandIn, LineFaults
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.shot import Shot
-from zerobeam.model.robot import Matrix
+from zerobeam.model.kinematics.robot import Matrix
 
 pytest.importorskip("serial")
 pytest.importorskip("pty")

@@ -19,7 +19,7 @@ from zerobeam.experiments.sensors.line import heard, sample_of
 from zerobeam.experiments.sensors.sensors_file import CameraBeside, PsdBeside, read_sensors_file
 from zerobeam.experiments.sensors.stand_in import AmplifierStandIn
 from zerobeam.model.errors import BadInput, RigFault
-from zerobeam.model.robot import Matrix
+from zerobeam.model.kinematics.robot import Matrix
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "sensors.md"
 DEVICE = {**CAMERA, "device": 0}

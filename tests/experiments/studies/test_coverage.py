@@ -14,7 +14,7 @@ from zerobeam.experiments.studies.coverage import LEVELS, coverage_study, studie
 from zerobeam.experiments.studies.data_sets import drawn, fitted
 from zerobeam.experiments.studies.ranks import BINS, DRAWS, calibration, power
 from zerobeam.model.errors import BadInput
-from zerobeam.model.problem import Problem
+from zerobeam.model.likelihood.problem import Problem
 
 SEED = 3
 COUNT = 100
@@ -342,7 +342,7 @@ def test_the_sampler_of_analyse_is_calibrated(plans):
 
     from zerobeam.analysis.posterior.posterior import sample_posterior
     from zerobeam.analysis.solution import solve
-    from zerobeam.model.constraint import ShotFunctions
+    from zerobeam.model.likelihood.constraint import ShotFunctions
 
     problem, count = plans["nearly degenerate"].problem, 250
     data = drawn(problem, count, np.random.default_rng(7))

@@ -10,7 +10,7 @@ import pytest
 import zerobeam as zb
 from zerobeam.model.files.robot_file import read_robot
 from zerobeam.model.files.run import read_run, write_run
-from zerobeam.model.problem import Problem
+from zerobeam.model.likelihood.problem import Problem
 
 POSTURES = np.array([[10, -20, 30, 5, 40, 0], [-15, -25, 35, 0, 35, 20], [25, -10, 20, 15, 50, -30.5]])
 LASER = {"point_mm": (0, 0, 65), "direction": (1, 0, 0)}

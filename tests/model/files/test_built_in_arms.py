@@ -11,7 +11,7 @@ import pytest
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import BUILT_IN, built_in_robots, load_robot
 from zerobeam.model.files.urdf import read_urdf
-from zerobeam.model.robot import Matrix, Robot
+from zerobeam.model.kinematics.robot import Matrix, Robot
 
 
 def pose(robot: Robot, joints: Matrix) -> tuple[Matrix, Matrix]:

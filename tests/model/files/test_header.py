@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from zerobeam.model.files.header import Header, UrdfRef, check_header, header_content, read_header
-from zerobeam.model.robot import Joint, Robot
+from zerobeam.model.kinematics.robot import Joint, Robot
 
 LASER = """\
 robot: irb1600

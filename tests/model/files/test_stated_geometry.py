@@ -7,7 +7,7 @@ import pytest
 
 import zerobeam as zb
 from zerobeam.model.files.header import read_header
-from zerobeam.model.problem import Problem
+from zerobeam.model.likelihood.problem import Problem
 
 HEADER = """\
 robot: {robot}

@@ -4,10 +4,10 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from zerobeam.model.arms.orientation import roll_pitch_yaw
-from zerobeam.model.arms.plausible import DoubtfulRobot
 from zerobeam.model.files.urdf import read_urdf
-from zerobeam.model.robot import Robot
+from zerobeam.model.kinematics.orientation import roll_pitch_yaw
+from zerobeam.model.kinematics.plausible import DoubtfulRobot
+from zerobeam.model.kinematics.robot import Robot
 
 ARM = """<?xml version="1.0"?>
 <robot name="arm">

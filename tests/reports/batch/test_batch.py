@@ -18,7 +18,7 @@ from zerobeam.reports.batch.batch_folder import batch_json
 from zerobeam.reports.batch.batch_page import Batch, batch_page
 from zerobeam.reports.batch.carried_out import batch
 from zerobeam.reports.batch.uncertainty_figure import uncertainty_picture
-from zerobeam.reports.words.result_json import dumps, to_json
+from zerobeam.words.result_json import dumps, to_json
 
 GOOD, X_PATTERN, UNCALIBRATED = (run.path for run in demo_runs())
 SETTINGS = BatchSettings(seed=0, ess=100.0, sampling="never", report=False)

@@ -36,7 +36,7 @@ from zerobeam.reports.history.certificate_folder import files_of_certificate, wr
 from zerobeam.reports.history.certificate_page import certificate_page
 from zerobeam.reports.output import page_files
 from zerobeam.reports.output.html import html
-from zerobeam.reports.words.result_json import to_json
+from zerobeam.words.result_json import to_json
 
 pytest.importorskip("cryptography")
 

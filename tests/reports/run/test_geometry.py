@@ -19,7 +19,7 @@ from zerobeam.reports.run.ladder_figure import ladder_picture
 from zerobeam.reports.run.parameters import offsets_section, offsets_table, offsets_worth
 from zerobeam.reports.run.report_page import report_page
 from zerobeam.reports.style.blocks import Paragraph, Section, Table
-from zerobeam.reports.words.wording import label
+from zerobeam.words.wording import label
 
 
 def section(result: Result) -> Section:

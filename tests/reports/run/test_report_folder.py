@@ -21,7 +21,7 @@ from zerobeam.reports.run import report_page
 from zerobeam.reports.run.report_folder import write_report
 from zerobeam.reports.run.report_page import pictures as pictures_of
 from zerobeam.reports.style.canvas import Picture
-from zerobeam.reports.words.result_json import to_json
+from zerobeam.words.result_json import to_json
 
 Refused = Callable[..., BadInput]
 

@@ -32,7 +32,7 @@ from zerobeam.analysis.result import Result
 from zerobeam.analysis.status import UnsoundResult
 from zerobeam.reports.run.report_page import report_page
 from zerobeam.reports.style.blocks import Directions, Facts, Legend, Paragraph, Section, Table
-from zerobeam.reports.words.wording import NOT_DETERMINED, label
+from zerobeam.words.wording import NOT_DETERMINED, label
 
 
 def texts(value: Any) -> Iterator[str]:

@@ -11,7 +11,7 @@ from zerobeam.reports.output.pdf import pdf
 from zerobeam.reports.run.inputs import traceability_section
 from zerobeam.reports.run.uncertainty_budget import MOST_COLUMNS, MOST_SOURCES, budget_section
 from zerobeam.reports.style.blocks import Page, Verdict
-from zerobeam.reports.words.numbers import MINUS
+from zerobeam.words.numbers import MINUS
 
 PLAIN = {("joint", "1"): 0.6, ("spot",): 0.3995, ("prior", "delta2"): 0.001, ("curvature",): -0.0005}
 YES = LinearCheck(2, 0.0005, 0.0001, 0.0002, 0.00002, True)

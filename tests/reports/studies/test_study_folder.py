@@ -31,7 +31,7 @@ from zerobeam.reports.studies.kinds import STUDIES, study_of, study_page
 from zerobeam.reports.studies.phrases import NOT_DETERMINED
 from zerobeam.reports.studies.study_folder import check_target, write_study
 from zerobeam.reports.style.canvas import Picture
-from zerobeam.reports.words.wording import label
+from zerobeam.words.wording import label
 
 Json = dict[str, Any]
 Refused = Callable[..., BadInput]

@@ -28,7 +28,7 @@ from zerobeam.experiments.exporters.user_programs.filtered import filtered
 from zerobeam.experiments.importers import Imported
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import read_run, write_run
-from zerobeam.model.robot import Matrix
+from zerobeam.model.kinematics.robot import Matrix
 
 
 def rapid(folder: Path, plan: Plan, arm: PendantArm) -> Imported:

@@ -22,7 +22,7 @@ from user_programs import judged
 from zerobeam.experiments.exporters.user_programs.filtered import Filtered, filtered
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot
-from zerobeam.model.robot import Matrix, Robot
+from zerobeam.model.kinematics.robot import Matrix, Robot
 
 ROBOT = load_robot("kr6_r900")
 LOWER, UPPER = np.degrees(ROBOT.lower), np.degrees(ROBOT.upper)

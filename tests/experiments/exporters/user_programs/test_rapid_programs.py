@@ -20,7 +20,7 @@ from user_programs import judged
 
 from zerobeam.experiments.exporters.user_programs.filtered import filtered
 from zerobeam.model.errors import BadInput
-from zerobeam.model.robot import Matrix, Robot
+from zerobeam.model.kinematics.robot import Matrix, Robot
 
 RUNS = 3  # with other inputs
 

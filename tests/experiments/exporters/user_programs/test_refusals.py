@@ -10,9 +10,9 @@ import pytest
 from user_programs import OFFSETS, STATED, UserProgram, frame, judged, read, varied, written
 
 from zerobeam.experiments.exporters.user_programs.filtered import Choices, filtered
-from zerobeam.model.arms.inverse import Solver
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot
+from zerobeam.model.kinematics.inverse import Solver
 
 RAPID = """MODULE m
   CONST robtarget p1:=[[700,0,900],[0.5,0,0.866025404,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];

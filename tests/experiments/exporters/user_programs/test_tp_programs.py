@@ -21,7 +21,7 @@ from user_programs import judged, read
 from zerobeam.experiments.exporters.user_programs.filtered import filtered
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot
-from zerobeam.model.robot import Robot
+from zerobeam.model.kinematics.robot import Robot
 
 _RUNS = 3
 _MM, _DEG = 0.01, 0.001  # beyond what three decimals make of it

@@ -12,8 +12,8 @@ import pytest
 from user_programs import OFFSETS, STATED, UserProgram, flange_arm, judged, read, varied, written
 
 from zerobeam.experiments.exporters.user_programs.filtered import filtered
-from zerobeam.model.arms.orientation import orientation
 from zerobeam.model.files.robot_file import load_robot
+from zerobeam.model.kinematics.orientation import orientation
 
 ARMS = {
     "irb1600": "rapid",

@@ -42,7 +42,7 @@ from zerobeam.model.errors import BadInput, RigFault
 from zerobeam.model.files.journal import RunJournal
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import read_run
-from zerobeam.model.robot import Matrix
+from zerobeam.model.kinematics.robot import Matrix
 
 pytest.importorskip("abb_robot_client")
 

@@ -30,14 +30,14 @@ from zerobeam.experiments.rigs.simulated.cell_file import Cell
 from zerobeam.experiments.studies.campaign import MemoryJournal
 from zerobeam.interruption import requested, stoppable
 from zerobeam.model.files.plan import Plan
-from zerobeam.model.robot import Matrix
+from zerobeam.model.kinematics.robot import Matrix
 
 pytest.importorskip("abb_robot_client")
 
 # An interruption that comes while the HTTP library opens a connection leaves its socket to the collector.
 pytestmark = [
     pytest.mark.filterwarnings("ignore:unclosed <socket:ResourceWarning"),
-    pytest.mark.filterwarnings("ignore:Exception ignored in. <socket:pytest.PytestUnraisableExceptionWarning"),
+    pytest.mark.filterwarnings("ignore:Exception ignored in:pytest.PytestUnraisableExceptionWarning"),
 ]
 
 CELL = Cell.model_validate({"camera": None, "psd": {"placed": {"psd": {"centre_mm": [900.0, 0.0, 0.0]}}}})

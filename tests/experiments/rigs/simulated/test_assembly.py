@@ -15,8 +15,8 @@ from zerobeam.experiments.rigs.simulated.assembly import Parts, assemble
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan
-from zerobeam.model.problem import Problem
-from zerobeam.model.robot import same_arm
+from zerobeam.model.kinematics.robot import same_arm
+from zerobeam.model.likelihood.problem import Problem
 
 
 def parts(plan: Plan, seed: int = 0, **content: Any) -> Parts:

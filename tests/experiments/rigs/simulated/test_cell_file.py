@@ -18,7 +18,7 @@ from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.model.errors import BadInput, RigFault
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.reading import read_yaml
-from zerobeam.model.robot import Matrix
+from zerobeam.model.kinematics.robot import Matrix
 
 WHOLE = """\
 schema: zerobeam/cell/1

@@ -17,8 +17,8 @@ from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.model.errors import BadInput, RigFault
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.shot import Shot
-from zerobeam.model.noise import NoiseModel
-from zerobeam.model.robot import Matrix
+from zerobeam.model.kinematics.robot import Matrix
+from zerobeam.model.likelihood.noise import NoiseModel
 
 # Nothing is wrong with it, and its face is turned towards each beam: it reads across the beam.
 EXACT_PSD = {"noise_mm": 1e-9, "resolution_mm": 1e-9, "nonlinearity": 0, "ambient": 0, "lost": 0}

@@ -26,8 +26,8 @@ from zerobeam.experiments.studies.geometry.plans import (
     with_tolerance,
 )
 from zerobeam.experiments.studies.geometry.study import answer_of, geometry_study
-from zerobeam.model.problem import Problem
-from zerobeam.reports.words import numbers
+from zerobeam.model.likelihood.problem import Problem
+from zerobeam.words import numbers
 
 ARMS, LONG_ARMS = 40, 1000
 FEW_CANDIDATES = 400

@@ -33,7 +33,7 @@ from zerobeam.experiments.studies.sweeps.grid_answer import (
 from zerobeam.experiments.studies.sweeps.study_file import StatedStudy, read_study
 from zerobeam.experiments.studies.sweeps.sweep import CHANCE, judged, refitted, studied_case, sweep
 from zerobeam.model.errors import BadInput
-from zerobeam.model.problem import Problem
+from zerobeam.model.likelihood.problem import Problem
 
 RUNS = 24
 CASE = TypeAdapter(GridCase)  # as finished cases are kept

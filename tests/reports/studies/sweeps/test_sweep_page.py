@@ -50,7 +50,7 @@ from zerobeam.reports.style.blocks import FigureBlock, Row
 from zerobeam.reports.style.blocks import Page as BlockPage
 from zerobeam.reports.style.canvas import Picture
 from zerobeam.reports.style.log_axis import log_ticks
-from zerobeam.reports.words.wording import label
+from zerobeam.words.wording import label
 
 Json = dict[str, Any]
 

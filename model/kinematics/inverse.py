@@ -1,0 +1,127 @@
+"""Joints of a pose: inverse kinematics by damped least squares, for any serial arm.
+
+From many starts at once each climbs to the pose by itself (damping by the squared error, T. Sugihara,
+"Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method", IEEE T-RO 27, 2011). The
+starts are those of a fixed random sample whose poses are nearest to the one wanted.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from .pendant import beyond_limits
+from .robot import Matrix, Robot
+
+_LENGTH = 1000.0  # mm that count as one radian
+_EXACT = 1e-9  # rad, and mm over _LENGTH
+_STEPS = 30
+_SAMPLE, _FEW, _MANY = 4000, 32, 400
+_SINGULAR = 5e-3
+_SAME = 1e-4  # rad (mm): two solutions that differ by less are one
+_AT_LIMIT = 1e-9
+
+
+def reach(robot: Robot, pose: Matrix, starts: Matrix) -> tuple[Matrix, Matrix]:
+    """From joints (N, n), rad or mm, to a pose (4, 4) of the flange, or to one (N, 4, 4) each: the joints
+    arrived at, and (N,) whether they are those of the pose. Limits do not count."""
+    poses = np.broadcast_to(pose, (len(starts), 4, 4))
+    joints = np.array(starts, dtype=float)
+    arrived = np.zeros(len(joints), dtype=bool)
+    for _ in range(_STEPS):
+        going = ~arrived
+        error, jacobian = _errors(robot, poses[going], joints[going])
+        arrived[going] = np.abs(error).max(axis=1) < _EXACT
+        damping = 0.5 * (error**2).sum(axis=1) + 1e-14
+        normal = np.einsum("nij,nik->njk", jacobian, jacobian) + damping[:, None, None] * np.eye(robot.n)
+        step = np.linalg.solve(normal, np.einsum("nij,ni->nj", jacobian, error)[:, :, None])[:, :, 0]
+        joints[going] += np.where(arrived[going][:, None], 0.0, step)
+        if arrived.all():
+            break
+    return joints, arrived
+
+
+def is_singular(robot: Robot, joints: Matrix) -> bool:
+    """Whether an arm of six joints (n,), rad or mm, is at a singularity, or within about a degree of one."""
+    jacobian = robot.jacobian(joints, "rad")
+    jacobian[:3] /= _LENGTH
+    return bool(np.linalg.svd(jacobian, compute_uv=False)[-1] < _SINGULAR)
+
+
+def _errors(robot: Robot, poses: Matrix, joints: Matrix) -> tuple[Matrix, Matrix]:
+    """(N, 6) shift and rotation left to poses (N, 4, 4), and (N, 6, n) what the joints do to them."""
+    now, jacobian = robot.pose_and_jacobian(joints, "rad")
+    left = poses[:, :3, :3] @ now[:, :3, :3].transpose(0, 2, 1)
+    twice = np.stack(
+        [left[:, 2, 1] - left[:, 1, 2], left[:, 0, 2] - left[:, 2, 0], left[:, 1, 0] - left[:, 0, 1]], axis=1
+    )
+    sine = np.linalg.norm(twice, axis=1) / 2
+    angle = np.arctan2(sine, (np.trace(left, axis1=1, axis2=2) - 1) / 2)
+    turn = twice / 2 * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 1.0)[:, None]
+    shift = (poses[:, :3, 3] - now[:, :3, 3]) / _LENGTH
+    scaled = jacobian.copy()
+    scaled[:, :3] /= _LENGTH
+    return np.hstack([shift, turn]), scaled
+
+
+@dataclass(frozen=True)
+class Solver:
+    """All the joints by which a robot reaches a pose, within its limits."""
+
+    robot: Robot
+
+    @cached_property
+    def _sample(self) -> tuple[Matrix, Matrix]:
+        robot = self.robot
+        full = np.array([np.pi if joint.kind == "revolute" else np.inf for joint in robot.joints])
+        lower, upper = np.maximum(robot.lower, -full), np.minimum(robot.upper, full)
+        joints = np.random.default_rng(0).uniform(lower, upper, (_SAMPLE, robot.n))
+        return joints, robot.fk(joints, "rad")
+
+    def solutions(self, pose: Matrix, *, thorough: bool = False) -> Matrix:
+        """(M, n) rad or mm, one of each that differ by whole turns only (`with_turns` has all of these).
+
+        Nearly surely all where they are isolated; near a singularity, or with more than six joints, some of
+        the many. `thorough` starts from more places.
+        """
+        sample, poses = self._sample
+        shift = np.linalg.norm(poses[:, :3, 3] - pose[:3, 3], axis=1) / _LENGTH
+        turn = np.linalg.norm(poses[:, :3, :3] - pose[:3, :3], axis=(1, 2))
+        near = np.argsort(shift + turn)[: _MANY if thorough else _FEW]
+        joints, arrived = reach(self.robot, pose, sample[near])
+        found: list[Matrix] = []
+        for row in joints[arrived]:
+            whole = self.with_turns(row)
+            if len(whole) and not any(self.same(row, other) for other in found):
+                found.append(whole[0])
+        return np.array(found).reshape(-1, self.robot.n)
+
+    def same(self, one: Matrix, other: Matrix) -> bool:
+        """Whether two sets of joints (n,) are the same but for whole turns."""
+        apart = np.where(
+            self._turn < np.inf, np.remainder(one - other + np.pi, 2 * np.pi) - np.pi, one - other
+        )
+        return bool(np.abs(apart).max() < _SAME)
+
+    @cached_property
+    def _turn(self) -> Matrix:
+        return np.array([2 * np.pi if joint.kind == "revolute" else np.inf for joint in self.robot.joints])
+
+    def with_turns(self, row: Matrix) -> Matrix:
+        """(M, n): the joints (n,) with whole turns more or less, as far as the limits allow."""
+        robot, choices = self.robot, []
+        for joint, value, turn in zip(robot.joints, row.tolist(), self._turn.tolist(), strict=True):
+            lower, upper = joint.lower - _AT_LIMIT, joint.upper + _AT_LIMIT
+            first = np.ceil((lower - value) / turn) if np.isfinite(turn) else 0.0
+            values = [value + k * turn if k else value for k in first + np.arange(4)]
+            choices.append([each for each in values if lower <= each <= upper])
+        rows = np.array(list(itertools.product(*choices))).reshape(-1, robot.n)
+        return rows[~beyond_limits(robot, rows, _AT_LIMIT).any(axis=1)]
+
+    def nearest_turns(self, row: Matrix, near: Matrix) -> Matrix:
+        """(n,): of the same joints but for whole turns those nearest to `near`, whatever the limits."""
+        turns = np.where(self._turn < np.inf, np.round((near - row) / np.minimum(self._turn, 1e9)), 0.0)
+        return np.asarray(row + turns * np.where(self._turn < np.inf, self._turn, 0.0))

@@ -1,0 +1,400 @@
+"""A robot as a chain of fixed transforms and joint axes, and its forward kinematics.
+
+Whatever a robot was written in (standard DH, modified DH, URDF), inside it is one list:
+joint i sits behind the fixed transform `fixed` of the link before it and moves about
+(revolute) or along (prismatic) its unit `axis`; after the last joint comes the fixed
+transform `flange`. Angles are radians and lengths millimetres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import Literal
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import BadInput
+
+Matrix = NDArray[np.float64]
+JointKind = Literal["revolute", "prismatic"]
+J3 = Literal["ground", "link"]
+PendantUnit = Literal["deg", "rad", "pulse"]
+Turn = tuple[ca.SX, ca.SX]  # cosine and sine of a revolute joint, position and nothing of a prismatic one
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """One joint: `fixed` (4, 4) goes before the motion, `axis` (3,) is its unit axis in its own frame.
+
+    `lower`, `upper` are rad or mm, `speed` is rad/s or mm/s (None where the robot file states none).
+    """
+
+    name: str
+    kind: JointKind
+    fixed: Matrix
+    axis: Matrix
+    lower: float
+    upper: float
+    speed: float | None = None
+
+    @property
+    def display(self) -> float:
+        """What one internal unit is in the unit that people read: degrees for rad, mm for mm."""
+        return float(np.degrees(1.0)) if self.kind == "revolute" else 1.0
+
+    @property
+    def unit(self) -> str:
+        return "deg" if self.kind == "revolute" else "mm"
+
+
+@dataclass(frozen=True)
+class Conventions:
+    """What a robot file, or the reference to a URDF, states of an arm; None where it states nothing.
+
+    Parameters
+    ----------
+    below_base
+        How far the mounting face is below the origin of the base frame, mm.
+    joint3
+        What the pendant counts joint 3 from. "ground": it shows the angle between links 2 and 3 less joint 2.
+    range3
+        Range of joint 3 as the pendant counts it, rad, where that is from the ground.
+    order
+        Indices of the joints (from 0) in the order in which the pendant shows them.
+    names
+        What the pendant calls the joints, joint 1 of the robot file first.
+    unit, pulses_per_deg
+        Of the pendant's values; the pulses are for a degree (mm) of each joint, joint 1 first.
+    encoder3
+        What the encoder of joint 3 measures.
+    """
+
+    below_base: float | None = None
+    joint3: J3 | None = None
+    range3: tuple[float, float] | None = None
+    order: tuple[int, ...] | None = None
+    names: tuple[str, ...] | None = None
+    unit: PendantUnit = "deg"
+    pulses_per_deg: tuple[float, ...] | None = None
+    encoder3: J3 | None = None
+
+
+NOTHING_STATED = Conventions()
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Robot:
+    """A serial arm of n joints from base to flange, with nominal geometry.
+
+    Parameters
+    ----------
+    name
+        What reports call it.
+    joints
+        The n joints, joint 1 first.
+    flange
+        (4, 4) from the last joint's frame, after its motion, to the flange, mm.
+    vendor
+        Who makes it, as in robot files ("abb", "kuka", "universal-robots"); None where not stated.
+    conventions
+        How it is mounted and how its pendant counts. Joint positions here count joint 3 from link 2.
+
+    Examples
+    --------
+    >>> import numpy as np, zerobeam as zb
+    >>> robot = zb.load_robot("irb1600")
+    >>> robot.fk(np.zeros(6))[:3, 3].round(1)
+    array([ 750. ,    0. , 1186.5])
+    >>> robot.jacobian(np.zeros((5, 6))).shape
+    (5, 6, 6)
+    """
+
+    name: str
+    joints: tuple[Joint, ...]
+    flange: Matrix
+    vendor: str | None = None
+    conventions: Conventions = NOTHING_STATED
+
+    def __repr__(self) -> str:
+        return f"<Robot {self.name}: {self.n} joint{'' if self.n == 1 else 's'}>"
+
+    @property
+    def n(self) -> int:
+        return len(self.joints)
+
+    @property
+    def lower(self) -> Matrix:
+        return np.array([joint.lower for joint in self.joints])
+
+    @property
+    def upper(self) -> Matrix:
+        return np.array([joint.upper for joint in self.joints])
+
+    @property
+    def display(self) -> Matrix:
+        """(n,) degrees per radian for revolute joints, 1 for prismatic ones."""
+        return np.array([joint.display for joint in self.joints])
+
+    def fk(self, q: ArrayLike, unit: Literal["deg", "rad"] = "deg") -> Matrix:
+        """Forward kinematics: the flange's pose in the base frame (eq. 1 and 4 of the paper).
+
+        Parameters
+        ----------
+        q
+            (..., n) joint positions; those of prismatic joints in mm whatever the unit.
+        unit
+            Of the revolute joints: "deg" or "rad".
+
+        Returns
+        -------
+        ndarray
+            (..., 4, 4) homogeneous transforms, translations in mm.
+
+        Raises
+        ------
+        BadInput
+            `q` has another number of joints or is not finite, or the unit is unknown.
+        """
+        return self.pose_and_jacobian(q, unit)[0]
+
+    def jacobian(self, q: ArrayLike, unit: Literal["deg", "rad"] = "deg") -> Matrix:
+        """The flange's geometric Jacobian in the base frame, exact.
+
+        Parameters
+        ----------
+        q
+            (..., n) joint positions as for `fk`.
+        unit
+            Of the revolute joints in `q`; the Jacobian is by radians and mm for either.
+
+        Returns
+        -------
+        ndarray
+            (..., 6, n). Rows 0 to 2 are the translation of the flange's origin, mm per rad (of a prismatic
+            joint mm per mm); rows 3 to 5 its rotation, rad per rad (0 of a prismatic joint).
+
+        Raises
+        ------
+        BadInput
+            As `fk`.
+        """
+        return self.pose_and_jacobian(q, unit)[1]
+
+    def with_offsets(self, delta: Matrix) -> Robot:
+        """The robot that is at recorded positions where this one is at those plus `delta` (n,), rad or mm.
+
+        The offsets are in the transforms before the joints; limits stay.
+        """
+        joints = tuple(
+            replace(joint, fixed=joint.fixed @ _motion(joint, float(value)))
+            for joint, value in zip(self.joints, delta, strict=True)
+        )
+        return replace(self, joints=joints)
+
+    def pose_and_jacobian(self, q: ArrayLike, unit: str = "deg") -> tuple[Matrix, Matrix]:
+        """What `fk` and `jacobian` return, computed together."""
+        if unit not in ("deg", "rad"):
+            raise BadInput(
+                "there is no such unit", found=repr(unit), allowed="'deg' or 'rad'", argument="unit"
+            )
+        wanted = f"finite numbers of shape (..., {self.n}): {self.name} has {self.n} joints"
+        try:
+            joints = np.asarray(q, dtype=float)
+        except (TypeError, ValueError):
+            raise BadInput(
+                "this is not an array of numbers", found=type(q).__name__, allowed=wanted, argument="q"
+            ) from None
+        if joints.ndim == 0 or joints.shape[-1] != self.n:
+            raise BadInput("the array has the wrong shape", found=joints.shape, allowed=wanted, argument="q")
+        if not np.isfinite(joints).all():
+            raise BadInput("a joint position is not finite", allowed=wanted, argument="q")
+        if unit == "deg":
+            joints = joints / self.display
+        batch, rows = joints.shape[:-1], joints.reshape(-1, self.n)
+        pose, jacobian = np.zeros((len(rows), 4, 4)), np.zeros((len(rows), 6, self.n))
+        if len(rows):
+            # A matrix of columns in gives matrices side by side out.
+            upper, motion = self._both.map(len(rows))(rows.T)
+            pose[:, :3] = upper.full().reshape(3, -1, 4).transpose(1, 0, 2)
+            jacobian[:] = motion.full().reshape(6, -1, self.n).transpose(1, 0, 2)
+        pose[:, 3, 3] = 1.0
+        return pose.reshape(*batch, 4, 4), jacobian.reshape(*batch, 6, self.n)
+
+    @cached_property
+    def _both(self) -> ca.Function:
+        theta = ca.SX.sym("theta", self.n)
+        rotation, translation, origins, axes, _ = self._chain(theta)
+        columns = [
+            ca.vertcat(ca.cross(axis, translation - origin), axis)
+            if joint.kind == "revolute"
+            else ca.vertcat(axis, ca.SX.zeros(3))
+            for joint, origin, axis in zip(self.joints, origins, axes, strict=True)
+        ]
+        outputs = [ca.densify(ca.horzcat(rotation, translation)), ca.densify(ca.horzcat(*columns))]
+        return ca.Function("pose", [theta], ca.cse(outputs), ["theta"], ["pose", "jacobian"])
+
+    def flange_pose(self, theta: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """R (3, 3) and t (3, 1) mm of the flange in the base frame at the true joint positions (eq. 4).
+
+        `theta` is (n, 1), rad or mm: the recorded positions plus the offsets (eq. 3).
+        """
+        rotation, translation, *_ = self._chain(theta)
+        return rotation, translation
+
+    def skeleton(self, theta: ca.SX) -> ca.SX:
+        """(3, n + 2) mm: the base, the origin of each joint and the flange, in the base frame."""
+        _, translation, origins, *_ = self._chain(theta)
+        return ca.horzcat(ca.SX.zeros(3), *origins, translation)
+
+    def links(self, theta: ca.SX) -> ca.SX:
+        """(3, 4 (n + 1)): rotation and place, mm, of the base and of the link behind each joint in the base
+        frame, side by side: frames that move with them, as a URDF names them."""
+        poses = [ca.horzcat(ca.SX.eye(3), ca.SX.zeros(3)), *self._chain(theta)[4]]
+        return ca.horzcat(*poses)
+
+    def axes(self, theta: ca.SX) -> ca.SX:
+        """(3, n) the unit axis of each joint in the base frame."""
+        return ca.horzcat(*self._chain(theta)[3])
+
+    def recorded_turns(self, joints: Matrix) -> Matrix:
+        """(…, 2n): cosine and sine of each recorded position (…, n); the position and 0 if prismatic."""
+        revolute = np.array([joint.kind == "revolute" for joint in self.joints])
+        pairs = np.where(
+            revolute[:, None],
+            np.stack([np.cos(joints), np.sin(joints)], axis=-1),
+            np.stack([joints, np.zeros_like(joints)], axis=-1),
+        )
+        return pairs.reshape(*joints.shape[:-1], 2 * self.n)
+
+    def turns(self, theta: ca.SX) -> list[Turn]:
+        """The motion of each joint at its true position `theta` (n, 1), rad or mm."""
+        return [
+            (ca.cos(theta[i]), ca.sin(theta[i])) if joint.kind == "revolute" else (theta[i], ca.SX(0))
+            for i, joint in enumerate(self.joints)
+        ]
+
+    def turns_with_offsets(self, recorded: ca.SX, delta: ca.SX) -> list[Turn]:
+        """The same from `recorded_turns` (2n, 1) and offsets (n, 1), by the sum of two angles.
+
+        Sines of what is recorded are then computed once for a run, those of the offsets once for all shots.
+        """
+        result: list[Turn] = []
+        for i, joint in enumerate(self.joints):
+            a, b = recorded[2 * i], recorded[2 * i + 1]
+            if joint.kind == "revolute":
+                cosine, sine = ca.cos(delta[i]), ca.sin(delta[i])
+                result.append((a * cosine - b * sine, b * cosine + a * sine))
+            else:
+                result.append((a + delta[i], ca.SX(0)))
+        return result
+
+    def seen(self, turns: Sequence[Turn], point: ca.SX) -> tuple[ca.SX, list[ca.SX]]:
+        """A point (3, 1) of the base frame as seen from the flange, and from each joint before its motion."""
+        stations: list[ca.SX] = []
+        for joint, turn in zip(self.joints, turns, strict=True):
+            point = ca.sparsify(ca.SX(joint.fixed[:3, :3].T)) @ (point - joint.fixed[:3, 3])
+            stations.append(point)
+            if joint.kind == "revolute":
+                point = axis_rotation(joint.axis, *turn).T @ point
+            else:
+                point = point - joint.axis * turn[0]
+        return ca.sparsify(ca.SX(self.flange[:3, :3].T)) @ (point - self.flange[:3, 3]), stations
+
+    def seen_jacobian(
+        self, turns: Sequence[Turn], stations: Sequence[ca.SX], vectors: ca.SX
+    ) -> tuple[ca.SX, ca.SX]:
+        """Of the components of `seen` along `vectors` (3, d), fixed in the flange frame: their Jacobians by
+        the joint positions (d, n) and by the point (d, 3).
+
+        The vectors are carried back from joint to joint; there a turn moves the point by -axis x point.
+        """
+        columns: list[ca.SX] = []
+        vectors = ca.sparsify(ca.SX(self.flange[:3, :3])) @ vectors
+        for joint, turn, point in zip(
+            reversed(self.joints), reversed(turns), reversed(stations), strict=True
+        ):
+            if joint.kind == "revolute":
+                vectors = axis_rotation(joint.axis, *turn) @ vectors
+                columns.append(-(vectors.T @ ca.cross(ca.SX(joint.axis), point)))
+            else:
+                columns.append(-(vectors.T @ ca.SX(joint.axis)))
+            vectors = ca.sparsify(ca.SX(joint.fixed[:3, :3])) @ vectors
+        return ca.horzcat(*reversed(columns)), vectors.T
+
+    def _chain(self, theta: ca.SX) -> tuple[ca.SX, ca.SX, list[ca.SX], list[ca.SX], list[ca.SX]]:
+        rotation, translation = ca.SX.eye(3), ca.SX.zeros(3)
+        origins: list[ca.SX] = []
+        axes: list[ca.SX] = []
+        links: list[ca.SX] = []
+        for joint, turn in zip(self.joints, self.turns(theta), strict=True):
+            translation = translation + rotation @ joint.fixed[:3, 3]
+            origins.append(translation)
+            rotation = rotation @ joint.fixed[:3, :3]
+            axes.append(rotation @ joint.axis)
+            if joint.kind == "revolute":
+                rotation = rotation @ axis_rotation(joint.axis, *turn)
+            else:
+                translation = translation + rotation @ (joint.axis * turn[0])
+            links.append(ca.horzcat(rotation, translation))
+        translation = translation + rotation @ self.flange[:3, 3]
+        return ca.sparsify(rotation @ self.flange[:3, :3]), translation, origins, axes, links
+
+
+def same_arm(one: Robot, other: Robot) -> bool:
+    """Whether two robots have the same joints in the same places, whatever their names and limits."""
+    return (
+        one.n == other.n
+        and all(
+            a.kind == b.kind and np.allclose(a.fixed, b.fixed) and np.allclose(a.axis, b.axis)
+            for a, b in zip(one.joints, other.joints, strict=True)
+        )
+        and np.allclose(one.flange, other.flange)
+    )
+
+
+def axis_rotation(axis: Matrix, cosine: ca.SX, sine: ca.SX) -> ca.SX:
+    """Rotation (3, 3) about the unit `axis` (3,) by an angle given by its cosine and sine (Rodrigues)."""
+    along, across, cross = _about(*axis.tolist())
+    return ca.sparsify(along + cosine * across + sine * cross)
+
+
+@lru_cache(maxsize=64)
+def _about(x: float, y: float, z: float) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """uu', 1 - uu' and the matrix of u x of a unit axis u: few arms have others than z, and CasADi takes its
+    time to read an array."""
+    along = np.outer([x, y, z], [x, y, z])
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return ca.SX(along), ca.SX(np.eye(3) - along), ca.SX(cross)
+
+
+def _motion(joint: Joint, value: float) -> Matrix:
+    """(4, 4) of a joint at a position, rad or mm."""
+    if joint.kind == "prismatic":
+        return shift(*(joint.axis * value))
+    result = np.eye(4)
+    turn = axis_rotation(joint.axis, ca.SX(np.cos(value)), ca.SX(np.sin(value)))
+    result[:3, :3] = ca.evalf(turn).full()
+    return result
+
+
+def rotation_about(axis: Literal["x", "y", "z"], angle: float) -> Matrix:
+    """Homogeneous rotation (4, 4) by `angle` (rad) about a coordinate axis."""
+    i = "xyz".index(axis)
+    j, k = (i + 1) % 3, (i + 2) % 3
+    result = np.eye(4)
+    # Exact zeros and ones at multiples of 90 degrees keep the symbolic model free of 1e-17 terms.
+    cosine, sine = (round(v) if abs(v - round(v)) < 1e-12 else v for v in (np.cos(angle), np.sin(angle)))
+    result[j, j] = result[k, k] = cosine
+    result[j, k], result[k, j] = -sine, sine
+    return result
+
+
+def shift(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Matrix:
+    """Homogeneous translation (4, 4) in mm."""
+    result = np.eye(4)
+    result[:3, 3] = x, y, z
+    return result

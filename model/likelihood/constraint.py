@@ -1,0 +1,374 @@
+"""The residuals, as symbolic functions of one shot.
+
+One shot has the inputs
+
+    q      (n,)   recorded joint positions, rad or mm
+    spot   (d,)   recorded position of the target across the beam, mm (zero for a probe)
+    arm    (a,)   joint offsets delta (n,), then the geometry parameters if there are any
+    target (3,)   target in the base frame, mm
+    tool   (k,)   the free tool parameters (k = 0 if it is calibrated)
+
+and the residual m (d,), kept in the flange frame: there the rotation of base and target about joint 1
+cancels exactly, whatever the residual. Since q and delta enter only as q + delta, the Jacobian
+by delta is the Jacobian by q as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Literal
+
+import casadi as ca
+import numpy as np
+
+from ..kinematics.robot import Robot, Turn
+from .geometry import NOMINAL, Geometry
+from .kernel import Kernel
+from .midpoint import midpoint_function
+from .posture import Posture
+from .tool import Tool
+
+# What does not change from shot to shot of one walker.
+_HOISTED = ("arm", "tool", "variances", "stated")
+
+
+@dataclass(frozen=True, eq=False)
+class ShotFunctions:
+    """Named CasADi functions of one shot, built when first asked for; every derivative is exact.
+
+    linear    (q, spot, arm, target, tool) -> m (d,), jacobian (d, a + 3 + k) by arm, target, tool
+    terms     (turns, spot, weight, arm, target, tool, variances, stated) -> quad, logdet: weight times
+              m' S^-1 m, and the log det of `log_det`
+    slopes    the same -> quad, logdet, their gradients (f,), the lower triangle (3,) of the information on
+              the logarithms of the noise factors of joints and spot, root_weight, and root (d, a + 3 + k),
+              the whitened Jacobian: its kernel has weight root' root, the lower triangle row by row, in place
+              of the last two. f = a + 3 + k, and 2 for the noise factors where `log_det` is "relative"
+    seen      (q, arm, target) -> y (3,), the target seen from the flange
+    sighted   the same -> y (3,), jacobian (3, n) by the joints
+    place     (q, arm, y) -> target (3,): the way back
+    placed    the same -> target (3,), jacobian (3, a + 3) by arm, y
+    beam      (q, arm, tool) -> origin (3,), direction (3,): the beam in the base frame (eq. 7);
+              for a probe the direction is zero and the origin is its tip
+    hit       (q, arm, tool, centre, normal) -> point (3,), length, jacobian (3, n) by the joints: where
+              the beam meets the plane through `centre` across `normal`, and how far from its origin
+    skeleton  (q, arm) -> points (3, n + 2): base, joint origins and flange in the base frame
+    axes      (q, arm) -> axes (3, n): unit joint axes in the base frame
+    midpoint  of two shots of a beam: see `midpoint_function`
+
+    `turns` (2n or 3n,) are the recorded positions as `Geometry.recorded`, `variances` (n + 1,) those of the
+    joints and of the spot, `stated` (n + 1,) what the header says of them.
+
+    `log_det` says which determinant goes with the residuals. The recorded joints are the data; the residual
+    is made of them with the parameters, and log det S alone would change with what the residual is measured
+    in (mm, or the angle seen from the laser), favouring parameters that make the beams short. What does not
+    change is log det S "relative" to the S of the stated noise: it is needed where the noise is free, and 0
+    where it is known ("none"). "whole" is log det S itself, for comparison (docs/mathematics.md).
+    """
+
+    robot: Robot
+    tool: Tool
+    log_det: Literal["none", "relative", "whole"] = "none"
+    geometry: Geometry = NOMINAL
+    _functions: dict[str, ca.Function] = field(default_factory=dict, repr=False)
+    _kernels: dict[tuple[str, bool | None], Kernel] = field(default_factory=dict, repr=False)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        # In another process they are made anew, or those that are there are taken.
+        return shot_functions, (self.robot, self.tool, self.log_det, self.geometry)
+
+    def function(self, name: str) -> ca.Function:
+        """The function of that name."""
+        if name not in self._functions:
+            self._functions[name] = _BUILT_BY[name](self)
+        return self._functions[name]
+
+    def kernel(self, name: str, *, compile: bool | None = None) -> Kernel:
+        """The same as a fast callable, made once; `compile` as for a `Kernel`."""
+        other = None if compile is False else self._kernels.get((name, None if compile else True))
+        if other is not None and other.compiled:
+            return other
+        if (name, compile) not in self._kernels:
+            hoisted = _HOISTED if name in ("terms", "slopes") else ()
+            self._kernels[name, compile] = Kernel(
+                self.function(name), compile=compile, hoisted=hoisted, gram=name == "slopes"
+            )
+        return self._kernels[name, compile]
+
+
+_made: dict[bytes, ShotFunctions] = {}
+_MOST_MADE = 32
+
+
+def shot_functions(
+    robot: Robot,
+    tool: Tool,
+    log_det: Literal["none", "relative", "whole"] = "none",
+    geometry: Geometry = NOMINAL,
+) -> ShotFunctions:
+    """Those of this arm and tool, made once for all that are the same: to build and compile them takes longer
+    than most of what is asked of them."""
+    numbers = [part for joint in robot.joints for part in (joint.fixed, joint.axis)] + [
+        robot.flange,
+        tool.point,
+    ]
+    if tool.direction is not None:
+        numbers.append(tool.direction)
+    kinds = [joint.kind for joint in robot.joints] + [tool.kind, str(tool.calibrated), log_det]
+    key = " ".join(kinds).encode() + b"".join(np.asarray(part, dtype=float).tobytes() for part in numbers)
+    key += geometry.key
+    if key not in _made:
+        if len(_made) == _MOST_MADE:
+            _made.pop(next(iter(_made)))
+        _made[key] = ShotFunctions(robot, tool, log_det, geometry)
+    made = _made[key]
+    if made.geometry is not geometry:
+        # The functions are the same whatever the tolerances, but these are asked of their geometry.
+        return ShotFunctions(robot, tool, log_det, geometry, made._functions, made._kernels)
+    return made
+
+
+class _Shot:
+    """The symbols of one shot, its residual and the residual's Jacobian (section 1 of the conventions).
+
+    `turned` gives the joints' motions for offsets (n, 1) that hold at this posture, `recorded` what was
+    recorded of it, as `Geometry.recorded`.
+    """
+
+    def __init__(
+        self, functions: ShotFunctions, recorded: ca.SX, turned: Callable[[ca.SX], list[Turn]]
+    ) -> None:
+        tool, geometry, n = functions.tool, functions.geometry, functions.robot.n
+        self.spot, self.target = ca.SX.sym("spot", tool.miss_size), ca.SX.sym("target", 3)
+        self.arm = ca.SX.sym("arm", n + len(geometry.names))
+        self.unknown = ca.SX.sym("tool", len(tool.free_axes))
+        robot = geometry.moved(functions.robot, self.arm[n:])
+        turns = turned(geometry.bent(functions.robot, self.arm, recorded))
+        seen, stations = robot.seen(turns, self.target)
+        if tool.kind == "laser":
+            point, _, across = tool.beam(self.unknown)
+        else:
+            point, across = tool.tip(self.unknown), ca.SX.eye(3)
+        self.residual = across.T @ (seen - point) - self.spot
+        self.by_joints, by_target = robot.seen_jacobian(turns, stations, across)
+        by_geometry = ca.jacobian(self.residual, self.arm)[:, n:]
+        by_tool = ca.jacobian(self.residual, self.unknown)
+        self.jacobian = ca.horzcat(self.by_joints, by_geometry, by_target, by_tool)
+
+    @property
+    def free(self) -> ca.SX:
+        return ca.vertcat(self.arm, self.target, self.unknown)
+
+
+def _linear(functions: ShotFunctions) -> ca.Function:
+    robot, q = functions.robot, ca.SX.sym("q", functions.robot.n)
+    recorded = functions.geometry.recorded_symbols(robot, q)
+    shot = _Shot(functions, recorded, lambda delta: robot.turns(q + delta))
+    return ca.Function(
+        "linear",
+        [q, shot.spot, shot.arm, shot.target, shot.unknown],
+        ca.cse([shot.residual, ca.densify(shot.jacobian)]),
+        ["q", "spot", "arm", "target", "tool"],
+        ["m", "jacobian"],
+    )
+
+
+class _Weighted(_Shot):
+    """A shot with its noise: covariance of the residual, and the two terms of the log-likelihood."""
+
+    def __init__(self, functions: ShotFunctions) -> None:
+        robot, n = functions.robot, functions.robot.n
+        self.recorded = ca.SX.sym("turns", functions.geometry.recorded_size(robot))
+        super().__init__(
+            functions, self.recorded, lambda delta: robot.turns_with_offsets(self.recorded, delta)
+        )
+        self.weight = ca.SX.sym("weight")
+        self.variances, self.stated = ca.SX.sym("variances", n + 1), ca.SX.sym("stated", n + 1)
+        self.by_noise = self._covariances(self.variances)
+        self.factor = _cholesky(sum(self.by_noise, ca.SX(0)))
+        self.quad = self.weight * ca.sumsqr(_forward(self.factor, self.residual))
+        self.logdet = ca.SX(0)
+        if functions.log_det != "none":
+            self.logdet = self.weight * _log_det(self.factor)
+        if functions.log_det == "relative":
+            stated = _cholesky(sum(self._covariances(self.stated), ca.SX(0)))
+            self.logdet -= self.weight * _log_det(stated)
+
+    def _covariances(self, variances: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """What the joints' noise and the spot's add to the covariance of the residual."""
+        n = self.by_joints.size2()
+        by_joints = self.by_joints @ ca.diag(variances[:n]) @ self.by_joints.T
+        return by_joints, variances[n] * ca.SX.eye(self.by_joints.size1())
+
+    @property
+    def inputs(self) -> tuple[list[ca.SX], list[str]]:
+        symbols = [self.recorded, self.spot, self.weight, self.arm, self.target, self.unknown]
+        names = ["turns", "spot", "weight", "arm", "target", "tool", "variances", "stated"]
+        return [*symbols, self.variances, self.stated], names
+
+
+def _terms(functions: ShotFunctions) -> ca.Function:
+    shot = _Weighted(functions)
+    symbols, names = shot.inputs
+    return ca.Function("terms", symbols, ca.cse([shot.quad, shot.logdet]), names, ["quad", "logdet"])
+
+
+def _slopes(functions: ShotFunctions) -> ca.Function:
+    shot = _Weighted(functions)
+    symbols, names = shot.inputs
+    n = functions.robot.n
+    gradients = [ca.gradient(value, shot.free) for value in (shot.quad, shot.logdet)]
+    whitened = _forward(shot.factor, shot.jacobian)
+    noise_information = ca.SX(3, 1)
+    if functions.log_det == "relative":
+        # By the logarithm of a factor f of the std: d/d ln f = 2 sum of variance d/d variance; the
+        # information of a normal's covariance is tr(S^-1 dS S^-1 dS) / 2 (its share in x is left out).
+        for k, value in enumerate((shot.quad, shot.logdet)):
+            own = 2 * shot.variances * ca.gradient(value, shot.variances)
+            gradients[k] = ca.vertcat(gradients[k], ca.sum1(own[:n]), own[n])
+        halves = [_forward(shot.factor, _forward(shot.factor, 2 * part).T) for part in shot.by_noise]
+        joint, spot = halves
+        pairs = ((joint, joint), (spot, joint), (spot, spot))
+        noise_information = ca.vertcat(*(shot.weight * ca.trace(a @ b.T) / 2 for a, b in pairs))
+    outputs = ca.cse([shot.quad, shot.logdet, *gradients, noise_information, shot.weight, whitened])
+    return ca.Function(
+        "slopes",
+        symbols,
+        [ca.densify(value) for value in outputs],
+        names,
+        ["quad", "logdet", "quad_gradient", "logdet_gradient", "noise_information", "root_weight", "root"],
+    )
+
+
+def _seen(functions: ShotFunctions) -> ca.Function:
+    posture, target = _posture(functions), ca.SX.sym("target", 3)
+    rotation, translation = posture.pose
+    seen = rotation.T @ (target - translation)
+    return ca.Function("seen", [posture.q, posture.arm, target], [seen], ["q", "arm", "target"], ["y"])
+
+
+def _sighted(functions: ShotFunctions) -> ca.Function:
+    posture, target = _posture(functions), ca.SX.sym("target", 3)
+    rotation, translation = posture.pose
+    y = rotation.T @ (target - translation)
+    return ca.Function(
+        "sighted",
+        [posture.q, posture.arm, target],
+        ca.cse([y, ca.densify(ca.jacobian(y, posture.q))]),
+        ["q", "arm", "target"],
+        ["y", "jacobian"],
+    )
+
+
+def _place(functions: ShotFunctions) -> ca.Function:
+    posture, y = _posture(functions), ca.SX.sym("y", 3)
+    rotation, translation = posture.pose
+    placed = translation + rotation @ y
+    return ca.Function("place", [posture.q, posture.arm, y], [placed], ["q", "arm", "y"], ["target"])
+
+
+def _placed(functions: ShotFunctions) -> ca.Function:
+    posture, y = _posture(functions), ca.SX.sym("y", 3)
+    rotation, translation = posture.pose
+    placed = translation + rotation @ y
+    return ca.Function(
+        "placed",
+        [posture.q, posture.arm, y],
+        [placed, ca.densify(ca.jacobian(placed, ca.vertcat(posture.arm, y)))],
+        ["q", "arm", "y"],
+        ["target", "jacobian"],
+    )
+
+
+def _beam(functions: ShotFunctions) -> ca.Function:
+    posture, tool = _posture(functions), functions.tool
+    rotation, translation = posture.pose
+    unknown = ca.SX.sym("tool", len(tool.free_axes))
+    if tool.kind == "laser":
+        point, direction, _ = tool.beam(unknown)
+    else:
+        point, direction = tool.tip(unknown), ca.SX.zeros(3)
+    return ca.Function(
+        "beam",
+        [posture.q, posture.arm, unknown],
+        [translation + rotation @ point, ca.densify(rotation @ direction)],
+        ["q", "arm", "tool"],
+        ["origin", "direction"],
+    )
+
+
+def _hit(functions: ShotFunctions) -> ca.Function:
+    posture = _posture(functions)
+    rotation, translation = posture.pose
+    unknown = ca.SX.sym("tool", len(functions.tool.free_axes))
+    centre, normal = ca.SX.sym("centre", 3), ca.SX.sym("normal", 3)
+    point, direction, _ = functions.tool.beam(unknown)
+    origin, direction = translation + rotation @ point, rotation @ direction
+    length = ca.dot(normal, centre - origin) / ca.dot(normal, direction)
+    hit = origin + length * direction
+    return ca.Function(
+        "hit",
+        [posture.q, posture.arm, unknown, centre, normal],
+        ca.cse([hit, length, ca.densify(ca.jacobian(hit, posture.q))]),
+        ["q", "arm", "tool", "centre", "normal"],
+        ["point", "length", "jacobian"],
+    )
+
+
+def _skeleton(functions: ShotFunctions) -> ca.Function:
+    posture = _posture(functions)
+    points = ca.densify(posture.robot.skeleton(posture.theta))
+    return ca.Function("skeleton", [posture.q, posture.arm], [points], ["q", "arm"], ["points"])
+
+
+def _axes(functions: ShotFunctions) -> ca.Function:
+    posture = _posture(functions)
+    axes = ca.densify(posture.robot.axes(posture.theta))
+    return ca.Function("axes", [posture.q, posture.arm], [axes], ["q", "arm"], ["axes"])
+
+
+_BUILT_BY: dict[str, Callable[[ShotFunctions], ca.Function]] = {
+    "linear": _linear,
+    "terms": _terms,
+    "slopes": _slopes,
+    "seen": _seen,
+    "sighted": _sighted,
+    "place": _place,
+    "placed": _placed,
+    "beam": _beam,
+    "hit": _hit,
+    "skeleton": _skeleton,
+    "axes": _axes,
+    "midpoint": lambda functions: midpoint_function(functions.robot, functions.tool, functions.geometry),
+}
+
+
+def _posture(functions: ShotFunctions) -> Posture:
+    return Posture(functions.robot, functions.geometry)
+
+
+def _cholesky(covariance: ca.SX) -> ca.SX:
+    """(d, d) lower factor, written out: d is 2 or 3."""
+    d = covariance.size1()
+    factor = ca.SX.zeros(d, d)
+    for i in range(d):
+        for j in range(i + 1):
+            value = covariance[i, j] - sum((factor[i, k] * factor[j, k] for k in range(j)), ca.SX(0))
+            factor[i, j] = ca.sqrt(value) if i == j else value / factor[j, j]
+    return factor
+
+
+def _log_det(factor: ca.SX) -> ca.SX:
+    diagonal = ca.SX(1)
+    for i in range(factor.size1()):
+        diagonal = diagonal * factor[i, i]
+    return 2 * ca.log(diagonal)
+
+
+def _forward(factor: ca.SX, right: ca.SX) -> ca.SX:
+    """L^-1 B of a lower factor (d, d) and B (d, m), by forward substitution."""
+    rows: list[ca.SX] = []
+    for i in range(factor.size1()):
+        inner = sum((factor[i, k] * rows[k] for k in range(i)), ca.SX(0))
+        rows.append((right[i, :] - inner) / factor[i, i])
+    return ca.vertcat(*rows)

@@ -1,0 +1,333 @@
+"""The log-posterior: the likelihood with the covariance that moves with the parameters, and the priors.
+
+One density serves a run, many starts on a run, or many runs that share all but the recorded numbers: the
+rows of a parameter array x (W, p) are computed side by side, and `of` (W,) names the data set of each row.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property, lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from ..kinematics.robot import Matrix
+from .c_source import GridInput, Offsets, columns, constant, per_both, per_inner, per_outer
+from .kernel import Index, Kernel
+from .problem import Problem
+
+
+class Slopes(NamedTuple):
+    """`value` (W,) log-posterior, `gradient` (W, f) and `information` (W, f, f), by the scaled free
+    parameters z. The gradient is exact; the information is Fisher's of the residuals (J' S^-1 J), with the
+    priors' and the distances' (of no rows where it was not asked for)."""
+
+    value: Matrix
+    gradient: Matrix
+    information: Matrix
+
+
+class _Block(NamedTuple):
+    """Of one target: `free` (m,) the columns among the free parameters, `local` (m,) among those of a shot.
+
+    `pairs` and `lower`: where each pair of the r of the residual is among the f * f of an information, and in
+    the lower triangle of that of a shot, row by row; `noise_pairs` and `noise_lower` those of the noise
+    factors."""
+
+    free: slice | Index
+    local: slice | Index
+    pairs: slice | Index
+    lower: Index
+    noise_pairs: slice | Index
+    noise_lower: Index
+
+
+class Density:
+    """Log-posterior of B data sets: `joints` (B, N, n), `spots` (B, N, d), both the problem's own by default.
+
+    `weights` (B, N) multiply what each shot adds (0 leaves it out); the problem's own by default.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        joints: Matrix | None = None,
+        spots: Matrix | None = None,
+        weights: Matrix | None = None,
+    ) -> None:
+        self.problem = problem
+        self.joints = problem.joints[None] if joints is None else joints
+        self.spots = problem.spots[None] if spots is None else spots
+        self.weights = problem.weights[None] if weights is None else weights
+        self._kept: dict[int | None, list[GridInput]] = {}  # by target, where they are those of every row
+        self._stated: dict[int, GridInput] = {}  # by the number of shots
+        self._columns: dict[int | None, tuple[Offsets, Offsets, Offsets]] = {}  # by target
+
+    @property
+    def _single(self) -> bool:
+        return len(self.joints) == len(self.spots) == len(self.weights) == 1
+
+    @cached_property
+    def size(self) -> int:
+        """f: the number of free parameters."""
+        return len(self._free)
+
+    def weighted(self, weights: Matrix) -> Density:
+        """The same data with weights (B, N) times those of the problem."""
+        return Density(self.problem, self.joints, self.spots, self.problem.weights * weights)
+
+    # Values
+
+    def log_likelihood(self, x: Matrix, of: Index | None = None) -> Matrix:
+        """(W,) log-likelihood of parameter vectors (W, p): -m' S^-1 m / 2 summed over the shots, with the S
+        of those parameters, and the log det of `ShotFunctions`.
+
+        With an estimated noise scale the common factor is integrated out (a Student-t in the residuals).
+        Values are up to a constant; where a number is not finite the result is -inf.
+        """
+        # What overflows or is no number is -inf, not by numpy's warnings.
+        with np.errstate(all="ignore"):
+            quad, logdet = self._shot_sums(x, of)
+            value = self._value(quad, logdet, self._distance_quad(x), of)
+        return np.where(np.isfinite(value), value, -np.inf)
+
+    def log_prior(self, x: Matrix) -> Matrix:
+        """(W,) log of the normal priors of what is not held, up to a constant."""
+        with np.errstate(all="ignore"):
+            value = -(self.scaled(x) ** 2).sum(axis=1) / 2
+        return np.where(np.isnan(value), -np.inf, value)
+
+    def log_posterior(self, x: Matrix, of: Index | None = None) -> Matrix:
+        """(W,) of parameter vectors (W, p), up to a constant; never a NaN."""
+        return self.log_likelihood(x, of) + self.log_prior(x)
+
+    def scaled(self, x: Matrix) -> Matrix:
+        """z (W, f): the free parameters in prior stds from their prior means."""
+        return np.asarray((x[:, self._free_slice] - self._mean) / self._scale)
+
+    def quads(self, x: Matrix) -> Matrix:
+        """(N,) m' S^-1 m of every shot at one x (p,), unweighted; data set 0."""
+        problem = self.problem
+        parts = problem.split(x)
+        quad, _ = self._kernel("terms")(
+            self._turns[0],
+            self.spots[0],
+            np.ones(1),
+            parts.arm,
+            parts.targets[problem.target_index],
+            parts.tool,
+            problem.variances(x),
+            problem.noise.variances,
+        )
+        return quad
+
+    def noise_weight(self, x: Matrix, of: Index | None = None) -> Matrix:
+        """(W,) 1 for known noise; where the scale is estimated, the mode of 1 / scale^2 at x (W, p)."""
+        if not self.problem.noise.estimated:
+            return np.ones(len(x))
+        quad, _ = self._shot_sums(x, of)
+        return self.numbers(of) / quad
+
+    def numbers(self, of: Index | None = None) -> Matrix:
+        """(W,) or (1,): how many residuals' components the data sets have, those left out not counted."""
+        count = self.weights.sum(axis=1) * self.problem.tool.miss_size
+        return np.asarray(count if of is None or len(count) == 1 else count[of])
+
+    # Slopes
+
+    @np.errstate(all="ignore")  # as in log_likelihood
+    def slopes(self, x: Matrix, of: Index | None = None, *, with_information: bool = True) -> Slopes:
+        """Value, gradient and information at parameter vectors (W, p)."""
+        problem, rows, size = self.problem, len(x), self.size
+        quad, logdet = np.zeros(rows), np.zeros(rows)
+        by_quad, gradient = np.zeros((rows, size)), np.zeros((rows, size))
+        flat = np.zeros((rows if with_information else 0, size * size))
+        with_log_det = problem.functions.log_det != "none"
+        for k, block in enumerate(self._blocks):
+            shots = self._shots_of[k]
+            own = self._kernel("slopes").sums(self._grid(x, of, None, shots, k), rows, len(shots))
+            quad += own[0]
+            by_quad[:, block.free] += own[2][:, block.local]
+            if with_log_det:
+                logdet += own[1]
+                gradient[:, block.free] += own[3][:, block.local]
+            if with_information:
+                flat[:, block.pairs] += own[5].take(block.lower, axis=1)
+                if problem.noise.separate:
+                    flat[:, block.noise_pairs] += own[4].take(block.noise_lower, axis=1)
+        information = flat.reshape(len(flat), size, size)
+        if problem.noise.estimated:
+            weight = self.numbers(of) / quad
+            by_quad *= weight[:, None]
+            information *= weight[: len(information), None, None]
+        gradient += by_quad
+        distance: Matrix | float = 0.0
+        if problem.distances:
+            distance, by_distance, own_information = self._distance_slopes(x)
+            gradient += by_distance[:, self._free]
+            if with_information:
+                information += own_information[:, self._free[:, None], self._free]
+        z = self.scaled(x)
+        value = self._value(quad, logdet, distance, of) - (z**2).sum(axis=1) / 2
+        information *= self._scale_squared
+        flat[:, :: size + 1] += 1.0
+        value[~np.isfinite(value)] = -np.inf
+        return Slopes(value, gradient * (-self._scale / 2) - z, information)
+
+    def prior_information(self, x: Matrix) -> Matrix:
+        """(W, f, f) the part of the information that does not come from the shots."""
+        _, _, own = self._distance_slopes(x)
+        return own[:, self._free[:, None], self._free] * self._scale_squared + np.eye(self.size)
+
+    # How it is made up
+
+    def _value(self, quad: Matrix, logdet: Matrix, distance: Matrix | float, of: Index | None) -> Matrix:
+        if self.problem.noise.estimated:
+            quad = self.numbers(of) * np.log(quad)
+        return -(quad + logdet + distance) / 2
+
+    def _shot_sums(self, x: Matrix, of: Index | None, weights: Matrix | None = None) -> tuple[Matrix, Matrix]:
+        """(W,) sums over the shots of m' S^-1 m and log det S."""
+        shots = self.problem.shots
+        quad, logdet = self._kernel("terms").sums(self._grid(x, of, weights), len(x), shots)
+        return quad, logdet
+
+    def _distance_slopes(self, x: Matrix) -> tuple[Matrix, Matrix, Matrix]:
+        """Of the sum of squares of the whitened distances: (W,), gradient (W, p), information (W, p, p)."""
+        residual, jacobian = self.problem.distance_rows(x)
+        gradient = 2 * (residual[:, None, :] @ jacobian)[:, 0]
+        return (residual**2).sum(axis=1), gradient, jacobian.transpose(0, 2, 1) @ jacobian
+
+    def _distance_quad(self, x: Matrix) -> Matrix:
+        if not self.problem.distances:
+            return np.zeros(len(x))
+        residual, _ = self.problem.distance_rows(x)
+        return np.asarray((residual**2).sum(axis=1))
+
+    def _kernel(self, name: str) -> Kernel:
+        return self.problem.functions.kernel(name)
+
+    def _grid(
+        self,
+        x: Matrix,
+        of: Index | None,
+        weights: Matrix | None = None,
+        shots: Index | None = None,
+        target: int | None = None,
+    ) -> list[GridInput]:
+        """The inputs of `terms` and `slopes` at x (W, p): all shots, or `shots` of one target."""
+        problem = self.problem
+        x = np.ascontiguousarray(x)
+        count = problem.shots if shots is None else len(shots)
+        if weights is None and target in self._kept and (of is None or self._single):
+            recorded = self._kept[target]
+        else:
+            weights_of = self.weights if weights is None else weights
+            over = (self._turns, self.spots, weights_of[:, :, None])
+            recorded = [_over(values, of, shots) for values in over]
+            if weights is None and (of is None or self._single):
+                self._kept[target] = recorded
+        return [*recorded, *columns(x, *self._places(target, count)), *self._variances(x, count)]
+
+    def inputs(self, x: Matrix, shots: Index, target: int) -> list[GridInput]:
+        """Those of `slopes` at x (W, p) for the shots of a target, row w being data set w."""
+        return self._grid(x, None, None, shots, target)
+
+    def _places(self, target: int | None, count: int) -> tuple[Offsets, Offsets, Offsets]:
+        """The columns of arm, target and tool in x, for `count` shots: all, or those of one target."""
+        if target not in self._columns:
+            parameters, problem = self.problem.parameters, self.problem
+            if target is None:
+                own = parameters.block("target").start + 3 * problem.target_index
+            else:
+                own = np.full(count, parameters.block("target", target).start)
+            arm, tool = (np.full(count, block.start) for block in (parameters.arm, parameters.block("tool")))
+            self._columns[target] = (Offsets.of(arm), Offsets.of(own), Offsets.of(tool))
+        return self._columns[target]
+
+    def _variances(self, x: Matrix, count: int) -> list[GridInput]:
+        """Those of x, and as stated."""
+        if count not in self._stated:
+            self._stated[count] = constant(self.problem.noise.variances, count)
+        stated = self._stated[count]
+        if not self.problem.noise.separate:
+            return [stated, stated]
+        return [per_outer(self.problem.variances(x), count), stated]
+
+    @cached_property
+    def _free(self) -> Index:
+        return np.flatnonzero(self.problem.parameters.free)
+
+    @cached_property
+    def _scale(self) -> Matrix:
+        """(f,) prior stds of the free parameters."""
+        return self.problem.parameters.prior_std[self._free]
+
+    @cached_property
+    def _mean(self) -> Matrix:
+        """(f,) prior means of the free parameters."""
+        return self.problem.parameters.prior_mean[self._free]
+
+    @cached_property
+    def _free_slice(self) -> slice | Index:
+        """The free columns, as a slice where they are contiguous: that spares a copy."""
+        return together(self._free)
+
+    @cached_property
+    def _turns(self) -> Matrix:
+        return self.problem.geometry.recorded(self.problem.robot, self.joints)
+
+    @cached_property
+    def _shots_of(self) -> list[Index]:
+        """Per target the index of its shots."""
+        problem = self.problem
+        return [np.flatnonzero(problem.target_index == k) for k in range(len(problem.targets))]
+
+    @cached_property
+    def _blocks(self) -> list[_Block]:
+        """Per target the places of the slopes of its shots among the free parameters."""
+        parameters, blocks = self.problem.parameters, []
+        for k in range(len(self.problem.targets)):
+            columns = parameters.of_shot(k)
+            local = np.flatnonzero(parameters.free[columns])
+            size = len(parameters.of_shot(k, noise=False))
+            own, noise = local[local < size], local[local >= size] - size
+            free = parameters.among_free[columns[local]]
+            pairs, noise_pairs = (
+                together((part[:, None] * self.size + part).reshape(-1))
+                for part in (free[: len(own)], free[len(own) :])
+            )
+            blocks.append(
+                _Block(together(free), together(local), pairs, _lower(own), noise_pairs, _lower(noise))
+            )
+        return blocks
+
+    @cached_property
+    def _scale_squared(self) -> Matrix:
+        return np.outer(self._scale, self._scale)
+
+
+def together(places: Index) -> slice | Index:
+    """Places as a slice where they follow each other: that is faster."""
+    together = len(places) > 0 and bool((np.diff(places) == 1).all())
+    return slice(int(places[0]), int(places[-1]) + 1) if together else places
+
+
+def _lower(places: Index) -> Index:
+    """(m * m,) where each pair of `places` (m,) is in a lower triangle, row by row."""
+    rows, others = np.maximum.outer(places, places), np.minimum.outer(places, places)
+    return np.asarray(rows * (rows + 1) // 2 + others, dtype=np.int64).reshape(-1)
+
+
+def _over(values: Matrix, of: Index | None, shots: Index | None) -> GridInput:
+    """Values (B, N, size) of data sets, some of their shots: the one that there is, or those of `of`."""
+    values = values if shots is None or len(shots) == values.shape[1] else values[:, shots]
+    if len(values) == 1:
+        return per_inner(values[0], values.shape[1])
+    return per_both(values, of)
+
+
+@lru_cache(maxsize=8)
+def density_of(problem: Problem) -> Density:
+    """That of the problem's own measurements, made once."""
+    return Density(problem)

@@ -1,0 +1,349 @@
+"""What of an arm's geometry is uncertain: link parameters, deflection under gravity, first harmonics.
+
+Link i is the body between the axes of joints i and i + 1; the last one ends at the z axis of the flange. Its
+parameters are deviations from nominal, minimal and continuous (Hayati and Mirmirani 1985):
+
+    Tz(d) Tx(a) Rx(alpha) Ry(beta)
+
+in a frame on axis i + 1, where it is nearest to axis i: z along axis i, x along the common normal (the x axis
+of Denavit and Hartenberg). Where the two axes are nearly parallel that place is not defined: it is then the
+origin of the next joint, and beta is a parameter in place of d. The rotation about z is the joint's offset.
+Behind a prismatic joint, where d is the offset, the rotation theta about z is the parameter.
+
+What the offset of joint i is depends on the recorded positions q where the arm bends:
+
+    delta_i + gravity_i tau_i(q) / max |tau_i| + cos_i cos q_i + sin_i sin q_i
+
+with the torque tau_i of the links' weight about joint i of the nominal arm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any, Literal
+
+import casadi as ca
+import numpy as np
+
+from ..errors import BadInput
+from ..kinematics.robot import Matrix, Robot
+
+if TYPE_CHECKING:
+    from ..files.header import Header
+    from ..files.stated_geometry import StatedGeometry
+
+LinkAxis = Literal["a", "alpha", "d", "beta", "theta"]
+ANGLES: frozenset[str] = frozenset({"alpha", "beta", "theta"})
+
+GRAVITY_STD = float(np.radians(0.05))  # of a deflection at the largest torque, measured on real arms
+HARMONIC_STD = float(np.radians(0.02))
+_NEARLY_PARALLEL = float(np.sin(np.radians(5.0)))
+_POSTURES = 4096  # for the largest torque over the joints' ranges
+_NO_TORQUE = 1e-6  # of the largest of any joint
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """Link `number` (from 1): its parameters `axes`, and its nominal transform as `before` @ `after` (4, 4)
+    with the frame of the parameters in between."""
+
+    number: int
+    axes: tuple[LinkAxis, ...]
+    before: Matrix
+    after: Matrix
+
+    def moved(self, values: Sequence[ca.SX]) -> ca.SX:
+        """(4, 4) the transform with the parameters at `values`, in the order of `axes`; mm and rad."""
+        own = dict(zip(self.axes, values, strict=True))
+        shift = ca.SX.eye(4)
+        shift[0, 3], shift[2, 3] = own.get("a", 0), own.get("d", 0)
+        parts = [ca.SX(self.before), shift]
+        for axis, angle in (("z", own.get("theta")), ("x", own.get("alpha")), ("y", own.get("beta"))):
+            if angle is not None:
+                parts.append(_rotation(axis, angle))
+        parts.append(ca.SX(self.after))
+        result = parts[0]
+        for part in parts[1:]:
+            result = ca.sparsify(result) @ ca.sparsify(part)
+        return result
+
+
+@dataclass(frozen=True, eq=False)
+class Gravity:
+    """Deflection of the `joints` (from 0) under masses (n,) kg at the links' ends; `up` (3,) in the base
+    frame, `largest` (n,) the largest torques, over all postures within the limits: 0 of the other joints."""
+
+    joints: tuple[int, ...]
+    masses: Matrix
+    up: Matrix
+    largest: Matrix
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """The geometry parameters of one robot, in their order: links from 1, gravity, harmonics.
+
+    `length`, `angle` (n,) are the tolerances of each link, mm and rad.
+    """
+
+    links: tuple[Link, ...] = ()
+    gravity: Gravity | None = None
+    harmonics: tuple[int, ...] = ()
+    length: Matrix = field(default_factory=lambda: np.zeros(0))
+    angle: Matrix = field(default_factory=lambda: np.zeros(0))
+
+    @classmethod
+    def from_header(cls, header: Header, robot: Robot) -> Geometry:
+        """The geometry that a header states: none where it states nothing. What is `auto` is counted in.
+
+        Raises
+        ------
+        BadInput
+            Tolerances or masses of a wrong number, or harmonics of an arm with a prismatic joint.
+        """
+        stated = header.geometry
+        if stated is None:
+            return NOMINAL
+        length, angle = stated.tolerance.of_links(robot)
+        revolute = tuple(i for i, joint in enumerate(robot.joints) if joint.kind == "revolute")
+        stated.require_revolute(robot)
+        return cls(
+            links=tuple(_links(robot)),
+            gravity=_gravity(robot, stated) if stated.gravity else None,
+            harmonics=revolute if stated.harmonics else (),
+            length=length,
+            angle=angle,
+        )
+
+    @classmethod
+    def of_links(cls, robot: Robot, length_mm: float, angle_deg: float) -> Geometry:
+        """The link parameters alone, with one tolerance for all lengths and one for all angles."""
+        return _of_links(robot, length_mm, angle_deg)
+
+    def joined(self, more: Geometry) -> Geometry:
+        """The same with the gravity and the harmonics of another one."""
+        return replace(self, gravity=more.gravity or self.gravity, harmonics=more.harmonics or self.harmonics)
+
+    def without(self, rung: Literal["gravity", "harmonics"]) -> Geometry:
+        """The same without one of the two."""
+        return replace(self, gravity=None) if rung == "gravity" else replace(self, harmonics=())
+
+    def scaled(self, length: float, angle: float) -> Geometry:
+        """The same with all tolerances of links multiplied: lengths by one factor, angles by another."""
+        return replace(self, length=self.length * length, angle=self.angle * angle)
+
+    def __bool__(self) -> bool:
+        return bool(self.names)
+
+    @cached_property
+    def names(self) -> tuple[tuple[str, str], ...]:
+        """Of each parameter what it belongs to (link2, joint3) and its axis (a, alpha, gravity, cos)."""
+        bending = () if self.gravity is None else self.gravity.joints
+        return (
+            *((f"link{link.number}", axis) for link in self.links for axis in link.axes),
+            *((f"joint{i + 1}", "gravity") for i in bending),
+            *((f"joint{i + 1}", axis) for i in self.harmonics for axis in ("cos", "sin")),
+        )
+
+    def prior_std(self, of: str, axis: str) -> float:
+        """Of one parameter, mm or rad: the tolerance of its link, or what is known of real arms."""
+        if axis == "gravity":
+            return GRAVITY_STD
+        if axis in ("cos", "sin"):
+            return HARMONIC_STD
+        own = self.angle if axis in ANGLES else self.length
+        return float(own[int(of.removeprefix("link")) - 1])
+
+    def require_enough(self, header: Header, numbers: int, measurements: int, others: int) -> None:
+        """BadInput where gravity or harmonics are stated as true, and the measured `numbers` are fewer than
+        their parameters and the `others` (offsets, targets, tool) together."""
+        for rung, axes in (("gravity", {"gravity"}), ("harmonics", {"cos", "sin"})):
+            own = sum(axis in axes for _, axis in self.names)
+            asked = header.geometry is not None and getattr(header.geometry, rung) is True
+            if asked and own and numbers < others + own:
+                raise BadInput(
+                    f"geometry.{rung} is asked for, but fewer numbers are measured than there are unknowns",
+                    found=f"{numbers} numbers of {measurements} measurements",
+                    allowed=f"at least {others + own}: as many as offsets, targets, tool ({others}) and "
+                    f"parameters of {rung} ({own}) together",
+                    remedy=f"add measurements, or state {rung}: auto",
+                )
+
+    def moved(self, robot: Robot, values: ca.SX) -> Robot:
+        """The robot with its links at `values` (g,), which may be symbols: its transforms are then too."""
+        if not self.links:
+            return robot
+        fixed: list[Any] = [joint.fixed for joint in robot.joints] + [robot.flange]
+        start = 0
+        for link in self.links:
+            stop = start + len(link.axes)
+            if link.axes:
+                fixed[link.number] = link.moved(ca.vertsplit(values[start:stop]))
+            start = stop
+        joints = tuple(replace(own, fixed=at) for own, at in zip(robot.joints, fixed[:-1], strict=True))
+        return replace(robot, joints=joints, flange=fixed[-1])
+
+    def applied(self, robot: Robot, values: Matrix) -> Robot:
+        """The robot in numbers with its links at `values` (g,), mm and rad; what depends on the posture
+        (gravity, harmonics) is in no robot, and left out."""
+        moved = self.moved(robot, ca.SX(np.asarray(values, dtype=float)))
+
+        def number(transform: Any) -> Matrix:
+            return np.array(ca.evalf(ca.SX(transform)).full())
+
+        joints = tuple(replace(joint, fixed=number(joint.fixed)) for joint in moved.joints)
+        return replace(moved, joints=joints, flange=number(moved.flange))
+
+    def bent(self, robot: Robot, arm: ca.SX, recorded: ca.SX) -> ca.SX:
+        """(n, 1) offsets that hold at one posture: those of `arm` (n + g,) and what its gravity and harmonics
+        add, with what was `recorded` of the posture (see `recorded`)."""
+        delta, values = arm[: robot.n], arm[robot.n :]
+        if self.gravity is None and not self.harmonics:
+            return delta
+        start = sum(len(link.axes) for link in self.links)
+        added = [ca.SX(0)] * robot.n
+        if self.gravity is not None:
+            for i in self.gravity.joints:
+                added[i] += values[start] * recorded[2 * robot.n + i]
+                start += 1
+        for i in self.harmonics:
+            added[i] += values[start] * recorded[2 * i] + values[start + 1] * recorded[2 * i + 1]
+            start += 2
+        return delta + ca.vertcat(*added)
+
+    def recorded(self, robot: Robot, joints: Matrix) -> Matrix:
+        """(…, 2n or 3n): cosines, sines as `Robot.recorded_turns`; the torques too where gravity counts."""
+        turns = robot.recorded_turns(joints)
+        if self.gravity is None:
+            return turns
+        rows = joints.reshape(-1, robot.n)
+        torque = _torques(robot, self.gravity.masses, self.gravity.up, rows) / self._largest
+        return np.concatenate([turns, torque.reshape(joints.shape)], axis=-1)
+
+    def recorded_size(self, robot: Robot) -> int:
+        """How many numbers `recorded` has for a posture."""
+        return (2 if self.gravity is None else 3) * robot.n
+
+    def recorded_symbols(self, robot: Robot, q: ca.SX) -> ca.SX:
+        """The same (…n, 1) of symbols q (n, 1)."""
+        parts = [part for turn in robot.turns(q) for part in turn]
+        if self.gravity is None:
+            return ca.vertcat(*parts)
+        torque = torques(robot, q, self.gravity.masses, self.gravity.up)
+        return ca.vertcat(*parts, torque / self._largest)
+
+    @property
+    def _largest(self) -> Matrix:
+        assert self.gravity is not None
+        return np.where(self.gravity.largest > 0, self.gravity.largest, 1.0)
+
+    @cached_property
+    def key(self) -> bytes:
+        """Equal for geometries whose functions are the same."""
+        numbers = [part for link in self.links for part in (link.before, link.after)]
+        if self.gravity is not None:
+            numbers += [self.gravity.masses, self.gravity.up, self.gravity.largest]
+        parts = [np.asarray(part, dtype=float).tobytes() for part in numbers]
+        return b"".join([repr(self.names).encode(), *parts])
+
+
+def torques(robot: Robot, q: ca.SX, masses: Matrix, up: Matrix) -> ca.SX:
+    """(n, 1) torques of the links' weight about the joint axes at positions q (n, 1), kg mm in units of the
+    acceleration of gravity; 0 of prismatic joints. The mass of link i is at the next joint, of the last one
+    at the flange."""
+    points, axes = robot.skeleton(q), robot.axes(q)
+    result = []
+    for i, joint in enumerate(robot.joints):
+        torque = ca.SX(0)
+        if joint.kind == "revolute":
+            for k in range(i, robot.n):
+                arm = points[:, k + 2] - points[:, i + 1]
+                torque -= float(masses[k]) * ca.dot(axes[:, i], ca.cross(arm, ca.SX(up)))
+        result.append(torque)
+    return ca.vertcat(*result)
+
+
+def _torques(robot: Robot, masses: Matrix, up: Matrix, rows: Matrix) -> Matrix:
+    """(W, n) the same in numbers, of rows (W, n)."""
+    if not len(rows):
+        return rows
+    function = _torque_function(robot, tuple(masses.tolist()), tuple(up.tolist()))
+    return np.asarray(function.map(len(rows))(rows.T).full().T)
+
+
+@lru_cache(maxsize=8)  # every density of a run asks for it
+def _torque_function(robot: Robot, masses: tuple[float, ...], up: tuple[float, ...]) -> ca.Function:
+    q = ca.SX.sym("q", robot.n)
+    return ca.Function("torques", [q], [ca.densify(torques(robot, q, np.array(masses), np.array(up)))])
+
+
+def _gravity(robot: Robot, stated: StatedGeometry) -> Gravity | None:
+    masses = stated.masses(robot)
+    up = np.array(stated.up, dtype=float)
+    up /= np.abs(up).max()  # first, that nothing underflows
+    up /= np.linalg.norm(up)
+    rows = np.random.default_rng(0).uniform(robot.lower, robot.upper, (_POSTURES, robot.n))
+    largest = np.abs(_torques(robot, masses, up, rows)).max(axis=0)
+    largest[largest <= _NO_TORQUE * max(float(largest.max(initial=0.0)), 1e-300)] = 0.0  # rounding
+    bending = np.flatnonzero(largest)
+    return Gravity(tuple(int(i) for i in bending), masses, up, largest) if len(bending) else None
+
+
+@lru_cache(maxsize=16)  # every judgement of a run asks for it several times
+def _of_links(robot: Robot, length_mm: float, angle_deg: float) -> Geometry:
+    angle = float(np.radians(angle_deg))
+    return Geometry(tuple(_links(robot)), length=np.full(robot.n, length_mm), angle=np.full(robot.n, angle))
+
+
+def _links(robot: Robot) -> Iterator[Link]:
+    transforms = [*(joint.fixed for joint in robot.joints[1:]), robot.flange]
+    axes = [*(joint.axis for joint in robot.joints), np.array([0.0, 0.0, 1.0])]
+    for i, (joint, transform) in enumerate(zip(robot.joints, transforms, strict=True)):
+        before, parallel = _frame(joint.axis, transform, axes[i + 1])
+        next_slides = i + 1 < robot.n and robot.joints[i + 1].kind == "prismatic"
+        own: list[LinkAxis] = [] if next_slides else ["a"]
+        if joint.kind == "prismatic":
+            own += ["theta", "alpha"] if not parallel else ["alpha", "beta"]
+        else:
+            own.append("alpha")
+            own += ["beta"] if parallel else [] if next_slides else ["d"]
+        yield Link(i + 1, tuple(own), before, np.linalg.inv(before) @ transform)
+
+
+def _frame(axis: Matrix, transform: Matrix, next_axis: Matrix) -> tuple[Matrix, bool]:
+    """(4, 4) the frame of a link's parameters, seen from the joint before it, and whether the axes are nearly
+    parallel. `axis` is that of the joint, `next_axis` the next one's in its own frame behind `transform`."""
+    place, along = transform[:3, 3], transform[:3, :3] @ next_axis
+    normal = np.cross(axis, along)
+    parallel = bool(np.linalg.norm(normal) < _NEARLY_PARALLEL)
+    own_x = transform[:3, 0] - (transform[:3, 0] @ axis) * axis
+    if parallel:
+        normal = place - (place @ axis) * axis
+        if np.linalg.norm(normal) < 1e-6:
+            normal = own_x if np.linalg.norm(own_x) > 0.5 else np.cross(transform[:3, 1], axis)
+        foot = place
+    else:
+        # The point of the next axis that is nearest to this one.
+        rest, own = place - (place @ axis) * axis, along - (along @ axis) * axis
+        foot = place - (rest @ own) / (own @ own) * along
+    x = normal / np.linalg.norm(normal)
+    # As Denavit and Hartenberg have it: along the next joint's own x axis, not against it.
+    x = -x if x @ transform[:3, 0] < -1e-9 else x
+    frame = np.eye(4)
+    frame[:3, 0], frame[:3, 1], frame[:3, 2], frame[:3, 3] = x, np.cross(axis, x), axis, foot
+    frame[np.abs(frame) < 1e-12] = 0.0  # no terms of rounding in the symbolic model
+    return frame, parallel
+
+
+def _rotation(axis: Literal["x", "y", "z"] | str, angle: ca.SX) -> ca.SX:
+    """(4, 4) about a coordinate axis."""
+    j, k = ("xyz".index(axis) + 1) % 3, ("xyz".index(axis) + 2) % 3
+    result = ca.SX.eye(4)
+    result[j, j] = result[k, k] = ca.cos(angle)
+    result[j, k], result[k, j] = -ca.sin(angle), ca.sin(angle)
+    return result
+
+
+NOMINAL = Geometry()

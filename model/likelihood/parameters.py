@@ -1,0 +1,364 @@
+"""Everything that is unknown, by name: offsets, geometry, targets, free tool parameters, noise factors.
+
+A parameter vector x (p,) has them in blocks: one block a group, in the order of `ORDER`. A new group is an
+entry there, one in `ARM` or `IN_RESIDUAL` if shots depend on it, and its items in `Parameters.build`; where
+its columns are follows. Nobody else counts columns or takes names to pieces.
+
+Inside, values are rad and mm; `display` turns them into the degrees and millimetres that people read. A
+noise factor is its logarithm inside.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import groupby
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import BadInput
+from ..files.header import StatedTolerance
+from ..kinematics.robot import Matrix, Robot
+from .geometry import Geometry
+from .noise import NoiseModel
+from .tool import Tool
+
+if TYPE_CHECKING:
+    from ..files.header import Header
+
+Group = Literal["offset", "geometry", "target", "tool", "noise"]
+Unit = Literal["deg", "mm", "1"]
+
+ORDER: tuple[Group, ...] = ("offset", "geometry", "target", "tool", "noise")
+# The groups that forward kinematics depends on: they are contiguous, in this order, from the first on.
+ARM: tuple[Group, ...] = ("offset", "geometry")
+# The groups that the residual of one shot depends on: of the targets it is its own alone.
+IN_RESIDUAL: tuple[Group, ...] = (*ARM, "target", "tool")
+
+HeldBy = Literal["base frame", "tool rotation", "first link", "free tool", "header"]
+_NOISE_PRIOR = 1.0  # of the logarithm of a noise factor: 95 % between 1/7 and 7 times what is stated
+_NOISE_TOLERANCE = 0.25  # a noise factor counts as identified if it is known to about a quarter
+_DEGREES = float(np.degrees(1.0))
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One unknown. Prior mean, std and tolerance are in internal units (rad, mm, or the logarithm).
+
+    `of` is what it belongs to (joint1, a target's name, tool, noise) and `axis` which number of that it is
+    (offset, x, tilt1, spot).
+    """
+
+    name: str
+    group: Group
+    of: str
+    axis: str
+    unit: Unit
+    prior_mean: float
+    prior_std: float
+    tolerance: float
+    held: bool = False
+    held_by: HeldBy | None = None
+
+    @property
+    def display(self) -> float:
+        """Units that people read per internal unit (of a noise factor: near 1)."""
+        return _DEGREES if self.unit == "deg" else 1.0
+
+    def shown(self, value: float) -> float:
+        """An internal value as people read it: deg, mm, or the factor of which it is the logarithm."""
+        return math.exp(value) if self.group == "noise" else value * self.display
+
+    @property
+    def shown_prior(self) -> tuple[float, float]:
+        """Mean and std of the prior as people read them (of a noise factor: log-normal)."""
+        if self.group != "noise":
+            return self.prior_mean * self.display, self.prior_std * self.display
+        spread = math.exp(self.prior_std**2)
+        mean = math.exp(self.prior_mean) * math.sqrt(spread)
+        return mean, mean * math.sqrt(spread - 1)
+
+    def shown_std(self, value: float, std: float) -> float:
+        """The std, as people read it, of what has the internal `std` at the internal `value`."""
+        return self.display * std * (math.exp(value) if self.group == "noise" else 1.0)
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """The unknowns in their one order: offsets 1…n, geometry, each target's x, y, z, tool, noise factors.
+
+    Raises ValueError for items in another order.
+    """
+
+    items: tuple[Parameter, ...]
+
+    def __post_init__(self) -> None:
+        places = [ORDER.index(item.group) for item in self.items]
+        if places != sorted(places):
+            raise ValueError(f"the order of the groups of parameters is {', '.join(ORDER)}")
+
+    @classmethod
+    def build(
+        cls,
+        robot: Robot,
+        tool: Tool,
+        noise: NoiseModel,
+        geometry: Geometry,
+        header: Header,
+        targets: Sequence[str],
+    ) -> Parameters:
+        """Name every unknown of these shots; raises BadInput for a held name that is none of them."""
+        items = [
+            *_offsets(robot, header),
+            *_of_geometry(geometry, robot, tool, header.tolerance),
+            *(item for target in targets for item in _coordinates(target, header)),
+            *_of_tool(tool, header),
+            *(_noise_factors() if noise.separate else ()),
+        ]
+        held = _held(header.held, robot, tool, items)
+        return cls(
+            tuple(
+                replace(item, held=True, held_by=held[item.name]) if item.name in held else item
+                for item in items
+            )
+        )
+
+    def with_geometry(self, geometry: Geometry, robot: Robot, tool: Tool) -> Parameters:
+        """All, with the parameters of `geometry` in place of those that there are."""
+        rest = self.without("geometry").items
+        own = _of_geometry(geometry, robot, tool, StatedTolerance())
+        return Parameters((*rest[: robot.n], *own, *rest[robot.n :]))
+
+    # Blocks
+
+    def block(self, group: Group, which: int | None = None) -> slice:
+        """The slice of a group in x, an empty slice where there are none.
+
+        `which` chooses the k-th owner in it, such as `block("target", k)`.
+        """
+        return self._groups[group] if which is None else self._owners[group][which]
+
+    @cached_property
+    def arm(self) -> slice:
+        """All that forward kinematics depends on."""
+        return slice(self.block(ARM[0]).start, self.block(ARM[-1]).stop)
+
+    def of_shot(self, target: int, *, noise: bool = True) -> NDArray[np.int64]:
+        """The parameters that a shot at the k-th target depends on, in the order of its own Jacobian;
+        without `noise` those of its residual alone."""
+        groups = [*IN_RESIDUAL, *(("noise",) if noise else ())]
+        blocks = [
+            self.block("target", target) if group == "target" else self.block(group) for group in groups
+        ]
+        return np.concatenate([np.arange(len(self))[block] for block in blocks])
+
+    def in_shot(self, group: Group) -> slice:
+        """The columns of a group in a shot's own Jacobian (`of_shot`)."""
+        start = 0
+        for other in IN_RESIDUAL:
+            block = self.block("target", 0) if other == "target" else self.block(other)
+            if other == group:
+                return slice(start, start + block.stop - block.start)
+            start += block.stop - block.start
+        raise ValueError(f"the residual of a measurement does not depend on the group {group}")
+
+    @cached_property
+    def _groups(self) -> dict[Group, slice]:
+        ends = np.cumsum([0, *(int(self.group(group).sum()) for group in ORDER)]).tolist()
+        return {group: slice(ends[k], ends[k + 1]) for k, group in enumerate(ORDER)}
+
+    @cached_property
+    def _owners(self) -> dict[Group, list[slice]]:
+        owners: dict[Group, list[slice]] = {group: [] for group in ORDER}
+        start = 0
+        for (group, _), own in groupby(self.items, lambda item: (item.group, item.of)):
+            count = len(list(own))
+            owners[group].append(slice(start, start + count))
+            start += count
+        return owners
+
+    def targets(self, names: Collection[str]) -> NDArray[np.bool_]:
+        """(p,) True for the coordinates of the targets of these names."""
+        return np.array([item.group == "target" and item.of in names for item in self.items], dtype=bool)
+
+    def with_values(self, x: Matrix, of: Parameters, values: Matrix) -> Matrix:
+        """(p,) `x` with the `values` of those parameters that are among `of` too."""
+        result = x.copy()
+        result[[self.index(name) for name in of.names]] = values
+        return result
+
+    def without(self, group: Group) -> Parameters:
+        """All but those of a group."""
+        return Parameters(tuple(item for item in self.items if item.group != group))
+
+    # Numbers of all
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        return tuple(item.name for item in self.items)
+
+    @cached_property
+    def free(self) -> NDArray[np.bool_]:
+        """(p,) True where the parameter is estimated."""
+        return np.array([not item.held for item in self.items])
+
+    @cached_property
+    def among_free(self) -> NDArray[np.int64]:
+        """(p,) the index of each free parameter among the free ones."""
+        return np.cumsum(self.free) - 1
+
+    @cached_property
+    def prior_mean(self) -> Matrix:
+        return np.array([item.prior_mean for item in self.items])
+
+    @cached_property
+    def prior_std(self) -> Matrix:
+        return np.array([item.prior_std for item in self.items])
+
+    @cached_property
+    def tolerance(self) -> Matrix:
+        return np.array([item.tolerance for item in self.items])
+
+    @cached_property
+    def display(self) -> Matrix:
+        return np.array([item.display for item in self.items])
+
+    def shown(self, x: Matrix) -> Matrix:
+        """Parameter vectors (..., p) as people read them: deg, mm, noise factors."""
+        noise = self.group("noise")
+        shown = x * self.display
+        shown[..., noise] = np.exp(x[..., noise])
+        return np.asarray(shown)
+
+    def unscaled(self, std: Matrix) -> Matrix:
+        """(p,) stds in internal units from those of the free ones (f,), scaled by priors; nan if held."""
+        result = np.full(len(self), np.nan)
+        result[self.free] = std * self.prior_std[self.free]
+        return result
+
+    def group(self, group: Group) -> NDArray[np.bool_]:
+        """(p,) True for the parameters of one group."""
+        return np.asarray(self._group_names == group)
+
+    @cached_property
+    def _group_names(self) -> NDArray[np.str_]:
+        return np.array([item.group for item in self.items])
+
+    def index(self, name: str) -> int:
+        """Index of the parameter of that name; ValueError where there is none."""
+        return self.names.index(name)
+
+    def __len__(self) -> int:
+        return len(self.items)
+
+
+def _offsets(robot: Robot, header: Header) -> Iterator[Parameter]:
+    prior, tolerance = header.prior, header.tolerance
+    for i, joint in enumerate(robot.joints, start=1):
+        unit: Unit = "mm"
+        std, tol = prior.offset_mm, tolerance.length_mm
+        if joint.kind == "revolute":
+            unit = "deg"
+            std, tol = np.radians([prior.offset_deg, tolerance.offset_deg]).tolist()
+        yield Parameter(f"delta{i}", "offset", f"joint{i}", "offset", unit, 0.0, std, tol)
+
+
+def _of_geometry(geometry: Geometry, robot: Robot, tool: Tool, known: StatedTolerance) -> Iterator[Parameter]:
+    """The geometry's; `known` is up to where one counts as identified.
+
+    Gauges are held: what moves all that follows, the targets too; and what the last link does to the tool,
+    where a free tool takes it up.
+    """
+    moving_all = set(_moving_all(robot))
+    for of, axis in geometry.names:
+        unit: Unit = "mm" if axis in ("a", "d") else "deg"
+        held_by: HeldBy | None = "first link" if (of, axis) in moving_all else None
+        if of == f"link{robot.n}" and not tool.calibrated:
+            held_by = "free tool"
+        yield Parameter(
+            f"{of}.{axis}",
+            "geometry",
+            of,
+            axis,
+            unit,
+            prior_mean=0.0,
+            prior_std=geometry.prior_std(of, axis),
+            tolerance=known.length_mm if unit == "mm" else float(np.radians(known.offset_deg)),
+            held=held_by is not None,
+            held_by=held_by,
+        )
+
+
+def _moving_all(robot: Robot) -> Iterator[tuple[str, str]]:
+    """The link parameters that move all that follows in the base frame, whatever the positions of the joints.
+
+    A shift along the first axis that is turned about; behind slides, which only have a direction, every shift
+    there too, and the rotation about the first of them.
+    """
+    slides = 0
+    while slides < robot.n and robot.joints[slides].kind == "prismatic":
+        slides += 1
+        yield (f"link{slides}", "a")
+    if slides:
+        yield ("link1", "theta")
+    if slides < robot.n:
+        yield (f"link{slides + 1}", "d")
+
+
+def _coordinates(target: str, header: Header) -> Iterator[Parameter]:
+    stated = header.targets.get(target)
+    guess = (0.0, 0.0, 0.0) if stated is None or stated.guess_mm is None else stated.guess_mm
+    std = 10_000.0 if stated is None else stated.sigma_mm
+    for axis, mean in zip("xyz", guess, strict=True):
+        yield Parameter(
+            f"{target}.{axis}", "target", target, axis, "mm", mean, std, header.tolerance.length_mm
+        )
+
+
+def _of_tool(tool: Tool, header: Header) -> Iterator[Parameter]:
+    nominal = dict(zip("xyz", tool.point.tolist(), strict=True))
+    for axis in tool.free_axes:
+        name, mean = f"tool.{axis}", nominal.get(axis, 0.0)
+        if axis.startswith("tilt"):
+            tol = float(np.radians(header.tolerance.tilt_deg))
+            yield Parameter(name, "tool", "tool", axis, "deg", mean, tool.tilt_std, tol)
+        else:
+            yield Parameter(
+                name, "tool", "tool", axis, "mm", mean, tool.shift_std, header.tolerance.length_mm
+            )
+
+
+def _noise_factors() -> Iterator[Parameter]:
+    for axis in ("joint", "spot"):
+        yield Parameter(f"noise.{axis}", "noise", "noise", axis, "1", 0.0, _NOISE_PRIOR, _NOISE_TOLERANCE)
+
+
+def _held(
+    stated: Sequence[str] | None, robot: Robot, tool: Tool, items: Sequence[Parameter]
+) -> dict[str, HeldBy]:
+    """What is held, and by what: the method's own choice unless the header states a list."""
+    method: dict[str, HeldBy] = {"delta1": "base frame"}
+    names = [item.name for item in items]
+    if tool.kind == "laser" and not tool.calibrated:
+        method[f"delta{robot.n}"] = "tool rotation"
+    if stated is None:
+        return method
+    for name in stated:
+        if name not in names:
+            raise BadInput(
+                "held names a parameter that is not there",
+                found=name,
+                allowed=", ".join(names),
+                remedy="correct the name in `held`, or leave `held` out to hold what the method defines",
+            )
+    if set(stated) == set(names):
+        raise BadInput(
+            "everything is held: there is nothing to estimate",
+            found=", ".join(stated),
+            remedy="leave out of `held` what is to be estimated",
+        )
+    return {name: method.get(name, "header") for name in stated}

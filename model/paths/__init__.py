@@ -1,1 +1,0 @@
-"""Which paths a calculation or a command of the app may use."""

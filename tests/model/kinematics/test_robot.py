@@ -1,0 +1,388 @@
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from plain_model import DESIGNED, TABLE_1, by_complex_step, turn
+from plain_model import arm as plain_arm
+from scipy.spatial.transform import Rotation
+
+from zerobeam.model.errors import BadInput
+from zerobeam.model.files.header import UrdfRef
+from zerobeam.model.files.robot_file import built_in_robots, load_robot, read_robot, rebased
+from zerobeam.model.kinematics.robot import Robot, axis_rotation
+
+HERE = Path()
+
+
+def pose(robot: Robot, display: list[float]) -> np.ndarray:
+    """Flange pose (4, 4), mm, at joint positions in degrees (mm for prismatic joints)."""
+    theta = ca.SX.sym("theta", robot.n)
+    function = ca.Function("pose", [theta], list(robot.flange_pose(theta)), ["theta"], ["R", "t"])
+    rotation, translation = function(np.array(display) / robot.display)
+    result = np.eye(4)
+    result[:3, :3], result[:3, 3] = np.array(rotation), np.array(translation).ravel()
+    return result
+
+
+def test_irb1600_is_table_1_with_the_limits_and_speeds_of_the_arm():
+    robot = load_robot("irb1600", HERE)
+    degrees = robot.display
+    assert robot.name == "irb1600"
+    assert robot.n == 6
+    np.testing.assert_allclose(robot.lower * degrees, [-180, -90, -245, -200, -115, -400])
+    np.testing.assert_allclose(robot.upper * degrees, [180, 120, 65, 200, 115, 400])
+    speeds = [joint.speed * joint.display for joint in robot.joints]
+    np.testing.assert_allclose(speeds, [150, 160, 170, 320, 400, 460])
+
+
+def test_irb1600_at_zero_by_hand():
+    """Upper arm straight up, forearm straight ahead: 150 + 600 out, 486.5 + 700 up, tool along x."""
+    robot = load_robot("irb1600", HERE)
+    at_zero = pose(robot, [0] * 6)
+    np.testing.assert_allclose(at_zero[:3, 3], [750, 0, 1186.5], atol=1e-9)
+    np.testing.assert_allclose(at_zero[:3, 2], [1, 0, 0], atol=1e-12)
+    # The flange face is 65 mm further on: 815 mm out, as in the arm's data sheet.
+    np.testing.assert_allclose((at_zero @ [0, 0, 65, 1])[:3], [815, 0, 1186.5], atol=1e-9)
+
+
+@pytest.mark.parametrize("q", [[0, 0, 0], [30, 20, -40], [-120, -60, 50], [180, 120, -245]])
+def test_irb1600_wrist_centre_against_the_closed_form(q):
+    """In the arm's plane: radius 150 + 700 sin q2 + 600 cos(q2 + q3), the rest by the same triangle."""
+    robot = load_robot("irb1600", HERE)
+    q1, q2, q3 = np.radians(q)
+    radius = 150 + 700 * np.sin(q2) + 600 * np.cos(q2 + q3)
+    height = 486.5 + 700 * np.cos(q2) - 600 * np.sin(q2 + q3)
+    expected = [radius * np.cos(q1), radius * np.sin(q1), height]
+    for wrist in ([0, 0, 0], [50, -70, 110]):
+        np.testing.assert_allclose(pose(robot, [*q, *wrist])[:3, 3], expected, atol=1e-9)
+
+
+def test_irb1600_against_equation_1_written_out():
+    q = [12.0, -34.0, 56.0, -78.0, 90.5, 210.0]
+    expected = np.eye(4)
+    for (a, alpha, d, theta), angle in zip(TABLE_1, q, strict=True):
+        c, s = np.cos(np.radians(theta + angle)), np.sin(np.radians(theta + angle))
+        ca_, sa = np.cos(np.radians(alpha)), np.sin(np.radians(alpha))
+        expected = expected @ [
+            [c, -s * ca_, s * sa, a * c],
+            [s, c * ca_, -c * sa, a * s],
+            [0, sa, ca_, d],
+            [0, 0, 0, 1],
+        ]
+    np.testing.assert_allclose(pose(load_robot("irb1600", HERE), q), expected, atol=1e-9)
+
+
+def robot_file(folder: Path, text: str, name: str = "arm.yaml") -> Path:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+ROW = "{{a_mm: {a}, alpha_deg: {alpha}, d_mm: {d}, theta_deg: {theta}, lower_deg: -180, upper_deg: 180}}"
+
+
+def arm(convention: str, rows: list[tuple[float, float, float, float]], rest: str = "") -> str:
+    joints = "".join(f"  - {ROW.format(a=a, alpha=alpha, d=d, theta=theta)}\n" for a, alpha, d, theta in rows)
+    return f"schema: zerobeam/robot/1\nname: arm\nconvention: {convention}\njoints:\n{joints}{rest}"
+
+
+def test_standard_and_modified_rows_of_the_same_arm_agree(tmp_path):
+    """a and alpha of a standard row are those of the next modified row; the last pair is the flange."""
+    standard = [(150, -90, 486.5, 0), (700, 10, 20, -90), (30, 90, 0, 180)]
+    modified = [(0, 0, 486.5, 0), (150, -90, 20, -90), (700, 10, 0, 180)]
+    flange = "flange: {xyz_mm: [30, 0, 0], rpy_deg: [90, 0, 0]}\n"
+    one = read_robot(robot_file(tmp_path, arm("standard", standard), "s.yaml"))
+    other = read_robot(robot_file(tmp_path, arm("modified", modified, flange), "m.yaml"))
+    without = read_robot(robot_file(tmp_path, arm("modified", modified), "n.yaml"))
+    for q in ([0, 0, 0], [10, -50, 70], [-120, 33, 179]):
+        np.testing.assert_allclose(pose(one, q), pose(other, q), atol=1e-9)
+        assert np.abs(pose(one, q) - pose(without, q)).max() > 1
+    swapped = read_robot(robot_file(tmp_path, arm("modified", standard), "w.yaml"))
+    assert np.abs(pose(one, [10, -50, 70]) - pose(swapped, [10, -50, 70])).max() > 1
+
+
+def test_base_and_flange_transforms_stand_at_the_two_ends(tmp_path):
+    rows = [(100.0, 0.0, 0.0, 0.0)]
+    plain = read_robot(robot_file(tmp_path, arm("standard", rows), "p.yaml"))
+    ends = "base: {xyz_mm: [1, 2, 3], rpy_deg: [0, 0, 90]}\nflange: {xyz_mm: [0, 0, 7]}\n"
+    moved = read_robot(robot_file(tmp_path, arm("standard", rows, ends), "e.yaml"))
+    base = np.array([[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]])
+    flange = np.eye(4)
+    flange[2, 3] = 7
+    np.testing.assert_allclose(pose(moved, [25]), base @ pose(plain, [25]) @ flange, atol=1e-12)
+
+
+PRISMATIC = """
+schema: zerobeam/robot/1
+name: scara
+convention: standard
+joints:
+  - {a_mm: 300, alpha_deg: 0, d_mm: 400, theta_deg: 0, lower_deg: -130, upper_deg: 130}
+  - {name: lift, kind: prismatic, a_mm: 0, alpha_deg: 180, d_mm: -50, theta_deg: 30, lower_mm: -200,
+     upper_mm: 10, speed_mm_s: 500}
+"""
+
+
+def test_a_prismatic_joint_slides_along_its_z(tmp_path):
+    robot = read_robot(robot_file(tmp_path, PRISMATIC))
+    lift = robot.joints[1]
+    assert (lift.name, lift.kind, lift.unit, lift.lower, lift.upper, lift.speed) == (
+        "lift",
+        "prismatic",
+        "mm",
+        -200,
+        10,
+        500,
+    )
+    np.testing.assert_allclose(robot.display, [np.degrees(1), 1])
+    np.testing.assert_allclose(pose(robot, [90, -120])[:3, 3], [0, 300, 400 - 50 - 120], atol=1e-9)
+    still, moved = pose(robot, [90, 0]), pose(robot, [90, -120])
+    np.testing.assert_allclose(still[:3, :3], moved[:3, :3], atol=1e-12)
+    angle = np.radians(90 + 30)
+    np.testing.assert_allclose(still[:3, 0], [np.cos(angle), np.sin(angle), 0], atol=1e-12)
+
+
+def test_the_file_knows_the_unit_of_each_kind_of_joint(tmp_path, refused):
+    error = refused(read_robot, robot_file(tmp_path, PRISMATIC.replace("lower_mm", "lower_deg")))
+    assert "lower_deg is stated for a prismatic joint" in error.what
+    assert error.line == 7
+    error = refused(read_robot, robot_file(tmp_path, PRISMATIC.replace("lower_deg: -130, ", "")))
+    assert "no lower_deg" in error.what
+    assert error.line == 6
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "what", "line"),
+    [
+        ("robot/1", "robot/2", "not a robot file", 2),
+        ("schema: zerobeam/robot/1", "", "not a robot file", 3),
+        ("standard", "classic", "convention is not one of", 4),
+        ("d_mm: 400, ", "", "'d_mm' is missing", 6),
+        ("d_mm: 400, ", "d_mm: 400, d: 1, ", "unknown key 'd' in item 1 of joints", 6),
+        ("-130", "130", "lower_deg is not below", 6),
+        ("-130", ".nan", "finite", 6),
+        ("-130", "'-130'", "not a number", 6),
+        ("name: lift", "name: joint1", "two joints have the same name", 7),
+        ("speed_mm_s: 500", "speed_mm_s: 0", "out of range", 8),
+        ("name: scara", "name: scara\nbase: {xyz_mm: [1, 2]}", "a list of 3 values", 4),
+    ],
+)
+def test_a_robot_file_that_cannot_be_used(tmp_path, refused, old, new, what, line):
+    assert old in PRISMATIC
+    error = refused(read_robot, robot_file(tmp_path, PRISMATIC.replace(old, new, 1)))
+    assert what in error.what
+    assert error.line == line
+    assert error.file == str(tmp_path / "arm.yaml")
+
+
+def test_a_robot_without_joints(tmp_path, refused):
+    text = "schema: zerobeam/robot/1\nname: none\nconvention: standard\njoints: []\n"
+    error = refused(read_robot, robot_file(tmp_path, text))
+    assert "joints is empty" in error.what
+    assert error.line == 4
+
+
+def test_unknown_robots_tell_which_there_are(tmp_path, refused):
+    error = refused(load_robot, "irb160", tmp_path, file=Path("run.jsonl"), line=1)
+    assert "irb1600" in error.allowed
+    assert "did you mean 'irb1600'?" in error.remedy
+    assert (error.file, error.line) == ("run.jsonl", 1)
+    error = refused(load_robot, "sub/none.yaml", tmp_path, file=Path("run.jsonl"), line=1)
+    assert error.found == tmp_path / "sub/none.yaml"
+    assert "base: <link>" in refused(load_robot, "arm.urdf", tmp_path).remedy
+    assert (
+        refused(load_robot, UrdfRef(urdf="no.urdf", base="a", tip="b"), tmp_path).found
+        == tmp_path / "no.urdf"
+    )
+
+
+def test_robots_are_found_beside_the_file_that_names_them(tmp_path):
+    (tmp_path / "robots").mkdir()
+    robot_file(tmp_path / "robots", PRISMATIC, "scara.yaml")
+    assert load_robot("robots/scara.yaml", tmp_path).name == "scara"
+    assert "irb1600" in built_in_robots()
+
+
+def test_a_robot_named_from_another_folder(tmp_path):
+    old, new = tmp_path / "a" / "b", tmp_path / "c"
+    for folder in (old, new):
+        folder.mkdir(parents=True)
+    robot_file(old, PRISMATIC, "scara.yaml")
+    moved = rebased("scara.yaml", old, new)
+    assert moved == "../a/b/scara.yaml"
+    assert load_robot(moved, new).name == "scara"
+    assert rebased("irb1600", old, new) == "irb1600"
+    assert rebased(str(old / "scara.yaml"), old, new) == str(old / "scara.yaml")
+    ref = rebased(UrdfRef(urdf="x.urdf", base="a", tip="b"), old, new)
+    assert ref == UrdfRef(urdf="../a/b/x.urdf", base="a", tip="b")
+
+
+# --- turns, and what the flange sees ----------------------------------------------------------------
+
+
+@pytest.fixture(params=DESIGNED)
+def own(request, tmp_path):
+    """An arm of the package and its flange's pose by other means."""
+    return plain_arm(request.param, tmp_path)
+
+
+def numbers(inputs, values, *at):
+    """Values of symbolic expressions, as arrays without axes of length one."""
+    function = ca.Function("values", inputs, [ca.densify(ca.SX(value)) for value in values])
+    return [np.squeeze(np.array(value)) for value in function.call([ca.DM(each) for each in at])]
+
+
+@pytest.mark.parametrize("axis", [[0, 0, 1.0], [0, -1.0, 0], [1 / 3, -2 / 3, 2 / 3]])
+def test_a_rotation_by_cosine_and_sine(axis):
+    axis, angle = np.array(axis), ca.SX.sym("angle")
+    rotation = axis_rotation(axis, ca.cos(angle), ca.sin(angle))
+    for value in (0.0, 0.3, -2.9):
+        (found,) = numbers([angle], [rotation], value)
+        np.testing.assert_allclose(found, Rotation.from_rotvec(value * axis).as_matrix(), atol=1e-15)
+        np.testing.assert_allclose(found, turn(axis, value).real, atol=1e-15)
+
+
+def test_what_is_recorded_of_a_turn(own):
+    """Cosine and sine of a revolute joint, the position and nothing of a prismatic one; any leading axes."""
+    q = np.random.default_rng(1).uniform(-2, 2, (3, 4, own.robot.n))
+    recorded = own.robot.recorded_turns(q)
+    assert recorded.shape == (3, 4, 2 * own.robot.n)
+    for i, joint in enumerate(own.robot.joints):
+        pair = (np.cos(q[..., i]), np.sin(q[..., i]))
+        first, second = pair if joint.kind == "revolute" else (q[..., i], np.zeros((3, 4)))
+        np.testing.assert_array_equal(recorded[..., 2 * i], first)
+        np.testing.assert_array_equal(recorded[..., 2 * i + 1], second)
+
+
+def test_turns_with_offsets_are_the_turns_of_the_sum(own):
+    """The sum of two angles, against the turn of the summed angle: rounding alone."""
+    robot, n = own.robot, own.robot.n
+    rng = np.random.default_rng(2)
+    q, delta = own.random(rng), rng.uniform(-0.5, 0.5, n) * np.where(robot.display == 1, 100, 1)
+    recorded, theta, offset = ca.SX.sym("recorded", 2 * n), ca.SX.sym("theta", n), ca.SX.sym("delta", n)
+    summed = [part for pair in robot.turns_with_offsets(recorded, offset) for part in pair]
+    direct = [part for pair in robot.turns(theta) for part in pair]
+    first = numbers([recorded, offset], summed, robot.recorded_turns(q), delta)
+    second = numbers([theta], direct, q + delta)
+    np.testing.assert_allclose(first, second, rtol=1e-15, atol=1e-15)
+    wrong = numbers([theta], direct, q - delta)  # control
+    assert np.abs(np.array(first) - wrong).max() > 1e-3
+
+
+def test_a_point_as_seen_from_the_flange_and_the_joints(own):
+    robot, n = own.robot, own.robot.n
+    rng = np.random.default_rng(3)
+    theta, point = ca.SX.sym("theta", n), ca.SX.sym("point", 3)
+    seen, stations = robot.seen(robot.turns(theta), point)
+    for _ in range(3):
+        q, p = own.random(rng), rng.uniform(-2000, 2000, 3)
+        flange = own.pose(q).real
+        found, *at = numbers([theta, point], [seen, *stations], q, p)
+        np.testing.assert_allclose(found, flange[:3, :3].T @ (p - flange[:3, 3]), atol=1e-9)
+        assert len(at) == n
+        # From joint 1, behind what is fixed before it: whatever the joints.
+        first = robot.joints[0].fixed
+        np.testing.assert_allclose(at[0], first[:3, :3].T @ (p - first[:3, 3]), atol=1e-9)
+        # And a point on the axis of a turn stays where it is by that joint.
+        lengths = [np.linalg.norm(station) for station in at]
+        for i, joint in enumerate(robot.joints[:-1]):
+            if joint.kind == "revolute":
+                fixed = robot.joints[i + 1].fixed
+                behind = np.linalg.norm(fixed[:3, :3] @ at[i + 1] + fixed[:3, 3])
+                assert behind == pytest.approx(lengths[i], rel=1e-12)
+
+
+@pytest.mark.parametrize("size", [2, 3])
+def test_the_geometric_jacobian_against_complex_steps(own, size):
+    """Of the components along given directions of the flange; by joints and by the point. Controls: without
+    the turn of the directions, and with the sign of one joint's column."""
+    robot, n = own.robot, own.robot.n
+    rng = np.random.default_rng(4)
+    theta, point = ca.SX.sym("theta", n), ca.SX.sym("point", 3)
+    turns = robot.turns(theta)
+    _, stations = robot.seen(turns, point)
+    vectors = rng.normal(size=(3, size))
+    by_joints, by_point = robot.seen_jacobian(turns, stations, ca.SX(vectors))
+    for _ in range(3):
+        q, p = own.random(rng), rng.uniform(-2000, 2000, 3)
+
+        def components(z):
+            flange = own.pose(z[:n])
+            return vectors.T @ flange[:3, :3].T @ (z[n:] - flange[:3, 3])
+
+        expected = by_complex_step(components, np.append(q, p))
+        found = np.hstack(numbers([theta, point], [by_joints, by_point], q, p))
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8)
+        for column in range(n + 3):
+            turned = found.copy()
+            turned[:, column] *= -1
+            assert np.abs(turned - expected).max() > 1e-3
+        assert np.abs(found[:, n:] - vectors.T).max() > 1e-3
+
+
+# --- forward kinematics for people --------------------------------------------------------------------
+
+
+def display(robot: Robot, q: np.ndarray) -> np.ndarray:
+    """Degrees and mm of joint positions in rad and mm."""
+    return q * robot.display
+
+
+@pytest.mark.parametrize("name", DESIGNED)
+def test_fk_is_the_product_of_the_matrices_for_any_batch(name, tmp_path):
+    own = plain_arm(name, tmp_path)
+    rng = np.random.default_rng(3)
+    q = np.array([own.random(rng) for _ in range(6)])
+    expected = np.array([own.pose(row).real for row in q])
+    for batch in ((), (6,), (3, 2), (2, 3, 1)):
+        count = int(np.prod(batch))
+        poses = own.robot.fk(display(own.robot, q[:count]).reshape(*batch, -1))
+        assert poses.shape == (*batch, 4, 4)
+        np.testing.assert_allclose(poses.reshape(-1, 4, 4), expected[:count], atol=1e-9)
+    np.testing.assert_allclose(own.robot.fk(q, unit="rad"), expected, atol=1e-9)
+    assert own.robot.fk(np.zeros((0, own.robot.n))).shape == (0, 4, 4)
+
+
+@pytest.mark.parametrize("name", DESIGNED)
+def test_the_jacobian_is_the_derivative_of_the_pose(name, tmp_path):
+    own = plain_arm(name, tmp_path)
+    rng = np.random.default_rng(4)
+    q = np.array([own.random(rng) for _ in range(4)])
+    jacobians = own.robot.jacobian(display(own.robot, q).reshape(2, 2, -1))
+    assert jacobians.shape == (2, 2, 6, own.robot.n)
+    np.testing.assert_array_equal(jacobians[1, 0], own.robot.jacobian(display(own.robot, q[2])))
+    np.testing.assert_allclose(jacobians.reshape(4, 6, -1), own.robot.jacobian(q, unit="rad"), atol=1e-9)
+    for row, jacobian in zip(q, jacobians.reshape(4, 6, -1), strict=True):
+        pose = own.pose(row).real
+        for j in range(own.robot.n):
+            step = np.zeros(own.robot.n, dtype=complex)
+            step[j] = 1e-30j
+            by_joint = own.pose(row + step).imag / 1e-30
+            turned = by_joint[:3, :3] @ pose[:3, :3].T  # skew: the rotation per unit of the joint
+            rotation = [turned[2, 1], turned[0, 2], turned[1, 0]]
+            np.testing.assert_allclose(turned, -turned.T, atol=1e-9)
+            np.testing.assert_allclose(jacobian[:, j], [*by_joint[:3, 3], *rotation], rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "argument", "words"),
+    [
+        ((np.zeros(5),), "q", "(..., 6): irb1600 has 6 joints"),
+        ((3.0,), "q", "found:   ()"),
+        (("home",), "q", "not an array of numbers"),
+        ((np.full(6, np.inf),), "q", "not finite"),
+        ((np.zeros(6), "grad"), "unit", "'deg' or 'rad'"),
+    ],
+)
+def test_bad_joint_positions_are_named(arguments, argument, words):
+    robot = load_robot("irb1600")
+    for ask in (robot.fk, robot.jacobian):
+        with pytest.raises(BadInput) as caught:
+            ask(*arguments)
+        assert caught.value.argument == argument
+        assert words in str(caught.value)
+
+
+def test_a_robot_is_told_in_one_line():
+    assert repr(load_robot(Path("irb1600"))) == "<Robot irb1600: 6 joints>"

@@ -1,0 +1,245 @@
+"""The model with uncertain geometry against the plain one: residuals, Jacobians, likelihood, both kernels."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from plain_geometry import UncertainArm, uncertain
+from plain_model import DESIGNED, arm, beam, by_complex_steps, by_differences, square, unit
+
+from zerobeam.model.files.header import Header
+from zerobeam.model.likelihood.constraint import ShotFunctions
+from zerobeam.model.likelihood.geometry import Geometry
+from zerobeam.model.likelihood.problem import Problem
+from zerobeam.model.likelihood.tool import Tool
+
+TOOLS = ("free laser", "free probe")
+POINTS = 2
+BOUND = 1e-6  # of fourth-order differences, mm per rad or mm: see test_constraint
+STATED = {"up": [0.2, -0.3, 1.0], "gravity": True}
+
+
+class Case:
+    """One arm with one tool, all of its geometry free, and random points with a fixed seed."""
+
+    def __init__(self, own: UncertainArm, kind: str) -> None:
+        self.own, self.robot, self.n, self.g = own, own.arm.robot, own.arm.robot.n, len(own.names)
+        laser = kind == "free laser"
+        direction = unit(np.array([0.1, -0.2, 1.0])) if laser else None
+        point = np.array([12.0, -7.0, 65.0])
+        self.tool = Tool("laser" if laser else "probe", False, point, direction, 0.05, 10.0)
+        self.functions = ShotFunctions(self.robot, self.tool, geometry=own.geometry)
+        rng = np.random.default_rng(sum(map(ord, self.robot.name + kind)))
+        self.points = [self.point(rng) for _ in range(POINTS)]
+
+    def point(self, rng):
+        """q, spot and free = (delta, geometry, target, tool); nothing is small, so that no term hides."""
+        offsets = rng.uniform(-5, 5, self.n) / self.robot.display
+        geometry = rng.uniform(-1, 1, self.g) * np.where(self.own.lengths, 20.0, np.radians(3.0))
+        spot, tool = np.zeros(3), self.tool.point + rng.uniform(-30, 30, 3)
+        if self.tool.kind == "laser":
+            spot = rng.uniform(-3, 3, 2)
+            tool = np.append(rng.uniform(-0.2, 0.2, 2), rng.uniform(-20, 20, 2))
+        free = np.concatenate([offsets, geometry, rng.uniform(-2000, 2000, 3), tool])
+        return self.own.arm.random(rng), spot, free
+
+    def split(self, free):
+        a = self.n + self.g
+        return free[:a], free[a : a + 3], free[a + 3 :]
+
+    def hits(self):
+        """The same points with the target within 2 mm of the beam, or of the tip."""
+        rng = np.random.default_rng(8)
+        for q, spot, free in self.points:
+            own, _, tool = self.split(free)
+            y = tool
+            if self.tool.kind == "laser":
+                p, u = beam(self.tool, tool)
+                y = p + 800 * u
+            flange = self.own.pose(q, own).real
+            target = flange[:3, 3] + flange[:3, :3] @ (y + rng.uniform(-2, 2, 3))
+            yield q, spot, np.concatenate([own, target, tool])
+
+    def linear(self, q, spot, free):
+        miss, jacobian = self.functions.function("linear")(q, spot, *self.split(free))
+        return np.array(miss).ravel(), np.array(jacobian)
+
+    def plain(self, q, spot, free):
+        return self.own.miss(self.tool, q, spot, free)
+
+    def steps(self):
+        offsets = np.where(self.robot.display == 1, 1.0, 1e-3)
+        tool = [1e-3, 1e-3, 1.0, 1.0] if self.tool.kind == "laser" else [1.0] * 3
+        return np.concatenate([offsets, np.where(self.own.lengths, 1.0, 1e-3), [1.0] * 3, tool])
+
+
+@pytest.fixture(scope="module")
+def arms(request, tmp_path_factory):
+    made = {}
+
+    def of(name):
+        if name not in made:
+            data = request.getfixturevalue("shared_data") if name == "panda" else None
+            panda = None if data is None else data / "mukca" / "urdf" / "panda.urdf"
+            own = arm(name, tmp_path_factory.mktemp("arms"), panda)
+            made[name] = uncertain(name, own, geometry_of(own.robot))
+        return made[name]
+
+    return of
+
+
+def geometry_of(robot, **changes):
+    noise = {"joint_deg": 0.01, "joint_mm": 0.01, "spot_mm": 0.05}
+    tool = {"kind": "probe", "point_mm": [0, 0, 0]}
+    stated = {"robot": "x", "tool": tool, "noise": noise, "geometry": {**STATED, **changes}}
+    return Geometry.from_header(Header.model_validate(stated), robot)
+
+
+@pytest.fixture(scope="module", params=[*DESIGNED, "panda"])
+def arm_name(request):
+    return request.param
+
+
+@pytest.fixture(scope="module", params=TOOLS)
+def case(request, arms, arm_name):
+    return Case(arms(arm_name), request.param)
+
+
+# --- the residual and its Jacobian ------------------------------------------------------------------
+
+
+def test_the_arms_cover_every_kind_of_parameter(arms):
+    axes = {axis for name in DESIGNED for _, axis in arms(name).names}
+    assert axes == {"a", "alpha", "d", "beta", "theta", "gravity", "cos", "sin"}
+
+
+def test_the_residual_against_plain_numpy(case):
+    for q, spot, free in case.points:
+        np.testing.assert_allclose(case.linear(q, spot, free)[0], case.plain(q, spot, free).real, atol=1e-9)
+
+
+def test_the_jacobian_against_complex_steps_of_the_plain_model(case):
+    """Exact but for the roundings of some 5000 mm."""
+    for q, spot, free in case.points:
+        expected = by_complex_steps(lambda z, q=q, s=spot: case.plain(q, s, z), free)
+        np.testing.assert_allclose(case.linear(q, spot, free)[1], expected, rtol=0, atol=1e-8)
+
+
+def test_the_jacobian_against_central_differences(case):
+    for q, spot, free in case.points:
+        expected = by_differences(lambda z, q=q, s=spot: case.linear(q, s, z)[0], free, case.steps())
+        np.testing.assert_allclose(case.linear(q, spot, free)[1], expected, rtol=0, atol=BOUND)
+
+
+def test_a_jacobian_without_one_of_its_columns_is_caught(case):
+    """Negative control: every column matters, at the worst of the points."""
+    worst = np.zeros(case.n + case.g)
+    for q, spot, free in case.points:
+        worst = np.maximum(worst, np.abs(case.linear(q, spot, free)[1]).max(axis=0)[: len(worst)])
+    assert (worst > 1e4 * BOUND).all(), worst
+
+
+@pytest.mark.parametrize("dropped", ["a", "alpha", "d", "beta", "theta", "gravity", "cos", "sin"])
+def test_a_plain_model_without_one_of_its_terms_is_another(case, dropped):
+    """Negative control: with one kind of parameter left out, residuals and Jacobians differ."""
+    names = [axis for _, axis in case.own.names]
+    if dropped not in names:
+        pytest.skip("this arm has no such parameter")
+    worst = 0.0
+    for q, spot, free in case.points:
+        without = free.copy()
+        own = np.flatnonzero([axis == dropped for axis in names]) + case.n
+        without[own] = 0.0
+        worst = max(worst, np.abs(case.plain(q, spot, without) - case.linear(q, spot, free)[0]).max())
+    assert worst > 1e3 * BOUND
+
+
+# --- likelihood, both ways of the kernels -----------------------------------------------------------
+
+
+def variances(case):
+    joints = np.where(case.robot.display == 1, 0.02, np.radians(0.01)) * np.linspace(1, 2, case.n)
+    return np.append(joints**2, 0.05**2)
+
+
+def shot_of(case, q, spot, free):
+    recorded = case.own.geometry.recorded(case.robot, q[None])[0]
+    return (recorded, spot, 1.0, *case.split(free), variances(case), variances(case))
+
+
+@pytest.mark.parametrize(("name", "kind"), [("irb1600", "free laser"), ("bent", "free probe")])
+def test_the_terms_and_their_gradient_against_the_plain_model(arms, name, kind):
+    """S by the columns of the offsets, at the true joints and links."""
+    case = Case(arms(name), kind)
+
+    def quad(q, spot, free):
+        m, s = case.plain(q, spot, free), case.own.covariance(case.tool, q, spot, free, variances(case))
+        return square(m, s)
+
+    for q, spot, free in case.hits():
+        found, logdet, gradient, *_ = (
+            np.array(each).ravel()
+            for each in case.functions.function("slopes")(*shot_of(case, q, spot, free))
+        )
+        np.testing.assert_allclose(found, [quad(q, spot, free).real], rtol=1e-8)
+        assert logdet == 0
+        expected = by_complex_steps(lambda z, q=q, s=spot: quad(q, s, z), free)
+        np.testing.assert_allclose(gradient, expected, rtol=1e-7, atol=1e-3)
+
+
+def test_what_is_recorded_is_that_of_the_symbols(case):
+    """The likelihood takes torques as numbers, the residual makes them of q: they are the same."""
+    q = ca.SX.sym("q", case.n)
+    symbols = ca.Function("recorded", [q], [case.own.geometry.recorded_symbols(case.robot, q)])
+    joints = np.array([point[0] for point in case.points])
+    for row, own in zip(case.own.geometry.recorded(case.robot, joints), joints, strict=True):
+        np.testing.assert_allclose(row, np.array(symbols(own)).ravel(), rtol=0, atol=1e-12)
+    assert case.own.geometry.recorded(case.robot, joints[:0]).shape == (0, row.size)
+
+
+@pytest.mark.parametrize("name", ["bent"])
+def test_both_ways_of_the_kernels_are_the_same(arms, name):
+    case = Case(arms(name), "free probe")
+    q, spot, free = (np.array(rows) for rows in zip(*(case.points * 3)[:5], strict=True))
+    spot = np.zeros((5, 3))
+    own, target, tool = (np.array(part) for part in zip(*map(case.split, free), strict=True))
+    for plain, fast in [(case.functions.kernel("linear", compile=c) for c in (False, True))]:
+        assert fast.compiled
+        for one, other in zip(
+            plain(q, spot, own, target, tool), fast(q, spot, own, target, tool), strict=True
+        ):
+            np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12 * np.abs(one).max())
+
+
+# --- nominal ----------------------------------------------------------------------------------------
+
+
+def test_at_zero_the_geometry_is_nominal(case):
+    """Residuals, and the columns of all else, are those of the arm without the parameters."""
+    nominal = ShotFunctions(case.robot, case.tool).function("linear")
+    for q, spot, free in case.points:
+        at_zero = free.copy()
+        at_zero[case.n : case.n + case.g] = 0.0
+        miss, jacobian = case.linear(q, spot, at_zero)
+        own, target, tool = case.split(at_zero)
+        expected = [np.array(each) for each in nominal(q, spot, own[: case.n], target, tool)]
+        np.testing.assert_allclose(miss, expected[0].ravel(), rtol=0, atol=1e-10)
+        others = np.delete(jacobian, np.s_[case.n : case.n + case.g], axis=1)
+        np.testing.assert_allclose(others, expected[1], rtol=0, atol=1e-9)
+
+
+def test_a_header_without_geometry_has_the_functions_of_before(arms):
+    robot = arms("irb1600").arm.robot
+    stated = {"robot": "irb1600", "tool": {"kind": "probe", "point_mm": [0, 0, 65]}}
+    stated["noise"] = {"joint_deg": 0.01, "spot_mm": 0.05}
+    joints = np.random.default_rng(0).uniform(-1, 1, (4, 6))
+    plain = Problem.build(Header.model_validate(stated), robot, joints, ["a"] * 4)
+    freed = Problem.build(Header.model_validate({**stated, "geometry": {}}), robot, joints, ["a"] * 4)
+    assert not plain.geometry
+    assert plain.parameters.names == freed.parameters.without("geometry").names
+    assert plain.data_size == 12
+    assert len(freed.tolerated) == freed.parameters.group("geometry").sum() - 1  # link1.d is held
+    assert freed.data_size == 12 + len(freed.tolerated)
+    x = freed.nominal()
+    kept = ~freed.parameters.group("geometry")
+    np.testing.assert_allclose(x[kept], plain.nominal(), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(freed.whiten(x).residual, plain.whiten(x[kept]).residual, rtol=1e-9)

@@ -1,0 +1,140 @@
+"""Sentences on the geometry: what u is worth, what sets it, why a rung of the ladder is kept or not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import pytest
+
+from zerobeam.analysis.estimation.tolerance_factors import Factors
+from zerobeam.analysis.observability.geometry import Confounded, GeometryResult, Rung
+from zerobeam.words.geometry import (
+    confounded_sentence,
+    factors_sentence,
+    rung_reason,
+    tolerances_words,
+    worth_sentence,
+)
+from zerobeam.words.wording import label, person
+
+
+@dataclass(frozen=True)
+class Row:
+    name: str
+    unit: str
+    std: float | None
+
+
+NOMINAL = GeometryResult(
+    stated=False,
+    length_mm=0.3,
+    angle_deg=0.1,
+    factors=None,
+    ladder=(),
+    consider={"delta2": 0.018, "delta3": 0.0901, "delta4": None},
+    at_half={},
+    at_twice={},
+)
+STATED = replace(
+    NOMINAL,
+    stated=True,
+    at_half={"delta2": 0.004, "delta3": 0.006},
+    at_twice={"delta2": 0.02, "delta3": 0.04},
+    confounded=(
+        Confounded("delta3", "link6.a", -0.9),
+        Confounded("delta3", "tool.z", 0.3),
+        Confounded("delta2", "link2.alpha", 0.1),
+    ),
+)
+ROWS = [Row("delta2", "deg", 0.006), Row("delta3", "deg", 0.009), Row("delta4", "deg", None)]
+
+
+def test_nominal_geometry_says_what_u_is_if_the_arm_deviates() -> None:
+    assert worth_sentence(NOMINAL, ROWS) == (
+        "With nominal geometry u is 0.0060° to 0.0090°; if the arm deviates from it by 0.3\u00a0mm and 0.1°,"
+        " 0.018° to 0.090°. State geometry in the header to estimate it."
+    )
+
+
+def test_stated_tolerances_are_halved_and_doubled() -> None:
+    said = worth_sentence(STATED, ROWS) or ""
+    assert "within its tolerances (0.3\u00a0mm and 0.1°) u is 0.0060° to 0.0090°" in said
+    assert "With half the tolerances it would be 0.0040° to 0.0060°, with twice 0.020° to 0.040°" in said
+    assert said.endswith(
+        "with nominal geometry, if the arm deviates from it by these tolerances, 0.018° to 0.090°."
+    )
+    with_factors = replace(STATED, factors=Factors(2.0, 0.5, (0.25, 0.4)))
+    assert "multiplied by the factors that the data give them" in (worth_sentence(with_factors, ROWS) or "")
+    assert "lengths by 2.0 (relative u 25\u00a0%)" in (factors_sentence(with_factors) or "")
+    assert factors_sentence(STATED) is None
+
+
+def test_nothing_is_said_of_offsets_that_are_not_determined() -> None:
+    lost = replace(NOMINAL, consider=dict.fromkeys(NOMINAL.consider))
+    assert worth_sentence(lost, [replace(row, std=None) for row in ROWS]) is None
+
+
+def test_degrees_and_millimetres_are_not_mixed() -> None:
+    own = replace(NOMINAL, consider={"delta2": 0.018, "delta3": 0.5})
+    said = worth_sentence(own, [ROWS[0], Row("delta3", "mm", 0.1)]) or ""
+    assert "u is 0.0060° and 0.10\u00a0mm;" in said
+    assert "0.018° and 0.50\u00a0mm. State" in said
+
+
+def test_tolerances_of_each_link_are_a_range() -> None:
+    own = replace(STATED, length_mm=(0.1, 0.5), angle_deg=(0.1, 0.1))
+    assert tolerances_words(own) == "0.1\u00a0mm to 0.5\u00a0mm and 0.1°"
+
+
+def test_an_offset_that_the_tolerances_set_names_its_rival() -> None:
+    assert confounded_sentence(STATED, "delta3", 0.92, person) == (
+        "J3 (δ3): 92\u00a0% of the variance is set by the tolerances; it is confounded with link 6, a"
+        " (correlation \u22120.90)."
+    )
+    assert (confounded_sentence(STATED, "delta2", 0.92, person) or "").endswith("with no single parameter.")
+    # Below a half of the variance there is nothing to explain, and for nominal geometry no share.
+    assert confounded_sentence(STATED, "delta3", 0.4, person) is None
+    assert confounded_sentence(NOMINAL, "delta3", None, person) is None
+
+
+@pytest.mark.parametrize(
+    ("held_out", "evidence", "kept", "words"),
+    [
+        (0.4, 10.0, True, "predicts better, evidence rises"),
+        (0.6, 10.0, False, "predicts no better"),
+        (0.4, -10.0, False, "evidence falls"),
+        (0.6, -10.0, False, "predicts no better, evidence falls"),
+        (0.6, -10.0, True, "asked for"),
+        (None, 10.0, False, "no second placement to predict"),
+        (None, 10.0, True, "asked for"),
+    ],
+)
+def test_a_rung_says_why_it_is_kept_or_not(
+    held_out: float | None, evidence: float, kept: bool, words: str
+) -> None:
+    ladder = (
+        Rung("offsets", 8, 1.0, -5.0, False),
+        Rung("geometry", 25, 0.5, 0.0, True),
+        Rung("gravity", 27, 0.7, -1.0, False),  # what was not kept is not what the next is judged by
+        Rung("harmonics", 30, held_out, evidence, kept),
+    )
+    assert rung_reason(ladder, 0) == "for comparison"
+    assert rung_reason(ladder, 1) == "stated"
+    assert rung_reason(ladder, 3) == words
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("delta2", "J2 (δ2)"),
+        ("link2.a", "link 2, a"),
+        ("link12.alpha", "link 12, α"),
+        ("link3.beta", "link 3, β"),
+        ("joint3.gravity", "J3, gravity"),
+        ("joint3.cos", "J3, cos q"),
+        ("link2.x", "link2.x"),  # a coordinate of a target of that name
+        ("tool.z", "tool.z"),
+    ],
+)
+def test_parameters_by_the_names_that_people_use(name: str, words: str) -> None:
+    assert label(name) == person(name) == words

@@ -1,0 +1,182 @@
+"""A comparison of repeated runs in sentences: its headline, its notes, what was found of each run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ..analysis.diagnostics.displacement import Displacement
+from ..analysis.findings import FileWarning, OtherBasins
+from ..analysis.misfit import BeyondPrior, ImplausibleNoise, LackOfFit, PlacementsDisagree
+from ..analysis.repeatability.compare import Comparison
+from ..analysis.repeatability.consistency import LEVEL, of_a_std
+from ..analysis.repeatability.repeat import (
+    PriorInEstimate,
+    RunFinding,
+    SharedDistances,
+    SharedTolerances,
+    StatedMisfit,
+)
+from .findings import displacement_sentence
+from .misfit import criterion_sentence
+from .numbers import p_words
+from .wording import listed
+
+
+def headline(found: Comparison) -> str:
+    """The answer in a sentence or two; first of all, which runs the model does not describe."""
+    if not found.misfits:
+        return _headline(found)
+    one = len(found.misfits) == 1
+    return (
+        f"The model does not describe {listed(found.misfits)}: {'its' if one else 'their'} offsets, and every"
+        f" mean that they enter, are unvalidated. {_headline(found)}"
+    )
+
+
+def _headline(found: Comparison) -> str:
+    if found.used < 2 or not any(row.runs for row in found.offsets):
+        return "No offset is identifiable in two runs: nothing is compared."
+    if found.consistency is None and not any(row.test for row in found.offsets):
+        return (
+            f"The {found.used} runs give a scatter, but whether they agree cannot be tested: there is no"
+            " predicted uncertainty that the scatter could be compared with."
+        )
+    said = []
+    whole = found.consistency
+    if whole is not None:
+        said.append(
+            f"the {found.used} runs scatter {whole.ratio:.2g} times as much as predicted"
+            f" ({p_words(whole.p_value)})"
+        )
+    elif found.verdict in ("agrees", "misfit"):
+        said.append(f"each offset of the {found.used} runs scatters as predicted")
+    if found.odd_run is not None:
+        others = ", the others agree without it" if whole is not None else ""
+        said.append(f"{found.odd_run} is the outlier{others}")
+    for names, verb, how in (
+        (found.differing, "scatter", " more than predicted"),
+        (found.drifting, "drift", ""),
+    ):
+        if names:
+            said.append(f"{listed(list(names))} {verb}{'s' if len(names) == 1 else ''}{how}")
+    if not said:
+        said.append("one run is an outlier, but the data do not determine which")
+    whole_text = "; ".join(said)
+    return f"{whole_text[0].upper()}{whole_text[1:]}."
+
+
+def failure(reason: str) -> str:
+    """Why a run has no numbers."""
+    return f"the fit did not converge: {reason}"
+
+
+def notes(found: Comparison) -> Iterator[str]:
+    """What must be read with the answer."""
+    for run in found.runs:
+        if run.failure is not None:
+            yield f"{run.name} is not compared: {failure(run.failure)}"
+        if run.undetermined:
+            yield (
+                f"{listed(run.undetermined)} of {run.name} {_is(run.undetermined)} unidentifiable: then the"
+                " predicted uncertainties of its other offsets are not reliable either, and the runs are"
+                " compared by their scatter alone. Leave it out to test the others"
+            )
+        yield from (f"{run.name}: {sentence_of(finding)}" for finding in run.findings)
+    if apart := [row.name for row in found.offsets if not row.runs]:
+        yield f"Not compared: {listed(apart)}. An offset must be identifiable in two runs"
+    if weak := sorted({own.name for run in found.runs for own in run.offsets if own.status == "weak"}):
+        yield (
+            f"Weakly observable in at least one run: {listed(weak)}. The part of the prior in an estimate is"
+            " taken out, to first order"
+        )
+    if found.consistency is not None and found.consistency.ratio_interval95[1] < 1:
+        yield (
+            f"The runs scatter less than predicted ({found.consistency.ratio:.2g} times): the noise may be"
+            " overstated, or part of it is the same in all runs"
+        )
+    yield from _hint_of_a_drift(found)
+    if found.kind == "table":
+        yield from _on_a_table(found)
+    if found.kind == "results":
+        yield (
+            "Result files hold no covariance between offsets: each offset is tested on its own, and the"
+            " p-values are adjusted for their number (Holm). Run files are tested as a whole"
+        )
+        if any(isinstance(own, SharedTolerances) for run in found.runs for own in run.findings):
+            yield (
+                "Of a run with geometry: a result file has only the share of each variance that the"
+                " tolerances set. What the arm's deviations add to an offset is taken as the same in all"
+                " results, as with the same postures. With other postures offsets scatter more than predicted"
+                " here, so that a disagreement may be due to the geometry: compare the run files"
+            )
+    if found.noise_estimated:
+        yield (
+            "The noise is estimated: one factor on the stated noise is taken for all runs together, and the"
+            " tests are F instead of chi-squared"
+        )
+    if found.used == 2:
+        yield "Two runs cannot show a drift, nor which of them is the outlier: a third would"
+    yield (
+        "Errors that are the same in all runs do not show in their scatter: geometry that deviates from"
+        " nominal, backlash that is always taken up from one side, a misaligned laser"
+    )
+
+
+def sentence_of(finding: RunFinding) -> str:
+    """What was found of a run, to follow its name and a colon."""
+    match finding:
+        case LackOfFit() | ImplausibleNoise() | BeyondPrior() | PlacementsDisagree():
+            return criterion_sentence(finding)
+        case StatedMisfit(text):
+            return text
+        case Displacement():
+            return displacement_sentence(finding)
+        case OtherBasins():
+            return "other offsets fit it nearly as well"
+        case SharedDistances():
+            return (
+                "it states distances between targets: where runs share one, its error is the same in all of"
+                " them and they scatter less than predicted"
+            )
+        case SharedTolerances():
+            return (
+                "it frees the geometry: what the arm's deviations add is the same in all runs; their scatter"
+                " is tested without it, and more runs do not lower it in the mean"
+            )
+        case PriorInEstimate(name):
+            return (
+                f"{name} is not compared: the prior has a part in its estimate, and a result file does not"
+                " say how to take it out; give the run file"
+            )
+        case FileWarning(text):
+            return text
+
+
+def _is(names: list[str]) -> str:
+    return "is" if len(names) == 1 else "are"
+
+
+def _hint_of_a_drift(found: Comparison) -> Iterator[str]:
+    drifts = [(row.drift.p_value, row.name, row.unit, row.drift) for row in found.offsets if row.drift]
+    drifts = [drift for drift in drifts if drift[-1].p_holm < 1 - LEVEL]
+    if drifts and not found.drifting:
+        _, name, unit, drift = min(drifts, key=lambda drift: drift[0])
+        yield (
+            f"A hint of a drift, no more: {name} changes by {drift.slope:.2g} {unit} a"
+            f" {'hour' if found.by_time else 'run'}, nearly in a line ({p_words(drift.p_holm, 2)},"
+            " Holm-adjusted)"
+        )
+
+
+def _on_a_table(found: Comparison) -> Iterator[str]:
+    count = max(row.runs for row in found.offsets)
+    if count >= 2:
+        low, high = of_a_std(count - 1)
+        yield (
+            f"From {count} runs a standard deviation is known to between {low:.2g} and {high:.2g} times the"
+            " one that they show (95 %)"
+        )
+    yield (
+        "Which noise would explain this scatter depends on the postures, which a table does not give: compare"
+        " run files, or see zerobeam study table2, which answers it for the paper's Table 2"
+    )

@@ -1,0 +1,245 @@
+"""The findings of a run in words: each sentence is made here, and nowhere read back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ..analysis.diagnostics.accuracy import Accuracy
+from ..analysis.diagnostics.displacement import ChangePoint, Displacement
+from ..analysis.diagnostics.hold_out import HoldOut
+from ..analysis.diagnostics.outliers import Robust
+from ..analysis.findings import (
+    FileWarning,
+    Finding,
+    HeldOutMisfit,
+    NoPosterior,
+    NotConverged,
+    OtherBasins,
+    Outlying,
+    PoorCurvature,
+    RobustNotConverged,
+)
+from ..analysis.misfit import BeyondPrior, ImplausibleNoise, LackOfFit, Misfit, PlacementsDisagree
+from ..analysis.observability.causes import Cause, NullDirection
+from ..analysis.posterior.posterior import PosteriorSummary
+from ..analysis.result import LikelihoodSummary, Result
+from ..analysis.so_far import SoFar
+from ..analysis.solution import ParameterTable, Solution
+from .causes import reason
+from .misfit import criterion_sentence, misfit_headline
+from .verdict import verdict_sentence
+from .wording import Namer, listed
+
+MOST_NAMED = 10
+_NEVER = 1e-12  # a p-value below this says nothing more: no noise is so normal
+_MOST_EXPLANATIONS = 3
+
+
+def headline(answer: Result | SoFar, name: Namer = str) -> str:
+    """The verdict in one or two sentences, with the reason where it is not a pass; `name` writes names."""
+    if isinstance(answer, SoFar):
+        if not answer.judged:
+            return "These measurements determine no offset yet."
+        return _headline(answer.offsets, answer.null_space, answer.misfit, name)
+    if not answer.likelihood.converged:
+        return _no_fit(answer.likelihood.reason)
+    return _headline(answer.parameters, answer.identifiability.null_space, answer.misfit, name)
+
+
+def solution_headline(solution: Solution, name: Namer = str) -> str:
+    """The same of a fit alone."""
+    if not solution.converged:
+        return _no_fit(solution.fit.reason)
+    null_space = solution.identified.facts.null_space
+    return _headline(solution.parameters, null_space, solution.misfit, name)
+
+
+def _no_fit(why: str) -> str:
+    return f"The fit did not converge ({why}): no offset is reported."
+
+
+def _headline(
+    parameters: ParameterTable, null_space: Sequence[NullDirection], misfit: Misfit | None, name: Namer
+) -> str:
+    sentence = verdict_sentence(parameters, null_space, name)
+    return sentence if misfit is None else f"{misfit_headline(misfit, name)} {sentence}".rstrip()
+
+
+def notes(result: Result) -> tuple[str, ...]:
+    """The findings of a result as sentences without a full stop, the gravest first."""
+    return tuple(finding_sentence(finding) for finding in result.findings)
+
+
+def finding_sentence(finding: Finding, name: Namer = str) -> str:
+    """One finding, without a full stop at its end; `name` writes names."""
+    match finding:
+        case NotConverged(reason=why):
+            return f"The fit did not converge: {why}. Nothing here may be used as an estimate"
+        case LackOfFit() | ImplausibleNoise() | BeyondPrior() | PlacementsDisagree():
+            return criterion_sentence(finding, name)
+        case OtherBasins(count, undecided):
+            sets = "set of offsets fits" if count == 1 else "sets of offsets fit"
+            what = "What differs between them is unidentifiable; the rest" if undecided else "The one"
+            return (
+                f"Other local optima: {count} more {sets} nearly as well. {what} reported has"
+                " the highest posterior density; add measurements to separate them"
+            )
+        case NoPosterior(posterior):
+            return f"No posterior is shown: {posterior_message(posterior)}"
+        case PoorCurvature(parameters, tested):
+            if not tested:
+                return (
+                    "The posterior was not sampled, and with separate noise factors nothing else tests the"
+                    " intervals by the curvature at the mode: sample it before you rely on them"
+                )
+            return (
+                f"The posterior was not sampled, although the profile likelihood of"
+                f" {listed([name(own) for own in parameters], MOST_NAMED)} differs from the curvature at the"
+                " mode: sample it before you rely on these intervals"
+            )
+        case Displacement():
+            return displacement_sentence(finding)
+        case HeldOutMisfit(targets, rms_mm, factor):
+            return (
+                f"At the held-out targets ({listed(list(targets))}) the residuals ({rms_mm:.2f} mm rms) are"
+                f" {factor:.1f} times what noise and fit explain: the offsets do not carry over to them as"
+                " stated"
+            )
+        case RobustNotConverged(reason=why):
+            return f"The robust fit did not converge ({why}): it is not shown"
+        case Outlying(measurements, robust):
+            named = _measurements(measurements[:MOST_NAMED])
+            if robust:
+                return (
+                    f"Outlying by the robust fit: {named}. Check before you rely on the estimates of the"
+                    " likelihood fit"
+                )
+            return (
+                f"Outlying: {named}; the residual is far larger than the stated noise. Check before you"
+                " rely on the rest"
+            )
+        case FileWarning(text):
+            return text
+
+
+def _measurements(numbers: Sequence[int]) -> str:
+    return f"measurement{'' if len(numbers) == 1 else 's'} {listed([str(n) for n in numbers], MOST_NAMED)}"
+
+
+def displacement_sentence(found: Displacement) -> str:
+    """What a reader must know of a significant displacement, and what to do."""
+    p_value = f"= {found.p_value:.0e}" if found.p_value > _NEVER else f"< {_NEVER:.0e}"
+    others = [_where(point) for point in found.elsewhere[:_MOST_EXPLANATIONS]]
+    if found.alone is not None:
+        others.append(f"measurement {found.alone} alone is wrong")
+    doubt = f" Nearly as likely: {', or '.join(others)}." if others else ""
+    return (
+        f"Target {found.at.target} seems to have moved{_by(found)} between measurements"
+        f" {found.at.after_shot} and {found.at.before_shot} (p {p_value}).{doubt} Discard the measurements"
+        " before or after, or give them another target name"
+    )
+
+
+def _where(point: ChangePoint) -> str:
+    return f"{point.target} moved between {point.after_shot} and {point.before_shot}"
+
+
+def _by(found: Displacement) -> str:
+    if found.size_mm is not None and found.size_std_mm is not None:
+        return f" by {found.size_mm:.1f} ± {found.size_std_mm:.1f} mm"
+    along = [
+        f"{shift:.1f} ± {std:.1f} mm along {axis}"
+        for axis, shift, std in zip("xyz", found.shift_mm, found.std_mm, strict=True)
+        if shift is not None and std is not None
+    ]
+    return f" by {' and '.join(along)}" if along else ""
+
+
+def likelihood_message(fit: LikelihoodSummary) -> str | None:
+    """What cannot be judged of a fit."""
+    if fit.dof == 0:
+        return "zero degrees of freedom: the fit cannot be checked against the noise"
+    return (
+        None
+        if fit.noise_known
+        else "the noise is estimated from these residuals, so they cannot contradict it"
+    )
+
+
+def posterior_message(posterior: PosteriorSummary) -> str:
+    """How the sampling went."""
+    if posterior.nothing_known:
+        return "not sampled: no parameter is identifiable"
+    if posterior.omitted is not None:
+        if posterior.omitted.enough:
+            return (
+                "not sampled: the curvature at the mode describes it (the profile likelihood has the same"
+                " 95 % intervals, to a tenth of their width)"
+            )
+        return "not sampled: that was asked for; the curvature at the mode may not describe it"
+    if posterior.draws == 0:
+        return "not sampled: the fit did not converge"
+    rhat = "not finite" if posterior.rhat_max is None else f"{posterior.rhat_max:.3f}"
+    if posterior.converged:
+        return (
+            f"{posterior.ensembles} independent ensembles agree: R-hat {rhat}, at least"
+            f" {posterior.ess_min:.0f} effective draws"
+        )
+    drifts = ", and its draws still drift" if posterior.drifts else ""
+    return (
+        f"the posterior has not converged (R-hat {rhat}, smallest effective sample size"
+        f" {posterior.ess_min:.0f}{drifts}). Record more varied measurements, or hold what the data do not"
+        " determine"
+    )
+
+
+def hold_out_message(held_out: HoldOut) -> str | None:
+    """Why a hold-out has no numbers, or none to judge."""
+    if held_out.failure is not None:
+        return f"the fit without them did not converge: {held_out.failure}"
+    return (
+        None if held_out.dof else "zero degrees of freedom: no more numbers than coordinates of their targets"
+    )
+
+
+def robust_message(robust: Robust) -> str:
+    """What a robust fit found."""
+    named = "no outlier"
+    if robust.outliers:
+        one = len(robust.outliers) == 1
+        named = f"{_measurements(robust.outliers)} {'is an outlier' if one else 'are outliers'}"
+    if robust.with_uncertainty:
+        return named
+    return (
+        f"{named}; no uncertainty: a measurement has leverage 1, or there are no more numbers than unknowns"
+    )
+
+
+def place(accuracy: Accuracy, name: Namer = str) -> str:
+    """What the point is whose accuracy is stated."""
+    match accuracy.place:
+        case "stated point":
+            return "a point stated by the user"
+        case "tool":
+            return "the stated point of the tool"
+        case "last axis":
+            n = accuracy.joints
+            return (
+                f"the point of the axis of joint {n} nearest to the stated point of the tool, as"
+                f" {name(f'delta{n}')} is not determined"
+            )
+
+
+def accuracy_reason(accuracy: Accuracy, name: Namer = str) -> str | None:
+    """Why no accuracy is claimed; None where it is."""
+    if not accuracy.converged:
+        return "the fit did not converge"
+    parts: dict[tuple[str, Cause | None], list[str]] = {}
+    for own, held, cause in zip(accuracy.undetermined, accuracy.held, accuracy.causes, strict=True):
+        parts.setdefault(("held" if held else "unidentifiable", cause), []).append(own)
+    said = []
+    for (state, cause), names in parts.items():
+        why = "" if cause is None else f": {reason(cause, name)}"
+        verb = "is" if len(names) == 1 else "are"
+        said.append(f"the TCP depends on {listed([name(own) for own in names])}, which {verb} {state}{why}")
+    return "; ".join(said) or None

@@ -1,0 +1,84 @@
+"""A misfit in words: what speaks against the model, and what that means for the answer."""
+
+from __future__ import annotations
+
+from ..analysis.misfit import (
+    LACK_OF_FIT,
+    BeyondPrior,
+    Criterion,
+    ImplausibleNoise,
+    LackOfFit,
+    Misfit,
+    OffPrior,
+    PlacementsDisagree,
+)
+from . import numbers
+from .numbers import p_words, times
+from .wording import Namer, listed
+
+UNVALIDATED = "no estimate or uncertainty of this run is validated"
+_MOST_NAMED = 8
+_NOISE = {"all": "estimated noise", "joint": "estimated noise of the joints", "spot": "estimated spot noise"}
+
+
+def criterion_sentence(criterion: Criterion, name: Namer = str) -> str:
+    """One criterion, without a full stop at its end; `name` writes names."""
+    match criterion:
+        case LackOfFit(with_priors=True):
+            return (
+                f"Residuals and priors together are larger than noise and priors allow (χ²"
+                f" {criterion.chi2:.0f}, {criterion.dof} dof, {p_words(criterion.p_value)}): noise, priors or"
+                " geometry are not as stated, or the best fit was not found. Add measurements, so that it"
+                " can be checked"
+            )
+        case LackOfFit():
+            rms = "" if criterion.rms_mm is None else f"; {criterion.rms_mm:.2f} mm rms"
+            return (
+                f"Lack of fit: residuals are {times(criterion.factor)} times the stated noise"
+                f" (χ² {criterion.chi2:.0f}, {criterion.dof} dof, {p_words(criterion.p_value)}{rms}): the"
+                f" {criterion.geometry} geometry does not describe this arm, a column, sign, zero, unit,"
+                " target or measurement is not as stated, or the noise is understated"
+            )
+        case ImplausibleNoise(of, factor, interval, plausible):
+            low, high = (times(end) for end in interval)
+            bound = f"{plausible:g} times" if factor > 1 else f"1/{plausible:g} of"
+            side = "above" if factor > 1 else "below"
+            return (
+                f"The {_NOISE[of]} is {times(factor)} times the stated ({_level()} interval {low} to {high}),"
+                f" {side} the {bound} that noise.plausible_factor allows: the model does not describe these"
+                " measurements, or the stated noise is wrong"
+            )
+        case BeyondPrior(parameters, limit):
+            named, one = listed([_off(own, name) for own in parameters], _MOST_NAMED), len(parameters) == 1
+            return (
+                f"{named} {'is' if one else 'are'} beyond {limit:g} prior standard deviations: the model does"
+                f" not describe this arm, or {'this prior is' if one else 'these priors are'} too narrow"
+            )
+        case PlacementsDisagree():
+            count = len(criterion.placements)
+            return (
+                f"The placements disagree: the offsets that each of the {count} would have alone differ by"
+                f" {times(criterion.factor)} times what the scatter within them explains (F({criterion.rank},"
+                f" {criterion.dof}), {p_words(criterion.p_value)}), most of all at {criterion.most}: the"
+                f" {criterion.geometry} geometry does not describe this arm, or a placement is wrong"
+            )
+
+
+def misfit_headline(misfit: Misfit, name: Namer = str) -> str:
+    """What is wrong, first of all; the first criterion, and what follows for the answer."""
+    first = criterion_sentence(misfit.criteria[0], name).removeprefix("Lack of fit: ")
+    more = len(misfit.criteria) - 1
+    also = f" {more} more {'criterion says' if more == 1 else 'criteria say'} so." if more else ""
+    return f"{first[0].upper()}{first[1:]}.{also} {UNVALIDATED[0].upper()}{UNVALIDATED[1:]}."
+
+
+def _off(own: OffPrior, name: Namer) -> str:
+    return (
+        name(own.name)
+        if own.stds is None
+        else f"{name(own.name)} ({own.stds:+.1f})".replace("(-", f"({numbers.MINUS}")
+    )
+
+
+def _level() -> str:
+    return f"{1 - 2 * LACK_OF_FIT:.1%}".replace("%", " %")
