@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
+from ..model.arrays import Progress
 from ..model.errors import BadInput
 from ..model.files.run import Run
 from ..model.likelihood.geometry import NOMINAL
@@ -42,7 +43,6 @@ from .solution import ParameterTable, Solution, require_noise_data
 from .solved import solved
 from .status import known, versions
 
-Progress = Callable[[str, float], None]
 Sampling = Literal["always", "where needed", "never"]
 
 MOST_ESS = 1e5  # quantiles have three digits long before; the draws of more do not go into memory

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..model.arrays import Matrix
 from ..model.errors import BadInput
-from ..model.kinematics.robot import Matrix
 from .rows import frame
 from .status import Status, UnsoundResult, require_no_more_than
 

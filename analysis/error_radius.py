@@ -9,7 +9,7 @@ import scipy
 from numpy.polynomial.chebyshev import chebpts1, chebvander
 from numpy.polynomial.legendre import leggauss
 
-from ..model.kinematics.robot import Matrix
+from ..model.arrays import Matrix
 
 COVERAGE = 0.95
 _NODES = 12  # of each ratio of stds

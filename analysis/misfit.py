@@ -22,7 +22,7 @@ from typing import ClassVar, Literal
 import numpy as np
 import scipy
 
-from ..model.kinematics.robot import Matrix
+from ..model.arrays import Matrix
 from ..model.likelihood.problem import Problem, rms_length
 from .estimation.fit import CONTRADICTED, LikelihoodFit
 from .observability.identifiability import Identified

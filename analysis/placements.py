@@ -12,7 +12,7 @@ from os.path import commonprefix
 
 import numpy as np
 
-from ..model.likelihood.kernel import Index
+from ..model.arrays import Index
 from ..model.likelihood.problem import Problem
 
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..model.arrays import Matrix
 from ..model.files.header import Header
-from ..model.kinematics.robot import Matrix
 from ..model.likelihood.problem import Problem
 from .diagnostics.displacement import Displacement
 from .estimation.fit import fit_likelihood

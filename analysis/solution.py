@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy
 
+from ..model.arrays import NORMAL_95, Matrix
 from ..model.errors import BadInput
-from ..model.kinematics.robot import Matrix
 from ..model.likelihood.parameters import Group, Parameter
 from ..model.likelihood.problem import Problem
 from .covariance import Covariance
@@ -42,8 +42,6 @@ from .status import (
 
 if TYPE_CHECKING:
     import pandas as pd
-
-NORMAL_95 = 1.959963984540054  # half width of the central 95 % of a unit normal
 
 
 @dataclass(frozen=True)

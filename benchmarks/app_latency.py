@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from zerobeam.model.kinematics.robot import Matrix
+from zerobeam.model.arrays import Matrix
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 from chromium import BROWSERS, Tab, chromium

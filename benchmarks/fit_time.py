@@ -31,8 +31,8 @@ from threadpoolctl import threadpool_limits
 
 from zerobeam.analysis.estimation.fit import Fits, LikelihoodFit, fit_likelihood, fit_rows, start_at
 from zerobeam.experiments.demos import demo_runs
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.run import read_run
-from zerobeam.model.kinematics.robot import Matrix
 from zerobeam.model.likelihood.density import Density
 from zerobeam.model.likelihood.problem import Problem
 

@@ -35,8 +35,8 @@ from zerobeam.analysis.posterior.moves import IndependenceProposal, degrees_of_f
 from zerobeam.analysis.posterior.posterior import Whitening
 from zerobeam.analysis.posterior.sampler import sample_density
 from zerobeam.experiments.demos import demo_runs
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.run import read_run
-from zerobeam.model.kinematics.robot import Matrix
 from zerobeam.model.likelihood.density import Density
 from zerobeam.model.likelihood.geometry import Geometry
 from zerobeam.model.likelihood.problem import Problem

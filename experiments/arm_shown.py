@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from ..model.arrays import Matrix
 from ..model.errors import BadInput
 from ..model.files.header import UrdfRef
 from ..model.files.robot_file import built_in_robots, load_robot, stated_rows
 from ..model.kinematics.orientation import Orientation, orientation
 from ..model.kinematics.pendant import Pendant, beyond_limits, pendant_of
 from ..model.kinematics.reach import reach
-from ..model.kinematics.robot import J3, Matrix, PendantUnit, Robot
+from ..model.kinematics.robot import J3, PendantUnit, Robot
 from ..words.wording import counted
 from .importers.typed import typed_joints
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..analysis.observability.aim import aim, servo_joints
+from ..model.arrays import Matrix
 from ..model.errors import RigFault
 from ..model.files.plan import Plan
 from ..model.files.shot import Shot
-from ..model.kinematics.robot import Matrix
 from ..model.likelihood.problem import Problem
 
 

@@ -8,10 +8,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..analysis.analyse import Analysis, Progress
+from ..analysis.analyse import Analysis
 from ..analysis.analyse import analyse as analyse_run
 from ..analysis.estimation.robust import Loss
 from ..analysis.solution import ParameterResult, ParameterTable
+from ..model.arrays import Progress
 from ..model.errors import BadInput
 from ..model.files.run import Run
 from ..reports.output.cards import card, text

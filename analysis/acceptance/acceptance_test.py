@@ -22,8 +22,8 @@ import numpy as np
 from scipy import stats
 from scipy.linalg import block_diag, solve_triangular
 
+from ...model.arrays import Matrix
 from ...model.files.header import Header
-from ...model.kinematics.robot import Matrix
 from ...model.likelihood.problem import Problem, Whitened, rms_length
 from ..solution import Solution
 

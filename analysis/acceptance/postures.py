@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...model.arrays import Matrix
 from ...model.files.header import Header
-from ...model.kinematics.robot import Matrix
 from ..solution import Solution
 from .acceptance_test import POWER, EnteredOffset, Prediction, entered_offsets
 

@@ -13,11 +13,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ...model.arrays import Index, Matrix
 from ...model.errors import FitFailed
-from ...model.kinematics.robot import Matrix
 
 Criterion = Literal["A", "D", "E"]
-Index = NDArray[np.int64]
 Measure = Literal["A", "D", "E", "soft"]  # soft: a smooth stand-in for E
 
 SOFT = 8  # power of the mean of eigenvalues that stands in for the largest

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Index, Matrix
 from .continuous_design import (
     SOFT,
     Candidates,
     Criterion,
-    Index,
     Measure,
     continuous,
     offset_covariance,

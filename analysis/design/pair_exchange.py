@@ -14,8 +14,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from ...model.kinematics.robot import Matrix
-from .continuous_design import Index
+from ...model.arrays import Index, Matrix
 
 _SEARCHES = 150  # of a start: with many measurements not every two of them are exchanged
 _LOOKS = 60  # at single pairs in one search

@@ -25,9 +25,9 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from ...model.arrays import Index, Matrix
 from ...model.kinematics.pendant import beyond_limits
-from ...model.kinematics.robot import Matrix, Robot
-from ...model.likelihood.kernel import Index
+from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
 from ..error_radius import radius95
 from ..observability.causes import Cause

@@ -18,7 +18,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import scipy
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from ..posterior.posterior import PosteriorParameter, PosteriorSummary
 from ..solution import Solution
 from ..status import Status, known, require_no_more_than

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from ...model.likelihood.constraint import shot_functions
 from ...model.likelihood.density import Density
 from ...model.likelihood.problem import Problem

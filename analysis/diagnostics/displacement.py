@@ -16,8 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from ...model.kinematics.robot import Matrix
-from ...model.likelihood.kernel import Index
+from ...model.arrays import Index, Matrix
 from ..estimation.fit import LikelihoodFit
 
 _CHANCE = 1e-3  # that a run without a displacement is said to have one; that what is left is not noise

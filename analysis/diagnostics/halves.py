@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...model.arrays import Index
 from ...model.errors import BadInput
-from ...model.likelihood.kernel import Index
 from ..placements import Placement, placements
 from ..solution import Solution
 from ..status import known

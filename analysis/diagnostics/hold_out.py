@@ -14,8 +14,8 @@ from fnmatch import fnmatchcase
 import numpy as np
 import scipy
 
+from ...model.arrays import Matrix
 from ...model.errors import BadInput
-from ...model.kinematics.robot import Matrix
 from ...model.likelihood.problem import Problem, rms_length
 from ..estimation.fit import fit_likelihood
 from ..placements import Placement, placements

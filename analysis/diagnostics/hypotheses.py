@@ -15,10 +15,10 @@ from typing import Literal
 
 import numpy as np
 
-from ...model.kinematics.robot import Joint, Matrix, Robot
+from ...model.arrays import Index, Matrix
+from ...model.kinematics.robot import Joint, Robot
 from ...model.likelihood.constraint import ShotFunctions
 from ...model.likelihood.geometry import NOMINAL
-from ...model.likelihood.kernel import Index
 from ...model.likelihood.parameters import Parameter, Parameters
 from ...model.likelihood.problem import Problem
 

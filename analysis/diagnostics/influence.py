@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from ...model.likelihood.density import Density
 from ...model.likelihood.problem import Problem
 from ..estimation.coordinates import SeenCoordinates

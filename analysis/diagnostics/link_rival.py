@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from ...model.likelihood.density import Density
 from ...model.likelihood.problem import Problem
 from ..observability.consider import with_links

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from ..placements import placements
 from ..recordings.effective import Effective
 from ..recordings.steps import Steps, steps

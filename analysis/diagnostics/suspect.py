@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from ..estimation.fit import LikelihoodFit, fit_likelihood
 
 SIGNIFICANT = 1e-3  # after Bonferroni's correction for the number of measurements

@@ -13,9 +13,8 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Index, Matrix
 from ...model.likelihood.density import Density
-from ...model.likelihood.kernel import Index
 from ...model.likelihood.parameters import Parameters
 from ...model.likelihood.problem import Problem
 from ..estimation.fit import CONTRADICTED, LikelihoodFit, modes, start_at

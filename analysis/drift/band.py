@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from .drift import LEVEL, Drift, mixture_quantile
 
 _POINTS = 100  # of an offset, about

@@ -20,8 +20,8 @@ from dataclasses import astuple, dataclass, replace
 import numpy as np
 from scipy import special
 
+from ...model.arrays import Matrix
 from ...model.errors import BadInput
-from ...model.kinematics.robot import Matrix
 from ..status import UnsoundResult
 from .importance import Pass, effective, normalised, over_passes, sampled
 from .jump_test import JumpTest, jump_tests

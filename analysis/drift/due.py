@@ -6,7 +6,7 @@ import numpy as np
 from scipy import special
 from scipy.stats import qmc
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from .drift import Drift
 
 COVERAGE = 0.95

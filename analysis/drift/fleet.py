@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize, special
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from .drift import MEDIAN, SPREAD, Drift, median_interval
 from .importance import Pass, against_passes, effective, from_pass, normalised, over_passes, sampled
 from .series import Series

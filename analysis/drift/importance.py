@@ -14,7 +14,7 @@ import numpy as np
 from scipy import special
 from scipy.stats import qmc
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 
 Pass = tuple[Matrix, Matrix]  # mean (d,), and a root (d, d) of the covariance
 

@@ -33,7 +33,7 @@ from typing import Any
 import numpy as np
 from scipy import special
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from .comparable import Groups, change_at, changes, comparable_groups, connected
 from .drift import ALARM, LEVEL, Drift, drift, integrated, mixture_interval
 from .drift import allowed as allowed_at

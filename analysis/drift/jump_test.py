@@ -15,7 +15,7 @@ from dataclasses import astuple, dataclass
 import numpy as np
 from scipy import special
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from .importance import ENOUGH, MOST, Pass, about, effective, from_pass, normalised, over_passes
 from .series import Series
 from .smoother import Smoothed, smooth

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from ..status import UnsoundResult
 
 

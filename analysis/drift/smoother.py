@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from .series import Series
 
 

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Index, Matrix
 from ...model.likelihood.density import Density
-from ...model.likelihood.kernel import Index
 from .compiled_climb import compiled_climb
 from .coordinates import seen_coordinates
 from .levenberg_marquardt import Minima, Quadratic, levenberg_marquardt

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Index, Matrix
 from ...model.likelihood.c_source import GridInput, Offsets, columns
 from ...model.likelihood.density import Density
-from ...model.likelihood.kernel import Index, compiled_library
+from ...model.likelihood.kernel import compiled_library
 from .climb_source import SOURCE
 from .coordinates import SeenCoordinates
 from .levenberg_marquardt import DAMPING, NO_LOWER, NO_STEP, NOT_FINITE, TOLERANCE, Minima, Quadratic

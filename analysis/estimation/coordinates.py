@@ -13,10 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Index, Matrix
 from ...model.likelihood.c_source import GridInput, per_both, per_inner
 from ...model.likelihood.density import Density, together
-from ...model.likelihood.kernel import Index
 
 
 class Place(NamedTuple):

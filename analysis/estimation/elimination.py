@@ -9,15 +9,11 @@ settle. It is exact while the weights are kept: a stated distance between two ta
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Index, Mask, Matrix
 from ...model.likelihood.density import Density
-from ...model.likelihood.kernel import Index
 from ...model.likelihood.problem import Problem, Whitened
 from .levenberg_marquardt import least_squares, levenberg_marquardt
-
-Mask = NDArray[np.bool_]
 
 _REFRESHES = 30
 _SETTLED = 1e-6  # prior stds

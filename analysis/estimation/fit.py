@@ -15,9 +15,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Index, Matrix
 from ...model.likelihood.density import Density, density_of
-from ...model.likelihood.kernel import Index
 from ...model.likelihood.problem import Problem, Whitened
 from .climb import MOST_STEPS, Climb
 from .compiled_climb import compiled_climb

@@ -11,8 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...model.kinematics.robot import Matrix
-from ...model.likelihood.kernel import Index
+from ...model.arrays import Index, Matrix
 
 DAMPING, TOLERANCE = 1e-3, 1e-14
 NO_LOWER = "no step lowers the cost"

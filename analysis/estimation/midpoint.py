@@ -17,8 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...model.kinematics.robot import Matrix
-from ...model.likelihood.kernel import Index
+from ...model.arrays import Index, Matrix
 from ...model.likelihood.problem import Problem
 from .levenberg_marquardt import least_squares, levenberg_marquardt, solve_rows
 

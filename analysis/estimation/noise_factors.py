@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from ...model.likelihood.density import Density
 from ...model.likelihood.problem import Problem
 from .climb import Climb

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Index, Matrix
 from ...model.likelihood.density import Density
-from ...model.likelihood.kernel import Index
 from ...model.likelihood.problem import Problem
 from .climb import Climb
 from .coordinates import SeenCoordinates

@@ -15,9 +15,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Index, Matrix
 from ...model.likelihood.density import Density
-from ...model.likelihood.kernel import Index
 from ...model.likelihood.problem import Problem
 from .fit import LikelihoodFit, modes
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from ...model.likelihood.geometry import ANGLES
 from ...model.likelihood.problem import Problem
 from .fit import LikelihoodFit, fit_from

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...model.arrays import Matrix
 from ...model.files.plan import Plan
-from ...model.kinematics.robot import Matrix
 from ...model.likelihood.problem import Problem
 from ..estimation.threads import one_blas_thread
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ...model.arrays import Matrix
 from ...model.errors import BadInput
 from ...model.files.plan import Plan
 from ...model.kinematics.pendant import beyond_limits, nearest_limit
-from ...model.kinematics.robot import Matrix
 from ...model.likelihood.parameters import Group
 from ...model.likelihood.problem import Problem
 from ..estimation.threads import one_blas_thread

@@ -15,7 +15,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from ...model.likelihood.geometry import Geometry
 from ...model.likelihood.problem import Problem
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from ...model.arrays import Matrix
 from ...model.files.header import Header
-from ...model.kinematics.robot import Matrix
 from ...model.likelihood.problem import Problem
 from ..status import Status, known
 from .consider import TYPICAL_DEG, TYPICAL_MM, considered, with_tolerances

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from ...model.likelihood.parameters import Parameters
 from ...model.likelihood.problem import Problem
 from ..status import Status

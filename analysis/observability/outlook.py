@@ -7,8 +7,8 @@ from itertools import product
 
 import numpy as np
 
+from ...model.arrays import Matrix
 from ...model.kinematics.pendant import beyond_limits
-from ...model.kinematics.robot import Matrix
 from ...model.likelihood.problem import Problem, Whitened
 from .aim import aim, servo_joints
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 
 _NO_INFORMATION = 1e-8  # on a geometry parameter, beside that of its tolerance
 _ROUNDING = 1e-11  # singular values below this share of a unit column are rounding

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 
 _FEWEST = 4  # steps
 

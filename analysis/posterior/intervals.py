@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...model.arrays import NORMAL_95
 from ..estimation.profile import profile_intervals
-from ..solution import NORMAL_95, Solution
+from ..solution import Solution
 from ..status import Status, require_no_more_than
 from .posterior import PosteriorSummary
 

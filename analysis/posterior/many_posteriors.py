@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from ...model.likelihood.density import Density
 from ..estimation.coordinates import SeenCoordinates
 from ..estimation.fit import Fits

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 
 _ROWS = 16_384  # of one call of the density
 

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix, ShareDone
 from ...model.likelihood.density import Density
 from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem
@@ -24,7 +24,7 @@ from ..solution import Solution
 from ..status import Status, UnsoundResult, known, require_no_more_than
 from .convergence import error_of_mean, tail_effective
 from .moves import IndependenceProposal, degrees_of_freedom
-from .sampler import RHAT_GATE, Progress, Sampled, sample_density
+from .sampler import RHAT_GATE, Sampled, sample_density
 
 _KEPT_PER_WALKER = 400
 
@@ -177,7 +177,7 @@ def sample_posterior(
     *,
     seed: int,
     ess: float = 1000.0,
-    progress: Progress | None = None,
+    progress: ShareDone | None = None,
 ) -> tuple[PosteriorSummary, Draws]:
     """The posterior around a fit: its summary, gated by R-hat and ESS, and the draws in the units that people
     read."""

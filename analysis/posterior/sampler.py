@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix, ShareDone
 from .convergence import effective, nested_rhat, normal_scores
 from .ensemble import load_emcee
 from .moves import DifferentialMove, IndependenceMove, IndependenceProposal
@@ -45,7 +45,6 @@ _FITTED = 8_000  # draws to fit a triangular map to
 _LOOK_WALKERS = 128  # of an ensemble, to take diagnostics of
 _TURNOVER = 2  # effective draws for each walker: on average it has left its start behind
 
-Progress = Callable[[float], None]
 LogDensity = Callable[[Matrix], Matrix]
 
 
@@ -213,7 +212,7 @@ class _Run:
             return _MAPPED_LOOK
         return _FIRST_LOOK if self._independent < GOOD or walkers < _LOOK_WALKERS else _FIRST_LOOK // 2
 
-    def grow(self, starts: Matrix, ess: float, limit: int, progress: Progress) -> _Grown:
+    def grow(self, starts: Matrix, ess: float, limit: int, progress: ShareDone) -> _Grown:
         """Draws until they have settled and are enough, or `limit` steps are done."""
         walkers = starts.shape[1]
         needed = max(ess, _TURNOVER * ENSEMBLES * walkers)
@@ -245,7 +244,7 @@ def sample_density(
     ess: float,
     threads: int = 1,
     judged: Callable[[Matrix], Matrix] = lambda values: values,
-    progress: Progress | None = None,
+    progress: ShareDone | None = None,
 ) -> Sampled:
     """Sample a vectorised log-density (W, f) -> (W,) by independent ensembles until `ess` is reached.
 

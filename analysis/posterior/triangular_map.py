@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 
 _DEGREE = 3
 _REACH = 4.0  # stds: farther out the polynomials stay what they are there

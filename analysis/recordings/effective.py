@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from ..estimation.fit import LikelihoodFit
 from .recordings import Recorded, covariance, recording_rows, recordings, traces
 

@@ -15,8 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...model.kinematics.robot import Matrix
-from ...model.likelihood.kernel import Index
+from ...model.arrays import Index, Matrix
 from ...model.likelihood.problem import Problem, Whitened
 from ..estimation.fit import LikelihoodFit
 

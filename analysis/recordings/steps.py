@@ -16,8 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...model.kinematics.robot import Matrix
-from ...model.likelihood.kernel import Index
+from ...model.arrays import Index, Matrix
 from ..estimation.fit import LikelihoodFit
 from ..holm import holm
 from ..solution import Solution

@@ -10,8 +10,8 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
+from ...model.arrays import Matrix, Progress
 from ...model.files.run import Run
-from ...model.kinematics.robot import Matrix
 from ..holm import holm
 from ..status import UnsoundResult, versions
 from .consistency import (
@@ -28,7 +28,7 @@ from .consistency import (
     scatter,
 )
 from .repeat import Kind, Repeat, RepeatStatus, RunFinding
-from .repeats import Progress, read_repeats, times
+from .repeats import read_repeats, times
 
 Question = Literal["consistency", "offsets", "odd", "drift"]
 Agreement = Literal["agrees", "does not agree", "not tested", "misfit"]

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 
 Interval = tuple[float, float]
 

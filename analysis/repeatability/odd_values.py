@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 
 FEWEST = 15  # values: from here on the stated level holds (Rosner 1983, table 3)
 _MOST_ODD = 0.1  # of all values: more are no outliers but another population

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from ...model.likelihood.density import Density
 from ..covariance import OffsetsWithoutPrior
 from ..estimation.fit import LikelihoodFit

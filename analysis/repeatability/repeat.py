@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from ..diagnostics.displacement import Displacement
 from ..findings import FileWarning, OtherBasins
 from ..misfit import Criterion

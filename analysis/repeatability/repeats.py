@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
+from ...model.arrays import Matrix, Progress
 from ...model.errors import BadInput
 from ...model.files.header import Header
 from ...model.files.reading import LARGEST_RECORDING, read_bytes
 from ...model.files.run import Run, read_run
-from ...model.kinematics.robot import Matrix, Robot
+from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
 from ..estimation.threads import one_blas_thread
 from .offset_table import read_table
 from .repeat import Kind, Repeat
 from .result_files import read_result
 from .run_files import fitted, problem_of, unfitted
-
-Progress = Callable[[str, float], None]
 
 _SAME = 1e-9  # relative: two descriptions of one arm
 

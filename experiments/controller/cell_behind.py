@@ -6,9 +6,9 @@ import copy
 
 import numpy as np
 
+from ...model.arrays import Matrix
 from ...model.errors import BadInput
 from ...model.files.plan import Plan
-from ...model.kinematics.robot import Matrix
 from ..rigs.abb.caution import require_six_axes
 from ..rigs.simulated.cell_file import Cell
 from ..rigs.simulated.simulator import SimulatedRig

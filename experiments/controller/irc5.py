@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from .cell_behind import CellBehind
 from .drive import Drive
 from .egm_server import Egm

@@ -25,8 +25,8 @@ from typing import Any
 
 import numpy as np
 
+from ...model.arrays import Matrix
 from ...model.errors import RigFault, ZerobeamError
-from ...model.kinematics.robot import Matrix
 from ..rigs.simulated.simulator import SimulatedRig
 from ..sensors.camera import Camera, Image
 from ..sensors.psd import Psd

@@ -15,7 +15,8 @@ import numpy as np
 
 from ...analysis.solution import ParameterResult, Solution
 from ...analysis.status import Status, known
-from ...model.kinematics.robot import Matrix, Robot
+from ...model.arrays import Matrix
+from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem, rms_length
 from ...words.causes import reason
 

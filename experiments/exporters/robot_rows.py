@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...model.arrays import Matrix
 from ...model.errors import BadInput
 from ...model.files.header import UrdfRef
 from ...model.files.reading import shown
@@ -14,7 +15,6 @@ from ...model.files.robot_file import RobotFile, StatedJoint, StatedTransform, s
 from ...model.files.run import Run
 from ...model.kinematics.denavit_hartenberg import DHRow
 from ...model.kinematics.orientation import angles_of
-from ...model.kinematics.robot import Matrix
 from .ascii_line import one_line
 from .calibration import Calibration
 from .dh_rows import Table, beyond_rows, corrected_table

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...model.arrays import Matrix
 from ...model.errors import BadInput
 from ...model.files.header import UrdfRef
 from ...model.files.reading import read_yaml
@@ -18,7 +19,7 @@ from ...model.files.robot_file import stated_rows
 from ...model.files.run import Run
 from ...model.files.urdf import MILLIMETRES
 from ...model.kinematics.orientation import angles_of
-from ...model.kinematics.robot import Matrix, Robot, shift
+from ...model.kinematics.robot import Robot, shift
 from ..importers.ur_calibration import LINKS, PLACE, flanges_apart, ros_chain
 from .ascii_line import one_line
 from .calibration import Calibration

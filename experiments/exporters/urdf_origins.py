@@ -15,13 +15,14 @@ from xml.parsers import expat
 import casadi as ca
 import numpy as np
 
+from ...model.arrays import Matrix
 from ...model.errors import BadInput
 from ...model.files.header import UrdfRef
 from ...model.files.reading import read_bytes, read_text, shown
 from ...model.files.run import Run
 from ...model.files.urdf import MILLIMETRES, last_joint
 from ...model.kinematics.orientation import angles_of, roll_pitch_yaw
-from ...model.kinematics.robot import Joint, Matrix, axis_rotation
+from ...model.kinematics.robot import Joint, axis_rotation
 from .calibration import Calibration, Offset
 from .corrected import GeometryValue
 from .urdf_written import written_urdf

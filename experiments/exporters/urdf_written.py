@@ -9,9 +9,10 @@ import re
 from collections.abc import Sequence
 from xml.sax.saxutils import quoteattr
 
+from ...model.arrays import Matrix
 from ...model.files.urdf import MILLIMETRES
 from ...model.kinematics.orientation import angles_of
-from ...model.kinematics.robot import Joint, Matrix, Robot
+from ...model.kinematics.robot import Joint, Robot
 
 BASE, FLANGE = "base", "flange"
 _ESCAPED = {"\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}

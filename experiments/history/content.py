@@ -15,7 +15,7 @@ from typing import Any, get_args
 import numpy as np
 
 from ...analysis.status import Status, Verdict, known
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 
 DAMAGED = (KeyError, TypeError, ValueError, AttributeError, ArithmeticError)
 

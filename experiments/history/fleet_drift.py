@@ -16,7 +16,7 @@ import numpy as np
 from ...analysis.drift.drift import ALARM, SPREAD, Drift
 from ...analysis.drift.fleet import ArmRates, ModelRates, model_rates
 from ...analysis.drift.instruments import Bias, Comparable, Measured, instrument_biases
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from ..processes import side_by_side
 from .arm_drift import ArmDrift, DatedJump, arm_drift
 from .store import Event, StoredResult

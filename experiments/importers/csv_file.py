@@ -10,11 +10,12 @@ from typing import Literal
 
 import numpy as np
 
+from ...model.arrays import Matrix
 from ...model.errors import BadInput
 from ...model.files.limits import like_radians
 from ...model.files.reading import shown
 from ...model.kinematics.pendant import Pendant
-from ...model.kinematics.robot import J3, Matrix, Robot
+from ...model.kinematics.robot import J3, Robot
 from .columns import columns_of_joints, reversed_joints
 from .dwells import Log, Mark, Stillness, held
 from .imported import Found, Imported, Job, Stated, uncollected

@@ -10,8 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...model.arrays import Matrix
 from ...model.errors import BadInput
-from ...model.kinematics.robot import Matrix, Robot
+from ...model.kinematics.robot import Robot
 from .imported import Found
 
 _ROUNDING = 1e-9  # of times: a window of 0.5 s holds 126 readings at 250 Hz, however they are rounded

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...model.arrays import Matrix
 from ...model.errors import BadInput
 from ...model.files.header import Header, check_header, read_header
 from ...model.files.limits import check_limits
@@ -22,7 +23,7 @@ from ...model.files.robot_file import load_robot, rebased
 from ...model.files.shot import Shot, check_distances, check_shot, unknown_targets
 from ...model.files.validation import validate
 from ...model.kinematics.pendant import Pendant, pendant_of
-from ...model.kinematics.robot import J3, Matrix, Robot
+from ...model.kinematics.robot import J3, Robot
 
 Stated = Path | str | Plan  # a header file, or the plan that was measured, which has a header
 

@@ -13,9 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
+from ...model.arrays import Matrix
 from ...model.errors import BadInput
 from ...model.files.reading import did_you_mean, read_text, shown
-from ...model.kinematics.robot import Matrix, Robot
+from ...model.kinematics.robot import Robot
 from .columns import columns_of_joints
 from .imported import Found, Imported, Job, Stated
 from .table import number

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from ...model.arrays import Matrix
 from ...model.errors import BadInput
 from ...model.files.reading import shown
 from ...model.kinematics.poses import from_quaternion, stated_numbers
-from ...model.kinematics.robot import Matrix
 from .imported import Imported, Job, Stated
 from .robtargets import Robtargets
 from .taught import Point, import_points

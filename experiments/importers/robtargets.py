@@ -9,12 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
+from ...model.arrays import Matrix
 from ...model.errors import BadInput
 from ...model.files.robot_file import load_robot
 from ...model.kinematics.branches import Branches, is_abb_configuration
 from ...model.kinematics.inverse import Solver
 from ...model.kinematics.poses import from_quaternion
-from ...model.kinematics.robot import Matrix, Robot, same_arm, shift
+from ...model.kinematics.robot import Robot, same_arm, shift
 
 _FLANGE_OF_IRB1600 = 65.0  # mm
 _UNUSED = 9e9

@@ -11,9 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
+from ...model.arrays import Matrix
 from ...model.errors import BadInput
 from ...model.files.reading import LARGEST_TABLE, did_you_mean, read_text, shown
-from ...model.kinematics.robot import Matrix, Robot
+from ...model.kinematics.robot import Robot
 from .columns import found_delimiter
 
 # As people call them: those that are looked for, and any other one as it is.

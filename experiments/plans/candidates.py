@@ -6,19 +6,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...analysis.observability.aim import aim, servo_joints
 from ...analysis.observability.violations import Condition
+from ...model.arrays import Mask, Matrix
 from ...model.errors import BadInput
 from ...model.files.header import Header
 from ...model.files.stated_plan.obstacles import Obstacles
-from ...model.kinematics.robot import Matrix, Robot
+from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
 from .constraints import Conditions, View
 from .obstacles import Clearance
-
-Mask = NDArray[np.bool_]
 
 _BATCH = 20_000
 _MOST_DRAWN_PER_CANDIDATE = 60

@@ -6,23 +6,20 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.aim import AimedPlan, aim_plan
 from ...analysis.observability.check import Check
 from ...analysis.observability.check import check as check_observability
 from ...analysis.observability.violations import Condition, Violation
+from ...model.arrays import Index, Mask, Matrix
 from ...model.errors import BadInput
 from ...model.files.plan import Plan
 from ...model.files.stated_plan.constraints import StatedConstraints
 from ...model.kinematics.pendant import beyond_limits
-from ...model.kinematics.robot import Matrix, Robot
+from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
 from .obstacles import Clearance
-
-Mask = NDArray[np.bool_]
-Index = NDArray[np.int64]
 
 # A plan file has its postures to 1e-6 deg: what was chosen at a bound is still within it when read again.
 _ROUNDED_RAD = 1e-6

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -11,6 +10,7 @@ import numpy as np
 
 from ...analysis.design.continuous_design import Criterion
 from ...analysis.observability.check import Check
+from ...model.arrays import Progress
 from ...model.errors import BadInput
 from ...model.files.arrays import checked
 from ...model.files.header import DEFAULT_TARGETS, Header, StatedTarget
@@ -25,8 +25,6 @@ from .candidates import candidates
 from .constraints import View, check_plan
 from .optimal import Fewest, Planner, Proposal
 from .patterns import pattern
-
-Progress = Callable[[str, float], None]
 
 _LOOSE = 0.8  # a certified efficiency below this needs a word
 _DECIMALS = 6  # of degrees and millimetres in the file: finer than any controller moves

@@ -6,16 +6,14 @@ from io import StringIO
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from ruamel.yaml import YAML
 
+from ...model.arrays import Mask, Matrix
 from ...model.files.stated_plan.obstacles import Box, Obstacles
 from ...model.files.validation import read_model
 from ...model.files.whole_file import refuse_existing, write_whole
-from ...model.kinematics.robot import Matrix, Robot
+from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
-
-Mask = NDArray[np.bool_]
 
 _SAME_POINT = 1e-6
 _DEFAULT_THICKNESS = 0.05  # of the stretched arm

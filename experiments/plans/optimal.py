@@ -8,12 +8,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...analysis.design.continuous_design import Candidates, Criterion, Index
+from ...analysis.design.continuous_design import Candidates, Criterion
 from ...analysis.design.exact_design import STARTS, Design, design
 from ...analysis.estimation.threads import one_blas_thread
+from ...model.arrays import Index, Matrix
 from ...model.errors import BadInput
 from ...model.files.header import Header
-from ...model.kinematics.robot import Matrix, Robot
+from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
 from ..processes import on_cluster
 from .candidates import CandidatePostures

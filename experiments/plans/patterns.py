@@ -7,11 +7,11 @@ from typing import Literal
 import numpy as np
 
 from ...analysis.estimation.levenberg_marquardt import least_squares, levenberg_marquardt
+from ...model.arrays import Index, Matrix
 from ...model.errors import BadInput
 from ...model.files.header import Header
 from ...model.kinematics.pendant import beyond_limits
-from ...model.kinematics.robot import Matrix, Robot
-from ...model.likelihood.kernel import Index
+from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
 
 Pattern = Literal["x", "y"]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from ..sensors.psd import BRIGHTEST, LIT, Psd
 from .readings import Spot, read_spot
 from .refusal import MeasurementRefused, Reason

@@ -13,11 +13,11 @@ from ...analysis.design.continuous_design import Candidates
 from ...analysis.design.exact_design import design
 from ...analysis.observability.aim import aim, servo_joints
 from ...analysis.so_far import SoFar
+from ...model.arrays import Matrix
 from ...model.errors import BadInput
 from ...model.files.plan import Plan
 from ...model.files.run import ENOUGH_CALIBRATED, ENOUGH_UNCALIBRATED
 from ...model.files.shot import Shot
-from ...model.kinematics.robot import Matrix
 from ...model.likelihood.problem import Problem
 
 _STARTS = 8

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from ..sensors.psd import Psd
 from .refusal import MeasurementRefused, Reason
 from .rig import Rig

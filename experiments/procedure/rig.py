@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
+from ...model.arrays import Matrix
 from ...model.files.shot import Shot
-from ...model.kinematics.robot import Matrix
 from ..sensors.camera import Camera, Image
 from ..sensors.psd import Psd
 

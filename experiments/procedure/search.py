@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...interruption import obey
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from ..sensors.camera import Camera, Image
 from ..sensors.markers import NoPair, Pair, blobs, is_black, marker_pair, spot_between
 from ..sensors.psd import LIT, Psd

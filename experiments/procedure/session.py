@@ -18,11 +18,11 @@ from ...analysis.estimation.fit import fit_likelihood
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.so_far import SoFar, so_far
 from ...interruption import interruptible, obey, uninterrupted
+from ...model.arrays import Matrix
 from ...model.errors import RigFault
 from ...model.files.plan import Plan
 from ...model.files.shot import Shot
 from ...model.kinematics.pendant import beyond_limits
-from ...model.kinematics.robot import Matrix
 from ...model.likelihood.parameters import Parameters
 from ...model.likelihood.problem import Problem
 from ..sensors.psd import WEAKEST

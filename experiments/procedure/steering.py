@@ -8,8 +8,8 @@ import numpy as np
 
 from ...analysis.observability.aim import aim, servo_joints
 from ...interruption import obey
+from ...model.arrays import Matrix
 from ...model.kinematics.pendant import beyond_limits
-from ...model.kinematics.robot import Matrix
 from ...model.likelihood.problem import Problem
 from .refusal import MeasurementRefused, Reason
 from .rig import Rig

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ...model.arrays import Matrix
 from ...model.files.shot import Shot
-from ...model.kinematics.robot import Matrix
 from ..sensors.camera import Camera, Image
 from ..sensors.psd import Psd
 from .events import ArmSent, PictureTaken, Told

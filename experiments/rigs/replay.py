@@ -7,11 +7,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...analysis.observability.aim import servo_joints
+from ...model.arrays import Matrix
 from ...model.errors import BadInput, RigFault
 from ...model.files.plan import Plan
 from ...model.files.run import Run
 from ...model.files.shot import Shot
-from ...model.kinematics.robot import Matrix, same_arm
+from ...model.kinematics.robot import same_arm
 from ...model.likelihood.problem import Problem
 from ..procedure.steering import Belief
 from ..sensors.camera import Camera, Image

@@ -9,9 +9,9 @@ from typing import TypeVar
 
 import numpy as np
 
+from ...model.arrays import Matrix
 from ...model.errors import RigFault, missing_extra
 from ...model.files.confinement import require_device
-from ...model.kinematics.robot import Matrix
 from .line import IDENTITY, LONGEST, REQUESTS, asking, heard, sample_of
 
 T = TypeVar("T")

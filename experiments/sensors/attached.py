@@ -8,11 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+from ...model.arrays import Matrix
 from ...model.errors import RigFault
 from ...model.files.plan import Plan
 from ...model.files.reading import did_you_mean
 from ...model.kinematics.orientation import roll_pitch_yaw
-from ...model.kinematics.robot import Matrix, shift
+from ...model.kinematics.robot import shift
 from .amplifier import Amplifier
 from .camera import Camera, Image
 from .counts import PsdCalibration, read_calibration

@@ -8,8 +8,8 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
+from ...model.arrays import Matrix
 from ...model.files.validation import Name, Positive, SourcedModel, read_model, refusal, tuple_of
-from ...model.kinematics.robot import Matrix
 from .psd import PAIR_LIGHT, PsdKind
 
 CALIBRATION_SCHEMA: Literal["zerobeam/psd-calibration/1"] = "zerobeam/psd-calibration/1"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from .camera import Camera, Image
 from .psd import Psd
 

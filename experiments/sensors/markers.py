@@ -10,7 +10,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from .camera import Image
 
 # A pixel is lit where it is so many standard deviations above the background: one pixel of noise in 10⁹,

@@ -13,9 +13,9 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from ...model.arrays import Matrix
 from ...model.files.reading import shown
 from ...model.files.validation import refusal, without_length
-from ...model.kinematics.robot import Matrix
 
 PsdKind = Literal["duo-lateral", "tetra-lateral"]
 

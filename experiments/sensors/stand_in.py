@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ...model.arrays import Matrix
 from ...model.files.whole_file import Closing
-from ...model.kinematics.robot import Matrix
 from .counts import read_calibration
 from .interface import Sensors
 from .line import IDENTITY, LONGEST, MOST_SAMPLES, Sample, asked, read_sample, sealed

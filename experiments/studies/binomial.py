@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special, stats
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from .answer import Share
 
 

@@ -7,13 +7,14 @@ same for any number of processes.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
 
 import numpy as np
 
 from ...analysis.so_far import SoFar
+from ...model.arrays import ShareDone
 from ...model.errors import ZerobeamError
 from ...model.files.plan import Plan
 from ...model.files.shot import Shot
@@ -24,8 +25,6 @@ from ..procedure.session import Procedure
 from ..processes import side_by_side
 from ..rigs.simulated.cell_file import Cell
 from ..rigs.simulated.simulator import SimulatedRig
-
-Progress = Callable[[float], None]  # the share of all runs that is done
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +101,7 @@ def carried(repeated: Repeated, seed: int) -> CellRun:
 
 
 def campaign(
-    works: Sequence[Repeated], of: Sequence[int], progress: Progress, processes: int | None = None
+    works: Sequence[Repeated], of: Sequence[int], progress: ShareDone, processes: int | None = None
 ) -> list[list[CellRun]]:
     """Each of `works` with each of the seeds `of`, in that order; as many `processes` as there are cores.
 

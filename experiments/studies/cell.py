@@ -8,7 +8,7 @@ negative controls are carried along.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,10 +18,10 @@ from scipy import stats
 from ...analysis.observability.identifiability import identify
 from ...analysis.so_far import SoFar
 from ...analysis.status import versions
+from ...model.arrays import Matrix, Progress
 from ...model.files.header import Header
 from ...model.files.plan import Plan
 from ...model.files.robot_file import load_robot
-from ...model.kinematics.robot import Matrix
 from ...model.likelihood.problem import Problem
 from ...words.wording import label, listed
 from ..plans.candidates import candidates
@@ -44,8 +44,6 @@ _BACKLASH_DEG = 0.1  # of the control: ten times the joint noise
 _LEVEL = 0.95
 _CHANCE = 0.01  # of a false alarm over all offsets of a plan
 _LIMIT_S = 360.0  # "no more than 6 minutes" (section 4.1)
-
-Progress = Callable[[str, float], None]  # the stage, and the share of the whole that is done
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import closing, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,10 +27,10 @@ from ...analysis.observability.identifiability import identify
 from ...analysis.posterior.many_posteriors import LEAST_STEPS
 from ...analysis.posterior.sampler import ROUND
 from ...analysis.status import Status, known, versions
+from ...model.arrays import Index, Matrix, Progress
 from ...model.files.header import Header
 from ...model.files.robot_file import load_robot
-from ...model.kinematics.robot import Matrix
-from ...model.likelihood.kernel import Index, compiled_at_once
+from ...model.likelihood.kernel import compiled_at_once
 from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem
 from ...words.wording import label, listed
@@ -58,8 +58,6 @@ _HEADER = {
 LEVELS = (0.5, 0.9, 0.95, 0.99)
 _SENTENCE_LEVEL = 0.95
 _CHANCE = 0.01  # of a false alarm over all levels and parameters of an estimator
-
-Progress = Callable[[str, float], None]  # the plan, and the share of the whole that is done
 
 
 @dataclass(frozen=True)

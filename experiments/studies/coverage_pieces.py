@@ -9,9 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...analysis.posterior.many_posteriors import TOGETHER, drawn_together
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Index, Matrix
 from ...model.likelihood.density import Density
-from ...model.likelihood.kernel import Index
 from ...model.likelihood.problem import Problem
 from .data_sets import DataSets, fitted
 from .estimators import Estimates, likelihood, midpoint, pseudo_inverse, understated

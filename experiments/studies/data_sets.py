@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...analysis.estimation.fit import Fits, fit_each
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from ...model.likelihood.problem import Problem
 from ..simulate import simulated_readings
 

@@ -7,7 +7,6 @@ Every other arm has one jump. The control ignores the correlation of the offsets
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,8 +19,8 @@ from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.repeatability.prior_free import offsets_without_prior
 from ...analysis.solved import solved
 from ...analysis.status import versions
+from ...model.arrays import Matrix, Progress
 from ...model.files.run import read_run
-from ...model.kinematics.robot import Matrix
 from ...model.likelihood.kernel import compiled_at_once
 from ...model.likelihood.problem import Problem
 from ..demos import demo_runs
@@ -35,8 +34,6 @@ _BETTER, _WORSE = 0.5, 2.0  # a result's standard uncertainties over those of th
 _SIZES = (2.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0)  # of a jump, in u of the plan
 _CHANCE = 0.001  # of a false alarm of each comparison of this study
 _SIZE = 5  # arms of a piece: a second or two of work
-
-Progress = Callable[[str, float], None]  # the stage, and the share of the whole that is done
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from ...analysis.estimation.fit import Fits
 from ...analysis.estimation.midpoint import fit_midpoints
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Index, Matrix
 from ...model.likelihood.geometry import NOMINAL
-from ...model.likelihood.kernel import Index
 from ...model.likelihood.parameters import Parameters
 from .data_sets import DataSets, fitted
 

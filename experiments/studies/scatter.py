@@ -12,8 +12,8 @@ from ...analysis.estimation.midpoint import fit_midpoints
 from ...analysis.observability.aim import aim, servo_joints
 from ...analysis.observability.identifiability import identify
 from ...analysis.status import Status
+from ...model.arrays import Matrix
 from ...model.files.plan import Plan
-from ...model.kinematics.robot import Matrix
 from ...model.likelihood.problem import Problem
 
 LEAST_DEG, MOST_DEG = 1e-6, 1.0  # between which a joint noise is sought

@@ -7,7 +7,7 @@ the noise. So the scatter determines the noise, and tests whether one noise expl
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,8 +15,8 @@ import numpy as np
 from scipy import optimize, stats
 
 from ...analysis.status import versions
+from ...model.arrays import Matrix, Progress
 from ...model.files.plan import Plan
-from ...model.kinematics.robot import Matrix
 from ...words.wording import label
 from ..rigs.simulated.cell_file import ArmInCell, Cell
 from .campaign import Repeated, campaign, seeds
@@ -58,8 +58,6 @@ TRIPLES = 9999
 _SPOT_MM = 0.001  # negligible: the joints' noise is to explain all
 _NOMINAL_DEG = 0.01  # for the choice of the optimal plan: next to no spot noise, any will do
 _CHANCE = 0.01  # of a false alarm over both plans
-
-Progress = Callable[[str, float], None]
 
 
 def table2_study(

@@ -13,8 +13,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..arrays import Matrix
 from ..errors import BadInput
-from ..kinematics.robot import Matrix, Robot
+from ..kinematics.robot import Robot
 from .header import Header, StatedNoise, StatedTool, check_header
 from .reading import Place
 from .robot_file import load_robot

@@ -13,8 +13,9 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
+from ..arrays import Matrix
 from ..errors import BadInput
-from ..kinematics.robot import Matrix, Robot
+from ..kinematics.robot import Robot
 from .reading import Place, read_yaml, shown
 from .stated_conventions import StatedEncoder, StatedMounting, StatedPendant, UrdfLimits
 from .stated_geometry import StatedGeometry

@@ -9,10 +9,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Matrix
 from ..errors import BadInput
 from ..kinematics import pendant
 from ..kinematics.plausible import ONE_TURN
-from ..kinematics.robot import Matrix, Robot
+from ..kinematics.robot import Robot
 
 # Values recorded at a limit may differ from it by what one conversion between degrees and radians rounds off.
 ROUNDING = 1e-6

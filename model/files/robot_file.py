@@ -12,11 +12,12 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from ..arrays import Matrix
 from ..errors import BadInput
 from ..kinematics.denavit_hartenberg import DHRow, dh_chain
 from ..kinematics.orientation import roll_pitch_yaw
 from ..kinematics.plausible import doubtful_rows, too_long, warn_of
-from ..kinematics.robot import Joint, Matrix, Robot, shift
+from ..kinematics.robot import Joint, Robot, shift
 from .confinement import BUILT_IN, require_within
 from .header import UrdfRef
 from .reading import did_you_mean, read_yaml, require_schema, shown

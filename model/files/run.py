@@ -18,8 +18,9 @@ from typing import Any, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..arrays import Matrix
 from ..errors import BadInput
-from ..kinematics.robot import Matrix, Robot
+from ..kinematics.robot import Robot
 from .arrays import (
     Laser,
     Noise,

@@ -8,8 +8,9 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field
 
+from ..arrays import Matrix
 from ..errors import BadInput
-from ..kinematics.robot import Matrix, Robot
+from ..kinematics.robot import Robot
 from .reading import Place, shown
 from .validation import (
     FileModel,

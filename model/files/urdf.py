@@ -16,10 +16,11 @@ from xml.parsers import expat
 
 import numpy as np
 
+from ..arrays import Matrix
 from ..errors import BadInput
 from ..kinematics.orientation import roll_pitch_yaw
 from ..kinematics.plausible import too_long, warn_of
-from ..kinematics.robot import Joint, JointKind, Matrix, Robot, shift
+from ..kinematics.robot import Joint, JointKind, Robot, shift
 from .reading import did_you_mean, read_text
 from .validation import LARGEST_OTHER
 

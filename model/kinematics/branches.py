@@ -21,7 +21,8 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from .robot import Matrix, Robot
+from ..arrays import Matrix
+from .robot import Robot
 
 _SLACK = 1e-3  # deg by which a joint may be beyond a quadrant, sign or turn that is stated for it
 _SPHERICAL = 1e-3  # mm by which axes 4 to 6 may miss one point

@@ -8,7 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from .robot import Matrix, rotation_about, shift
+from ..arrays import Matrix
+from .robot import rotation_about, shift
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,9 @@ from functools import cached_property
 
 import numpy as np
 
+from ..arrays import Matrix
 from .pendant import beyond_limits
-from .robot import Matrix, Robot
+from .robot import Robot
 
 _LENGTH = 1000.0  # mm that count as one radian
 _EXACT = 1e-9  # rad, and mm over _LENGTH

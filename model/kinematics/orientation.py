@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .robot import Matrix, rotation_about
+from ..arrays import Matrix
+from .robot import rotation_about
 
 
 def roll_pitch_yaw(roll: float, pitch: float, yaw: float) -> Matrix:

@@ -15,8 +15,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Matrix
 from ..errors import BadInput
-from .robot import J3, Matrix, PendantUnit, Robot
+from .robot import J3, PendantUnit, Robot
 
 COUNTED_FROM_GROUND = ("fanuc",)  # vendors whose pendants do so: where nothing is stated, it is asked for
 SLACK = 1e-9  # rad or mm by which rounding may take a joint beyond its limit

@@ -8,9 +8,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..arrays import Matrix
 from ..errors import BadInput
 from .orientation import roll_pitch_yaw
-from .robot import Matrix, shift
+from .robot import shift
 
 _LARGEST = 1e6  # mm, deg
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..arrays import Matrix
 from .pendant import beyond_limits
-from .robot import Matrix, Robot
+from .robot import Robot
 
 _FIRST, _AGAIN = 2000, 150
 _STEPS = (0.3, 0.1, 0.03, 0.01, 0.003, 0.001, 0.0003)  # of each joint's range

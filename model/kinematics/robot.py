@@ -15,11 +15,11 @@ from typing import Literal
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..arrays import Matrix
 from ..errors import BadInput
 
-Matrix = NDArray[np.float64]
 JointKind = Literal["revolute", "prismatic"]
 J3 = Literal["ground", "link"]
 PendantUnit = Literal["deg", "rad", "pulse"]

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..kinematics.robot import Matrix
+from ..arrays import Index, Matrix
 from .c_source import GridInput, Offsets, columns, constant, per_both, per_inner, per_outer
-from .kernel import Index, Kernel
+from .kernel import Kernel
 from .problem import Problem
 
 

@@ -27,8 +27,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import casadi as ca
 import numpy as np
 
+from ..arrays import Matrix
 from ..errors import BadInput
-from ..kinematics.robot import Matrix, Robot
+from ..kinematics.robot import Robot
 
 if TYPE_CHECKING:
     from ..files.header import Header

@@ -26,9 +26,8 @@ from typing import Any, NoReturn
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from ..kinematics.robot import Matrix
+from ..arrays import Index, Matrix
 from .c_source import GridInput, NoSource, every, grid_source
 from .compiling import KernelWarning, private, private_folder, ran
 
@@ -49,8 +48,6 @@ _LOOK_AFTER, _COMPILE_AFTER = 1_000, 20_000  # rows
 _at_once = False
 _MOST_PLACES = 8  # numbers of rows for which the virtual machine's inputs and outputs are kept
 _DIGEST = 32  # bytes of the sha256 that ends each cached library
-
-Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)

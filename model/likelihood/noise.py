@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..kinematics.robot import Matrix, Robot
+from ..arrays import Matrix
+from ..kinematics.robot import Robot
 
 if TYPE_CHECKING:
     from ..files.header import Header

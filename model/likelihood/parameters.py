@@ -20,9 +20,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Matrix
 from ..errors import BadInput
 from ..files.header import StatedTolerance
-from ..kinematics.robot import Matrix, Robot
+from ..kinematics.robot import Robot
 from .geometry import Geometry
 from .noise import NoiseModel
 from .tool import Tool

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Index, Matrix
 from ..errors import BadInput
 from ..files.run import Run
-from ..kinematics.robot import Matrix, Robot
+from ..kinematics.robot import Robot
 from .constraint import ShotFunctions, shot_functions
 from .distance import Distance, distances
 from .geometry import Geometry
-from .kernel import Index
 from .noise import NoiseModel
 from .parameters import Parameters
 from .tool import Tool

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import casadi as ca
 import numpy as np
 
-from ..kinematics.robot import Matrix
+from ..arrays import Matrix
 
 if TYPE_CHECKING:
     from ..files.header import Header

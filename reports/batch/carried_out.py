@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from ...experiments.batch.rows import BatchRow, BatchSettings, Finished, key_of
 from ...experiments.batch.run_files import names_of, shown_path
 from ...experiments.processes import side_by_side
 from ...experiments.studies.case_store import CaseStore
+from ...model.arrays import Progress
 from ...model.errors import BadInput, NotWritten, ZerobeamError
 from ...model.files.run import read_run
 from ...model.files.whole_file import write_whole
@@ -22,8 +23,6 @@ from .batch_page import Batch
 from .solving import TOGETHER, BatchAnswer, BatchRun, Piece, failed, solved_piece
 
 STORE = "finished.jsonl"
-
-Progress = Callable[[str, float], None]
 
 
 def batch(

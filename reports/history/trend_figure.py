@@ -12,7 +12,7 @@ from ...analysis.drift.band import Band, bands
 from ...analysis.drift.drift import Drift
 from ...experiments.history.arm_drift import YEAR, ArmDrift
 from ...experiments.history.store import Event
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import NORMAL_95, Matrix
 from ...words import numbers
 from ...words.wording import clipped, counted, label, listed
 from ..style.canvas import Picture, hatched, new_figure, style, to_svg
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 AT_ONCE = 6  # panels of a figure
 _PANEL, _STRIP = 1.18, 0.36  # inches
 _HIGHEST = 5.2  # inches of all panels: the page says what to do above them
-_HALF_WIDTH = 1.959964  # standard uncertainties of a 95 % interval
 _WIDEST = 20  # an interval so many times as wide as the median one does not set the scale
 _LABEL_ROWS = 3
 _LETTER = 4.6  # points, of a label
@@ -167,7 +166,7 @@ def _own_points(found: ArmDrift, drift: Drift, name: str) -> list[_Point]:
         if name not in own.names:
             continue
         at = own.names.index(name)
-        half = _HALF_WIDTH * float(np.sqrt(own.covariance[at, at] + own.shared[at, at]))
+        half = NORMAL_95 * float(np.sqrt(own.covariance[at, at] + own.shared[at, at]))
         status = next(row["status"] for row in result.offsets if row["name"] == name)
         points.append(_Point(_day(result.measured_at), float(own.values[at]), half, status))
     return points

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.aim import AimedPlan
+from ...model.arrays import Matrix
 from ...model.files.plan import Plan
-from ...model.kinematics.robot import Matrix
 from ..scenes.scene import Placed, Posed, Scene3D, floor_of
 
 

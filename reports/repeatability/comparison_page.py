@@ -16,7 +16,7 @@ from ...analysis.repeatability.compare import (
     OffsetOfRun,
 )
 from ...analysis.repeatability.consistency import Mean, Scatter
-from ...analysis.solution import NORMAL_95
+from ...model.arrays import NORMAL_95
 from ...words import numbers
 from ...words.comparison import headline, notes
 from ...words.wording import clipped, counted, label, listed, sentence, shown

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ...analysis.repeatability.compare import Comparison
-from ...analysis.solution import NORMAL_95
+from ...model.arrays import NORMAL_95
 from ...words.numbers import significant, with_unit
 from ...words.wording import clipped, label
 from ..style.canvas import Picture, new_figure, style, to_svg

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from ...analysis.posterior.posterior import Draws
 from ...analysis.result import Result
 from ...analysis.solution import ParameterResult
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from ...words import numbers
 from ...words.findings import posterior_message
 from ...words.wording import counted, ended, label, sentence

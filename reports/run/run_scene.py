@@ -9,7 +9,7 @@ import numpy as np
 
 from ...analysis.diagnostics.scene import Scene, SceneTarget
 from ...analysis.result import Result
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from ...words import numbers
 from ...words.wording import NOT_DETERMINED, clipped, counted, label, listed
 from ..output.html import Turnable

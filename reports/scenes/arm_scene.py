@@ -8,8 +8,9 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
+from ...model.arrays import Matrix
 from ...model.files.whole_file import refuse_existing, write_whole
-from ...model.kinematics.robot import Matrix, Robot
+from ...model.kinematics.robot import Robot
 from ...words.wording import clipped, counted
 from ..output.html import scene_html
 from .scene import Posed, Scene3D, floor_of

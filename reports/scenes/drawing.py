@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 from markupsafe import Markup, escape
 
-from ...model.kinematics.robot import Matrix
+from ...model.arrays import Matrix
 from .scene import AZIMUTH, ELEVATION, Placed, Scene3D
 
 MOST_DRAWN = 60  # postures: more than that are a blot

@@ -13,9 +13,9 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
+from ...model.arrays import Matrix
 from ...model.errors import BadInput
 from ...model.files.reading import decode, read_bytes
-from ...model.kinematics.robot import Matrix
 
 Faces = NDArray[np.int64]
 

@@ -10,7 +10,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...model.kinematics.robot import Matrix, Robot
+from ...model.arrays import Matrix
+from ...model.kinematics.robot import Robot
 from ...words import numbers
 from ...words.wording import clipped
 

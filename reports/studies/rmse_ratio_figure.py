@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ...experiments.studies.coverage import CoveragePlan, CoveredParameter
+from ...model.arrays import NORMAL_95
 from ...words import numbers
 from ...words.wording import clipped, label
 from ..style.canvas import Picture, bare_y, new_figure, style, to_svg
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 
 
 NAME = "accuracy"
-_NORMAL_95 = 1.959964
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def rmse_ratio_picture(plans: Sequence[tuple[str, Sequence[RmseRatio]]]) -> Pict
 
 
 def _ratio(axes: Axes, y: float, own: RmseRatio) -> None:
-    ratio, half = own.ratio, _NORMAL_95 * own.std
+    ratio, half = own.ratio, NORMAL_95 * own.std
     axes.plot([max(ratio - half, 0), ratio + half], [y, y], "-", linewidth=1.6, color=light("ink"))
     axes.plot([ratio], [y], "o", markersize=4.2, color=light("ink"))
     axes.annotate(
@@ -106,7 +106,7 @@ def _ratio(axes: Axes, y: float, own: RmseRatio) -> None:
 def _bias(axes: Axes, y: float, row: CoveredParameter, role: str, shape: str) -> None:
     if row.bias is None or row.bias_mcse is None or not row.rmse:
         return
-    at, half = row.bias / row.rmse, _NORMAL_95 * row.bias_mcse / row.rmse
+    at, half = row.bias / row.rmse, NORMAL_95 * row.bias_mcse / row.rmse
     axes.plot([at - half, at + half], [y, y], "-", linewidth=1.2, color=light(role))
     axes.plot([at], [y], shape, markersize=3.6, color=light(role))
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from ...experiments.studies.table2_answer import ScatterParameter, Table2Plan
+from ...model.arrays import NORMAL_95
 from ...words import numbers
 from ...words.wording import clipped, label
 from ..style.canvas import Picture, bare_y, hatched, new_figure, style, to_svg
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_NORMAL_95 = 1.959964  # half width of a 95 % interval in standard deviations
 _PAPER, _OURS = -0.2, 0.19  # the positions of the two in a row
 
 
@@ -28,7 +28,7 @@ def joint_noise(plan: Table2Plan) -> str:
         return NOT_GIVEN
     if low is None or high is None or high <= low:
         return numbers.significant(at, 2, "deg")
-    return numbers.estimate(at, (high - low) / (2 * _NORMAL_95), "deg")
+    return numbers.estimate(at, (high - low) / (2 * NORMAL_95), "deg")
 
 
 def scatter_picture(plans: Sequence[Table2Plan]) -> Picture | None:

@@ -10,8 +10,8 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Protocol
 
-from ...analysis.solution import NORMAL_95
 from ...experiments.studies.answer import ObservedParameter, Share
+from ...model.arrays import NORMAL_95
 from ...words import numbers
 from ...words.wording import clipped, label, sentence
 from ..style.blocks import Cell, LegendEntry, Reason

@@ -14,7 +14,7 @@ from zerobeam.analysis.findings import OtherBasins
 from zerobeam.analysis.observability.causes import LocalOptima
 from zerobeam.analysis.optima import EQUALLY_GOOD, undecided_names
 from zerobeam.analysis.solution import judge
-from zerobeam.model.kinematics.robot import Matrix
+from zerobeam.model.arrays import Matrix
 from zerobeam.words.causes import reason, remedy
 from zerobeam.words.findings import finding_sentence
 from zerobeam.words.observability import direction_kind

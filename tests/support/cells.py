@@ -12,12 +12,13 @@ import numpy as np
 from zerobeam.analysis.observability.aim import aim, servo_joints
 from zerobeam.experiments.plans.patterns import Pattern, pattern
 from zerobeam.experiments.simulate import Truth, simulated_shots
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import Run
 from zerobeam.model.files.shot import Shot
-from zerobeam.model.kinematics.robot import Joint, Matrix, Robot
+from zerobeam.model.kinematics.robot import Joint, Robot
 from zerobeam.model.likelihood.problem import Problem
 
 LASER = {"kind": "laser", "calibrated": True, "point_mm": [0, 0, 65], "direction": [1, 0, 0]}

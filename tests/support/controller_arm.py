@@ -11,7 +11,8 @@ from functools import cached_property
 
 import numpy as np
 
-from zerobeam.model.kinematics.robot import Matrix, Robot
+from zerobeam.model.arrays import Matrix
+from zerobeam.model.kinematics.robot import Robot
 
 _STARTS, _STEPS = 100, 60
 _EXACT = 1e-6  # mm, and 1e-6 / _LENGTH rad

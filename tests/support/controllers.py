@@ -17,8 +17,8 @@ from zerobeam.experiments.procedure import session
 from zerobeam.experiments.rigs.abb import egm_client as abb_egm
 from zerobeam.experiments.rigs.abb import rws_client as abb_rws
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan
-from zerobeam.model.kinematics.robot import Matrix
 
 client_rws = pytest.importorskip("abb_robot_client.rws")
 client_egm = pytest.importorskip("abb_robot_client.egm")

@@ -14,9 +14,10 @@ from cells import PROBE, TABLE_2, header, plan_of, simulated, varied_postures
 from zerobeam.analysis.diagnostics.diagnosis import Explanation
 from zerobeam.analysis.diagnostics.hypotheses import Cause
 from zerobeam.experiments.demos import demo_runs
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.robot_file import BUILT_IN, load_robot
 from zerobeam.model.files.run import Run, read_run
-from zerobeam.model.kinematics.robot import Matrix, Robot
+from zerobeam.model.kinematics.robot import Robot
 
 Spoil = Callable[[Run, Path], Run]
 SOCKETS = ("left_0", "left_1", "right_0", "right_1", "high_0", "high_1")

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from zerobeam.analysis.drift.series import Observation, Series, series_of
-from zerobeam.model.kinematics.robot import Matrix
+from zerobeam.model.arrays import Matrix
 
 NAMES = ("delta2", "delta3")
 COVARIANCE = np.array([[4.0, 3.0], [3.0, 4.0]]) * 1e-4  # deg^2: u of 0.02 degrees, correlated by 0.75

@@ -11,10 +11,11 @@ import casadi as ca
 import numpy as np
 from cells import LASER, good_plan, header, plan_of, simulated, varied_postures
 
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.header import Header
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.run import Run, read_run, write_run
-from zerobeam.model.kinematics.robot import Matrix, Robot
+from zerobeam.model.kinematics.robot import Robot
 
 # Quotes, markup, line ends, the ends of comments and of strings in XML, RAPID, CSV and diffs.
 HOSTILE = "=x\"'&<b>--> \n! ENDMODULE\r\n--- ]]> {1};%s\té"

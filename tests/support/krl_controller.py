@@ -20,7 +20,7 @@ from controller_arm import ControllerArm
 from krl_values import XYZABC, Expression, Invalid, components, copied, frame, split, top, words
 from scipy.spatial.transform import Rotation
 
-from zerobeam.model.kinematics.robot import Matrix
+from zerobeam.model.arrays import Matrix
 
 _AXES = [f"A{i}" for i in range(1, 7)]
 _TYPES = {"INT", "REAL", "BOOL", "CHAR", "E6POS", "POS", "FRAME", "E6AXIS", "FDAT", "LDAT", "PDAT"}

@@ -16,7 +16,7 @@ from krl_controller import status
 from krl_values import components, frame
 
 from zerobeam.experiments.exporters.user_programs.filtered import Choices
-from zerobeam.model.kinematics.robot import Matrix
+from zerobeam.model.arrays import Matrix
 
 TOOLS = {1: (0, 0, 150, 0, 0, 0), 3: (10, -5, 120, 20, 30, 0)}
 BASES = {2: (300, -100, 50, 15, 0, 0), 4: (280, 80, -30, -20, 5, 2)}

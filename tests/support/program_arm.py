@@ -14,10 +14,10 @@ from zerobeam.experiments.procedure.search import Search
 from zerobeam.experiments.procedure.steering import Belief
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan, read_plan, write_plan
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.shot import Shot
-from zerobeam.model.kinematics.robot import Matrix
 from zerobeam.model.likelihood.problem import Problem
 
 TRUTH = {"delta2": -0.9, "delta3": 0.6, "delta4": 0.4, "delta5": -0.7, "delta6": 0.5}

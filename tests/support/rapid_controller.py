@@ -18,7 +18,7 @@ import numpy as np
 from controller_arm import ControllerArm
 from rapid_syntax import parse
 
-from zerobeam.model.kinematics.robot import Matrix
+from zerobeam.model.arrays import Matrix
 
 _NUMBERS = {
     "pos": "x y z",

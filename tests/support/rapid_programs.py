@@ -15,8 +15,9 @@ from controller_arm import ControllerArm
 from rapid_controller import WRISTS, Wrist, matrix
 
 from zerobeam.experiments.exporters.user_programs.filtered import Choices
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.robot_file import load_robot
-from zerobeam.model.kinematics.robot import Matrix, Robot
+from zerobeam.model.kinematics.robot import Robot
 
 _UNUSED = "[9E9,9E9,9E9,9E9,9E9,9E9]"
 _LOAD = "[1,[0,0,1],[1,0,0,0],0,0,0]"

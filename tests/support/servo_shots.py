@@ -16,8 +16,8 @@ from zerobeam.experiments.procedure.steering import Belief, come_to
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.experiments.sensors.psd import Psd
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan
-from zerobeam.model.kinematics.robot import Matrix
 from zerobeam.model.likelihood.problem import Problem
 
 # A cell without anything wrong: what a test adds is what it is about.

@@ -16,7 +16,7 @@ import numpy as np
 from controller_arm import ControllerArm
 from scipy.spatial.transform import Rotation
 
-from zerobeam.model.kinematics.robot import Matrix
+from zerobeam.model.arrays import Matrix
 
 _MOST_STATEMENTS, _MOST_MOTIONS = 300, 40
 _TOKEN = re.compile(

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from tp_controller import TpController, TpRun, clear_letters, configuration, frame, values_of
 
 from zerobeam.experiments.exporters.user_programs.filtered import Choices
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.robot_file import load_robot
-from zerobeam.model.kinematics.robot import Matrix
 
 FRAMES = {1: (300, -100, 50, 0, 0, 15), 2: (-50, 200, 20, 5, 0, -30), 4: (310, -95, 55, 1, 0, 16)}
 TOOLS = {1: (10, -5, 120, 0, 30, 20), 3: (0, 15, 80, 0, 0, 0)}

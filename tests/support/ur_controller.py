@@ -16,7 +16,7 @@ import numpy as np
 from controller_arm import ControllerArm
 from scipy.spatial.transform import Rotation
 
-from zerobeam.model.kinematics.robot import Matrix
+from zerobeam.model.arrays import Matrix
 
 _D1, _A2, _A3, _D4, _D5, _D6 = 162.5, -425.0, -392.2, 133.3, 99.7, 99.6
 _MOST_STATEMENTS, _MOST_MOTIONS, _STEPS = 300, 30, 16

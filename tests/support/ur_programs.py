@@ -10,8 +10,8 @@ from controller_arm import ControllerArm
 from ur_controller import UrController, UrRun, pose_of, values_of
 
 from zerobeam.experiments.exporters.user_programs.filtered import Choices
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.robot_file import load_robot
-from zerobeam.model.kinematics.robot import Matrix
 
 TCP = (0.01, -0.02, 0.12, 0.1, -0.2, 0.3)
 OTHER_TCP = (0.0, 0.03, 0.1, 0.0, 0.1, 0.0)

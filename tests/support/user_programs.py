@@ -18,7 +18,8 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from zerobeam.experiments.exporters.user_programs.filtered import Choices
-from zerobeam.model.kinematics.robot import Matrix, Robot
+from zerobeam.model.arrays import Matrix
+from zerobeam.model.kinematics.robot import Robot
 
 
 def frame(x: float, y: float, z: float, roll: float, pitch: float, yaw: float) -> Matrix:

@@ -13,8 +13,9 @@ from cells import OPEN_LASER, good_plan, header, irb1600, pattern_plan, plan_of
 
 from zerobeam.analysis.observability.aim import aim
 from zerobeam.analysis.observability.check import Check, CheckedParameter, check
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan
-from zerobeam.model.kinematics.robot import Matrix, Robot
+from zerobeam.model.kinematics.robot import Robot
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.causes import reason, remedy
 

@@ -14,6 +14,7 @@ from pydantic import BeforeValidator, Field
 from ....experiments.importers.inspection import columns_found, readings
 from ....experiments.importers.table import Table, check_signs
 from ....experiments.schema import json_schema
+from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.header import Header, RobotRef, check_header, header_content, write_header
 from ....model.files.limits import beyond_limits
@@ -21,7 +22,7 @@ from ....model.files.reading import read_yaml
 from ....model.files.robot_file import load_robot
 from ....model.files.validation import FileModel, as_tuple, validate
 from ....model.kinematics.pendant import Pendant
-from ....model.kinematics.robot import Matrix, Robot
+from ....model.kinematics.robot import Robot
 from ..asked import Refused, keyed, refused
 from ..end_point import EndPoint
 from ..folder import Folder

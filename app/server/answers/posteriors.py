@@ -10,9 +10,9 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BeforeValidator, Field
 
+from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.validation import FileModel, as_tuple
-from ....model.kinematics.robot import Matrix
 from ....model.likelihood.problem import Problem
 from ....words.wording import shown
 from ..end_point import EndPoint

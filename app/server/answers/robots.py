@@ -11,12 +11,12 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 
 from ....experiments.arm_shown import ShownArm, arm_json, shown_arm
+from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.header import RobotRef, UrdfRef
 from ....model.files.robot_file import built_in_robots, stated_rows
 from ....model.files.urdf import visuals_of
 from ....model.files.validation import FileModel, as_tuple
-from ....model.kinematics.robot import Matrix
 from ....reports.scenes.meshes import read_mesh, simplified, solid
 from ..end_point import EndPoint
 from ..folder import Folder

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ....model.files.robot_file import Vendor
 from ....model.kinematics.pendant import Pendant, pendant_of
-from ....model.kinematics.robot import J3, Matrix, Robot
+from ....model.kinematics.robot import J3, Robot
 from ..ascii_line import one_line
 from ..vendors import require_vendor
 

@@ -13,8 +13,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from ....model.arrays import Matrix
 from ....model.files.plan import Plan
-from ....model.kinematics.robot import Matrix, Robot
+from ....model.kinematics.robot import Robot
 from .steps import Motion, head_lines
 
 _SETTLE_S = 1.0  # more than the way alone takes: also from where the wrist was turned to

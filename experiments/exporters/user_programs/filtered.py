@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.reading import read_bytes
 from ....model.files.robot_file import Vendor
@@ -26,7 +27,7 @@ from ....model.kinematics.poses import (
     from_rpy,
     stated_numbers,
 )
-from ....model.kinematics.robot import J3, Matrix, Robot
+from ....model.kinematics.robot import J3, Robot
 from ....words.wording import listed
 from ...importers.robtargets import up_to_flange
 from ..ascii_line import one_line

@@ -10,10 +10,11 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.reading import did_you_mean
 from ....model.kinematics.branches import Branch
-from ....model.kinematics.robot import J3, Matrix, Robot
+from ....model.kinematics.robot import J3, Robot
 from ..programs.steps import decimal
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"

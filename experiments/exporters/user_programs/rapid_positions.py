@@ -10,10 +10,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 from lark import Token, Tree
 
+from ....model.arrays import Matrix
 from ....model.kinematics.branches import Branch, abb_configuration, is_abb_configuration
 from ....model.kinematics.orientation import orientation
 from ....model.kinematics.poses import from_quaternion
-from ....model.kinematics.robot import Matrix
 from .grammar import understood
 from .parts import NULL, Edit, JointTarget, Parsed, Place, PoseTarget, Source, number_edits
 from .rapid_statements import rapid_literals, tokens, trees

@@ -14,12 +14,13 @@ from functools import cached_property
 
 import numpy as np
 
+from ....model.arrays import Matrix
 from ....model.files.limits import beyond_limits
 from ....model.kinematics.branches import Branch, Branches
 from ....model.kinematics.inverse import Solver, is_singular, reach
 from ....model.kinematics.orientation import orientation
 from ....model.kinematics.poses import from_rotation_vector
-from ....model.kinematics.robot import Matrix, Robot
+from ....model.kinematics.robot import Robot
 from .parts import Edit, JointTarget, Motion, Parsed, PoseTarget, Target
 
 _FAR = 5.0  # deg (mm) from the nominal joints less the offsets: such a solution is another posture

@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.reading import LARGEST_TABLE, decode, read_bytes, require_regular, shown
-from ....model.kinematics.robot import Matrix, Robot
+from ....model.kinematics.robot import Robot
 from ..columns import found_delimiter
 from ..table import DELIMITERS, Table, number, table_of
 

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ....model.arrays import Matrix
 from ....model.files.limits import beyond_limits, like_radians
 from ....model.kinematics.pendant import Pendant, nearest_limit
-from ....model.kinematics.robot import Matrix, Robot
+from ....model.kinematics.robot import Robot
 
 _WAYS = {
     "deg": "degrees",

@@ -15,10 +15,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from ....model.arrays import Matrix
 from ....model.errors import BadInput, RigFault
 from ....model.files.plan import Plan
 from ....model.files.shot import Shot
-from ....model.kinematics.robot import Matrix
 from ...sensors.camera import Image
 from ...sensors.interface import Sensors
 from .access import Access

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
+from ....model.arrays import Matrix
 from ....model.errors import RigFault, missing_extra
-from ....model.kinematics.robot import Matrix
 
 DEAD_MAN_S = 0.1  # without feedback, and no more references are sent
 _LOOK_S = 0.05  # at a time, for feedback: how soon the end is noticed

@@ -8,8 +8,8 @@ import numpy as np
 
 from ....analysis.estimation.threads import one_blas_thread
 from ....analysis.observability.aim import aim, servo_joints
+from ....model.arrays import Matrix
 from ....model.files.plan import Plan
-from ....model.kinematics.robot import Matrix
 from ....model.likelihood.problem import Problem
 from ...procedure.session import near_nominal
 from ..replay import SAME_POSTURE

@@ -8,12 +8,12 @@ from typing import Literal
 
 import numpy as np
 
+from ....model.arrays import Matrix
 from ....model.files.limits import beyond_limits
 from ....model.files.plan import Plan
 from ....model.files.shot import Shot
 from ....model.kinematics.pendant import Pendant, nearest_limit
 from ....model.kinematics.plausible import ONE_TURN
-from ....model.kinematics.robot import Matrix
 from ..replay import SAME_POSTURE
 from .aiming import Aiming
 

@@ -14,12 +14,13 @@ import numpy as np
 from ....analysis.diagnostics.suspect import suspect
 from ....analysis.so_far import SoFar
 from ....interruption import obey
+from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.journal import RunJournal
 from ....model.files.plan import Plan
 from ....model.files.shot import Shot
 from ....model.kinematics.pendant import Pendant
-from ....model.kinematics.robot import Matrix, PendantUnit
+from ....model.kinematics.robot import PendantUnit
 from ....model.likelihood.problem import Problem
 from ...importers.typed import labelled, typed_joints
 from ...procedure.events import Asked, Doubted, GivenUp, Suspected, Told, Withdrawn

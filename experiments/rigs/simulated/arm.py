@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ....model.kinematics.robot import Matrix, Robot
+from ....model.arrays import Matrix
+from ....model.kinematics.robot import Robot
 
 # Top speeds where the robot file states none.
 _TOP_SPEED = {"revolute": 1.0, "prismatic": 1000.0}  # rad/s, mm/s

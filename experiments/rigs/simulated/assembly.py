@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ....analysis.observability.aim import aim, servo_joints
+from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ....model.files.reading import Place, did_you_mean
 from ....model.kinematics.orientation import roll_pitch_yaw
-from ....model.kinematics.robot import Matrix, Robot, same_arm, shift
+from ....model.kinematics.robot import Robot, same_arm, shift
 from ....model.likelihood.constraint import ShotFunctions, shot_functions
 from ....model.likelihood.noise import NoiseModel
 from ....model.likelihood.problem import Problem

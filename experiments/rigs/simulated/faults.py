@@ -11,9 +11,9 @@ from typing import Annotated, Literal, TypeVar, get_args
 import numpy as np
 from pydantic import BeforeValidator, Field
 
+from ....model.arrays import Matrix
 from ....model.files.reading import did_you_mean, shown
 from ....model.files.validation import Count, FileModel, NotNegative, Pair, Point, refusal
-from ....model.kinematics.robot import Matrix
 
 
 class _AtShot(FileModel):

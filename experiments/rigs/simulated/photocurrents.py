@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ellipj, ellipk, ndtr
 
-from ....model.kinematics.robot import Matrix
+from ....model.arrays import Matrix
 from ...sensors.psd import PAIR_LIGHT, Psd
 
 # The modulus at which sn maps an upright rectangle of the sides 2 K and K' = 2 K, a square, to the upper half

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import erf
 
-from ....model.kinematics.robot import Matrix
+from ....model.arrays import Matrix
 from ...sensors.camera import Camera, Image
 
 # A sensor of 10,000 electrons at full scale: the variance of s grey values of light is s / 40.

@@ -11,12 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from ....model.arrays import Matrix
 from ....model.errors import RigFault
 from ....model.files.plan import Plan
 from ....model.files.run import ENOUGH_CALIBRATED
 from ....model.files.shot import Shot
 from ....model.kinematics.pendant import beyond_limits
-from ....model.kinematics.robot import Matrix
 from ...sensors.camera import Camera, Image
 from ...sensors.psd import Psd
 from .assembly import assemble, turned

@@ -12,7 +12,7 @@ from ....analysis.estimation.fit import fit_each, single
 from ....analysis.observability.consider import considered
 from ....analysis.solution import Solution, judge
 from ....analysis.status import known
-from ....model.kinematics.robot import Matrix
+from ....model.arrays import Matrix
 from ....model.likelihood.geometry import NOMINAL
 from ....model.likelihood.problem import Problem
 from ..data_sets import DataSets, drawn

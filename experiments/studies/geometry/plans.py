@@ -10,10 +10,11 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ....model.arrays import Matrix
 from ....model.files.header import Header
 from ....model.files.plan import Plan
 from ....model.files.robot_file import load_robot
-from ....model.kinematics.robot import Matrix, Robot
+from ....model.kinematics.robot import Robot
 from ...plans.candidates import candidates
 from ...plans.optimal import Planner, Proposal
 from .answer import ToleranceLevel

@@ -9,7 +9,7 @@ those of `analyse` (`fit_each`, `judge`).
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +18,8 @@ from scipy import stats
 
 from ....analysis.observability.check import Check, check
 from ....analysis.observability.identifiability import identify
-from ....analysis.solution import NORMAL_95
 from ....analysis.status import Status, known, versions
+from ....model.arrays import NORMAL_95, Progress
 from ....model.likelihood.geometry import NOMINAL
 from ....model.likelihood.parameters import Parameter
 from ....model.likelihood.problem import Problem
@@ -44,7 +44,6 @@ _CHANCE = 0.01  # of a false alarm over the offsets of an estimator
 _OFFSET_DEG = 1.0  # of the simulated arms
 _UNDERSTATED = 3.0
 
-Progress = Callable[[str, float], None]  # the stage, and the share of the whole that is done
 
 _WORDS: dict[EstimatorName, str] = {
     "freed": "geometry estimated, its tolerances as priors",

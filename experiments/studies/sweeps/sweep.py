@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,9 +24,8 @@ from ....analysis.observability.identifiability import identify
 from ....analysis.observability.outlook import predicted_std
 from ....analysis.status import known as is_known
 from ....analysis.status import verdict_of, versions
+from ....model.arrays import Index, Matrix, Progress
 from ....model.errors import BadInput
-from ....model.kinematics.robot import Matrix
-from ....model.likelihood.kernel import Index
 from ....model.likelihood.problem import Problem
 from ...plans.candidates import candidates
 from ...plans.constraints import View
@@ -53,8 +52,6 @@ from .study_file import Case, StatedStudy
 LEVEL = 0.95
 CHANCE = 0.01  # of a false alarm over the whole study
 _LEAST_RUNS = 2  # that have a scatter
-
-Progress = Callable[[str, float], None]  # the stage, and the share of the whole that is done
 
 
 def sweep(

@@ -6,7 +6,7 @@ import numpy as np
 
 from ....analysis.status import Status
 from ....experiments.studies.sweeps.grid_answer import Fit, GridStudy
-from ....model.kinematics.robot import Matrix
+from ....model.arrays import Matrix
 from ....words import numbers
 from ...style.canvas import Picture, new_figure, style, to_svg
 from ...style.log_axis import set_log_scale

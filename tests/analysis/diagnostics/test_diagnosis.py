@@ -25,7 +25,7 @@ from zerobeam.analysis.diagnostics.link_rival import with_links_freed
 from zerobeam.analysis.diagnostics.trials import Left
 from zerobeam.analysis.observability.consider import with_links
 from zerobeam.analysis.solution import Solution, solve
-from zerobeam.model.kinematics.robot import Matrix
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.likelihood.constraint import shot_functions
 from zerobeam.model.likelihood.geometry import Geometry
 from zerobeam.model.likelihood.problem import Problem

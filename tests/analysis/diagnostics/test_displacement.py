@@ -10,8 +10,8 @@ from scipy import stats
 
 from zerobeam.analysis.diagnostics.displacement import Displacement, _displaced, _Left, displacement
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan
-from zerobeam.model.kinematics.robot import Matrix
 from zerobeam.model.likelihood.parameters import Parameters
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.findings import displacement_sentence

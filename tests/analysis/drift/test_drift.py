@@ -15,8 +15,8 @@ from zerobeam.analysis.drift.importance import ENOUGH
 from zerobeam.analysis.drift.series import Observation, Series, series_of
 from zerobeam.analysis.drift.smoother import smooth
 from zerobeam.analysis.status import UnsoundResult
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput
-from zerobeam.model.kinematics.robot import Matrix
 
 FIVE = tuple(f"delta{joint}" for joint in range(2, 7))
 LOG_RATE = np.linspace(np.log(MEDIAN) - 8 * SPREAD, np.log(MEDIAN) + 8 * SPREAD, 6001)

@@ -17,7 +17,7 @@ from zerobeam.analysis.drift.fleet import ENOUGH, LEAST, ModelRates, model_rates
 from zerobeam.analysis.drift.importance import against_passes, normalised
 from zerobeam.analysis.drift.series import Series
 from zerobeam.analysis.drift.smoother import smooth
-from zerobeam.model.kinematics.robot import Matrix
+from zerobeam.model.arrays import Matrix
 
 
 def from_prior(random: np.random.Generator, arms: int, results: int) -> tuple[list[Series], Matrix, Matrix]:

@@ -20,7 +20,7 @@ from zerobeam.analysis.drift.instruments import (
     instrument_biases,
 )
 from zerobeam.analysis.drift.series import Observation, Series, series_of
-from zerobeam.model.kinematics.robot import Matrix
+from zerobeam.model.arrays import Matrix
 
 BIAS = {"B": (0.0, 0.06)}  # three standard uncertainties of a result
 STEADY = (0.005, 0.005)

@@ -10,7 +10,7 @@ import pytest
 from zerobeam.analysis.drift.series import Observation, Series, series_of
 from zerobeam.analysis.drift.smoother import smooth
 from zerobeam.analysis.status import UnsoundResult
-from zerobeam.model.kinematics.robot import Matrix
+from zerobeam.model.arrays import Matrix
 
 NAMES = ("delta2", "delta3", "delta4")
 UNITS = dict.fromkeys(NAMES, "deg")

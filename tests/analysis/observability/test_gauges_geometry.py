@@ -23,7 +23,7 @@ from mpmath import mpf
 from zerobeam.analysis.observability.aim import aim
 from zerobeam.analysis.observability.gauges import information_root
 from zerobeam.analysis.observability.identifiability import identify
-from zerobeam.model.kinematics.robot import Matrix
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.likelihood.geometry import NOMINAL
 from zerobeam.model.likelihood.problem import Problem
 

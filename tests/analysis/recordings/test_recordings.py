@@ -31,7 +31,7 @@ from zerobeam.analysis.recordings.recordings import (
 )
 from zerobeam.analysis.recordings.steps import all_steps, steps
 from zerobeam.analysis.solution import Solution, judge
-from zerobeam.model.kinematics.robot import Matrix
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.likelihood.constraint import shot_functions
 from zerobeam.model.likelihood.geometry import Geometry
 

@@ -13,7 +13,7 @@ from controllers import Client, Guide, controller
 from zerobeam.experiments.controller.egm_server import PacketFaults
 from zerobeam.experiments.controller.irc5 import GUIDED_SPEED, PATIENCE
 from zerobeam.experiments.controller.service import SimulatedController
-from zerobeam.model.kinematics.robot import Matrix
+from zerobeam.model.arrays import Matrix
 
 GOAL = np.array([0.5, -0.4, 0.3, 0.2, -0.1, 0.6])
 STEP = 2e-4  # deg, an encoder's step

@@ -22,8 +22,8 @@ from zerobeam.experiments.controller.sensor_server import CellSensors, RemoteSen
 from zerobeam.experiments.controller.service import own_plan
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput, RigFault
-from zerobeam.model.kinematics.robot import Matrix
 
 DT = 0.004
 TOP, ACCELERATION = np.array([1.0, 2.0, 3.0]), np.array([5.0, 5.0, 8.0])

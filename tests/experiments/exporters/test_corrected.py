@@ -19,11 +19,12 @@ from zerobeam.experiments.exporters.offsets_data import csv_text, json_text
 from zerobeam.experiments.exporters.rapid_module import rapid_text
 from zerobeam.experiments.exporters.robot_rows import robot_text
 from zerobeam.experiments.exporters.urdf_origins import urdf_text
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import BUILT_IN, load_robot
 from zerobeam.model.files.run import Run
 from zerobeam.model.files.urdf import read_urdf
-from zerobeam.model.kinematics.robot import Matrix, Robot
+from zerobeam.model.kinematics.robot import Robot
 from zerobeam.model.likelihood.problem import Problem
 
 

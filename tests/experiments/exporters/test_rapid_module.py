@@ -11,8 +11,8 @@ from export_runs import SLIDING, WITHIN_NOISE_MM, arm_run, hostile, rms_mm, urdf
 
 from zerobeam.experiments.exporters.calibration import calibration
 from zerobeam.experiments.exporters.rapid_module import rapid_text
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput
-from zerobeam.model.kinematics.robot import Matrix
 
 _ROUNDED = np.radians(5e-7)  # six decimals of a degree
 

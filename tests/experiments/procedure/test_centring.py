@@ -14,7 +14,7 @@ from servo_shots import Start, plan, start
 from zerobeam.experiments.procedure import centring
 from zerobeam.experiments.procedure.refusal import MeasurementRefused, Reason
 from zerobeam.experiments.procedure.steering import FROM_BELOW, Belief
-from zerobeam.model.kinematics.robot import Matrix
+from zerobeam.model.arrays import Matrix
 
 FAINT = {"noise_mm": 1e-7, "resolution_mm": 1e-7, "nonlinearity": 0.0}
 

@@ -20,11 +20,11 @@ from zerobeam.experiments.procedure.session import ATTEMPTS, PHASES, Carried, Pr
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.interruption import requested, stoppable
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import RigFault
 from zerobeam.model.files.journal import RunJournal
 from zerobeam.model.files.plan import Plan, read_plan
 from zerobeam.model.files.run import read_run
-from zerobeam.model.kinematics.robot import Matrix
 from zerobeam.model.likelihood.problem import Problem
 
 Event = dict[str, Any]  # as it is printed

@@ -10,7 +10,7 @@ from servo_shots import WatchedRig, plan, start
 
 from zerobeam.experiments.procedure.refusal import MeasurementRefused, Reason
 from zerobeam.experiments.procedure.steering import FROM_BELOW, Belief, come_to, step
-from zerobeam.model.kinematics.robot import Matrix
+from zerobeam.model.arrays import Matrix
 
 LARGEST = np.radians(2.0)
 

@@ -14,8 +14,8 @@ import pytest
 from zerobeam.experiments.sensors import amplifier as module
 from zerobeam.experiments.sensors.amplifier import Amplifier
 from zerobeam.experiments.sensors.stand_in import AmplifierStandIn, LineFaults
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput, RigFault
-from zerobeam.model.kinematics.robot import Matrix
 
 pytest.importorskip("serial")
 pytest.importorskip("pty")

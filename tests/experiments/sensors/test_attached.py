@@ -22,9 +22,9 @@ from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.experiments.sensors import amplifier
 from zerobeam.experiments.sensors.attached import read_sensors
 from zerobeam.experiments.sensors.stand_in import AmplifierStandIn, LineFaults
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.shot import Shot
-from zerobeam.model.kinematics.robot import Matrix
 
 pytest.importorskip("serial")
 pytest.importorskip("pty")

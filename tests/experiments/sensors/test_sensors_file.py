@@ -18,8 +18,8 @@ from zerobeam.experiments.sensors.counts import read_calibration
 from zerobeam.experiments.sensors.line import heard, sample_of
 from zerobeam.experiments.sensors.sensors_file import CameraBeside, PsdBeside, read_sensors_file
 from zerobeam.experiments.sensors.stand_in import AmplifierStandIn
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput, RigFault
-from zerobeam.model.kinematics.robot import Matrix
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "sensors.md"
 DEVICE = {**CAMERA, "device": 0}

@@ -8,10 +8,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import BUILT_IN, built_in_robots, load_robot
 from zerobeam.model.files.urdf import read_urdf
-from zerobeam.model.kinematics.robot import Matrix, Robot
+from zerobeam.model.kinematics.robot import Robot
 
 
 def pose(robot: Robot, joints: Matrix) -> tuple[Matrix, Matrix]:

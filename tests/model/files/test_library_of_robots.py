@@ -14,8 +14,8 @@ import pytest
 from documents import read
 from scipy.spatial.transform import Rotation
 
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.robot_file import BUILT_IN, built_in_robots, load_robot, stated_rows
-from zerobeam.model.kinematics.robot import Matrix
 
 X, Y, Z = np.eye(3)
 Origin = tuple[float, float, float]

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from lark import Token, Tree
 
-from .....model.kinematics.robot import Matrix
+from .....model.arrays import Matrix
 from .flow import Change, State, Value, Values, assigned, values
 from .statements import Names, pose_of, span, whole
 

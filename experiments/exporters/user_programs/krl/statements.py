@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from lark import Token, Tree
 
+from .....model.arrays import Matrix
 from .....model.kinematics.poses import from_abc
-from .....model.kinematics.robot import Matrix
 from ..grammar import understood
 from ..parts import Parsed, Place, Source
 

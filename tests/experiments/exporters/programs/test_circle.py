@@ -26,9 +26,9 @@ from zerobeam.experiments.exporters.programs.steps import Motion, steps_of
 from zerobeam.experiments.exporters.programs.written import write_program
 from zerobeam.experiments.exporters.user_programs.filtered import filtered
 from zerobeam.experiments.importers import Imported
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import read_run, write_run
-from zerobeam.model.kinematics.robot import Matrix
 
 
 def rapid(folder: Path, plan: Plan, arm: PendantArm) -> Imported:

@@ -20,9 +20,10 @@ from krl_random import BAD, Program, Writer
 from user_programs import judged
 
 from zerobeam.experiments.exporters.user_programs.filtered import Filtered, filtered
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot
-from zerobeam.model.kinematics.robot import Matrix, Robot
+from zerobeam.model.kinematics.robot import Robot
 
 ROBOT = load_robot("kr6_r900")
 LOWER, UPPER = np.degrees(ROBOT.lower), np.degrees(ROBOT.upper)

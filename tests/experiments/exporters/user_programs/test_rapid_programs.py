@@ -19,8 +19,9 @@ from rapid_programs import FORMS, Form, RapidProgram, Writer, listed
 from user_programs import judged
 
 from zerobeam.experiments.exporters.user_programs.filtered import filtered
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput
-from zerobeam.model.kinematics.robot import Matrix, Robot
+from zerobeam.model.kinematics.robot import Robot
 
 RUNS = 3  # with other inputs
 

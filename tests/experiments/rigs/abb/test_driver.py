@@ -38,11 +38,11 @@ from zerobeam.experiments.rigs.abb.driver import MODULE, AbbRig
 from zerobeam.experiments.rigs.abb.egm_client import DEAD_MAN_S, Guidance, duration
 from zerobeam.experiments.rigs.abb.rws_client import Session
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput, RigFault
 from zerobeam.model.files.journal import RunJournal
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import read_run
-from zerobeam.model.kinematics.robot import Matrix
 
 pytest.importorskip("abb_robot_client")
 

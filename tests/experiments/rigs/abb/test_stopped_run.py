@@ -29,8 +29,8 @@ from zerobeam.experiments.rigs.abb.driver import AbbRig
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
 from zerobeam.experiments.studies.campaign import MemoryJournal
 from zerobeam.interruption import requested, stoppable
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan
-from zerobeam.model.kinematics.robot import Matrix
 
 pytest.importorskip("abb_robot_client")
 

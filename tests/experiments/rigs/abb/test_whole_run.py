@@ -32,9 +32,9 @@ from zerobeam.experiments.rigs.abb.access import PASSWORD, USER, find_access
 from zerobeam.experiments.rigs.abb.caution import Caution
 from zerobeam.experiments.rigs.abb.driver import AbbRig
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan, read_plan
 from zerobeam.model.files.run import read_run
-from zerobeam.model.kinematics.robot import Matrix
 from zerobeam.model.likelihood.problem import Problem
 
 pytest.importorskip("abb_robot_client")

@@ -15,10 +15,10 @@ from zerobeam.experiments.procedure.steering import Belief
 from zerobeam.experiments.rigs.simulated.cell_file import Cell, read_cell
 from zerobeam.experiments.rigs.simulated.faults import FAULT_KINDS
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput, RigFault
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.reading import read_yaml
-from zerobeam.model.kinematics.robot import Matrix
 
 WHOLE = """\
 schema: zerobeam/cell/1

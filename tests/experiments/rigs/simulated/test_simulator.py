@@ -14,10 +14,10 @@ from scipy import stats
 from zerobeam.experiments.procedure.steering import Belief
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
+from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput, RigFault
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.shot import Shot
-from zerobeam.model.kinematics.robot import Matrix
 from zerobeam.model.likelihood.noise import NoiseModel
 
 # Nothing is wrong with it, and its face is turned towards each beam: it reads across the beam.
