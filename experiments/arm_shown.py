@@ -18,7 +18,7 @@ from ..model.kinematics.pendant import Pendant, beyond_limits, pendant_of
 from ..model.kinematics.reach import reach
 from ..model.kinematics.robot import J3, PendantUnit, Robot
 from ..words.wording import counted
-from .importers.typed import typed_joints
+from .makers.joint_text import typed_joints
 
 
 @dataclass(frozen=True, eq=False)

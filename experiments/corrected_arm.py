@@ -11,8 +11,8 @@ from ..model.files.plan import Plan
 from ..model.files.run import read_run
 from ..model.kinematics.robot import same_arm
 from ..words.rehearsal import true_values
-from .exporters.verification import offsets_to_enter
 from .rigs.simulated.cell_file import Cell
+from .verification import offsets_to_enter
 
 
 @dataclass(frozen=True)

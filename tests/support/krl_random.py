@@ -15,7 +15,7 @@ from controller_arm import ControllerArm
 from krl_controller import status
 from krl_values import components, frame
 
-from zerobeam.experiments.exporters.user_programs.filtered import Choices
+from zerobeam.experiments.makers.user_programs import Choices
 from zerobeam.model.arrays import Matrix
 
 TOOLS = {1: (0, 0, 150, 0, 0, 0), 3: (10, -5, 120, 20, 30, 0)}

@@ -14,7 +14,7 @@ import numpy as np
 from controller_arm import ControllerArm
 from rapid_controller import WRISTS, Wrist, matrix
 
-from zerobeam.experiments.exporters.user_programs.filtered import Choices
+from zerobeam.experiments.makers.user_programs import Choices
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.kinematics.robot import Robot

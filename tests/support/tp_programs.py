@@ -10,7 +10,7 @@ from controller_arm import ControllerArm
 from scipy.spatial.transform import Rotation
 from tp_controller import TpController, TpRun, clear_letters, configuration, frame, values_of
 
-from zerobeam.experiments.exporters.user_programs.filtered import Choices
+from zerobeam.experiments.makers.user_programs import Choices
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.robot_file import load_robot
 

@@ -9,7 +9,7 @@ import numpy as np
 from controller_arm import ControllerArm
 from ur_controller import UrController, UrRun, pose_of, values_of
 
-from zerobeam.experiments.exporters.user_programs.filtered import Choices
+from zerobeam.experiments.makers.user_programs import Choices
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.robot_file import load_robot
 

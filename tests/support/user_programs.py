@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from zerobeam.experiments.exporters.user_programs.filtered import Choices
+from zerobeam.experiments.makers.user_programs import Choices
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.kinematics.robot import Robot
 

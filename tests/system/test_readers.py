@@ -18,9 +18,9 @@ from ruamel.yaml import YAML
 from zerobeam.analysis.repeatability.offset_table import read_table
 from zerobeam.analysis.repeatability.result_files import read_result
 from zerobeam.experiments.demos import demo_runs
-from zerobeam.experiments.importers import table
-from zerobeam.experiments.importers.fanuc import fanuc_positions
-from zerobeam.experiments.importers.kuka import kuka_positions
+from zerobeam.experiments.makers.fanuc.tp_points import fanuc_positions
+from zerobeam.experiments.makers.generic import tables as table
+from zerobeam.experiments.makers.kuka.krl_points import kuka_positions
 from zerobeam.experiments.plans.obstacles import read_obstacles
 from zerobeam.experiments.rigs.simulated.cell_file import read_cell
 from zerobeam.experiments.sensors.counts import read_calibration

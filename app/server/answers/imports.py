@@ -11,8 +11,9 @@ from typing import Annotated, Any, Literal, TypeVar
 import numpy as np
 from pydantic import BeforeValidator, Field
 
-from ....experiments.importers.inspection import columns_found, readings
-from ....experiments.importers.table import Table, check_signs
+from ....experiments.makers import contents as columns_found
+from ....experiments.makers import readings
+from ....experiments.makers.generic.tables import Table, check_signs
 from ....experiments.schema import json_schema
 from ....model.arrays import Matrix
 from ....model.errors import BadInput

@@ -22,7 +22,7 @@ from ....model.files.shot import Shot
 from ....model.kinematics.pendant import Pendant
 from ....model.kinematics.robot import PendantUnit
 from ....model.likelihood.problem import Problem
-from ...importers.typed import labelled, typed_joints
+from ...makers.joint_text import labelled, typed_joints
 from ...procedure.events import Asked, Doubted, GivenUp, Suspected, Told, Withdrawn
 from ...procedure.order import Order
 from ...procedure.refusal import Reason, RefusedPosture
