@@ -297,13 +297,13 @@ def _program_command() -> Command:
         with a statement that is not understood is refused, by line. Targets that were taught on this very arm
         hold its offsets already: do not correct them.
         """
-        from ..experiments.makers.user_programs import Choices, files_of, filtered
+        from ..experiments.makers.user_programs import ProgramOptions, corrected_program, files_of
 
         paths = files_of(program)
-        choices = Choices(tool or (), frame or (), leave or (), near, j3, call or ())
+        choices = ProgramOptions(tool or (), frame or (), leave or (), near, j3, call or ())
 
         def texts(recorded: "Run", calibration: "Calibration") -> Texts:
-            corrected = filtered(recorded.robot, calibration, program, file, choices)
+            corrected = corrected_program(recorded.robot, calibration, program, file, choices)
             return corrected.files, corrected.notes
 
         allowed = Allowed(allow_weak, allow_displaced, unvalidated, without or (), "links")

@@ -25,7 +25,7 @@ from .formats import Command, options_of, with_parameters
 from .options import DryRun, Force, MeasuredPlan, NewRunFile, SharedHeader
 
 if TYPE_CHECKING:
-    from ..experiments.makers.recordings import Imported, Job
+    from ..experiments.makers.recordings import Imported, ImportJob
     from ..model.files.plan import Plan
 
 Targets = Annotated[
@@ -77,10 +77,10 @@ def _reader_command(reader: Reader) -> Command:
         dry_run: DryRun = False,
         **options: object,
     ) -> None:
-        from ..experiments.makers.recordings import Job
+        from ..experiments.makers.recordings import ImportJob
 
         with progress("import") as tell:
-            job = Job.begin(files, _stated(header, plan), file, target or [], tell)
+            job = ImportJob.begin(files, _header_or_plan(header, plan), file, target or [], tell)
             imported = reader.read(job, **options)
             read = [*(path for path in (header, plan) if path is not None), *job.paths]
             _write(imported, job, file, force, dry_run, read)
@@ -99,7 +99,7 @@ def _reader_command(reader: Reader) -> Command:
 
 
 def _write(
-    imported: "Imported", job: "Job", file: Path, force: bool, dry_run: bool, read: Sequence[Path]
+    imported: "Imported", job: "ImportJob", file: Path, force: bool, dry_run: bool, read: Sequence[Path]
 ) -> None:
     """Write the run; with `force` over another file, but none of those that were `read`. A dry run refuses
     the same and writes nothing."""
@@ -115,7 +115,7 @@ def _write(
     job.progress("writing", 1.0)
 
 
-def _stated(header: Path | None, plan: Path | None) -> "Path | Plan":
+def _header_or_plan(header: Path | None, plan: Path | None) -> "Path | Plan":
     """The header file, or the plan that was measured; BadInput unless one of the two is stated."""
     from ..model.files.plan import read_plan
 
@@ -133,7 +133,7 @@ def _reader_of_logs(logs: Sequence[KnownLog]) -> Reader:
     layouts = {log.name: log.layout for log in logs}
 
     def read(
-        job: "Job",
+        job: "ImportJob",
         kind: Annotated[
             Literal[tuple(layouts)],  # type: ignore[valid-type]
             typer.Argument(

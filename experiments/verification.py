@@ -67,9 +67,12 @@ def accepted(path: Path, new: Path, tolerance: float | None) -> AcceptanceResult
         solution = _solution(run)
         entered = _entered(run, solution)
         targets = tuple(shot.target for shot in verified.shots)
-        stated = {**run.header.targets, **verified.header.targets}
+        targets_stated = {**run.header.targets, **verified.header.targets}
         header = run.header.model_copy(
-            update={"distances": (), "targets": {name: stated[name] for name in targets if name in stated}}
+            update={
+                "distances": (),
+                "targets": {name: targets_stated[name] for name in targets if name in targets_stated},
+            }
         )
         laser = run.header.tool.kind == "laser"
         prediction = Prediction(
@@ -114,10 +117,10 @@ def offsets_to_enter(run: Run) -> dict[str, float]:
 
 
 def _tolerances(header: Header, tolerance: float | None) -> dict[str, float]:
-    stated = header.tolerance
+    tolerances = header.tolerance
     return {
-        "deg": stated.offset_deg if tolerance is None else tolerance,
-        "mm": stated.length_mm if tolerance is None else tolerance,
+        "deg": tolerances.offset_deg if tolerance is None else tolerance,
+        "mm": tolerances.length_mm if tolerance is None else tolerance,
     }
 
 
@@ -150,11 +153,11 @@ def _write(
     run: Run, solution: Solution, plan: VerificationPlan, entered: tuple[str, ...], file: Path, force: bool
 ) -> None:
     problem = solution.problem
-    places = problem.split(solution.fit.x).targets
+    points = problem.split(solution.fit.x).targets
     targets = {}
-    for name, place in zip(problem.targets, places.tolist(), strict=True):
+    for name, point in zip(problem.targets, points.tolist(), strict=True):
         if name in plan.targets:
-            x, y, z = (round(value, 3) for value in place)
+            x, y, z = (round(value, 3) for value in point)
             targets[name] = StatedTarget(guess_mm=(x, y, z))
     about: dict[str, str | bool | int | float] = {
         _RUN: run.path.name,
@@ -174,9 +177,9 @@ def _write(
     write_plan(file, header, rows, plan.targets, force=force)
 
 
-def acceptance_json(found: AcceptanceResult) -> dict[str, Any]:
+def acceptance_json(result: AcceptanceResult) -> dict[str, Any]:
     """Plain JSON types, schema `zerobeam/acceptance/1`."""
-    return {"schema": "zerobeam/acceptance/1", **asdict(found)}
+    return {"schema": "zerobeam/acceptance/1", **asdict(result)}
 
 
 def plan_json(made: Verification) -> dict[str, Any]:
@@ -187,5 +190,5 @@ def plan_json(made: Verification) -> dict[str, Any]:
         "sha256": made.sha256,
         "shots": list(made.plan.rows),
         "enough": made.plan.enough,
-        "offsets": [asdict(own) for own in made.plan.offsets],
+        "offsets": [asdict(offset) for offset in made.plan.offsets],
     }

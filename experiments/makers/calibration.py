@@ -45,13 +45,13 @@ class Correction:
     """One parameter of an export: its `row` of the answer, without a number where nothing is known.
 
     `applied` is what the exported file adds to the recorded position or to the nominal value: the estimate,
-    or 0 where it is held, not determined by the data, `left_out`, or unvalidated and not `wanted` all the
-    same.
+    or 0 where it is held, not determined by the data, `left_out`, or unvalidated and not exported
+    `despite_misfit`.
     """
 
     row: ParameterResult
     left_out: bool
-    wanted: bool
+    despite_misfit: bool
 
     @property
     def name(self) -> str:
@@ -63,7 +63,7 @@ class Correction:
 
     @property
     def exported(self) -> bool:
-        validated = self.status != "unvalidated" or self.wanted
+        validated = self.status != "unvalidated" or self.despite_misfit
         return known(self.status) and validated and not self.left_out
 
     @property
@@ -92,9 +92,9 @@ class GeometryValue(Correction):
             why = "" if row.cause is None else f": {reason(row.cause)}"
             kind = "HELD" if self.status == "held" else "UNIDENTIFIABLE"
             return f"{self.name}: {kind}, nominal{why}"
-        said = STATUS_WORDS[self.status]
-        said += ", EXCLUDED on request" if self.left_out else "" if self.exported else ", not applied"
-        return f"{self.name}: {row.estimate:+.6f} {row.unit}, std {row.std:.2g} {row.unit}, {said}"
+        words = STATUS_WORDS[self.status]
+        words += ", EXCLUDED on request" if self.left_out else "" if self.exported else ", not applied"
+        return f"{self.name}: {row.estimate:+.6f} {row.unit}, std {row.std:.2g} {row.unit}, {words}"
 
 
 class _Applied(Protocol):
@@ -144,10 +144,10 @@ def _refitted(problem: Problem, residual: Matrix, by_target: Matrix) -> Matrix:
     """Residuals (N, d) once each target has moved to suit its own."""
     result = residual.copy()
     for k in range(len(problem.targets)):
-        own = np.flatnonzero(problem.target_index == k)
-        columns = by_target[own].reshape(-1, 3)
-        step = np.linalg.lstsq(columns, residual[own].ravel(), rcond=1e-9)[0]
-        result[own] -= (columns @ step).reshape(residual[own].shape)
+        rows = np.flatnonzero(problem.target_index == k)
+        columns = by_target[rows].reshape(-1, 3)
+        step = np.linalg.lstsq(columns, residual[rows].ravel(), rcond=1e-9)[0]
+        result[rows] -= (columns @ step).reshape(residual[rows].shape)
     return result
 
 
@@ -162,7 +162,7 @@ class NotValidated(BadInput):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Offset(Correction):
+class JointOffset(Correction):
     """One joint's offset. `joint` is the joint's name in its robot file, which may hold any character."""
 
     joint: str
@@ -197,15 +197,15 @@ class Offset(Correction):
     def sentence(self) -> str:
         """The line about it in a file, in ASCII."""
         if self.status == "held":
-            said = f"HELD at 0, not estimated: {self.reason}"
+            words = f"HELD at 0, not estimated: {self.reason}"
         elif self.estimate is None:
-            said = f"UNIDENTIFIABLE, excluded: {self.reason}"
+            words = f"UNIDENTIFIABLE, excluded: {self.reason}"
         else:
-            said = f"{self.estimate:+.6f} {self.unit}, std {self.std:.2g} {self.unit}, "
-            said += STATUS_WORDS[self.status]
-            said += "" if self.exported or self.left_out else ", not applied"
-            said += ", EXCLUDED on request" if self.left_out else ""
-        return one_line(f"{self.name} ({self.joint}): {said}")
+            words = f"{self.estimate:+.6f} {self.unit}, std {self.std:.2g} {self.unit}, "
+            words += STATUS_WORDS[self.status]
+            words += "" if self.exported or self.left_out else ", not applied"
+            words += ", EXCLUDED on request" if self.left_out else ""
+        return one_line(f"{self.name} ({self.joint}): {words}")
 
 
 @dataclass(frozen=True)
@@ -218,7 +218,7 @@ class Calibration:
     whole answer.
     """
 
-    offsets: tuple[Offset, ...]
+    offsets: tuple[JointOffset, ...]
     geometry: tuple[GeometryValue, ...]
     corrected: Robot
     holds: Holds
@@ -308,17 +308,23 @@ def _calibration(
     rows = [row for row in solution.parameters if row.group in ("offset", "geometry")]
     _check_without(without, rows)
     offsets = [
-        Offset(row=row, left_out=row.name in without, wanted=unvalidated, joint=joint.name, kind=joint.kind)
+        JointOffset(
+            row=row,
+            left_out=row.name in without,
+            despite_misfit=unvalidated,
+            joint=joint.name,
+            kind=joint.kind,
+        )
         for row, joint in zip(solution.offsets, run.robot.joints, strict=True)
     ]
     _require_known(offsets, allow_weak, nothing_applied=as_data and solution.misfit is not None)
     geometry = tuple(
-        GeometryValue(row=row, left_out=row.name in without, wanted=unvalidated)
+        GeometryValue(row=row, left_out=row.name in without, despite_misfit=unvalidated)
         for row in rows
         if row.group == "geometry"
     )
     left_out = left_out_of(geometry, holds)
-    gone = {value.name for value in left_out} | {own.name for own in offsets if own.left_out}
+    gone = {value.name for value in left_out} | {offset.name for offset in offsets if offset.left_out}
     misfit = () if solution.misfit is None else solution.misfit.criteria
     return Calibration(
         tuple(offsets),
@@ -409,8 +415,8 @@ def _check_without(without: Sequence[str], items: Sequence[ParameterResult]) -> 
             )
 
 
-def _require_known(offsets: Sequence[Offset], allow_weak: bool, nothing_applied: bool) -> None:
-    def named(status: Status) -> list[Offset]:
+def _require_known(offsets: Sequence[JointOffset], allow_weak: bool, nothing_applied: bool) -> None:
+    def named(status: Status) -> list[JointOffset]:
         return [offset for offset in offsets if offset.status == status and not offset.left_out]
 
     unknown, weak = named("unidentifiable"), named("weak")
@@ -437,5 +443,5 @@ def _require_known(offsets: Sequence[Offset], allow_weak: bool, nothing_applied:
         )
 
 
-def _leaving_out(offsets: Sequence[Offset]) -> str:
+def _leaving_out(offsets: Sequence[JointOffset]) -> str:
     return " ".join(f"--without {offset.name}" for offset in offsets)

@@ -19,7 +19,7 @@ from .abb.rapid_points import DECLARED, rapid_positions, without_text
 from .fanuc.tp_points import REGISTERS, fanuc_positions, fanuc_registers
 from .generic.bags import is_bag
 from .generic.ros import Topic, messages, topics_of
-from .generic.tables import DELIMITERS, Table, found_delimiter, number, table_of
+from .generic.tables import DELIMITERS, TextTable, found_delimiter, number, table_of
 from .joint_text import PROGRAM_LINE
 from .kuka.krl_points import AGGREGATE, DATA_LIST, kuka_positions
 from .recordings import Point
@@ -30,7 +30,7 @@ _COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
 
 
 @dataclass(frozen=True)
-class Column:
+class TableColumn:
     """`stated` is what an import calls the column: its name, or its number where the name cannot be stated.
 
     `lowest` and `highest` are of its numbers, None where it holds something else: `other`, of line `line`.
@@ -93,40 +93,40 @@ def layout_of(text: str) -> Layout:
     return Layout(header, delimiter, decimal, tuple(why))
 
 
-def layout_stated(found: Layout, stated: Mapping[str, Any]) -> Layout:
+def layout_stated(layout: Layout, changes: Mapping[str, Any]) -> Layout:
     """The layout as it is stated, by field, and as it is found where it is not."""
-    return dataclasses.replace(found, **stated)
+    return dataclasses.replace(layout, **changes)
 
 
-def table_with(path: Path, text: str, layout: Layout) -> Table:
+def table_with(path: Path, text: str, layout: Layout) -> TextTable:
     """The table of a text; BadInput with the line where it is none."""
-    found = found_delimiter(text, layout.decimal) == layout.delimiter
+    is_usual = found_delimiter(text, layout.decimal) == layout.delimiter
     return table_of(
         text,
         path,
         header_row=layout.header_row,
-        delimiter=None if found else layout.delimiter,  # found ones may have blanks about them
+        delimiter=None if is_usual else layout.delimiter,  # found ones may have blanks about them
         decimal=layout.decimal,
         joints_of=None,
     )
 
 
-def columns_of(table: Table) -> list[Column]:
+def columns_of(table: TextTable) -> list[TableColumn]:
     names = table.names or tuple(f"column {i + 1}" for i in range(table.width))
     return [_column(table, i, name) for i, name in enumerate(names)]
 
 
-def proposed_columns(found: Sequence[Column], robot: Robot) -> tuple[list[str], str] | None:
+def proposed_columns(table_columns: Sequence[TableColumn], robot: Robot) -> tuple[list[str], str] | None:
     """Columns that seem to be those of joint 1, 2, …, and why; None where nothing says so, or several do.
 
     By the robot's own names, by names that are counted from 0 or 1, or as the only columns of numbers.
     """
-    own = [joint.name for joint in robot.joints]
-    stated = {column.name: column.stated for column in found}
-    if set(own) <= set(stated):
-        return [stated[name] for name in own], "the columns have the names of the robot's joints"
-    counted: dict[tuple[str, str], dict[int, Column]] = {}
-    for column in found:
+    joint_names = [joint.name for joint in robot.joints]
+    called = {column.name: column.stated for column in table_columns}
+    if set(joint_names) <= set(called):
+        return [called[name] for name in joint_names], "the columns have the names of the robot's joints"
+    counted: dict[tuple[str, str], dict[int, TableColumn]] = {}
+    for column in table_columns:
         match = _COUNTED.fullmatch(column.name)
         if match is not None and column.lowest is not None and column.stated == column.name:
             counted.setdefault((match[1], match[3]), {})[int(match[2])] = column
@@ -140,20 +140,20 @@ def proposed_columns(found: Sequence[Column], robot: Robot) -> tuple[list[str], 
         first, last = series[0][0].name, series[0][-1].name
         why = f"{first} to {last} are the only columns that are counted to {robot.n} joints"
         return [column.stated for column in series[0]], why
-    plain = [column for column in found if column.lowest is not None]
-    if not series and len(plain) == robot.n and len(found) == robot.n:
+    plain = [column for column in table_columns if column.lowest is not None]
+    if not series and len(plain) == robot.n and len(table_columns) == robot.n:
         return [column.stated for column in plain], f"the file has {robot.n} columns, as the robot has joints"
     return None
 
 
-def values_of(table: Table, column: int) -> Matrix:
+def values_of(table: TextTable, column: int) -> Matrix:
     """(N,) numbers of a column; BadInput with the line of the first that is none."""
     return table.numbers([column])[:, 0]
 
 
-def _column(table: Table, i: int, name: str) -> Column:
+def _column(table: TextTable, i: int, name: str) -> TableColumn:
     plain = table.names is not None and name and not set(name) & set(",=") and not name.isdecimal()
-    stated = name if plain else str(i + 1)
+    called = name if plain else str(i + 1)
     try:
         values = values_of(table, i)
     except BadInput:
@@ -162,8 +162,8 @@ def _column(table: Table, i: int, name: str) -> Column:
             for line, text in zip(table.lines, table.texts(i), strict=True)
             if (value := number(text, table.decimal)) is None or not np.isfinite(value)
         )
-        return Column(name, stated, None, None, shown(text), line)
-    return Column(name, stated, float(values.min()), float(values.max()), None, None)
+        return TableColumn(name, called, None, None, shown(text), line)
+    return TableColumn(name, called, float(values.min()), float(values.max()), None, None)
 
 
 def _first(text: str, delimiter: str, count: int) -> Sequence[list[str]]:
@@ -192,7 +192,7 @@ class Contents:
     why: str
     count: str
     layout: Layout | None = None
-    columns: tuple[Column, ...] = ()
+    columns: tuple[TableColumn, ...] = ()
     rows: int = 0
     whole: bool = True
     points: tuple[tuple[str, bool], ...] = ()
@@ -210,19 +210,19 @@ def contents_of(path: Path, layout: Layout | None = None) -> Contents:
     if kind is not None:
         topics = topics_of(path)
         states = [topic for topic in topics if topic.joints]
-        said = "; ".join(f"{topic.messages} joint states on {topic.name}" for topic in states)
-        return Contents("ros", f"the first bytes of {kind}", said or "no joint states", topics=topics)
+        count = "; ".join(f"{topic.messages} joint states on {topic.name}" for topic in states)
+        return Contents("ros", f"the first bytes of {kind}", count or "no joint states", topics=topics)
     text, whole = head_of(path)
-    if layout is None and whole and (found := _program(path, text)) is not None:
-        return found
+    if layout is None and whole and (contents := _program(path, text)) is not None:
+        return contents
     return _table(path, text, whole, layout)
 
 
 def _program(path: Path, text: str) -> Contents | None:
     """What other programs wrote, or this one; None of what seems to be a table."""
     if (ours := _OURS.search(text[:4096])) is not None:
-        said = f"a file of zerobeam: {ours[1]}"
-        return Contents("ours", f"its schema, zerobeam/{ours[1]}", said, kind=ours[1])
+        count = f"a file of zerobeam: {ours[1]}"
+        return Contents("ours", f"its schema, zerobeam/{ours[1]}", count, kind=ours[1])
     lines = len(PROGRAM_LINE.findall(text))
     if lines:
         return Contents("program log", "lines that a plan's program writes", f"{lines} postures")
@@ -237,10 +237,10 @@ def _program(path: Path, text: str) -> Contents | None:
     if AGGREGATE.search(text) or DATA_LIST.search(text):
         return _points("kuka", "its positions in KRL", kuka_positions(text, path))
     if len(set(_JOINT_STATE.findall(text))) == 2:
-        found = messages(text)
-        names = tuple(dict.fromkeys(name for _, message in found for name in message.get("name", ())))
-        said = f"{len(found)} messages, each a measurement"
-        return Contents("joint states", "its keys, as of JointState messages", said, names=names)
+        states = messages(text)
+        names = tuple(dict.fromkeys(name for _, message in states for name in message.get("name", ())))
+        count = f"{len(states)} messages, each a measurement"
+        return Contents("joint states", "its keys, as of JointState messages", count, names=names)
     if "delta_theta" in text and "delta_alpha" in text:
         raise BadInput(
             "this is the factory calibration of a UR arm, not a recording",
@@ -252,16 +252,16 @@ def _program(path: Path, text: str) -> Contents | None:
 
 def _points(form: Form, why: str, points: list[Point]) -> Contents:
     taught = sum(point.joints is not None for point in points)
-    said = f"{len(points)} points, {taught} with joint values"
+    count = f"{len(points)} points, {taught} with joint values"
     shown = tuple((point.name, point.joints is not None) for point in points[:_MOST_SHOWN])
-    return Contents(form, why, said, points=shown)
+    return Contents(form, why, count, points=shown)
 
 
-def _table(path: Path, text: str, whole: bool, stated: Layout | None) -> Contents:
+def _table(path: Path, text: str, whole: bool, stated_layout: Layout | None) -> Contents:
     if not text.strip():
         decode(read_bytes(path), file=path, line=None)  # says that it is empty
         raise BadInput("the file is empty", file=path)
-    layout = stated or layout_of(text)
+    layout = stated_layout or layout_of(text)
     table = table_with(path, text, layout)
     columns = tuple(columns_of(table))
     if not any(column.lowest is not None for column in columns):
@@ -278,7 +278,7 @@ def _table(path: Path, text: str, whole: bool, stated: Layout | None) -> Content
         form, why = "log ur", "its columns timestamp and actual_q_0, as of an RTDE recording"
     elif {"R_FB_POS_RJ1", "TIMESTAMP"} <= names:
         form, why = "log egm", "its columns TIMESTAMP and R_FB_POS_RJ1, as of abb_libegm"
-    said = f"{len(table.rows)} rows of {table.width} columns"
+    count = f"{len(table.rows)} rows of {table.width} columns"
     if not whole:
-        said += " in its first part; the rest is checked at the import"
-    return Contents(form, why, said, layout=layout, columns=columns, rows=len(table.rows), whole=whole)
+        count += " in its first part; the rest is checked at the import"
+    return Contents(form, why, count, layout=layout, columns=columns, rows=len(table.rows), whole=whole)

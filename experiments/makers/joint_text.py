@@ -22,7 +22,7 @@ from ...model.files.limits import require_joint_count
 from ...model.files.reading import read_text, shown
 from ...model.kinematics.pendant import Pendant, pendant_of
 from ...model.kinematics.robot import J3, PendantUnit
-from .recordings import Found, Imported, Job, without_unused
+from .recordings import FileMeasurements, Imported, ImportJob, without_unused
 
 _NUMBER = r"[-+]?(?:\d+(?:[.,]\d+)?|[.,]\d+)(?:[eE][-+]?\d+)?"
 _LABELLED = re.compile(
@@ -42,7 +42,7 @@ _PROGRAM_UNITS = {"deg": 1.0, "microdegrees": 1e-6}
 
 
 @dataclass(frozen=True)
-class Typed:
+class TypedJoints:
     """Joint values as a text has them, the unit if the text states it, and the posture's number if it is the
     line of a plan's program."""
 
@@ -51,7 +51,7 @@ class Typed:
     number: int | None = None
 
 
-def program_line(text: str, n: int) -> Typed | None:
+def program_line(text: str, n: int) -> TypedJoints | None:
     """The joints in a line of a plan's program, degrees (mm), `n` or all that it has; None in any other line.
 
     BadInput for a line that cannot be read, or that a rehearsal wrote.
@@ -77,24 +77,24 @@ def program_line(text: str, n: int) -> Typed | None:
             allowed=f"zerobeam posture NUMBER deg, and {n} numbers",
             remedy="remove the line, and record the posture again",
         )
-    return Typed(tuple(value * scale for value in values), "deg", int(match["number"]))
+    return TypedJoints(tuple(value * scale for value in values), "deg", int(match["number"]))
 
 
 def labelled(text: str, names: Sequence[str] = ()) -> dict[int, float]:
     """Values with a joint's name before them, by its number from 1: `J1= 10 deg`, `A1 10`, `S: 10`. `names`
     are those of the pendant, joint 1 first."""
     text = text.translate(_MINUS)
-    found = _by_names(text, names)
-    if found:
-        return found
-    found = {int(match[1]): _value(match[2]) for match in _LABELLED.finditer(text)}
-    if 0 in found:  # q0 to q5
-        found = {number + 1: value for number, value in found.items()}
-    if not found:
+    values = _by_names(text, names)
+    if values:
+        return values
+    values = {int(match[1]): _value(match[2]) for match in _LABELLED.finditer(text)}
+    if 0 in values:  # q0 to q5
+        values = {number + 1: value for number, value in values.items()}
+    if not values:
         letters = {match[1]: _value(match[2]) for match in _YASKAWA.finditer(text)}
         if {"S", "L", "U"} <= letters.keys():
-            found = {"SLURBT".index(letter) + 1: value for letter, value in letters.items()}
-    return found
+            values = {"SLURBT".index(letter) + 1: value for letter, value in letters.items()}
+    return values
 
 
 def _by_names(text: str, names: Sequence[str]) -> dict[int, float]:
@@ -107,7 +107,7 @@ def _by_names(text: str, names: Sequence[str]) -> dict[int, float]:
     return values
 
 
-def typed_joints(text: str, n: int, pendant: Pendant | None = None) -> Typed:
+def typed_joints(text: str, n: int, pendant: Pendant | None = None) -> TypedJoints:
     """The `n` joint values of a text, in the order of the joints: values without names are in the pendant's
     order.
 
@@ -118,7 +118,7 @@ def typed_joints(text: str, n: int, pendant: Pendant | None = None) -> Typed:
     """
     logged = program_line(text, n)
     if logged is not None and not any(logged.values[n:]):
-        return Typed(logged.values[:n], logged.unit, logged.number)
+        return TypedJoints(logged.values[:n], logged.unit, logged.number)
     plain = text.translate(_MINUS)
     unit = _unit(plain)
     by_name = labelled(text, [] if pendant is None else pendant.names)
@@ -130,7 +130,7 @@ def typed_joints(text: str, n: int, pendant: Pendant | None = None) -> Typed:
                 found=f"{shown(text.strip())}: none for joint {', '.join(map(str, missing))}",
                 allowed=f"values of joints 1 to {n}",
             )
-        return Typed(_in_order(by_name, n), unit)
+        return TypedJoints(_in_order(by_name, n), unit)
     if _CARTESIAN.search(plain):
         raise BadInput(
             "this is a Cartesian position, and the configuration of the arm would be a guess",
@@ -143,7 +143,7 @@ def typed_joints(text: str, n: int, pendant: Pendant | None = None) -> Typed:
     for inner in [match[1] for match in _INNERMOST.finditer(plain)]:
         values = _numbers(inner, n)
         if values is not None and len(values) == n:
-            return Typed(tuple(values[order.index(i)] for i in range(n)), unit)
+            return TypedJoints(tuple(values[order.index(i)] for i in range(n)), unit)
     values = _numbers(re.sub(r"[\[\](){}]", " ", plain), n)
     if values is None or len(values) != n:
         count = "no numbers" if not values else f"{len(values)} numbers"
@@ -153,7 +153,7 @@ def typed_joints(text: str, n: int, pendant: Pendant | None = None) -> Typed:
             allowed=f"{n} numbers, "
             + ("joint 1 first" if order == sorted(order) else "in the pendant's order"),
         )
-    return Typed(tuple(values[order.index(i)] for i in range(n)), unit)
+    return TypedJoints(tuple(values[order.index(i)] for i in range(n)), unit)
 
 
 def _unit(text: str) -> PendantUnit | None:
@@ -192,12 +192,12 @@ def _value(text: str) -> float:
 _PLAN = re.compile(r"zerobeam plan (?P<hash>[0-9a-f]{12})\b")
 
 
-def is_program_log(job: Job) -> bool:
+def is_program_log(job: ImportJob) -> bool:
     """Whether the first of the files has lines of a plan's program."""
     return PROGRAM_LINE.search(read_text(job.paths[0])[0]) is not None
 
 
-def import_program_log(job: Job, *, source: str, j3: J3 | None = None) -> Imported:
+def import_program_log(job: ImportJob, *, source: str, j3: J3 | None = None) -> Imported:
     """Measurements from logs of a plan's program; of a posture that was recorded again the last counts.
 
     `source` says in the answer who wrote it, `j3` what it counts joint 3 from, if not as the
@@ -205,14 +205,14 @@ def import_program_log(job: Job, *, source: str, j3: J3 | None = None) -> Import
     `stated`.
     """
     pendant = pendant_of(job.robot, j3)
-    found = [
-        _found(path, target, job, pendant) for path, target in zip(job.paths, job.targets(), strict=True)
+    parts = [
+        _logged(path, target, job, pendant) for path, target in zip(job.paths, job.targets(), strict=True)
     ]
     note = f"{source}: lines of a plan's program, in degrees, joint 1 first"
-    return job.finish(found, [note, *([] if pendant.counting is None else [pendant.counting])])
+    return job.finish(parts, [note, *([] if pendant.counting is None else [pendant.counting])])
 
 
-def _found(path: Path, target: str, job: Job, pendant: Pendant) -> Found:
+def _logged(path: Path, target: str, job: ImportJob, pendant: Pendant) -> FileMeasurements:
     text, _ = read_text(path)
     lines = text.split("\n")
     rows: dict[int, tuple[tuple[float, ...], int]] = {}
@@ -243,9 +243,9 @@ def _found(path: Path, target: str, job: Job, pendant: Pendant) -> Found:
             file=path,
         )
     if again:
-        said = ", ".join(map(str, dict.fromkeys(again)))
-        notes.append(f"  recorded more than once, the last one counts: posture {said}")
-    return Found(
+        postures = ", ".join(map(str, dict.fromkeys(again)))
+        notes.append(f"  recorded more than once, the last one counts: posture {postures}")
+    return FileMeasurements(
         path,
         "line",
         pendant.between_links(np.array([joints for joints, _ in rows.values()])),
@@ -256,12 +256,12 @@ def _found(path: Path, target: str, job: Job, pendant: Pendant) -> Found:
     )
 
 
-def _require_same_plan(content: str, job: Job, path: Path, line: int) -> None:
-    said = _PLAN.search(content)
-    if said is not None and job.plan is not None and not job.plan.sha256.startswith(said["hash"]):
+def _require_same_plan(content: str, job: ImportJob, path: Path, line: int) -> None:
+    plan_line = _PLAN.search(content)
+    if plan_line is not None and job.plan is not None and not job.plan.sha256.startswith(plan_line["hash"]):
         raise BadInput(
             "the log is of another plan, or of this one before it was changed",
-            found=f"plan {said['hash']}",
+            found=f"plan {plan_line['hash']}",
             allowed=f"plan {job.plan.sha256[:12]} ({job.plan.path.name})",
             remedy="import with the plan that the program was made of; use a new log for each program",
             file=path,

@@ -50,7 +50,7 @@ Decimal = Annotated[str, Option("Decimal sign: . or ,")]
 MarkerColumn = Annotated[str | None, Option("Only dwells in which this column becomes other than 0.")]
 
 
-class Named(Protocol):
+class NamedFormat(Protocol):
     """Any of the kinds of formats below."""
 
     @property
@@ -141,7 +141,7 @@ def makers() -> tuple[Maker, ...]:
     return tuple(import_module(f"{__package__}.{folder}").MAKER for folder in folders)
 
 
-_Kind = TypeVar("_Kind", bound=Named)
+_Kind = TypeVar("_Kind", bound=NamedFormat)
 
 
 def in_order(kinds: Sequence[_Kind], names: Sequence[str]) -> list[_Kind]:

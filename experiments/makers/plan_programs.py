@@ -67,7 +67,7 @@ class ProgramMotion:
 
 
 @dataclass(frozen=True)
-class Step:
+class PlanStep:
     """One posture of a plan: its number (from 0), its target, degrees (mm if prismatic) as the controller
     counts them, to the last digit of the plan, and those of the intermediate postures on the way to it."""
 
@@ -77,7 +77,7 @@ class Step:
     via: tuple[tuple[float, ...], ...]
 
 
-def steps_of(plan: Plan, motion: ProgramMotion) -> list[Step]:
+def steps_of(plan: Plan, motion: ProgramMotion) -> list[PlanStep]:
     """The postures of a plan in its order."""
     pendant, display = pendant_of(plan.robot, motion.j3), plan.robot.display
 
@@ -85,7 +85,7 @@ def steps_of(plan: Plan, motion: ProgramMotion) -> list[Step]:
         return rounded(pendant.counted(joints * display))
 
     return [
-        Step(i, target, joints, rows(plan.via_of(i)))
+        PlanStep(i, target, joints, rows(plan.via_of(i)))
         for i, (target, joints) in enumerate(zip(plan.targets, rows(plan.postures), strict=True))
     ]
 

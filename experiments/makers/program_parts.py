@@ -67,8 +67,8 @@ class JointTarget:
 class PoseTarget:
     """A pose (4, 4), mm, of the tool (as seen from the flange) in a frame (as seen from the base).
 
-    `matches` says whether joints, degrees, of a branch have the stated configuration, which `stated` names;
-    None where none is stated: then each motion to it says which (`Motion.near`), or the motion before.
+    `matches` says whether joints, degrees, of a branch have the stated `configuration`; None where none is
+    stated: then each motion to it says which (`Motion.near`), or the motion before.
     `write` turns a pose and the joints it is reached with into the text for them.
     """
 
@@ -78,7 +78,7 @@ class PoseTarget:
     tool: Matrix
     frame: Matrix
     matches: Callable[[Branch, Matrix], bool] | None
-    stated: str
+    configuration: str
     write: Callable[[Matrix, Branch | None, Matrix], list[Edit]]
 
 
@@ -103,7 +103,7 @@ class Motion(NamedTuple):
     near: Matrix | None = None
 
 
-class Place(NamedTuple):
+class LiteralSpan(NamedTuple):
     """A literal of the program, with the shape of a pose or of joints: from `start` to `end`, and what it
     is."""
 
@@ -121,7 +121,7 @@ class Parsed:
     motions: list[Motion] = field(default_factory=list)
     problems: list[tuple[int, str]] = field(default_factory=list)
     left: list[str] = field(default_factory=list)
-    literals: list[Place] = field(default_factory=list)
+    literals: list[LiteralSpan] = field(default_factory=list)
 
     def changed(self, line: int, name: str) -> None:
         """A target's name where it is neither declared nor the target of a motion."""
@@ -131,11 +131,14 @@ class Parsed:
     def speaks_of(self, line: int, name: str = "") -> bool:
         """Whether a problem is in this line, or names this name."""
         word = re.compile(rf"(?<!\w){re.escape(name)}(?!\w)", re.IGNORECASE)
-        return any(own == line or (name and word.search(said)) for own, said in self.problems)
+        return any(
+            problem_line == line or (name and word.search(sentence))
+            for problem_line, sentence in self.problems
+        )
 
 
 @dataclass(frozen=True)
-class Stated:
+class ProgramFacts:
     """What a person states of a program: poses (4, 4) of tools and frames by name ("" for the one that the
     program leaves open), names to `leave`, routines of other files that move no arm and change no frame
     (`calls`), joints (n,) degrees `near` which poses without a configuration are, and from where a FANUC
@@ -178,10 +181,10 @@ class Stated:
         return routine in self.calls
 
     def _pose(
-        self, option: str, stated: Mapping[str, Matrix], name: str, declared: Matrix | None
+        self, option: str, poses: Mapping[str, Matrix], name: str, declared: Matrix | None
     ) -> Matrix | None:
         self._in_program[option][name] = name
-        pose = stated.get(name)
+        pose = poses.get(name)
         if pose is not None and declared is not None and not np.allclose(pose, declared):
             raise BadInput(
                 f"{option} {name} has another value in the program",
@@ -189,9 +192,9 @@ class Stated:
             )
         if declared is not None or (pose is not None and name):
             return declared if pose is None else pose
-        if "" in stated:
+        if "" in poses:
             self._in_program[f"{option} without a name"][name] = name
-        return stated.get("")
+        return poses.get("")
 
     def check_names(self) -> None:
         """BadInput for a name in an option that the program does not have, or that may be either of two."""
@@ -225,16 +228,16 @@ class Source:
 
     text: str
     robot: Robot
-    stated: Stated
+    facts: ProgramFacts
 
     def written(self, key: str) -> str:
         """A name, known in small letters (an element of an array as `name{1}`), as the program writes it."""
         word, brace, rest = key.partition("{")
-        found = re.search(rf"(?<!\w){re.escape(word)}(?!\w)", self.text, re.IGNORECASE)
-        return (word if found is None else found[0]) + brace + rest
+        match = re.search(rf"(?<!\w){re.escape(word)}(?!\w)", self.text, re.IGNORECASE)
+        return (word if match is None else match[0]) + brace + rest
 
-    def line(self, place: int) -> int:
-        return self.text.count("\n", 0, place) + 1
+    def line(self, pos: int) -> int:
+        return self.text.count("\n", 0, pos) + 1
 
 
 @dataclass(frozen=True)
@@ -268,11 +271,11 @@ def number_edits(
 ) -> list[Edit]:
     """Numbers at places of the text replaced by `values`."""
     return [
-        Edit(start, end, new_number(text[start:end], float(value), places))
-        for (start, end), value, places in zip(spans, values, decimals, strict=True)
+        Edit(start, end, new_number(text[start:end], float(value), digits))
+        for (start, end), value, digits in zip(spans, values, decimals, strict=True)
     ]
 
 
 def number_spans(text: str, start: int, end: int) -> list[tuple[int, int]]:
     """The places of all numbers in a part of a text."""
-    return [found.span() for found in re.compile(rf"(?<![\w.]){NUMBER}").finditer(text, start, end)]
+    return [match.span() for match in re.compile(rf"(?<![\w.]){NUMBER}").finditer(text, start, end)]

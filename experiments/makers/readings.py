@@ -75,12 +75,12 @@ def length_reading(robot: Robot, raw: Matrix) -> Reading | None:
 
 def sign_readings(robot: Robot, joints: Matrix) -> list[Reading | None]:
     """The sign of each joint of values (N, n), degrees or mm; None of one without a column."""
-    found: list[Reading | None] = []
+    readings: list[Reading | None] = []
     for i in range(robot.n):
-        own = _only(joints, [i])
-        known = not np.isnan(own).all()
-        found.append(_by_limits(robot, {"recorded": own, "reversed": -own}) if known else None)
-    return found
+        column = _only(joints, [i])
+        known = not np.isnan(column).all()
+        readings.append(_by_limits(robot, {"recorded": column, "reversed": -column}) if known else None)
+    return readings
 
 
 def j3_reading(robot: Robot, joints: Matrix) -> Reading | None:
@@ -104,15 +104,15 @@ def _by_limits(robot: Robot, rows: Mapping[str, Matrix], judged: Sequence[int] |
     within = [way for way, number in outside.items() if not number]
     if len(within) == len(rows):
         return Reading(None, False, "not decided: the limits allow both", outside)
-    said = "; ".join(
+    reasons = "; ".join(
         f"with {_WAYS[way]} {outside[way]} of {count} rows are outside the limits"
         f" ({_farthest(robot, rows[way], beyond[way])})"
         for way in rows
         if outside[way]
     )
     if not within:
-        return Reading(None, False, f"none fits: {said}", outside)
-    return Reading(within[0], True, f"{said}, with {_WAYS[within[0]]} none", outside)
+        return Reading(None, False, f"none fits: {reasons}", outside)
+    return Reading(within[0], True, f"{reasons}, with {_WAYS[within[0]]} none", outside)
 
 
 def _farthest(robot: Robot, values: Matrix, wrong: NDArray[np.bool_]) -> str:

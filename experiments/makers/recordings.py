@@ -35,7 +35,7 @@ class Imported(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Found:
+class FileMeasurements:
     """The K measurements of one file: `noun` is their name in it ('row', 'dwell', 'point').
 
     `joints` (K, n) are degrees or mm; `lines` (K,) of the file, if it is text; `numbers` (K,) of the
@@ -59,7 +59,7 @@ _SAME = 5e-4
 
 
 @dataclass(frozen=True)
-class Job:
+class ImportJob:
     """Files to import, and what is stated about them. `patterns` has how many files each argument stands for.
 
     `out` is the run file that will be written: the robot's path in its header is relative to it. `names` are
@@ -81,11 +81,11 @@ class Job:
     def begin(
         cls,
         files: Sequence[Path | str],
-        stated: Path | str | Plan,
+        header_or_plan: Path | str | Plan,
         out: Path | str,
         names: Sequence[str] = (),
         progress: Progress = lambda stage, share: None,
-    ) -> Job:
+    ) -> ImportJob:
         """Read the header file `stated`, or that of the plan that was measured; `names` are those of targets.
 
         BadInput for the header, without files, or for a duplicate file.
@@ -99,16 +99,16 @@ class Job:
         for i, path in enumerate(paths):
             if path.resolve() in [other.resolve() for other in paths[:i]]:
                 raise BadInput("the file is a duplicate", file=path, remedy="give each file once")
-        patterns = tuple(map(len, each))
-        if isinstance(stated, Plan):
-            return cls(
-                paths, patterns, stated.path, stated.header, stated.robot, out, names, stated, progress
-            )
-        header_path = Path(stated)
-        header = read_header(header_path)
-        robot = load_robot(header.robot, header_path.parent, file=header_path)
-        check_header(header, robot, file=header_path, line=read_yaml(header_path).line)
-        return cls(paths, patterns, header_path, header, robot, out, names, progress=progress)
+        plan = None
+        if isinstance(header_or_plan, Plan):
+            plan = header_or_plan
+            header_path, header, robot = plan.path, plan.header, plan.robot
+        else:
+            header_path = Path(header_or_plan)
+            header = read_header(header_path)
+            robot = load_robot(header.robot, header_path.parent, file=header_path)
+            check_header(header, robot, file=header_path, line=read_yaml(header_path).line)
+        return cls(paths, tuple(map(len, each)), header_path, header, robot, out, names, plan, progress)
 
     def targets(self) -> list[str]:
         """The target of each file; where a plan is stated it says so in the end, and names are refused.
@@ -132,23 +132,23 @@ class Job:
             )
         return [name for name, count in zip(names, self.patterns, strict=True) for _ in range(count)]
 
-    def finish(self, found: Sequence[Found], notes: Sequence[str]) -> Imported:
+    def finish(self, parts: Sequence[FileMeasurements], notes: Sequence[str]) -> Imported:
         """The measurements of all files, numbered through; `notes` says how the files were read."""
         robot = self.robot
         if self.plan is not None:
-            found = [self._planned(part, self.plan, i) for i, part in enumerate(found)]
-        names = tuple(dict.fromkeys(target for part in found for target in part.targets))
+            parts = [self._planned(part, self.plan, i) for i, part in enumerate(parts)]
+        names = tuple(dict.fromkeys(target for part in parts for target in part.targets))
         check_distances(self.header, names, file=self.header_path, line=None)
         shots: list[Shot] = []
         sentences: list[str] = []
-        for part in found:
+        for part in parts:
             new = self._shots(part, len(shots))
             if self.header.limits == "error":
                 self._check_limits(part)
             sentences += [f"{part.path}: {_counted(new, part)}", *part.notes]
             shots += new
         _numbered_once(shots)
-        joints = np.concatenate([part.joints for part in found])
+        joints = np.concatenate([part.joints for part in parts])
         numbers = [shot.shot for shot in shots]
         limits = check_limits(robot, joints, "measurement", numbers, numbers, limits="warn", file=None)
         plural = "s" if len(self.paths) > 1 else ""
@@ -168,7 +168,7 @@ class Job:
             header = header.model_copy(update={"provenance": about})
         return Imported(header, shots, understood)
 
-    def _planned(self, part: Found, plan: Plan, file: int) -> Found:
+    def _planned(self, part: FileMeasurements, plan: Plan, file: int) -> FileMeasurements:
         """The measurements of a file as those of the plan's postures: by their numbers, or in their order."""
         count = len(plan.postures)
         if part.numbers is None and file:
@@ -212,7 +212,7 @@ class Job:
             )
         return replace(part, numbers=numbers, targets=[plan.targets[number] for number in numbers])
 
-    def _shots(self, part: Found, first: int) -> list[Shot]:
+    def _shots(self, part: FileMeasurements, first: int) -> list[Shot]:
         """Times of several files have no common start: only those of a single file are kept."""
         times = part.times if len(self.paths) == 1 else None
         columns = {
@@ -235,7 +235,7 @@ class Job:
             shots.append(shot)
         return shots
 
-    def _check_limits(self, part: Found) -> None:
+    def _check_limits(self, part: FileMeasurements) -> None:
         count = len(part.joints)
         lines = part.lines or [0] * count
         numbers = range(1, count + 1)
@@ -266,13 +266,13 @@ def matching(path: Path) -> list[Path]:
     """The file, or those that its name stands for; BadInput without any."""
     if not any(sign in path.name for sign in "*?[") or path.exists():
         return [path]
-    found = sorted(Path(name) for name in glob.glob(str(path)))
-    if not found:
+    paths = sorted(Path(name) for name in glob.glob(str(path)))
+    if not paths:
         raise BadInput("no file matches", found=path.name, file=path)
-    return found
+    return paths
 
 
-def _counted(shots: Sequence[Shot], part: Found) -> str:
+def _counted(shots: Sequence[Shot], part: FileMeasurements) -> str:
     """'3 measurements of target 'a', numbered 0 to 2'."""
     names = list(dict.fromkeys(part.targets))
     plural = "s" if len(names) > 1 else ""
@@ -313,7 +313,7 @@ class Point(NamedTuple):
 
 
 def import_points(
-    job: Job,
+    job: ImportJob,
     parse: Callable[[str, Path], list[Point]],
     *,
     names: Sequence[str] | None,
@@ -327,7 +327,7 @@ def import_points(
     (`vendor`, if the robot file names none). BadInput for a point without joint values.
     """
     pendant = pendant_of(job.robot, j3, vendor)
-    found = []
+    parts = []
     for path, target in zip(job.paths, job.targets(), strict=True):
         points = _chosen(parse(read_text(path)[0], path), names, path)
         rows = [_joints(point, job.robot, path) for point in points]
@@ -335,8 +335,8 @@ def import_points(
         listed = f"  points in their order: {', '.join(point.name for point in points)}"
         lines = [point.line for point in points]
         numbers = [point.number for point in points if point.number is not None]
-        found.append(
-            Found(
+        parts.append(
+            FileMeasurements(
                 path,
                 "point",
                 joints,
@@ -346,7 +346,7 @@ def import_points(
                 notes=[listed],
             )
         )
-    return job.finish(found, [note, *([] if pendant.counting is None else [pendant.counting])])
+    return job.finish(parts, [note, *([] if pendant.counting is None else [pendant.counting])])
 
 
 def _chosen(points: Sequence[Point], names: Sequence[str] | None, path: Path) -> list[Point]:

@@ -22,7 +22,7 @@ _CAUTION = (
 
 
 def sheet_text(calibration: Calibration, about: Sequence[str], table: Sequence[str]) -> str:
-    sliding = [own.name for own in calibration.offsets if own.kind == "prismatic"]
+    sliding = [offset.name for offset in calibration.offsets if offset.kind == "prismatic"]
     if sliding:
         raise BadInput("the sheet is for revolute joints", found=f"prismatic: {', '.join(sliding)}")
     lines = [

@@ -60,8 +60,8 @@ class Arms:
 
     @cached_property
     def branches(self) -> Branches | None:
-        found = Branches(self.nominal, self.up)
-        return found if found.exist else None
+        branches = Branches(self.nominal, self.up)
+        return branches if branches.exist else None
 
     def branch(self, joints: Matrix) -> Branch | None:
         """Of joints in degrees."""
@@ -72,8 +72,8 @@ class Arms:
         at `joints`: those to command."""
         display = self.nominal.display
         start = joints / display - self.offsets
-        found, arrived = reach(self.calibrated, self.nominal.fk(joints), start[None])
-        result = np.asarray(found[0] * display)
+        reached, arrived = reach(self.calibrated, self.nominal.fk(joints), start[None])
+        result = np.asarray(reached[0] * display)
         if not arrived[0] or np.abs(result - start * display).max() > _FAR:
             raise _Unsolved("the calibrated arm does not reach it near the joints that it has there")
         beyond = [
@@ -90,7 +90,7 @@ class Arms:
 
 
 @dataclass(frozen=True)
-class Corrected:
+class Corrections:
     """The edits of a program, and how far its targets move: degrees (mm) of a joint, mm of a pose.
 
     `changed` are names of targets whose configuration changes, `nearest` those whose configuration was taken
@@ -106,14 +106,14 @@ class Corrected:
     nearest: list[str]
 
 
-def corrected(parsed: Parsed, arms: Arms, near: Matrix | None) -> Corrected:
+def correct_targets(parsed: Parsed, arms: Arms, near: Matrix | None) -> Corrections:
     """All targets of a program corrected; what cannot be is added to its problems."""
-    work = _Work(arms, near, parsed)
+    work = _Corrector(arms, near, parsed)
     for motion in parsed.motions:
         work.go(motion)
     for target in parsed.targets.values():
         work.solved(target)
-    return Corrected(
+    return Corrections(
         work.edits,
         sum(isinstance(target, JointTarget) for target in parsed.targets.values()),
         sum(isinstance(target, PoseTarget) for target in parsed.targets.values()),
@@ -124,7 +124,7 @@ def corrected(parsed: Parsed, arms: Arms, near: Matrix | None) -> Corrected:
     )
 
 
-class _Work:
+class _Corrector:
     def __init__(self, arms: Arms, near: Matrix | None, parsed: Parsed) -> None:
         self.arms, self.near, self.parsed = arms, near, parsed
         self.edits: list[Edit] = []
@@ -178,13 +178,13 @@ class _Work:
                 return
             kept = self._branch(begin if begin is not None else self._meant(motion.name))
             if self._branch(end) != kept:
-                said = "would change the arm's configuration, which it keeps"
+                what = "would change the arm's configuration, which it keeps"
             elif begin is not None and motion.linear and not self._smooth(begin, end):
-                said = "passes a singularity, behind which the arm's configuration is not known"
+                what = "passes a singularity, behind which the arm's configuration is not known"
             else:
                 continue
             by = "as it is" if joints is self._joints else "with the corrected targets"
-            self.parsed.problems.append((motion.line, f"{by}, the motion to {motion.name} {said}"))
+            self.parsed.problems.append((motion.line, f"{by}, the motion to {motion.name} {what}"))
             return
 
     def _meant(self, name: str) -> Matrix:
@@ -201,8 +201,8 @@ class _Work:
         first = begin / nominal.display
         last = self.arms.solver.nearest_turns(end / nominal.display, first)
         poses = self._line(nominal.fk(begin), nominal.fk(end), share[1:-1])
-        found, arrived = reach(nominal, poses, first + share[1:-1, None] * (last - first))
-        rows = np.array([first, *found, last])
+        between, arrived = reach(nominal, poses, first + share[1:-1, None] * (last - first))
+        rows = np.array([first, *between, last])
         jumps = np.remainder(np.diff(rows, axis=0) + np.pi, 2 * np.pi) - np.pi
         return bool(arrived.all() and np.abs(jumps).max() < _JUMP)
 
@@ -260,21 +260,22 @@ class _Work:
         if target.matches is not None:
             if self.arms.branches is None:
                 raise _Unsolved("configurations are known of arms with a spherical wrist only; state --near")
-            found = self._matching_nearby(target, flange)
+            rows = self._matching_nearby(target, flange)
             for thorough in (False, True):
-                if not len(found):
-                    found = self._matching(target, flange, thorough)
-            if len(found) and all(
-                self.arms.solver.same(found[0] / display, other) for other in found / display
-            ):
-                self._require_isolated(flange, found[0])
-                near = next((each for each in (self._last, self.near) if each is not None), found[0])
-                return np.asarray(found[np.argmin(np.abs(found - near).max(axis=1))])
-            if len(found):
-                raise _Unsolved(f"several sets of joints have the stated configuration {target.stated}")
+                if not len(rows):
+                    rows = self._matching(target, flange, thorough)
+            if len(rows) and all(self.arms.solver.same(rows[0] / display, other) for other in rows / display):
+                self._require_isolated(flange, rows[0])
+                near = next((each for each in (self._last, self.near) if each is not None), rows[0])
+                return np.asarray(rows[np.argmin(np.abs(rows - near).max(axis=1))])
+            if len(rows):
+                raise _Unsolved(
+                    f"several sets of joints have the stated configuration {target.configuration}"
+                )
             if self.near is None:
                 raise _Unsolved(
-                    f"no joints within the limits reach it with the stated configuration {target.stated}"
+                    "no joints within the limits reach it with the stated configuration"
+                    f" {target.configuration}"
                 )
             return self._nearest(target, flange, (self.near,))
         return self._nearest(target, flange, (self._near_motion, self._last, self.near))
@@ -297,10 +298,10 @@ class _Work:
         nominal = self.arms.nominal
         if self._last is None:
             return np.empty((0, nominal.n))
-        found, arrived = reach(nominal, flange, (self._last / nominal.display)[None])
-        if not arrived[0] or is_singular(nominal, found[0]):
+        reached, arrived = reach(nominal, flange, (self._last / nominal.display)[None])
+        if not arrived[0] or is_singular(nominal, reached[0]):
             return np.empty((0, nominal.n))
-        return self._with_stated(target, found)
+        return self._with_stated(target, reached)
 
     def _matching(self, target: PoseTarget, flange: Matrix, thorough: bool) -> Matrix:
         return self._with_stated(target, self.arms.solver.solutions(flange, thorough=thorough))
@@ -308,16 +309,16 @@ class _Work:
     def _with_stated(self, target: PoseTarget, solutions: Matrix) -> Matrix:
         """Those of the solutions, and of their whole turns, that have the stated configuration; degrees."""
         solver, display = self.arms.solver, self.arms.nominal.display
-        rows = [row * display for own in solutions for row in solver.with_turns(own)]
+        rows = [row * display for solution in solutions for row in solver.with_turns(solution)]
         assert target.matches is not None
         return np.array([row for row in rows if target.matches(self._branch(row), row)]).reshape(
             -1, self.arms.nominal.n
         )
 
     def _branch(self, joints: Matrix) -> Branch:
-        found = self.arms.branch(joints)
-        assert found is not None
-        return found
+        branch = self.arms.branch(joints)
+        assert branch is not None
+        return branch
 
     def _nearest(self, target: PoseTarget, flange: Matrix, known: Sequence[Matrix | None]) -> Matrix:
         """The joints nearest to the first that are `known`, degrees."""
@@ -327,8 +328,8 @@ class _Work:
         solver, display = self.arms.solver, self.arms.nominal.display
         if self._linear and self._last is not None and near is self._last:
             return self._followed(flange, near)
-        found, arrived = reach(self.arms.nominal, flange, (near / display)[None])
-        rows = [*found[arrived], *solver.solutions(flange)]
+        reached, arrived = reach(self.arms.nominal, flange, (near / display)[None])
+        rows = [*reached[arrived], *solver.solutions(flange)]
         unique: list[Matrix] = []
         for row in rows:
             turned = solver.nearest_turns(row, near / display)
@@ -353,10 +354,10 @@ class _Work:
         nominal = self.arms.nominal
         joints = start / nominal.display
         for pose in self._line(nominal.fk(start), flange, np.linspace(0, 1, _ON_THE_WAY + 1)[1:]):
-            found, arrived = reach(nominal, pose, joints[None])
+            reached, arrived = reach(nominal, pose, joints[None])
             if not arrived[0]:
                 raise _Unsolved("the arm does not reach it in a straight line from the target before")
-            joints = found[0]
+            joints = reached[0]
         return np.asarray(joints * nominal.display)
 
     def _line(self, begin: Matrix, end: Matrix, shares: Matrix) -> Matrix:

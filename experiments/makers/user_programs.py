@@ -26,8 +26,8 @@ from ...words.wording import listed
 from .calibration import Calibration
 from .maker import ProgramFiles, one_line, program_languages, require_vendor
 from .plan_programs import require_axes
-from .program_parts import Edit, Language, Parsed, Source, Stated
-from .solving import Arms, Corrected, corrected, up_to_flange
+from .program_parts import Edit, Language, Parsed, ProgramFacts, Source
+from .solving import Arms, Corrections, correct_targets, up_to_flange
 
 MARK = "zerobeam export program"  # in the head of what was corrected once
 _SHOWN = 8  # problems of a program that are named
@@ -35,7 +35,7 @@ _REMARK = 32  # characters of a FANUC remark
 
 
 @dataclass(frozen=True)
-class Choices:
+class ProgramOptions:
     """What the command line states of a program."""
 
     tools: Sequence[str] = ()
@@ -47,8 +47,8 @@ class Choices:
 
 
 @dataclass(frozen=True)
-class Filtered:
-    """The files of the corrected program, and sentences about what was done and what was not."""
+class CorrectedProgram:
+    """The files of the corrected program, and sentences about what was corrections and what was not."""
 
     files: dict[Path, bytes]
     notes: list[str]
@@ -80,16 +80,16 @@ def files_of(path: Path) -> list[Path]:
     return sorted(paths, key=lambda each: language.paired.index(each.suffix.lower()))
 
 
-def filtered(
-    nominal: Robot, calibration: Calibration, path: Path, out: Path, choices: Choices | None = None
-) -> Filtered:
+def corrected_program(
+    nominal: Robot, calibration: Calibration, path: Path, out: Path, choices: ProgramOptions | None = None
+) -> CorrectedProgram:
     """The program `path` with corrected targets, for `out`.
 
     BadInput for another vendor's robot, for a program that was corrected before, and for one with
     motions that are not understood: then all of them are named.
     """
     files_of_language, vendor = program_files_of(path)
-    language, choices = files_of_language.language(), choices or Choices()
+    language, choices = files_of_language.language(), choices or ProgramOptions()
     note = require_vendor(nominal, vendor, f"a program in {language.name}")
     require_axes(nominal, 6, f"a program in {language.name}")
     if out.suffix.lower() != path.suffix.lower():
@@ -97,11 +97,11 @@ def filtered(
             "the corrected program has another file ending", found=out.name, allowed=f"*{path.suffix}"
         )
     paths = files_of(path)
-    texts = [_text(own) for own in paths]
+    texts = [_text(each) for each in paths]
     # The .dat begins on a line of its own.
     parts = [text if text.endswith("\n") else text + "\n" for text in texts]
-    stated = _stated(language, nominal, choices)
-    source = Source("".join(parts), nominal, stated)
+    facts = _facts(language, nominal, choices)
+    source = Source("".join(parts), nominal, facts)
     parsed = language.targets(source)
     arms = Arms(
         up_to_flange(nominal, nominal),
@@ -109,29 +109,29 @@ def filtered(
         np.array([offset.internal for offset in calibration.offsets]),
         language.up,
     )
-    done = corrected(parsed, arms, stated.near)
+    corrections = correct_targets(parsed, arms, facts.near)
     _claim_all(language, source, parsed)
     if parsed.problems:
         raise _not_understood(parsed, parts, paths)
-    stated.check_names()
+    facts.check_names()
     if not parsed.targets:
         raise BadInput(
             "the program has no targets to correct", file=path, allowed="joint and Cartesian targets"
         )
-    said = [*_summary(calibration, parsed, done, choices), *([] if note is None else [note])]
+    notes = [*_summary(calibration, parsed, corrections, choices), *([] if note is None else [note])]
     ends = np.cumsum([0, *map(len, parts)])
     files = {}
-    for own, text, start in zip(paths, texts, ends.tolist(), strict=False):
+    for each, text, start in zip(paths, texts, ends.tolist(), strict=False):
         edits = [
             Edit(edit.start - start, edit.end - start, edit.text)
-            for edit in done.edits
+            for edit in corrections.edits
             if start <= edit.start < start + len(text)
         ]
-        name = out if own == path else out.with_suffix(own.suffix)
-        whole = _with_head(language, _applied(text, edits), calibration, said, path.name).encode("latin-1")
+        name = out if each == path else out.with_suffix(each.suffix)
+        whole = _with_head(language, _applied(text, edits), calibration, notes, path.name).encode("latin-1")
         # What an editor put before the first line stays there, and only there.
-        files[name] = BOM_UTF8 + whole if read_bytes(own).startswith(BOM_UTF8) else whole
-    return Filtered(files, said)
+        files[name] = BOM_UTF8 + whole if read_bytes(each).startswith(BOM_UTF8) else whole
+    return CorrectedProgram(files, notes)
 
 
 def _text(path: Path) -> str:
@@ -148,7 +148,7 @@ def _text(path: Path) -> str:
     return text
 
 
-def _stated(language: Language, robot: Robot, choices: Choices) -> Stated:
+def _facts(language: Language, robot: Robot, choices: ProgramOptions) -> ProgramFacts:
     upper = language.case_sensitive
     if language.name == "TP":
         choices = replace(choices, j3=pendant_of(robot, choices.j3, "fanuc").joint3)
@@ -158,7 +158,7 @@ def _stated(language: Language, robot: Robot, choices: Choices) -> Stated:
     if choices.near is not None:
         near = np.array(stated_numbers(choices.near, robot.n, "--near", "J1,J2,…"))
         near = Pendant(robot, choices.j3).between_links(near) if choices.j3 else near
-    return Stated(
+    return ProgramFacts(
         dict(_frame(text, "--tool", language) for text in choices.tools),
         dict(_frame(text, "--frame", language) for text in choices.frames),
         frozenset(_bare(name) if upper else _bare(name).lower() for name in choices.leave),
@@ -175,7 +175,7 @@ def _claim_all(language: Language, source: Source, parsed: Parsed) -> None:
     The literals are found a second time, without the grammar: what is corrected, left and defined must be
     all of them.
     """
-    claimed = {(place.start, place.end) for place in parsed.literals}
+    claimed = {(literal_span.start, literal_span.end) for literal_span in parsed.literals}
     lines = {line for line, _ in parsed.problems}
     for span in sorted(claimed ^ set(language.literals(source.text))):
         line = source.line(span[0])
@@ -186,8 +186,8 @@ def _claim_all(language: Language, source: Source, parsed: Parsed) -> None:
 
 def _bare(name: str) -> str:
     """P[3] of FANUC is 3."""
-    found = re.fullmatch(r"[Pp]\[(\d+)\]", name)
-    return found[1] if found else name
+    match = re.fullmatch(r"[Pp]\[(\d+)\]", name)
+    return match[1] if match else name
 
 
 def _frame(text: str, option: str, language: Language) -> tuple[str, Matrix]:
@@ -201,12 +201,14 @@ def _frame(text: str, option: str, language: Language) -> tuple[str, Matrix]:
 def _not_understood(parsed: Parsed, texts: Sequence[str], paths: Sequence[Path]) -> BadInput:
     """What is not understood, by file and line."""
     lines = [text.count("\n") for text in texts]
-    said = []
+    sentences = []
     for line, sentence in sorted(dict.fromkeys(parsed.problems)):
-        file, own = (paths[1], line - lines[0]) if len(paths) > 1 and line > lines[0] else (paths[0], line)
-        said.append(f"{file.name} line {own}: {sentence}")
-    shown = "\n           ".join(said[:_SHOWN])
-    more = f"\n           and {len(said) - _SHOWN} more" if len(said) > _SHOWN else ""
+        file, file_line = (
+            (paths[1], line - lines[0]) if len(paths) > 1 and line > lines[0] else (paths[0], line)
+        )
+        sentences.append(f"{file.name} line {file_line}: {sentence}")
+    shown = "\n           ".join(sentences[:_SHOWN])
+    more = f"\n           and {len(sentences) - _SHOWN} more" if len(sentences) > _SHOWN else ""
     return BadInput(
         "the program cannot be corrected as a whole, so nothing is written",
         found=shown + more,
@@ -216,24 +218,26 @@ def _not_understood(parsed: Parsed, texts: Sequence[str], paths: Sequence[Path])
     )
 
 
-def _summary(calibration: Calibration, parsed: Parsed, done: Corrected, choices: Choices) -> list[str]:
+def _summary(
+    calibration: Calibration, parsed: Parsed, moved: Corrections, choices: ProgramOptions
+) -> list[str]:
     gone = [offset.name for offset in calibration.offsets if not offset.exported]
-    uses = Counter(place.use for place in parsed.literals)
-    said = [
+    uses = Counter(literal.use for literal in parsed.literals)
+    notes = [
         f"positions in the program: {uses.total()}; corrected: {uses['target']};"
         f" left as they are: {uses['left']}; poses of tools and frames: {uses['frame']}",
-        f"joint targets: {done.joint_targets}, moved by up to {done.most_joint:.3f} deg; Cartesian targets:"
-        f" {done.poses}, moved by up to {done.most_mm:.3f} mm",
+        f"joint targets: {moved.joint_targets}, moved by up to {moved.most_joint:.3f} deg; Cartesian targets:"
+        f" {moved.poses}, moved by up to {moved.most_mm:.3f} mm",
     ]
     if gone:
-        said.append(f"not corrected, as 0: {', '.join(gone)}")
+        notes.append(f"not corrected, as 0: {', '.join(gone)}")
     if choices.leave:
-        said.append(f"left as they are: {listed(list(choices.leave))}")
-    if done.changed:
-        said.append(f"another configuration is needed, and written, at {listed(done.changed)}")
-    if done.nearest:
-        said.append(f"configuration taken from the joints nearest by, at {listed(done.nearest)}")
-    return [*said, *parsed.left]
+        notes.append(f"left as they are: {listed(list(choices.leave))}")
+    if moved.changed:
+        notes.append(f"another configuration is needed, and written, at {listed(moved.changed)}")
+    if moved.nearest:
+        notes.append(f"configuration taken from the joints nearest by, at {listed(moved.nearest)}")
+    return [*notes, *parsed.left]
 
 
 def _applied(text: str, edits: Sequence[Edit]) -> str:
@@ -243,9 +247,9 @@ def _applied(text: str, edits: Sequence[Edit]) -> str:
 
 
 def _with_head(
-    language: Language, text: str, calibration: Calibration, said: Sequence[str], name: str
+    language: Language, text: str, calibration: Calibration, notes: Sequence[str], name: str
 ) -> str:
-    place, begin = language.head(text)
+    start, begin = language.head(text)
     newline = "\r\n" if "\r\n" in text else "\n"
     if language.name == "TP":
         lines = [
@@ -253,12 +257,12 @@ def _with_head(
             f"zerobeam {calibration.versions['zerobeam']}, offsets of the run",
             calibration.sha256[:16],
             *(
-                f"{own.name} {own.applied:+.4f}" if own.exported else f"{own.name} NOT CORRECTED"
-                for own in calibration.offsets
+                f"{offset.name} {offset.applied:+.4f}" if offset.exported else f"{offset.name} NOT CORRECTED"
+                for offset in calibration.offsets
             ),
         ]
         rows = [f"{begin}{one_line(line).replace(';', ',')[:_REMARK]} ;" for line in lines]
     else:
-        lines = [f"{MARK}: {name} with the offsets below", *said, *calibration.head]
+        lines = [f"{MARK}: {name} with the offsets below", *notes, *calibration.head]
         rows = [begin + one_line(line) for line in lines]
-    return text[:place] + "".join(row + newline for row in rows) + text[place:]
+    return text[:start] + "".join(row + newline for row in rows) + text[start:]

@@ -11,7 +11,7 @@ from zerobeam.experiments.makers.fanuc import tp_points
 from zerobeam.experiments.makers.generic import csv_file, ros
 from zerobeam.experiments.makers.kuka import krl_points
 from zerobeam.experiments.makers.maker import makers
-from zerobeam.experiments.makers.recordings import Imported, Job
+from zerobeam.experiments.makers.recordings import Imported, ImportJob
 
 LAYOUTS = {log.name: log.layout for maker in makers() for log in maker.logs}
 
@@ -19,7 +19,7 @@ LAYOUTS = {log.name: log.layout for maker in makers() for log in maker.logs}
 def of_files(read: Callable[..., Imported]) -> Callable[..., Imported]:
     def call(files: Any, names: Any, *arguments: Any, **options: Any) -> Imported:
         *before, stated, out = arguments
-        return read(Job.begin(files, stated, out, names), *before, **options)
+        return read(ImportJob.begin(files, stated, out, names), *before, **options)
 
     return call
 

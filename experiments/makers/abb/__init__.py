@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ..generic.csv_file import CsvLayout
     from ..plan_programs import ProgramMotion
     from ..program_parts import Language
-    from ..recordings import Imported, Job
+    from ..recordings import Imported, ImportJob
 
 
 def _moc(
@@ -46,7 +46,7 @@ def _moc(
     """ABB: changes of the motors' calibration offsets, as a diff to look at. Nothing is applied."""
     from .moc_offsets import Gears, moc_text
 
-    return moc_text(calibration, Gears.stated(ratio, motor_sign, run.robot.n), against, unit)
+    return moc_text(calibration, Gears.of_options(ratio, motor_sign, run.robot.n), against, unit)
 
 
 def _rapid_offsets(run: "Run", calibration: "Calibration") -> str:
@@ -63,7 +63,7 @@ def _rapid_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping
 
 
 def _read_rapid(
-    job: "Job",
+    job: "ImportJob",
     points: PointNames = None,
     tool: Annotated[
         str | None, Option("Read robtargets too, of this tool as seen from the flange: X,Y,Z,Q1,Q2,Q3,Q4.")

@@ -23,7 +23,7 @@ from typing import Literal, NamedTuple
 from ....model.errors import BadInput
 from ....model.files.reading import did_you_mean, read_text, shown
 from ....model.kinematics.pendant import require_link_encoder
-from ..calibration import Calibration, Offset
+from ..calibration import Calibration, JointOffset
 from ..maker import one_line, require_vendor
 
 Sign = Literal[1, -1]
@@ -46,18 +46,18 @@ class Gears:
     signs: Sequence[Sign] | None = None
 
     @classmethod
-    def stated(cls, ratios: str | None, signs: str | None, n: int) -> Gears:
+    def of_options(cls, ratios: str | None, signs: str | None, n: int) -> Gears:
         """As on the command line, for n joints: numbers separated by commas; one sign may serve for all."""
-        stated = None if signs is None else _numbers(signs, "--motor-sign")
-        if stated is not None and (len(stated) not in (1, n) or not set(stated) <= {1.0, -1.0}):
+        values = None if signs is None else _numbers(signs, "--motor-sign")
+        if values is not None and (len(values) not in (1, n) or not set(values) <= {1.0, -1.0}):
             raise BadInput(
                 "--motor-sign is not understood",
                 found=signs,
                 allowed=f"1 or -1: one for all joints, or {n} separated by commas",
             )
         each: list[Sign] | None = None
-        if stated is not None:
-            each = [1 if value > 0 else -1 for value in (stated * n if len(stated) == 1 else stated)]
+        if values is not None:
+            each = [1 if value > 0 else -1 for value in (values * n if len(values) == 1 else values)]
         numbers = None if ratios is None else _numbers(ratios, "--ratio")
         if numbers is not None and (len(numbers) != n or not all(numbers)):
             raise BadInput(
@@ -108,7 +108,7 @@ def moc_text(calibration: Calibration, gears: Gears, against: Path | None = None
             " (docs/export.md)",
         )
     valid = _COMMENT.sub(_blank, text)
-    changes: dict[str, tuple[Offset, _Value, _Change]] = {}
+    changes: dict[str, tuple[JointOffset, _Value, _Change]] = {}
     for i, offset in enumerate(calibration.offsets):
         if not offset.exported:
             continue
@@ -158,15 +158,15 @@ def _ratio(text: str, path: Path, motor: str, joint: int, gears: Gears) -> float
     written = None
     if motor in _entries(text, path, "TRANSMISSION"):
         written = _number(text, path, "TRANSMISSION", motor, "transm_joint").number
-    stated = None if gears.ratios is None else gears.ratios[joint]
-    if written is not None and stated is not None and not math.isclose(written, stated, rel_tol=1e-6):
+    by_option = None if gears.ratios is None else gears.ratios[joint]
+    if written is not None and by_option is not None and not math.isclose(written, by_option, rel_tol=1e-6):
         raise BadInput(
             f"the gear ratio of {motor} differs between option and file",
-            found=f"--ratio {stated:g}, transm_joint {written:g}",
+            found=f"--ratio {by_option:g}, transm_joint {written:g}",
             file=path,
             remedy="leave out --ratio, or correct it",
         )
-    ratio = stated if written is None else written
+    ratio = by_option if written is None else written
     if not ratio:
         raise BadInput(
             f"the gear ratio of {motor} is not known",
@@ -184,7 +184,7 @@ def _ratio(text: str, path: Path, motor: str, joint: int, gears: Gears) -> float
 def _entries(text: str, path: Path, section: str) -> dict[str, tuple[int, int]]:
     """From and to of each entry of a section, by its name; none if there is no such section."""
     heads = list(_SECTION.finditer(text))
-    found: dict[str, tuple[int, int]] = {}
+    spans: dict[str, tuple[int, int]] = {}
     for i, head in enumerate(heads):
         if head.group(1) != section:
             continue
@@ -192,15 +192,15 @@ def _entries(text: str, path: Path, section: str) -> dict[str, tuple[int, int]]:
         starts = list(_ENTRY.finditer(text, head.end(), end))
         for j, entry in enumerate(starts):
             name = entry.group(1)
-            if name in found:
+            if name in spans:
                 raise BadInput(f"duplicate entry in {section}", found=shown(name), file=path)
-            found[name] = entry.end(), starts[j + 1].start() if j + 1 < len(starts) else end
-    return found
+            spans[name] = entry.end(), starts[j + 1].start() if j + 1 < len(starts) else end
+    return spans
 
 
-def _blank(found: re.Match[str]) -> str:
+def _blank(match: re.Match[str]) -> str:
     """Nothing in place of what was found, so that all places stay."""
-    return " " * len(found.group())
+    return " " * len(match.group())
 
 
 def _number(text: str, path: Path, section: str, name: str, key: str) -> _Value:
@@ -252,7 +252,7 @@ def _head(calibration: Calibration) -> list[str]:
     ]
 
 
-def _instructions(changes: dict[str, tuple[Offset, _Value, _Change]]) -> list[str]:
+def _instructions(changes: dict[str, tuple[JointOffset, _Value, _Change]]) -> list[str]:
     lines = ["", "Before you apply it: make a backup. Nothing has been changed by writing this file."]
     for motor, (offset, old, change) in changes.items():
         turns = f", {change.turns:+d} turn(s) taken off" if change.turns else ""

@@ -21,7 +21,7 @@ from ....model.kinematics.inverse import Solver
 from ....model.kinematics.pendant import pendant_of
 from ....model.kinematics.poses import from_quaternion, stated_numbers
 from ....model.kinematics.robot import Robot
-from ..recordings import Imported, Job, Point, import_points
+from ..recordings import Imported, ImportJob, Point, import_points
 from ..solving import up_to_flange
 
 _UNUSED = 9e9
@@ -59,20 +59,20 @@ class Robtargets:
                 line=line,
             )
         flange = self.frame @ from_quaternion(values[:7]) @ np.linalg.inv(self.tool)
-        stated = tuple(values[7:11])
+        configuration = tuple(values[7:11])
         rows = [
             row * self.robot.display
             for thorough in (False, True)
-            for own in self._solver.solutions(flange, thorough=thorough)
-            for row in self._solver.with_turns(own)
+            for solution in self._solver.solutions(flange, thorough=thorough)
+            for row in self._solver.with_turns(solution)
         ]
-        rows = [row for row in rows if is_abb_configuration(stated, self._branches.of(row), row)]
+        rows = [row for row in rows if is_abb_configuration(configuration, self._branches.of(row), row)]
         if not rows or any(np.abs(row - rows[0]).max() > 1e-2 for row in rows):
-            found = "several" if rows else "no"
+            count = "several" if rows else "no"
             raise BadInput(
                 f"{name} does not say what the joints are",
-                found=f"{found} sets of joints within the limits have its pose and the configuration"
-                f" [{','.join(f'{value:g}' for value in stated)}]",
+                found=f"{count} sets of joints within the limits have its pose and the configuration"
+                f" [{','.join(f'{value:g}' for value in configuration)}]",
                 remedy="state the right --tool and --frame, or save the point as a jointtarget",
                 file=path,
                 line=line,
@@ -96,7 +96,7 @@ Posed = Callable[[Sequence[float], str, Path, int], tuple[float, ...]]
 
 
 def import_rapid(
-    job: Job,
+    job: ImportJob,
     *,
     points: Sequence[str] | None = None,
     tool: str | None = None,
@@ -150,7 +150,7 @@ def rapid_positions(
         return posed(_robtarget(value, name, path, line), name, path, line)
 
     bare = without_text(text)
-    found: list[Point] = []
+    points: list[Point] = []
     for match in DECLARED.finditer(bare):
         if match["kind"].lower() not in ("jointtarget", "robtarget"):
             continue
@@ -158,19 +158,19 @@ def rapid_positions(
         name, cartesian = match["name"], match["kind"].lower() == "robtarget"
         values = _values(match["value"], name, path, line)
         if match["sizes"] is None:
-            found.append(Point(name, joints(values, name, line), line))
+            points.append(Point(name, joints(values, name, line), line))
             continue
         if "," in match["sizes"] or not isinstance(values, list):
             raise _unreadable(name, match["value"], path, line)
         for i, element in enumerate(values, start=1):
-            own = f"{name}{{{i}}}"
-            found.append(Point(own, joints(element, own, line), line))
-    return found
+            element_name = f"{name}{{{i}}}"
+            points.append(Point(element_name, joints(element, element_name, line), line))
+    return points
 
 
 def without_text(text: str) -> str:
     """The program with blanks for its strings and comments."""
-    return _TEXT.sub(lambda found: " " * len(found[0]), text)
+    return _TEXT.sub(lambda match: " " * len(match[0]), text)
 
 
 def _values(text: str, name: str, path: Path, line: int) -> object:

@@ -18,8 +18,8 @@ from ..program_parts import (
     NULL,
     Edit,
     JointTarget,
+    LiteralSpan,
     Parsed,
-    Place,
     PoseTarget,
     Source,
     number_edits,
@@ -65,46 +65,48 @@ class Positions:
         self._arrays: dict[str, list[str]] = {}
         self._frames: dict[str, Matrix | None] = {}  # None for one that moves
         self._external: list[_Literal] = []
-        self._places = rapid_literals(source.text)
+        self._spans = rapid_literals(source.text)
 
-    def problem(self, place: int, sentence: str) -> None:
-        self.parsed.problems.append((self.source.line(place), sentence))
+    def problem(self, pos: int, sentence: str) -> None:
+        self.parsed.problems.append((self.source.line(pos), sentence))
 
     def claim(self, start: int, end: int, use: Literal["frame", "left"]) -> None:
         """All literals in a part of the text, found without the grammar, are understood."""
-        self.parsed.literals += [Place(*place, use) for place in self._places if start <= place[0] < end]
+        self.parsed.literals += [
+            LiteralSpan(*literal, use) for literal in self._spans if start <= literal[0] < end
+        ]
 
     def has_literals(self, start: int, end: int) -> bool:
-        return any(start <= place[0] < end for place in self._places)
+        return any(start <= literal[0] < end for literal in self._spans)
 
     def left(self, name: str) -> bool:
-        return self.source.stated.leaves(name.lower(), name)
+        return self.source.facts.leaves(name.lower(), name)
 
     def declare(self, kind: str, name: Token, sizes: Sequence[Node] | None, value: Node | None) -> None:
         """Data of a type that holds a position, a tool or a frame."""
-        low, place = name.lower(), span(name)[0]
+        low, pos = name.lower(), span(name)[0]
         self.names.add(low)
         if low in self._declared:
-            self.problem(place, f"{name} is declared twice")
+            self.problem(pos, f"{name} is declared twice")
         self._declared.add(low)
         if kind in FRAMES:
             if value is not None:
                 self._declare_frame(kind, name, sizes, value)
         elif self.left(name):
-            self.claim(place, place if value is None else span(value)[1], "left")
+            self.claim(pos, pos if value is None else span(value)[1], "left")
         elif kind in TARGETS:
             if value is not None:
                 self._declare_targets(kind, name, sizes, value)
         elif value is not None:
             self.problem(
-                place, f"{name} is a {kind}, which is not corrected, and neither is what is computed from it"
+                pos, f"{name} is a {kind}, which is not corrected, and neither is what is computed from it"
             )
 
     def _declare_targets(self, kind: str, name: Token, sizes: Sequence[Node] | None, value: Node) -> None:
-        low, place = name.lower(), span(name)[0]
+        low, pos = name.lower(), span(name)[0]
         literals = self._written(kind, value)
         if literals is None:
-            self.problem(place, f"the value of {name} is not written in numbers")
+            self.problem(pos, f"the value of {name} is not written in numbers")
             return
         if sizes is None:
             keys = [""]
@@ -115,12 +117,12 @@ class Positions:
                 for index in product(*(range(1, count + 1) for count in counts[:3]))
             ][: len(literals) + 1]
         if len(keys) != len(literals):
-            self.problem(place, f"the value of {name} has another size than {name}")
+            self.problem(pos, f"the value of {name} has another size than {name}")
             return
         if sizes is not None:
             self._arrays[low] = [low + key for key in keys]
         for key, literal in zip(keys, literals, strict=True):
-            self._enter(low + key, kind, name + key, self.source.line(place), literal)
+            self._enter(low + key, kind, name + key, self.source.line(pos), literal)
 
     def _written(self, kind: str, value: Node) -> list[Tree[Token]] | None:
         tree = understood("abb/rapid", f"{kind}s", self.bare, *span(value))
@@ -128,9 +130,9 @@ class Positions:
 
     def _enter(self, key: str, kind: str, name: str, line: int, tree: Tree[Token]) -> None:
         spans = [span(number) for number in tokens(tree)]
-        values = [float(self.bare[slice(*place)]) for place in spans]
+        values = [float(self.bare[slice(*number_span)]) for number_span in spans]
         literal = self._literals[key] = _Literal(kind, name, line, spans, values)
-        self.parsed.literals.append(Place(*span(tree), "target"))
+        self.parsed.literals.append(LiteralSpan(*span(tree), "target"))
         external = 6 if kind == "jointtarget" else 11
         if not all(abs(value) < _FARTHEST for value in values[:external]):
             self.parsed.problems.append((line, f"a number of {name} is too large"))
@@ -202,8 +204,8 @@ class Positions:
 
     def use(self, name: str, tool: Token, wobj: Token | None) -> bool:
         """Enter a robtarget as used with a tool and a work object; False where that is a problem."""
-        stated, place = self.source.stated, span(tool)[0]
-        world = stated.frame("wobj0", None if "wobj0" in stated.frames else NULL)
+        facts, pos = self.source.facts, span(tool)[0]
+        world = facts.frame("wobj0", None if "wobj0" in facts.frames else NULL)
         in_flange = self._frame(tool, "tool")
         in_world = NULL if wobj is None or wobj.lower() == "wobj0" else self._frame(wobj, "work object")
         if in_flange is None or in_world is None:
@@ -214,19 +216,19 @@ class Positions:
         if isinstance(known, PoseTarget):
             if np.allclose(known.tool, in_flange) and np.allclose(known.frame, frame):
                 return True
-            self.problem(place, f"{self._literals[name].name} is used with different tools or work objects")
+            self.problem(pos, f"{self._literals[name].name} is used with different tools or work objects")
             return False
         return self._add_pose(name, in_flange, frame)
 
     def _frame(self, name: Token, what: Literal["tool", "work object"]) -> Matrix | None:
-        stated, low = self.source.stated, name.lower()
+        facts, low = self.source.facts, name.lower()
         self.names.add(low)
         if low in self._frames and self._frames[low] is None:
             where = "is not held by the robot" if what == "tool" else "moves"
             self.problem(span(name)[0], f"the {what} {name} {where}, so that its targets cannot be corrected")
             return None
         declared = NULL if low == "tool0" else self._frames.get(low)
-        frame = stated.tool(low, declared) if what == "tool" else stated.frame(low, declared)
+        frame = facts.tool(low, declared) if what == "tool" else facts.frame(low, declared)
         if frame is None:
             option = "--tool" if what == "tool" else "--frame"
             self.problem(
@@ -275,9 +277,9 @@ class Positions:
                 )
         for key, literal in self._literals.items():
             if literal.kind == "robtarget" and key not in self.parsed.targets:
-                said = "is not the target of a motion here, so that its tool is not known (--leave?)"
+                unused = "is not the target of a motion here, so that its tool is not known (--leave?)"
                 if not self.parsed.speaks_of(literal.line, literal.name):
-                    self.parsed.problems.append((literal.line, f"{literal.name} {said}"))
+                    self.parsed.problems.append((literal.line, f"{literal.name} {unused}"))
 
 
 def _is_unit(quaternion: Sequence[float]) -> bool:

@@ -17,8 +17,8 @@ from ..maker import one_line, require_vendor
 from ..plan_programs import (
     LOG,
     LOG_PLAN,
+    PlanStep,
     ProgramMotion,
-    Step,
     decimal,
     head_lines,
     listed,
@@ -77,9 +77,9 @@ def rapid_text(calibration: Calibration) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _axes(given: str, sign: str) -> list[str]:
+def _axes(joints: str, sign: str) -> list[str]:
     return [
-        f"    result.robax.rax_{i}:={given}.robax.rax_{i}{sign}zb_offset_deg{{{i}}};"
+        f"    result.robax.rax_{i}:={joints}.robax.rax_{i}{sign}zb_offset_deg{{{i}}};"
         for i in range(1, AXES + 1)
     ]
 
@@ -128,14 +128,14 @@ def _zone(mm: float) -> str:
     return f"[FALSE,{decimal(mm)},{wide},{wide},{turn},{wide},{turn}]"
 
 
-def _targets(step: Step) -> Iterator[str]:
+def _targets(step: PlanStep) -> Iterator[str]:
     rows = [(f"zb_v{step.number}_{i}", row) for i, row in enumerate(step.via, start=1)]
     for name, row in [*rows, (f"zb_p{step.number}", step.joints)]:
         values = listed([*row, *[0.0] * (AXES - len(row))])
         yield f"  CONST jointtarget {name}:=[[{values}],[{_EXTERNAL}]];"
 
 
-def _visit(step: Step) -> Iterator[str]:
+def _visit(step: PlanStep) -> Iterator[str]:
     names = [f"zb_v{step.number}_{i}" for i in range(1, len(step.via) + 1)] + [f"zb_p{step.number}"]
     yield f"IF first<={step.number} THEN"
     for before, there in zip(["CJointT()", *names], names, strict=False):

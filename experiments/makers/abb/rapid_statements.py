@@ -43,7 +43,7 @@ _SHAPES = ((3, 4), (6, 6), (3, 4, 4, 6))
 Shape = int | tuple["Shape", ...] | None
 
 
-class Statement(NamedTuple):
+class RapidStatement(NamedTuple):
     """From `start` to `end` of the text; `tree` is its derivation, None where the grammar has none."""
 
     start: int
@@ -53,10 +53,10 @@ class Statement(NamedTuple):
 
 def without_comments(text: str) -> str:
     """The program with blanks for its comments."""
-    return _TEXT.sub(lambda found: found[0] if found[0][0] == '"' else " " * len(found[0]), text)
+    return _TEXT.sub(lambda match: match[0] if match[0][0] == '"' else " " * len(match[0]), text)
 
 
-def statements(bare: str) -> Iterator[Statement]:
+def statements(bare: str) -> Iterator[RapidStatement]:
     """All statements of a program without comments; nothing stands between them but white space."""
     head = _HEAD.match(bare)
     tokens = list(_TOKEN.finditer(bare, 0 if head is None else head.end()))
@@ -65,7 +65,7 @@ def statements(bare: str) -> Iterator[Statement]:
     while i < len(tokens):
         last = _last(words, i)
         start, end = tokens[i].start(), tokens[last].end()
-        yield Statement(start, end, understood("abb/rapid", "statement", bare, start, end))
+        yield RapidStatement(start, end, understood("abb/rapid", "statement", bare, start, end))
         i = last + 1
 
 
@@ -73,8 +73,8 @@ def _last(words: Sequence[str], i: int) -> int:
     """Which word is the last of the statement that begins with word `i`."""
 
     def first_of(ends: Sequence[str], start: int) -> int:
-        places = (k for k in range(start, len(words)) if words[k] in ends)
-        return next(places, len(words) - 1)
+        ends_at = (k for k in range(start, len(words)) if words[k] in ends)
+        return next(ends_at, len(words) - 1)
 
     def bracketed(start: int) -> int:
         return first_of((")", ";"), start) if words[start : start + 1] == ["("] else start - 1
@@ -147,7 +147,7 @@ def routine_head(tree: Tree[Token]) -> tuple[str, str | None, Token]:
 def rapid_literals(text: str) -> list[tuple[int, int]]:
     """The places of all values with the shape of a pose, a jointtarget or a robtarget outside comments and
     strings, whatever statement they are in."""
-    found, open_brackets = [], [_Bracket("", 0)]
+    literals, open_brackets = [], [_Bracket("", 0)]
     bare = _TEXT.sub(lambda text: " " * len(text[0]), text)
     for mark in re.finditer(r"[\[\](){},;]", bare):
         sign, inner = mark[0], open_brackets[-1]
@@ -163,8 +163,8 @@ def rapid_literals(text: str) -> list[tuple[int, int]]:
                 shape = inner.shape()
                 open_brackets[-1].parts.append(shape)
                 if shape in _SHAPES:
-                    found.append((inner.start, mark.end()))
-    return sorted(found)
+                    literals.append((inner.start, mark.end()))
+    return sorted(literals)
 
 
 class _Bracket:

@@ -14,7 +14,7 @@ from .rapid_points import without_text
 from .rapid_positions import FRAMES, TARGETS, Node, Positions, span
 from .rapid_statements import (
     Blocks,
-    Statement,
+    RapidStatement,
     rapid_literals,
     routine_head,
     statements,
@@ -53,18 +53,18 @@ _BOOLEAN = {"=", "<>", "<", ">", "<=", ">=", "AND", "OR", "XOR"}
 
 def rapid_head(text: str) -> tuple[int, str]:
     """Where comments at the head of a module are put, and what they begin with."""
-    found = re.search(
+    match = re.search(
         r"^[ \t]*(?:LOCAL\s+)?MODULE\b[^\n]*\n", without_text(text), re.MULTILINE | re.IGNORECASE
     )
-    return (0 if found is None else found.end()), "  ! "
+    return (0 if match is None else match.end()), "  ! "
 
 
 def rapid_targets(source: Source) -> Parsed:
     """What is to be corrected in a module; a problem of each statement that is not understood."""
-    return _Module(source).read()
+    return _RapidModule(source).read()
 
 
-class _Module:
+class _RapidModule:
     def __init__(self, source: Source) -> None:
         self.source, self.bare, self.parsed = source, without_comments(source.text), Parsed()
         self.positions = Positions(source, self.bare, self.parsed)
@@ -108,7 +108,7 @@ class _Module:
     def _problem(self, node: Node, sentence: str) -> None:
         self.positions.problem(span(node)[0], sentence)
 
-    def _refuse(self, row: Statement) -> None:
+    def _refuse(self, row: RapidStatement) -> None:
         self.positions.problem(row.start, f"{_short(row, self.bare)} is not understood")
         self.positions.claim(row.start, row.end, "left")
         self.straight = False
@@ -174,11 +174,14 @@ class _Module:
         if returned is not None and returned.lower() not in self.plain | self.records:
             self._problem(name, f"{name} returns a {returned}, which is computed when the program runs")
         for parameter in tree.find_data("parameter"):
-            kind, own = tokens(parameter)[-2:]
+            kind, parameter_name = tokens(parameter)[-2:]
             if kind.lower() in self.plain | self.records:
-                self._enter(own, kind.lower())
+                self._enter(parameter_name, kind.lower())
             else:
-                self._problem(own, f"the {kind} {own} that is passed is only known when the program runs")
+                self._problem(
+                    parameter_name,
+                    f"the {kind} {parameter_name} that is passed is only known when the program runs",
+                )
 
     def _end(self, tree: Tree[Token]) -> None:
         if str(tree.children[0]).upper() in ("ENDPROC", "ENDFUNC", "ENDTRAP"):
@@ -230,7 +233,7 @@ class _Module:
             self._problem(name, f"{name} is a motion that is not understood")
         elif not in_file and _SHIFTS.fullmatch(low):
             self._problem(name, f"{name}: targets, tools and frames are then no longer what this file says")
-        elif not in_file and not self.source.stated.harmless(low, name):
+        elif not in_file and not self.source.facts.harmless(low, name):
             self._problem(
                 name,
                 f"{name} is not a routine of this file, nor an instruction that is known here; state --call"
@@ -263,7 +266,7 @@ class _Module:
     def _connect(self, tree: Tree[Token]) -> None:
         self._expressions(tree)
         routine = tokens(tree)[0]
-        if routine.lower() not in self.routines and not self.source.stated.harmless(routine.lower(), routine):
+        if routine.lower() not in self.routines and not self.source.facts.harmless(routine.lower(), routine):
             self._problem(routine, f"{routine} is not a routine of this file (--call {routine}?)")
 
     def _assignment(self, tree: Tree[Token]) -> None:
@@ -331,14 +334,14 @@ class _Module:
 
     def _reached(self, routine: str) -> set[str]:
         """The routine and all that it calls."""
-        found, new = set(), {routine}
+        reached, new = set(), {routine}
         while new:
-            found |= new
-            new = {called for each in new for called in self.calls[each]} - found
-        return found
+            reached |= new
+            new = {called for each in new for called in self.calls[each]} - reached
+        return reached
 
 
-def _short(row: Statement, bare: str) -> str:
+def _short(row: RapidStatement, bare: str) -> str:
     text = " ".join(bare[row.start : row.end].split())
     return text if len(text) <= _SHOWN else text[: _SHOWN - 1] + "…"
 

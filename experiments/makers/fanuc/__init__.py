@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ..calibration import Calibration
     from ..plan_programs import ProgramMotion
     from ..program_parts import Language
-    from ..recordings import Imported, Job
+    from ..recordings import Imported, ImportJob
 
 
 def _sheet(
@@ -40,7 +40,7 @@ def _sheet(
     """FANUC: a sheet for a person, the new master counts. Nothing is applied."""
     from .mastering import FanucCounts, fanuc_text
 
-    counts = FanucCounts.stated(master_counts, pulses_per_degree, run.robot.n)
+    counts = FanucCounts.of_options(master_counts, pulses_per_degree, run.robot.n)
     return fanuc_text(run.robot, calibration, counts, j3)
 
 
@@ -51,7 +51,7 @@ def _tp_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[Pa
 
 
 def _read_points(
-    job: "Job",
+    job: "ImportJob",
     j3: J3Counting = None,
     points: PointNames = None,
     register: Annotated[int, Option("With --plan: the first position register of its program.", least=1)] = 1,

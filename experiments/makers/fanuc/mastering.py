@@ -47,7 +47,7 @@ class FanucCounts:
     per_degree: tuple[float, ...]
 
     @classmethod
-    def stated(cls, master: str | None, per_degree: str | None, joints: int) -> FanucCounts | None:
+    def of_options(cls, master: str | None, per_degree: str | None, joints: int) -> FanucCounts | None:
         """As two options state them; None where neither is stated."""
         if master is None and per_degree is None:
             return None
@@ -103,7 +103,9 @@ def fanuc_text(
 
 def _as_fanuc(calibration: Calibration, encoder: J3) -> list[float | None]:
     """The offsets of the controller's encoders: None where nothing is to be changed."""
-    values: list[float | None] = [own.applied if own.exported else None for own in calibration.offsets]
+    values: list[float | None] = [
+        offset.applied if offset.exported else None for offset in calibration.offsets
+    ]
     if encoder == "link" or len(values) < 3:
         return values
     second, third = calibration.offsets[1], calibration.offsets[2]

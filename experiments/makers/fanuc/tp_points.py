@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ....model.errors import BadInput
 from ....model.kinematics.robot import J3
-from ..recordings import Imported, Job, Point, import_points
+from ..recordings import Imported, ImportJob, Point, import_points
 
 # FANUC: a listing ends with /POS and blocks like P[3:"comment"]{ GP1: UF : 0, UT : 1, J1= 1.000 deg, … };
 _POSITION = re.compile(
@@ -28,7 +28,7 @@ NOT_MEASURED = 999.0  # deg, joint 1: what the program of a plan writes before i
 
 
 def import_fanuc(
-    job: Job,
+    job: ImportJob,
     *,
     j3: J3 | None = None,
     points: Sequence[str] | None = None,
@@ -60,11 +60,13 @@ def import_fanuc(
 
 def fanuc_positions(text: str, path: Path) -> list[Point]:
     """All P[n] of a listing, in its order."""
-    found = []
+    points = []
     for match in position_blocks(text, path):
         line = text.count("\n", 0, match.start("number")) + 1
-        found.append(Point(match["number"], _fanuc_joints(match["block"], match["number"], path, line), line))
-    return found
+        points.append(
+            Point(match["number"], _fanuc_joints(match["block"], match["number"], path, line), line)
+        )
+    return points
 
 
 def position_blocks(text: str, path: Path | None) -> list[re.Match[str]]:
@@ -80,16 +82,16 @@ def position_blocks(text: str, path: Path | None) -> list[re.Match[str]]:
         )
     if re.compile(r"^/END\b", re.MULTILINE).search(text, begin.end()) is None:
         raise BadInput("the listing is incomplete: its last line, /END, is missing", file=path)
-    found = list(_POSITION.finditer(text, begin.end()))
-    begun = _BEGUN.findall(text, begin.end())
-    if begun != [match["number"] for match in found]:
+    blocks = list(_POSITION.finditer(text, begin.end()))
+    numbers = _BEGUN.findall(text, begin.end())
+    if numbers != [match["number"] for match in blocks]:
         raise BadInput(
             "a position of the listing is incomplete",
-            found=f"{len(begun)} begin with P[…], {len(found)} end with }};",
+            found=f"{len(numbers)} begin with P[…], {len(blocks)} end with }};",
             remedy="save the program as ASCII again",
             file=path,
         )
-    return found
+    return blocks
 
 
 def _fanuc_joints(
@@ -99,11 +101,11 @@ def _fanuc_joints(
     if group is None:
         return None
     values = JOINT.findall(group["values"])
-    stated = len(_ANY_JOINT.findall(group["values"]))
-    if not stated:
+    count = len(_ANY_JOINT.findall(group["values"]))
+    if not count:
         return None
     # A position that was never taught is printed as J1= ********; a slide shows mm, which is no joint here.
-    orderly = [int(joint) for joint, _, _ in values] == list(range(1, stated + 1))
+    orderly = [int(joint) for joint, _, _ in values] == list(range(1, count + 1))
     if not orderly or any(unit != "deg" for _, _, unit in values):
         raise BadInput(
             f"the joints of {what}[{number}] cannot be read",
@@ -123,7 +125,7 @@ def fanuc_registers(text: str, path: Path, first: int, planned: int | None, all_
     `all_of_them` registers without joints are left out too.
     """
     heads = list(_REGISTER.finditer(text))
-    found = []
+    points = []
     for head, following in zip(heads, [*heads[1:], None], strict=True):
         block = text[head.end() : len(text) if following is None else following.start()]
         other = _OTHER_GROUP.search(block)
@@ -137,5 +139,5 @@ def fanuc_registers(text: str, path: Path, first: int, planned: int | None, all_
         if joints is not None and joints[0] == NOT_MEASURED:
             continue
         number = None if planned is None else register - first
-        found.append(Point(str(register), joints, line, number))
-    return found
+        points.append(Point(str(register), joints, line, number))
+    return points

@@ -20,9 +20,9 @@ from ..program_parts import (
     Edit,
     JointTarget,
     Language,
+    LiteralSpan,
     Motion,
     Parsed,
-    Place,
     PoseTarget,
     Source,
     understood,
@@ -42,7 +42,7 @@ _STATED = {"UFRAME_NUM": "UF", "UTOOL_NUM": "UT"}
 _JOINS = ("label", "block", "jump", "leaving")  # what follows them is reached from elsewhere too
 
 
-class Frames(NamedTuple):
+class FrameNumbers(NamedTuple):
     """The numbers of the frames that a pose states."""
 
     user: str
@@ -53,7 +53,7 @@ def read_statements(
     source: Source,
     bare: str,
     pieces: Sequence[re.Match[str]],
-    frames: Mapping[str, Frames],
+    frames: Mapping[str, FrameNumbers],
     parsed: Parsed,
 ) -> None:
     """Enter the motions, and the problems, of the statements (each with its `body`) of /MN. `bare` is the
@@ -76,9 +76,9 @@ class _Flow:
     program has not set them yet."""
 
     def __init__(
-        self, source: Source, frames: Mapping[str, Frames], parsed: Parsed, trees: Sequence[Tree[Token]]
+        self, source: Source, frames: Mapping[str, FrameNumbers], parsed: Parsed, trees: Sequence[Tree[Token]]
     ) -> None:
-        self.stated, self.frames, self.parsed = source.stated, frames, parsed
+        self.facts, self.frames, self.parsed = source.facts, frames, parsed
         self.first = True
         self.numbers: dict[str, set[str]] = {"UFRAME_NUM": set(), "UTOOL_NUM": set()}
         for tree in trees:
@@ -90,9 +90,9 @@ class _Flow:
     def not_derived(self, line: int, written: str) -> None:
         """A problem of a statement that the grammar does not derive, but of a macro that is harmless."""
         if not _WORDS.fullmatch(written):
-            reason = next((said for words, said in _REASONS if re.match(words, written)), None)
+            reason = next((sentence for words, sentence in _REASONS if re.match(words, written)), None)
             self._problem(line, f"{written} is not understood" if reason is None else f"{written}: {reason}")
-        elif not self.stated.harmless(written):
+        elif not self.facts.harmless(written):
             self._problem(
                 line,
                 f'{written}: this macro or instruction is not understood; --call "{written}" {_HARMLESS}',
@@ -104,7 +104,7 @@ class _Flow:
     def go(self, line: int, written: str, tree: Tree[Token]) -> None:
         for call in tree.find_data("call"):
             name = str(call.children[0])
-            if not self.stated.harmless(name):
+            if not self.facts.harmless(name):
                 self._problem(line, f"{written}: what {name} does is not known; --call {name} {_HARMLESS}")
         for statement in tree.children:
             assert isinstance(statement, Tree)
@@ -119,14 +119,14 @@ class _Flow:
 
     def _motion(self, line: int, written: str, motion: Tree[Token]) -> None:
         linear = motion.children[0] != "J"
-        for place in (child for child in motion.children if isinstance(child, Tree)):
-            if place.data not in ("position", "register"):
+        for target in (child for child in motion.children if isinstance(child, Tree)):
+            if target.data not in ("position", "register"):
                 continue
-            number = str(int(str(place.children[0])))
-            name = f"P[{number}]" if place.data == "position" else f"PR[{number}]"
-            if self.stated.leaves(number if place.data == "position" else name, name):
+            number = str(int(str(target.children[0])))
+            name = f"P[{number}]" if target.data == "position" else f"PR[{number}]"
+            if self.facts.leaves(number if target.data == "position" else name, name):
                 self.parsed.motions.append(Motion(None, line, False, True))
-            elif place.data == "register":
+            elif target.data == "register":
                 self._problem(line, f"{written}: {_COMPUTED}")
             elif name in self.parsed.targets:
                 self._require_frames(line, written, name)
@@ -168,14 +168,14 @@ _POSE = "XYZWPR"
 
 def fanuc_head(text: str) -> tuple[int, str]:
     """Where remarks at the head of a program are put, and what they begin with."""
-    found = re.search(r"^/MN[^\n]*\n", text, re.MULTILINE)
-    return (0 if found is None else found.end()), "    :  !"
+    match = re.search(r"^/MN[^\n]*\n", text, re.MULTILINE)
+    return (0 if match is None else match.end()), "    :  !"
 
 
 def fanuc_literals(text: str) -> list[tuple[int, int]]:
     """The places of all entries `X = 1.000 mm, Y = …` of poses and joints."""
-    bare = _REMARK_OR_TEXT.sub(lambda found: " " * len(found[0]), text)
-    return [found.span() for found in _LITERAL.finditer(bare) if found[0].count("=") >= _AXES]
+    bare = _REMARK_OR_TEXT.sub(lambda match: " " * len(match[0]), text)
+    return [match.span() for match in _LITERAL.finditer(bare) if match[0].count("=") >= _AXES]
 
 
 def _start(token: Token) -> int:
@@ -198,9 +198,9 @@ def fanuc_targets(source: Source) -> Parsed:
 
 class _Listing:
     def __init__(self, source: Source) -> None:
-        self.source, self.stated, self.parsed = source, source.stated, Parsed()
+        self.source, self.facts, self.parsed = source, source.facts, Parsed()
         self.bare = _CONTINUED.sub(lambda mark: "\n".ljust(len(mark[0])), source.text)
-        self.frames: dict[str, Frames] = {}
+        self.frames: dict[str, FrameNumbers] = {}
         self.names: set[str] = set()
 
     def read(self) -> Parsed:
@@ -226,19 +226,19 @@ class _Listing:
         read_statements(self.source, self.bare, statements, self.frames, self.parsed)
         return self.parsed
 
-    def _problem(self, place: int, sentence: str) -> None:
-        self.parsed.problems.append((self.source.line(place), sentence))
+    def _problem(self, pos: int, sentence: str) -> None:
+        self.parsed.problems.append((self.source.line(pos), sentence))
 
     def _pieces(self, kind: re.Pattern[str] | None, start: int, end: int) -> Iterator[re.Match[str]]:
         """The pieces of a part; a problem of each line that is in none."""
-        place, pieces = start, [] if kind is None else list(kind.finditer(self.source.text, start, end))
+        pos, pieces = start, [] if kind is None else list(kind.finditer(self.source.text, start, end))
         for piece in [*pieces, None] if kind is not None else ():
-            gap = self.source.text[place : end if piece is None else piece.start()]
+            gap = self.source.text[pos : end if piece is None else piece.start()]
             for line in re.finditer(r"\S[^\n]*", gap):
-                self._problem(place + line.start(), "this line is not understood")
+                self._problem(pos + line.start(), "this line is not understood")
             if piece is not None:
                 yield piece
-                place = piece.end()
+                pos = piece.end()
 
     def _derived(self, rule: str, start: int, end: int) -> Tree[Token] | None:
         tree = understood("fanuc/tp", rule, self.bare, start, end)
@@ -248,29 +248,29 @@ class _Listing:
         return tree
 
     def _point(self, piece: re.Match[str]) -> None:
-        place = piece.start() + piece[0].index("P")
-        tree = self._derived("point", place, piece.end())
+        pos = piece.start() + piece[0].index("P")
+        tree = self._derived("point", pos, piece.end())
         if tree is None:
             return
         groups = [child for child in tree.children if isinstance(child, Tree)]
         name = f"P[{int(str(tree.children[0]))}]"
         if name in self.names:
-            self._problem(place, f"{name} is in the listing more than once")
+            self._problem(pos, f"{name} is in the listing more than once")
             return
         self.names.add(name)
-        left = self.stated.leaves(name[2:-1], name)
+        left = self.facts.leaves(name[2:-1], name)
         for group in groups:
             entries = list(group.find_data("entry"))
             if len(entries) >= _AXES and (left or str(group.children[0])[2] == "1"):
                 place_of = (entries[0].meta.start_pos, entries[-1].meta.end_pos)
-                self.parsed.literals.append(Place(*place_of, "left" if left else "target"))
+                self.parsed.literals.append(LiteralSpan(*place_of, "left" if left else "target"))
         of_arm = [group for group in groups if str(group.children[0])[2] == "1"]
         if not left and len(of_arm) != 1:
-            self._problem(place, f"{name} has no group 1, or more than one")
+            self._problem(pos, f"{name} has no group 1, or more than one")
         elif not left:
-            self._add(name, place, of_arm[0])
+            self._add(name, pos, of_arm[0])
 
-    def _add(self, name: str, place: int, group: Tree[Token]) -> None:
+    def _add(self, name: str, pos: int, group: Tree[Token]) -> None:
         """Enter the position of group 1."""
         entries = [
             [token for token in entry.children if isinstance(token, Token)]
@@ -279,23 +279,23 @@ class _Listing:
         values = {str(key): shown for key, shown, _ in entries}
         units = {str(key): str(unit) for key, _, unit in entries}
         if any("*" in shown for shown in values.values()):
-            self._problem(place, f"{name} is not taught")
+            self._problem(pos, f"{name} is not taught")
         elif len(values) < len(entries):
-            self._problem(place, f"{name} has a value twice")
+            self._problem(pos, f"{name} has a value twice")
         elif not all(abs(float(shown)) < _FARTHEST for shown in values.values()):
-            self._problem(place, f"{name} has a value that no position has")
+            self._problem(pos, f"{name} has a value that no position has")
         elif "J1" in values:
-            self._add_joints(name, place, values, units)
+            self._add_joints(name, pos, values, units)
         else:
-            self._add_pose(name, place, values, units, group)
+            self._add_pose(name, pos, values, units, group)
 
-    def _add_joints(self, name: str, place: int, values: dict[str, Token], units: dict[str, str]) -> None:
+    def _add_joints(self, name: str, pos: int, values: dict[str, Token], units: dict[str, str]) -> None:
         keys = [f"J{i}" for i in range(1, self.source.robot.n + 1)]
         if [key for key in values if key[0] != "E"] != keys or any(units[key] != "deg" for key in keys):
-            self._problem(place, f"the joints of {name} are not those of the robot")
+            self._problem(pos, f"the joints of {name} are not those of the robot")
             return
         robot = self.source.robot
-        pendant = Pendant(robot, self.stated.j3)
+        pendant = Pendant(robot, self.facts.j3)
         shown = np.array([float(values[key]) for key in keys])
 
         def write(new: Matrix) -> list[Edit]:
@@ -303,32 +303,32 @@ class _Listing:
             return [self._edit(values[key], value) for key, value in zip(keys, written.tolist(), strict=True)]
 
         joints = pendant.between_links(shown)
-        self.parsed.targets[name] = JointTarget(name, self.source.line(place), joints, write)
+        self.parsed.targets[name] = JointTarget(name, self.source.line(pos), joints, write)
 
     def _add_pose(
-        self, name: str, place: int, values: dict[str, Token], units: dict[str, str], group: Tree[Token]
+        self, name: str, pos: int, values: dict[str, Token], units: dict[str, str], group: Tree[Token]
     ) -> None:
         user, tool, *configuration = (child for child in group.children[1:] if isinstance(child, Token))
         keys = [key for key in values if key[0] != "E"]
         orderly = keys == list(_POSE) and [units[key] for key in keys] == ["mm"] * 3 + ["deg"] * 3
         if not orderly or not configuration:
-            self._problem(place, f"{name} is not understood: UF, UT, CONFIG, X to R are required")
+            self._problem(pos, f"{name} is not understood: UF, UT, CONFIG, X to R are required")
             return
         if any(float(values[key]) for key in values if key[0] == "E"):
-            self._problem(place, f"{name} has positions of external axes, which may carry the robot")
+            self._problem(pos, f"{name} has positions of external axes, which may carry the robot")
             return
         frames = []
-        for word, option, stated, number in (
-            ("tool frame", "--tool", self.stated.tool, tool),
-            ("user frame", "--frame", self.stated.frame, user),
+        for word, option, known, number in (
+            ("tool frame", "--tool", self.facts.tool, tool),
+            ("user frame", "--frame", self.facts.frame, user),
         ):
-            frame = None if number == "F" else stated(str(int(number)), NULL if int(number) == 0 else None)
+            frame = None if number == "F" else known(str(int(number)), NULL if int(number) == 0 else None)
             if frame is None:
                 state = "" if number == "F" else f"; state {option} {number}=X,Y,Z,W,P,R"
-                self._problem(place, f"{name}: {word} {number} is not known{state}")
+                self._problem(pos, f"{name}: {word} {number} is not known{state}")
                 return
             frames.append(frame)
-        self.frames[name] = Frames(str(int(user)), str(int(tool)))
+        self.frames[name] = FrameNumbers(str(int(user)), str(int(tool)))
         written, stated_turns = configuration
         letters = " ".join(re.findall(r"[A-Z]", written))
         turns = tuple(int(turn) for turn in stated_turns.split(","))
@@ -343,7 +343,7 @@ class _Listing:
 
         self.parsed.targets[name] = PoseTarget(
             name,
-            self.source.line(place),
+            self.source.line(pos),
             from_rpy([float(values[key]) for key in _POSE]),
             frames[0],
             frames[1],

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ....model.files.run import Run
     from ..calibration import Calibration
     from ..plan_programs import ProgramMotion
-    from ..recordings import Imported, Job
+    from ..recordings import Imported, ImportJob
     from .csv_file import CsvLayout
 
 
@@ -88,7 +88,7 @@ def _csv_counting(plan: "Plan", motion: "ProgramMotion") -> str | None:
 
 
 def _read_csv(
-    job: "Job",
+    job: "ImportJob",
     units: Annotated[Literal["deg", "rad", "pulse"], Option("Unit of the angles.")],
     target_column: Annotated[str | None, Option("Column with each row's target, instead.")] = None,
     lengths: Annotated[Literal["mm", "m"] | None, Option("Unit of prismatic joints.")] = None,
@@ -141,11 +141,11 @@ def _read_csv(
         small_angles=small_angles,
         reversed_joints=names_of(reversed_joints) or (),
     )
-    return import_csv(job, layout, still=Stillness.stated(still_deg, still_s, still_mm))
+    return import_csv(job, layout, still=Stillness.of_options(still_deg, still_s, still_mm))
 
 
 def _read_ros(
-    job: "Job",
+    job: "ImportJob",
     still_deg: StillDeg = None,
     still_s: StillSeconds = None,
     still_mm: StillMm = None,
@@ -176,7 +176,7 @@ def _read_ros(
     return import_ros(job, still=still, columns=names_of(columns), topic=topic, marker_topic=marker_topic)
 
 
-def _read_robodk(job: "Job", j3: J3Counting = None) -> "Imported":
+def _read_robodk(job: "ImportJob", j3: J3Counting = None) -> "Imported":
     """RoboDK: what a plan's program has recorded. Logs of MonitorJoints: import log robodk."""
     from ..joint_text import import_program_log
 

@@ -113,7 +113,7 @@ def bounded(path: Path) -> Iterator[Unpacking]:
 
     of_lz4, of_zstd = by(lz4.frame.LZ4FrameDecompressor), by(zstd.ZstdDecompressor)
     module = SimpleNamespace(decompress=of_zstd, open=partial(_counted_file, unpacking, zstd.open))
-    places: list[tuple[dict[str, Any], str, Any]] = [
+    replacements: list[tuple[dict[str, Any], str, Any]] = [
         (cast(Any, ros1.decompressors), "bz2", by(bz2.BZ2Decompressor)),
         (cast(Any, ros1.decompressors), "lz4", of_lz4),
         (cast(Any, mcap.DECOMPRESSORS), "lz4", of_lz4),
@@ -121,9 +121,9 @@ def bounded(path: Path) -> Iterator[Unpacking]:
         (vars(ros2), "zstd", module),
     ]
     with ExitStack() as replaced:
-        for place, name, bounded_one in places:
-            replaced.callback(place.__setitem__, name, place[name])
-            place[name] = bounded_one
+        for owner, name, bounded_one in replacements:
+            replaced.callback(owner.__setitem__, name, owner[name])
+            owner[name] = bounded_one
         replaced.callback(setattr, Sqlite3Reader, "open", open_database)
         setattr(Sqlite3Reader, "open", open_plain_tables)  # noqa: B010
         yield unpacking
@@ -171,8 +171,8 @@ def require_plain_tables(path: Path) -> None:
         ]
         for kind, table, _ in parts:
             if kind == "table" and not computed:
-                asked = "SELECT name, hidden, length(dflt_value) FROM pragma_table_xinfo(?)"
-                for column, hidden, default in store.execute(asked, (table,)):
+                query = "SELECT name, hidden, length(dflt_value) FROM pragma_table_xinfo(?)"
+                for column, hidden, default in store.execute(query, (table,)):
                     if hidden or (default or 0) > _LONGEST_DEFAULT:
                         computed.append(f"column {table}.{column}")
     if computed:

@@ -16,9 +16,9 @@ from ....model.files.limits import like_radians
 from ....model.files.reading import shown
 from ....model.kinematics.pendant import Pendant, pendant_of
 from ....model.kinematics.robot import J3, Robot
-from ..recordings import Found, Imported, Job, uncollected
-from .dwells import Log, Mark, Stillness, held
-from .tables import DELIMITERS, Table, check_signs, columns_of_joints, read_table, reversed_joints
+from ..recordings import FileMeasurements, Imported, ImportJob, uncollected
+from .dwells import JointLog, Mark, Stillness, held
+from .tables import DELIMITERS, TextTable, check_signs, columns_of_joints, read_table, reversed_joints
 
 PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 TimeUnit = Literal["s", "ms", "us", "ns"]
@@ -102,7 +102,7 @@ class CsvLayout:
 
 
 def import_csv(
-    job: Job,
+    job: ImportJob,
     layout: CsvLayout,
     *,
     still: Stillness | None = None,
@@ -122,27 +122,27 @@ def import_csv(
     else:
         targets = [None] * len(job.paths)
     _check_shots(layout, still)
-    found = []
+    parts = []
     with uncollected():
         for k, (path, target) in enumerate(zip(job.paths, targets, strict=True)):
             job.progress(f"file {k + 1}/{len(job.paths)}", k / len(job.paths) / 2)
-            found.append(_found(path, target, pendant, layout, still))
+            parts.append(_measured(path, target, pendant, layout, still))
         if layout.units == "deg" and not layout.small_angles:
-            _require_degrees(found, job.robot)
-        job.progress(f"{sum(len(part.joints) for part in found)} measurements", 0.5)
-        return job.finish(found, [*_units_used(layout, pendant), *_columns_used(layout, pendant)])
+            _require_degrees(parts, job.robot)
+        job.progress(f"{sum(len(part.joints) for part in parts)} measurements", 0.5)
+        return job.finish(parts, [*_units_used(layout, pendant), *_columns_used(layout, pendant)])
 
 
-def _require_degrees(found: Sequence[Found], robot: Robot) -> None:
+def _require_degrees(parts: Sequence[FileMeasurements], robot: Robot) -> None:
     """BadInput where all angles are as small as radians would be, which are 57 times larger."""
-    joints = np.concatenate([part.joints for part in found])
+    joints = np.concatenate([part.joints for part in parts])
     if like_radians(robot, joints):
         raise BadInput(
             "the angles look like radians, but degrees are stated",
             found=f"no joint beyond {np.abs(joints).max():.4g}, in {len(joints)} postures",
             allowed="angles in the stated unit",
             remedy="state --units rad; or --small-angles, if they are in degrees",
-            file=found[0].path,
+            file=parts[0].path,
         )
 
 
@@ -167,9 +167,9 @@ def _check_shots(layout: CsvLayout, still: Stillness | None) -> None:
         )
 
 
-def _found(
+def _measured(
     path: Path, target: str | None, pendant: Pendant, layout: CsvLayout, still: Stillness | None
-) -> Found:
+) -> FileMeasurements:
     robot = pendant.robot
     table = read_table(
         path,
@@ -188,15 +188,15 @@ def _found(
         clock = table.numbers([table.column(layout.time_column)])[:, 0]
         times = (clock - clock[0]) / PER_SECOND[layout.time_units]
     names = None if layout.target_column is None else table.texts(table.column(layout.target_column))
-    told = [f"  delimiter found: {DELIMITERS[table.delimiter]}"] if layout.delimiter is None else []
+    notes = [f"  delimiter found: {DELIMITERS[table.delimiter]}"] if layout.delimiter is None else []
     if still is not None and times is not None:
         marks = None if layout.marker_column is None else _marks(table, layout.marker_column, times, names)
         if layout.changes_only:
             still.tolerance(robot)
             times, joints = held(times, joints, still.seconds)
-        dwells = Log(path, times, joints, spots, marks).shots(robot, still, target)
-        return replace(dwells, notes=[*told, *dwells.notes])
-    return Found(
+        dwells = JointLog(path, times, joints, spots, marks).shots(robot, still, target)
+        return replace(dwells, notes=[*notes, *dwells.notes])
+    return FileMeasurements(
         path,
         "row",
         joints,
@@ -205,24 +205,25 @@ def _found(
         numbers=None if layout.shot_column is None else _shot_numbers(table, layout.shot_column),
         spots=spots,
         times=times,
-        notes=told,
+        notes=notes,
     )
 
 
-def _joint_columns(table: Table, pendant: Pendant, layout: CsvLayout) -> list[int]:
+def _joint_columns(table: TextTable, pendant: Pendant, layout: CsvLayout) -> list[int]:
     """Index of the column of each joint."""
     if layout.columns is not None:
         return [table.column(name) for name in layout.columns]
     robot = pendant.robot
-    own = [robot.joints[i].name for i in pendant.order]
+    joint_names = [robot.joints[i].name for i in pendant.order]
     names = table.names or ()
     if not layout.joints_alone or (
-        table.names is not None and (len(names) != robot.n or (set(names) == set(own) and list(names) != own))
+        table.names is not None
+        and (len(names) != robot.n or (set(names) == set(joint_names) and list(names) != joint_names))
     ):
         raise BadInput(
             "the columns are not just the joints in their order",
             found=", ".join(names) or f"{table.width} columns",
-            allowed=f"{robot.n} columns, in the pendant's order ({', '.join(own)})",
+            allowed=f"{robot.n} columns, in the pendant's order ({', '.join(joint_names)})",
             remedy="name the columns of joint 1, 2, … in this order",
             file=table.path,
             line=table.header_line or None,
@@ -230,9 +231,9 @@ def _joint_columns(table: Table, pendant: Pendant, layout: CsvLayout) -> list[in
     return [pendant.order.index(i) for i in range(robot.n)]
 
 
-def _marks(table: Table, stated: str, times: Matrix, names: list[str] | None) -> list[Mark]:
+def _marks(table: TextTable, column: str, times: Matrix, names: list[str] | None) -> list[Mark]:
     """A marker at each row where the column takes a new value other than empty or 0."""
-    texts = table.texts(table.column(stated))
+    texts = table.texts(table.column(column))
     values = [text if text.lower() not in ("", "0", "0.0", "false", "nan") else None for text in texts]
     return [
         Mark(float(times[i]), None if names is None else names[i])
@@ -241,8 +242,8 @@ def _marks(table: Table, stated: str, times: Matrix, names: list[str] | None) ->
     ]
 
 
-def _shot_numbers(table: Table, stated: str) -> list[int]:
-    column = table.column(stated)
+def _shot_numbers(table: TextTable, name: str) -> list[int]:
+    column = table.column(name)
     for line, text in zip(table.lines, table.texts(column), strict=True):
         if not text.isdecimal() or len(text) > 9:
             raise BadInput(
@@ -297,7 +298,7 @@ def _columns_used(layout: CsvLayout, pendant: Pendant) -> list[str]:
 
 def import_log(
     layout_of: Callable[[int], CsvLayout],
-    job: Job,
+    job: ImportJob,
     *,
     still: Stillness,
     delimiter: str | None = None,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.kinematics.robot import Robot
-from ..recordings import Found
+from ..recordings import FileMeasurements
 
 _ROUNDING = 1e-9  # of times: a window of 0.5 s holds 126 readings at 250 Hz, however they are rounded
 _BOUNDS = {"--still-deg": (1e-9, 360.0), "--still-s": (1e-3, 1e6), "--still-mm": (1e-9, 1e6)}
@@ -29,7 +29,9 @@ class Stillness:
     mm: float | None = None
 
     @classmethod
-    def stated(cls, deg: float | None, seconds: float | None, mm: float | None = None) -> Stillness | None:
+    def of_options(
+        cls, deg: float | None, seconds: float | None, mm: float | None = None
+    ) -> Stillness | None:
         """As options state it; None where none is stated."""
         if deg is not None and seconds is not None:
             return cls(deg, seconds, mm)
@@ -42,7 +44,7 @@ class Stillness:
     @classmethod
     def required(cls, deg: float | None, seconds: float | None, mm: float | None = None) -> Stillness:
         """The same; BadInput where none is stated."""
-        still = cls.stated(deg, seconds, mm)
+        still = cls.of_options(deg, seconds, mm)
         if still is None:
             raise BadInput(
                 "a recording over time needs to know what a dwell is",
@@ -148,11 +150,11 @@ def dwell_of_each(dwells: Sequence[Dwell], marks: Matrix, seconds: float) -> lis
 def repeats(dwells: Sequence[Dwell], tolerance: Matrix) -> list[int | None]:
     """For each dwell the first earlier one with the same joints within the tolerance, or None."""
     joints = np.array([dwell.joints for dwell in dwells]).reshape(len(dwells), len(tolerance))
-    found: list[int | None] = []
+    earlier: list[int | None] = []
     for i in range(len(dwells)):
         same = np.flatnonzero(np.all(np.abs(joints[:i] - joints[i]) <= tolerance, axis=1))
-        found.append(int(same[0]) if len(same) else None)
-    return found
+        earlier.append(int(same[0]) if len(same) else None)
+    return earlier
 
 
 def held(times: Matrix, joints: Matrix, seconds: float) -> tuple[Matrix, Matrix]:
@@ -171,9 +173,9 @@ def held(times: Matrix, joints: Matrix, seconds: float) -> tuple[Matrix, Matrix]
         )
     counts = np.append(needed.astype(int), 1)
     row = np.repeat(np.arange(len(times)), counts)
-    place = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
+    step_in_row = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
     step = np.append(np.diff(times), 0.0) / counts
-    return times[row] + place * step[row], joints[row]
+    return times[row] + step_in_row * step[row], joints[row]
 
 
 def _dwell(times: Matrix, joints: Matrix, first: int, last: int, seconds: float) -> Dwell:
@@ -213,7 +215,7 @@ class Mark(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Log:
+class JointLog:
     """N readings of one file. `times` (N,) s since the first; `joints` (N, n) deg or mm; `spots` (N, 2) mm.
 
     `marks` is None where every dwell is a measurement.
@@ -225,7 +227,7 @@ class Log:
     spots: Matrix | None = None
     marks: Sequence[Mark] | None = None
 
-    def shots(self, robot: Robot, still: Stillness, target: str | None) -> Found:
+    def shots(self, robot: Robot, still: Stillness, target: str | None) -> FileMeasurements:
         """One measurement for each dwell, or for each marked one; the joints are averaged over it.
 
         `target` is that of all measurements; without it the markers name it. BadInput without a dwell, for a
@@ -257,7 +259,7 @@ class Log:
         if self.marks is not None and len(self.marks) > len(kept):
             again = len(self.marks) - len(kept)
             notes.append(f"  second and later markers in a dwell: {again}; each dwell is one measurement")
-        return Found(self.path, "dwell", joints, targets, spots=spots, times=times, notes=notes)
+        return FileMeasurements(self.path, "dwell", joints, targets, spots=spots, times=times, notes=notes)
 
     def _chosen(
         self, dwells: Sequence[Dwell], still: Stillness, target: str | None
@@ -301,16 +303,16 @@ class Log:
     def _without_dwell(
         self, robot: Robot, still: Stillness, tolerance: Matrix, drifting: Sequence[Dwell]
     ) -> BadInput:
-        found = f"a recording of {self.times[-1]:.3f} s, {len(self.times)} readings"
+        recording = f"a recording of {self.times[-1]:.3f} s, {len(self.times)} readings"
         if drifting:
-            found = _rejected(robot, drifting[0], tolerance).strip()
+            recording = _rejected(robot, drifting[0], tolerance).strip()
         elif (best := calmest(self.times, self.joints, tolerance, still.seconds)) is not None:
             start, joint, moved = best
-            found += f"; in the calmest window, from {start:.3f} s, joint {joint + 1} moves by"
-            found += f" {moved:.4g} {robot.joints[joint].unit}"
+            recording += f"; in the calmest window, from {start:.3f} s, joint {joint + 1} moves by"
+            recording += f" {moved:.4g} {robot.joints[joint].unit}"
         return BadInput(
             "no measurements found: the arm never dwells",
-            found=found,
+            found=recording,
             allowed=f"joints within {still.deg:g} deg for {still.seconds:g} s, readings at most "
             f"{still.seconds / 2:g} s apart",
             remedy="state the tolerance and the shortest time of a dwell; check the unit of the angles",

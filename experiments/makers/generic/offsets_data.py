@@ -7,7 +7,7 @@ from typing import Any
 
 from ....words import spreadsheet
 from ....words.causes import reason
-from ..calibration import MEANING, SEED, Calibration, Offset
+from ..calibration import MEANING, SEED, Calibration, JointOffset
 from ..maker import one_line
 
 SCHEMA = "zerobeam/offsets/1"
@@ -35,7 +35,7 @@ def csv_text(calibration: Calibration) -> str:
     return spreadsheet.csv_text(_row(offset, calibration) for offset in calibration.offsets)
 
 
-def _row(offset: Offset, calibration: Calibration) -> dict[str, object]:
+def _row(offset: JointOffset, calibration: Calibration) -> dict[str, object]:
     low, high = offset.interval95 or (None, None)
     return {
         "offset": offset.name,
@@ -64,8 +64,8 @@ def document(calibration: Calibration) -> dict[str, Any]:
     `covariance` is of all parameters that the data determine, in the products of their units.
     """
     covariance = calibration.covariance
-    exported = {own.name for own in calibration.offsets if own.exported}
-    exported |= {own.name for own in calibration.geometry if own.exported}
+    exported = {row_exported.name for row_exported in calibration.offsets if row_exported.exported}
+    exported |= {row_exported.name for row_exported in calibration.geometry if row_exported.exported}
     return {
         "schema": SCHEMA,
         "meaning": MEANING,

@@ -34,18 +34,18 @@ _ROUNDING = 1e-12  # mm or rad
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class RowTable:
     """Rows, joint 1 first, and the transform (4, 4) from the last row to the flange. The base stays."""
 
     rows: tuple[DHRow, ...]
     flange: Matrix
 
 
-def corrected_table(stated: RobotFile, corrected: Robot) -> Table:
+def corrected_table(file: RobotFile, corrected: Robot) -> RowTable:
     """The rows of `corrected`: the robot of the file `stated` with other links, and with offsets."""
-    nominal = [joint.row for joint in stated.joints]
-    theirs = stated.robot()
-    standard = stated.convention == "standard"
+    nominal = [joint.row for joint in file.joints]
+    theirs = file.robot()
+    standard = file.convention == "standard"
     chain = [*(joint.fixed for joint in corrected.joints[1:]), corrected.flange]
     rows = list(nominal)
     rest: Matrix = np.asarray(np.linalg.inv(theirs.joints[0].fixed) @ corrected.joints[0].fixed)
@@ -61,14 +61,16 @@ def corrected_table(stated: RobotFile, corrected: Robot) -> Table:
         of_link = i if standard else i + 1
         near = replace(nominal[of_link], theta=nominal[i].theta, d=nominal[i].d)
         if last:
-            whole = whole @ np.linalg.inv(stated.flange.matrix())
-        found = _row_of(whole, near, last=last)
-        rows[i] = replace(rows[i], theta=found.theta, d=found.d)
-        rows[of_link] = replace(rows[of_link], a=found.a, alpha=found.alpha, beta=found.beta)
-        rest = np.asarray(np.linalg.inv(_turned(found) @ _linked(found)) @ whole)
+            whole = whole @ np.linalg.inv(file.flange.matrix())
+        near_row = _row_of(whole, near, last=last)
+        rows[i] = replace(rows[i], theta=near_row.theta, d=near_row.d)
+        rows[of_link] = replace(rows[of_link], a=near_row.a, alpha=near_row.alpha, beta=near_row.beta)
+        rest = np.asarray(np.linalg.inv(_turned(near_row) @ _linked(near_row)) @ whole)
         if last:
-            flange = rest @ stated.flange.matrix()
-    return Table(tuple(_clean(row, own) for row, own in zip(rows, nominal, strict=True)), flange)
+            flange = rest @ file.flange.matrix()
+    return RowTable(
+        tuple(_clean(row, nominal_row) for row, nominal_row in zip(rows, nominal, strict=True)), flange
+    )
 
 
 def beyond_rows(rows: Sequence[DHRow]) -> list[int]:
@@ -97,19 +99,19 @@ def _row_of(whole: Matrix, near: DHRow, *, last: bool) -> DHRow:
 
 def _of_normal(whole: Matrix, near: DHRow) -> DHRow:
     """Along the common normal of both z axes."""
-    along, place = whole[:3, 2], whole[:3, 3]
+    along, origin = whole[:3, 2], whole[:3, 3]
     theta = _nearest(float(np.arctan2(along[0], -along[1])), near.theta, np.pi)
     x, y = _axes(theta)
-    foot = place - along * float((place @ y) / (along @ y))
+    foot = origin - along * float((origin @ y) / (along @ y))
     alpha = _nearest(float(np.arctan2(-along @ y, along[2])), near.alpha)
     return DHRow(float(foot @ x), alpha, float(foot[2]), theta)
 
 
 def _of_origins(whole: Matrix, near: DHRow, *, turned: bool) -> DHRow:
     """From one origin to the other, with beta; if `turned`, theta suits the rotation and not the place."""
-    place, turn = whole[:3, 3], whole[:3, :3]
-    if float(np.hypot(place[0], place[1])) > _NO_LENGTH and not turned:
-        theta = _nearest(float(np.arctan2(place[1], place[0])), near.theta, np.pi)
+    origin, turn = whole[:3, 3], whole[:3, :3]
+    if float(np.hypot(origin[0], origin[1])) > _NO_LENGTH and not turned:
+        theta = _nearest(float(np.arctan2(origin[1], origin[0])), near.theta, np.pi)
     else:
         side = 1.0 if np.cos(near.alpha) >= 0 else -1.0
         theta = _nearest(float(np.arctan2(-side * turn[0, 1], side * turn[1, 1])), near.theta)
@@ -119,7 +121,7 @@ def _of_origins(whole: Matrix, near: DHRow, *, turned: bool) -> DHRow:
     alpha = _nearest(float(np.arctan2(-side * (along @ y), side * along[2])), near.alpha)
     level = float(np.hypot(along @ y, along[2]))
     beta = _nearest(float(np.arctan2(along @ x, side * level)), near.beta)
-    return DHRow(float(place @ x), alpha, float(place[2]), theta, beta)
+    return DHRow(float(origin @ x), alpha, float(origin[2]), theta, beta)
 
 
 def _axes(theta: float) -> tuple[Matrix, Matrix]:
@@ -135,15 +137,17 @@ def _nearest(angle: float, near: float, period: float = 2 * np.pi) -> float:
 def _clean(row: DHRow, nominal: DHRow) -> DHRow:
     """The same without the rounding of what is nominal."""
 
-    def own(value: float, stated: float) -> float:
-        return stated if abs(value - stated) <= _ROUNDING * max(1.0, abs(stated)) else value
+    def nominal_or(value: float, nominal_value: float) -> float:
+        return (
+            nominal_value if abs(value - nominal_value) <= _ROUNDING * max(1.0, abs(nominal_value)) else value
+        )
 
     return DHRow(
-        own(row.a, nominal.a),
-        own(row.alpha, nominal.alpha),
-        own(row.d, nominal.d),
-        own(row.theta, nominal.theta),
-        own(row.beta, nominal.beta),
+        nominal_or(row.a, nominal.a),
+        nominal_or(row.alpha, nominal.alpha),
+        nominal_or(row.d, nominal.d),
+        nominal_or(row.theta, nominal.theta),
+        nominal_or(row.beta, nominal.beta),
     )
 
 
@@ -159,26 +163,26 @@ def robot_text(run: Run, calibration: Calibration) -> str:
             file=run.path,
             line=run.header_line,
         )
-    stated = stated_rows(ref, run.path.parent)
-    table = corrected_table(stated, calibration.corrected)
-    return rows_text([*calibration.head, *_on_rows(table.rows)], stated, table)
+    file = stated_rows(ref, run.path.parent)
+    table = corrected_table(file, calibration.corrected)
+    return rows_text([*calibration.head, *_on_rows(table.rows)], file, table)
 
 
-def rows_text(head: Sequence[str], stated: RobotFile, table: Table) -> str:
+def rows_text(head: Sequence[str], file: RobotFile, table: RowTable) -> str:
     """A robot file with the rows of `table`, all else as `stated`; `head` are the lines of comment above."""
     return "\n".join(
         [
             *(f"# {line}" for line in head),
             "schema: zerobeam/robot/1",
-            f"name: {_quoted(stated.name)}",
-            *([f"vendor: {stated.vendor}"] if stated.vendor else []),
-            *([f"model: {_quoted(stated.model)}"] if stated.model else []),
-            f"convention: {stated.convention}",
+            f"name: {_quoted(file.name)}",
+            *([f"vendor: {file.vendor}"] if file.vendor else []),
+            *([f"model: {_quoted(file.model)}"] if file.model else []),
+            f"convention: {file.convention}",
             "joints:",
-            *(f"  - {_joint(own, row)}" for own, row in zip(stated.joints, table.rows, strict=True)),
-            *_transform("base", stated.base),
-            *_transform("flange", _stated(table.flange, stated.flange)),
-            *_conventions(stated),
+            *(f"  - {_joint(joint, row)}" for joint, row in zip(file.joints, table.rows, strict=True)),
+            *_transform("base", file.base),
+            *_transform("flange", _as_transform(table.flange, file.flange)),
+            *_conventions(file),
             "",
         ]
     )
@@ -200,22 +204,22 @@ def _on_rows(rows: tuple[DHRow, ...]) -> list[str]:
     return [one_line(line) for line in lines]
 
 
-def _joint(stated: StatedJoint, row: DHRow) -> str:
+def _joint(joint: StatedJoint, row: DHRow) -> str:
     """A row in one line: the corrected numbers in place of the stated ones, all else as it was."""
     angles = np.degrees([row.alpha, row.theta, row.beta]).tolist()
-    own = {
+    numbers = {
         "a_mm": row.a,
         "alpha_deg": angles[0],
         "d_mm": row.d,
         "theta_deg": angles[1],
         "beta_deg": angles[2],
     }
-    if row == stated.row:
-        own = {key: getattr(stated, key) for key in own}
-    if not own["beta_deg"]:
-        del own["beta_deg"]
-    rest = stated.model_dump(exclude_unset=True, exclude={*own, "beta_deg"})
-    parts = [f"{key}: {_quoted(value)}" for key, value in {**own, **rest}.items()]
+    if row == joint.row:
+        numbers = {key: getattr(joint, key) for key in numbers}
+    if not numbers["beta_deg"]:
+        del numbers["beta_deg"]
+    rest = joint.model_dump(exclude_unset=True, exclude={*numbers, "beta_deg"})
+    parts = [f"{key}: {_quoted(value)}" for key, value in {**numbers, **rest}.items()]
     return "{" + ", ".join(parts) + "}"
 
 
@@ -224,7 +228,7 @@ def _quoted(value: object) -> str:
     return json.dumps(value, ensure_ascii=False)
 
 
-def _stated(transform: Matrix, before: StatedTransform) -> StatedTransform:
+def _as_transform(transform: Matrix, before: StatedTransform) -> StatedTransform:
     if np.allclose(transform, before.matrix(), rtol=0, atol=1e-13):
         return before
     x, y, z = transform[:3, 3].tolist()
@@ -232,15 +236,15 @@ def _stated(transform: Matrix, before: StatedTransform) -> StatedTransform:
     return StatedTransform(xyz_mm=(x, y, z), rpy_deg=(roll, pitch, yaw))
 
 
-def _conventions(stated: RobotFile) -> list[str]:
+def _conventions(file: RobotFile) -> list[str]:
     """How the arm is mounted and counted, as the file states it."""
     keys = ("mounting", "pendant", "limits", "encoder")
-    content = stated.model_dump(mode="json", include=set(keys), exclude_unset=True, exclude_none=True)
+    content = file.model_dump(mode="json", include=set(keys), exclude_unset=True, exclude_none=True)
     return [f"{key}: {_quoted(content[key])}" for key in keys if content.get(key)]
 
 
-def _transform(key: str, stated: StatedTransform) -> list[str]:
-    if stated == StatedTransform():
+def _transform(key: str, transform: StatedTransform) -> list[str]:
+    if transform == StatedTransform():
         return []
-    numbers = f"xyz_mm: {json.dumps(list(stated.xyz_mm))}, rpy_deg: {json.dumps(list(stated.rpy_deg))}"
+    numbers = f"xyz_mm: {json.dumps(list(transform.xyz_mm))}, rpy_deg: {json.dumps(list(transform.rpy_deg))}"
     return [f"{key}: {{{numbers}}}"]

@@ -19,9 +19,9 @@ from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.reading import did_you_mean, read_text, require_regular, shown
 from ....model.kinematics.robot import Robot
-from ..recordings import Found, Imported, Job
+from ..recordings import FileMeasurements, Imported, ImportJob
 from .bags import JOINT_STATE, opened
-from .dwells import Log, Mark, Stillness
+from .dwells import JointLog, Mark, Stillness
 from .tables import columns_of_joints, number
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ _QUOTED = re.compile(r"^(['\"])(.*)\1$")
 
 
 def import_joint_states(
-    job: Job,
+    job: ImportJob,
     *,
     columns: Sequence[str] | None = None,
 ) -> Imported:
@@ -45,15 +45,15 @@ def import_joint_states(
     and line, for a message without one of the joints, or with a position that is no number.
     """
     names = joint_names(job.robot, columns_of_joints(columns, job.robot))
-    found = []
+    parts = []
     for path, target in zip(job.paths, job.targets(), strict=True):
         rows, lines = _rows(path, job.robot, names)
-        found.append(Found(path, "message", np.array(rows), [target] * len(rows), lines=lines))
+        parts.append(FileMeasurements(path, "message", np.array(rows), [target] * len(rows), lines=lines))
     notes = [
         "joint states as ros2 topic echo prints them, each message a measurement, in radians by definition",
         f"joints by name, joint 1 first: {', '.join(names)}",
     ]
-    return job.finish(found, notes)
+    return job.finish(parts, notes)
 
 
 def joint_names(robot: Robot, columns: Sequence[str] | None) -> list[str]:
@@ -117,18 +117,18 @@ def _rows(path: Path, robot: Robot, names: Sequence[str]) -> tuple[list[list[flo
 
 def messages(text: str) -> list[tuple[int, dict[str, list[str]]]]:
     """The lists at the top of each document, and the line where the document begins."""
-    found: list[tuple[int, dict[str, list[str]]]] = []
+    documents: list[tuple[int, dict[str, list[str]]]] = []
     document: dict[str, list[str]] = {}
-    begun, items = 0, None
+    first_line, items = 0, None
     for line, content in enumerate([*text.split("\n"), "---"], start=1):
         if content.startswith("---"):
-            if begun:
-                found.append((begun, document))
-            document, begun, items = {}, 0, None
+            if first_line:
+                documents.append((first_line, document))
+            document, first_line, items = {}, 0, None
             continue
         if not content.strip() or content.lstrip().startswith("#"):
             continue
-        begun = begun or line
+        first_line = first_line or line
         key, item = _KEY.fullmatch(content), _ITEM.fullmatch(content)
         if key is not None:
             items = document.setdefault(key["key"], [])
@@ -138,7 +138,7 @@ def messages(text: str) -> list[tuple[int, dict[str, list[str]]]]:
             items.append(_bare(item["value"]))
         else:
             items = None
-    return found
+    return documents
 
 
 def _bare(text: str) -> str:
@@ -147,7 +147,7 @@ def _bare(text: str) -> str:
 
 
 def import_ros(
-    job: Job,
+    job: ImportJob,
     *,
     still: Stillness,
     columns: Sequence[str] | None = None,
@@ -164,11 +164,11 @@ def import_ros(
     names = joint_names(robot, columns_of_joints(columns, robot))
     named = bool(job.names) or marker_topic is None or job.plan is not None
     targets: list[str | None] = [*job.targets()] if named else [None] * len(job.paths)
-    found, topics = [], []
+    parts, topics = [], []
     for path, target in zip(job.paths, targets, strict=True):
         log, read = _read(path, robot, names, topic, marker_topic)
         topics.append(read)
-        found.append(log.shots(robot, still, target))
+        parts.append(log.shots(robot, still, target))
     notes = [
         f"joint states on {', '.join(dict.fromkeys(topics))}, in radians by definition of JointState"
         + ("" if all(joint.kind == "revolute" for joint in robot.joints) else "; prismatic joints in metres"),
@@ -177,7 +177,7 @@ def import_ros(
         if marker_topic is None
         else f"measurements at markers on {marker_topic}",
     ]
-    return job.finish(found, notes)
+    return job.finish(parts, notes)
 
 
 class Topic(NamedTuple):
@@ -193,18 +193,18 @@ class Topic(NamedTuple):
 def topics_of(path: Path) -> tuple[Topic, ...]:
     """The topics of a bag, by name."""
     with opened(path) as bag:
-        found = []
+        topics = []
         for name in sorted(bag.reader.topics):
             topic = bag.reader.topics[name]
             first = bag.first(name) if topic.msgtype == JOINT_STATE else None
             joints = () if first is None else tuple(first.name)
-            found.append(Topic(name, str(topic.msgtype), topic.msgcount, joints))
-        return tuple(found)
+            topics.append(Topic(name, str(topic.msgtype), topic.msgcount, joints))
+        return tuple(topics)
 
 
 def _read(
     path: Path, robot: Robot, names: Sequence[str], topic: str | None, marker_topic: str | None
-) -> tuple[Log, str]:
+) -> tuple[JointLog, str]:
     """The log of a bag, and the topic that it was read from."""
     if not path.exists():
         raise BadInput("there is no such file", file=path, remedy="name a .bag, .mcap, .db3 or folder")
@@ -215,15 +215,15 @@ def _read(
         states = [c for c in reader.connections if c.msgtype == JOINT_STATE]
         chosen = _topic(states, topic, reader, path)
         stamps, positions = array("q"), array("d")  # not lists of lists: recordings are long
-        seen: dict[str, None] = {}
+        joint_names_read: dict[str, None] = {}
         for stamp, message in bag.messages([c for c in states if c.topic == chosen]):
-            seen.update(dict.fromkeys(message.name))
+            joint_names_read.update(dict.fromkeys(message.name))
             row = _positions(message, names, chosen, path)
             if row is not None:
                 stamps.append(stamp)
                 positions.extend(row)
         if not stamps:
-            raise _no_joints(names, list(seen), chosen, path)
+            raise _no_joints(names, list(joint_names_read), chosen, path)
         marks = None
         if marker_topic is not None:
             markers = [c for c in reader.connections if c.topic == marker_topic]
@@ -234,7 +234,7 @@ def _read(
                 for stamp, message in bag.messages(markers)
             ]
     times = (np.array(stamps) - stamps[0]) * 1e-9
-    return Log(
+    return JointLog(
         path, times, np.array(positions).reshape(-1, len(names)) * per_unit(robot), marks=marks
     ), chosen
 

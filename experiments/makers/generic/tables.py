@@ -30,19 +30,19 @@ def columns_of_joints(columns: Sequence[str] | None, robot: Robot) -> Sequence[s
     if columns is None or not any("=" in column for column in columns):
         return columns
     names = [joint.name for joint in robot.joints]
-    found: dict[int, str] = {}
+    column_of: dict[int, str] = {}
     for item in columns:
         column, sign, joint = (part.strip() for part in item.rpartition("="))
         index = _joint(joint, robot)
-        if not sign or not column or index is None or index in found:
+        if not sign or not column or index is None or index in column_of:
             raise BadInput(
-                "the joint of a column is not understood" if index not in found else "duplicate joint",
+                "the joint of a column is not understood" if index not in column_of else "duplicate joint",
                 found=item,
                 allowed=f"COLUMN=JOINT, each joint once: {', '.join(names)}, or j1 to j{robot.n}",
                 remedy=did_you_mean(joint, names),
             )
-        found[index] = column
-    missing = [name for i, name in enumerate(names) if i not in found]
+        column_of[index] = column
+    missing = [name for i, name in enumerate(names) if i not in column_of]
     if missing:
         raise BadInput(
             "a joint has no column",
@@ -50,24 +50,24 @@ def columns_of_joints(columns: Sequence[str] | None, robot: Robot) -> Sequence[s
             allowed=f"one column for each of {', '.join(names)}",
             remedy=f"add COLUMN={missing[0]}",
         )
-    return [found[i] for i in range(robot.n)]
+    return [column_of[i] for i in range(robot.n)]
 
 
-def reversed_joints(stated: Sequence[str], robot: Robot) -> list[int]:
+def reversed_joints(texts: Sequence[str], robot: Robot) -> list[int]:
     """Indices of the joints to be reversed; BadInput for one that is not there, or a duplicate."""
     names = [joint.name for joint in robot.joints]
-    found: list[int] = []
-    for text in stated:
+    indices: list[int] = []
+    for text in texts:
         index = _joint(text, robot)
-        if index is None or index in found:
+        if index is None or index in indices:
             raise BadInput(
                 "the joint to be reversed is not understood" if index is None else "duplicate joint",
                 found=text,
                 allowed=f"each joint once: {', '.join(names)}, or j1 to j{robot.n}",
                 remedy=did_you_mean(text, names),
             )
-        found.append(index)
-    return found
+        indices.append(index)
+    return indices
 
 
 def _joint(text: str, robot: Robot) -> int | None:
@@ -102,7 +102,7 @@ DELIMITERS = {"\t": "tab", ";": "semicolon", ",": "comma", " ": "blank"}
 
 
 @dataclass(frozen=True)
-class Table:
+class TextTable:
     """Rows of text cells, all of one width, and their `lines`; `names` are of the header row, if any."""
 
     path: Path
@@ -117,16 +117,16 @@ class Table:
     def width(self) -> int:
         return len(self.rows[0])
 
-    def column(self, stated: str) -> int:
+    def column(self, name: str) -> int:
         """Index of a column that is stated by its name, or by its number counted from 1."""
-        if self.names is not None and stated in self.names:
-            return self.names.index(stated)
-        if stated.isdecimal() and len(stated) < 10 and 1 <= int(stated) <= self.width:
-            return int(stated) - 1
+        if self.names is not None and name in self.names:
+            return self.names.index(name)
+        if name.isdecimal() and len(name) < 10 and 1 <= int(name) <= self.width:
+            return int(name) - 1
         if self.names is None:
             raise BadInput(
                 "there is no column of this number",
-                found=stated,
+                found=name,
                 allowed=f"1 to {self.width}",
                 remedy="column names need a header row: state it if the files have one",
                 file=self.path,
@@ -134,9 +134,9 @@ class Table:
             )
         raise BadInput(
             "there is no column of this name",
-            found=stated,
+            found=name,
             allowed=", ".join(self.names),
-            remedy=_other_delimiter(self.names) or did_you_mean(stated, self.names),
+            remedy=_other_delimiter(self.names) or did_you_mean(name, self.names),
             file=self.path,
             line=self.header_line,
         )
@@ -213,7 +213,7 @@ def check_signs(delimiter: str | None, decimal: str) -> None:
 
 def read_table(
     path: Path, *, header_row: bool, delimiter: str | None, decimal: str, joints_of: Robot | None
-) -> Table:
+) -> TextTable:
     """The table of a file; without `delimiter` it is found. Without a header row `joints_of` means: its
     columns are a robot's joints."""
     text, _ = read_text(path, LARGEST_TABLE)
@@ -224,7 +224,7 @@ def read_table(
 
 def table_of(
     text: str, path: Path, *, header_row: bool, delimiter: str | None, decimal: str, joints_of: Robot | None
-) -> Table:
+) -> TextTable:
     """The table that a text is; `path` is named in errors. Else as `read_table`."""
     padded = delimiter is None
     delimiter = found_delimiter(text, decimal) if delimiter is None else delimiter
@@ -271,7 +271,7 @@ def table_of(
         if len(cells) != width:
             whole = not header_row and line == lines[0]
             raise _wrong_count(cells, width, whose, whole, path, line)
-    return Table(path, names, header_line, rows, lines, decimal, delimiter)
+    return TextTable(path, names, header_line, rows, lines, decimal, delimiter)
 
 
 def _check_names(names: tuple[str, ...], line: int, path: Path, delimiter: str, decimal: str) -> None:

@@ -23,7 +23,7 @@ from ....model.files.run import Run
 from ....model.files.urdf import MILLIMETRES, last_joint
 from ....model.kinematics.orientation import angles_of, roll_pitch_yaw
 from ....model.kinematics.robot import Joint, Robot, axis_rotation
-from ..calibration import Calibration, GeometryValue, Offset
+from ..calibration import Calibration, GeometryValue, JointOffset
 
 BASE, FLANGE = "base", "flange"
 _ESCAPED = {"\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
@@ -65,8 +65,8 @@ def _joint(joint: Joint, parent: str, child: str) -> list[str]:
 
 
 def _origin_element(transform: Matrix) -> str:
-    place = _spaced(transform[:3, 3] / MILLIMETRES)
-    return f'<origin xyz="{place}" rpy="{_spaced(angles_of(transform[:3, :3]))}"/>'
+    xyz = _spaced(transform[:3, 3] / MILLIMETRES)
+    return f'<origin xyz="{xyz}" rpy="{_spaced(angles_of(transform[:3, :3]))}"/>'
 
 
 def _spaced(values: Sequence[float] | Matrix) -> str:
@@ -105,7 +105,7 @@ class _Element:
 
 
 @dataclass
-class _Found:
+class _UrdfElements:
     """Of one file: the top element, and the joint elements with their origins."""
 
     robot: list[_Element] = field(default_factory=list)
@@ -120,18 +120,18 @@ def urdf_text(run: Run, calibration: Calibration) -> str:
     path = run.path.parent / ref.urdf
     text, _ = read_text(path)
     content = text.encode()
-    found = _elements(content)
+    elements = _elements(content)
     newline = b"\r\n" if b"\r\n" in content else b"\n"
-    edits = [_comment(content, found.robot[0], calibration, newline)]
+    edits = [_comment(content, elements.robot[0], calibration, newline)]
     corrected = calibration.corrected
     turned = run.robot.with_offsets(np.array([offset.internal for offset in calibration.offsets]))
     for i, (joint, offset) in enumerate(zip(run.robot.joints, calibration.offsets, strict=True)):
         moved = corrected.joints[i].fixed
         if not np.allclose(moved, turned.joints[i].fixed, rtol=0, atol=_SAME):
             by = np.linalg.inv(joint.fixed) @ moved
-            edits += _whole_origin(content, by, *_only(found, joint.name, path))
+            edits += _whole_origin(content, by, *_only(elements, joint.name, path))
         elif offset.exported:
-            edits.append(_origin(content, joint, offset, *_only(found, joint.name, path)))
+            edits.append(_origin(content, joint, offset, *_only(elements, joint.name, path)))
     if not np.allclose(corrected.flange, run.robot.flange, rtol=0, atol=_SAME):
         name, kind = last_joint(path, ref.base, ref.tip)
         if kind != "fixed":
@@ -144,7 +144,7 @@ def urdf_text(run: Run, calibration: Calibration) -> str:
                 file=path,
             )
         by = np.linalg.inv(run.robot.flange) @ corrected.flange
-        edits += _whole_origin(content, by, *_only(found, name, path))
+        edits += _whole_origin(content, by, *_only(elements, name, path))
     for start, end, instead in sorted(edits, reverse=True):
         content = content[:start] + instead + content[end:]
     bom = "\ufeff" if read_bytes(path).startswith(_BOM) else ""
@@ -152,12 +152,12 @@ def urdf_text(run: Run, calibration: Calibration) -> str:
 
 
 def _of_last(calibration: Calibration, n: int) -> list[GeometryValue]:
-    return [own for own in calibration.geometry if own.exported and own.name.startswith(f"link{n}.")]
+    return [value for value in calibration.geometry if value.exported and value.name.startswith(f"link{n}.")]
 
 
-def _only(found: _Found, name: str, path: Path) -> tuple[_Element, list[_Element]]:
+def _only(elements: _UrdfElements, name: str, path: Path) -> tuple[_Element, list[_Element]]:
     """The joint element of that name, with its origins."""
-    same = [pair for pair in found.joints if pair[0].attributes.get("name") == name]
+    same = [pair for pair in elements.joints if pair[0].attributes.get("name") == name]
     if len(same) != 1:
         raise BadInput(
             f"the URDF file has {len(same)} joints of the same name",
@@ -168,26 +168,26 @@ def _only(found: _Found, name: str, path: Path) -> tuple[_Element, list[_Element
     return same[0]
 
 
-def _elements(content: bytes) -> _Found:
+def _elements(content: bytes) -> _UrdfElements:
     """The elements of a URDF that has been read as the run's robot, so that it is well-formed."""
-    found = _Found()
+    elements = _UrdfElements()
     stack: list[str] = []
     parser = expat.ParserCreate(encoding="utf-8")
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         element = _Element(parser.CurrentByteIndex, attributes)
         if not stack:
-            found.robot.append(element)
+            elements.robot.append(element)
         elif len(stack) == 1 and tag == "joint":
-            found.joints.append((element, []))
+            elements.joints.append((element, []))
         elif len(stack) == 2 and stack[1] == "joint" and tag == "origin":
-            found.joints[-1][1].append(element)
+            elements.joints[-1][1].append(element)
         stack.append(tag)
 
     parser.StartElementHandler = start
     parser.EndElementHandler = lambda _: stack.pop()
     parser.Parse(content, True)
-    return found
+    return elements
 
 
 def _tag(content: bytes, element: _Element) -> bytes:
@@ -205,34 +205,34 @@ def _comment(content: bytes, robot: _Element, calibration: Calibration, newline:
 
 
 def _origin(
-    content: bytes, joint: Joint, offset: Offset, element: _Element, origins: list[_Element]
+    content: bytes, joint: Joint, offset: JointOffset, element: _Element, origins: list[_Element]
 ) -> _Edit:
     """The joint's origin moved by its offset: `rpy` alone changes if it is revolute, `xyz` if prismatic."""
-    stated = origins[0].attributes if origins else {}
-    turn = roll_pitch_yaw(*_numbers(stated.get("rpy")))[:3, :3]
+    attributes = origins[0].attributes if origins else {}
+    turn = roll_pitch_yaw(*_numbers(attributes.get("rpy")))[:3, :3]
     if joint.kind == "revolute":
         name, values = "rpy", angles_of(turn @ _rotation(joint.axis, offset.internal))
     else:
         name = "xyz"
         shift = turn @ joint.axis * offset.internal / MILLIMETRES
-        values = tuple(np.array(_numbers(stated.get("xyz"))) + shift)
+        values = tuple(np.array(_numbers(attributes.get("xyz"))) + shift)
     return _with_attribute(content, name, values, element, origins)
 
 
 def _whole_origin(content: bytes, by: Matrix, element: _Element, origins: list[_Element]) -> list[_Edit]:
     """The joint's origin times a transform `by` (4, 4), mm."""
-    stated = origins[0].attributes if origins else {}
-    before = roll_pitch_yaw(*_numbers(stated.get("rpy")))
-    before[:3, 3] = np.array(_numbers(stated.get("xyz"))) * MILLIMETRES
+    attributes = origins[0].attributes if origins else {}
+    before = roll_pitch_yaw(*_numbers(attributes.get("rpy")))
+    before[:3, 3] = np.array(_numbers(attributes.get("xyz"))) * MILLIMETRES
     after = before @ by
-    place = tuple((after[:3, 3] / MILLIMETRES).tolist())
+    xyz = tuple((after[:3, 3] / MILLIMETRES).tolist())
     angles = angles_of(after[:3, :3])
     if not origins:
         at = element.start + len(_tag(content, element))
-        return [(at, at, b"<origin xyz=" + _text(place) + b" rpy=" + _text(angles) + b"/>")]
+        return [(at, at, b"<origin xyz=" + _text(xyz) + b" rpy=" + _text(angles) + b"/>")]
     edits = [
         _with_attribute(content, name, values, element, origins)
-        for name, values in (("xyz", place), ("rpy", angles))
+        for name, values in (("xyz", xyz), ("rpy", angles))
     ]
     if edits[0][:2] == edits[1][:2]:  # neither was there: both go to one place
         return [(*edits[0][:2], edits[0][2] + edits[1][2])]

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from ..calibration import Calibration
     from ..plan_programs import ProgramMotion
     from ..program_parts import Language
-    from ..recordings import Imported, Job
+    from ..recordings import Imported, ImportJob
 
 _ABOUT = [
     "Mastering sheet for KUKA (KRC). Two ways, do ONE of them:",
@@ -20,7 +20,7 @@ _ABOUT = [
     "  the present mastering, and master it there (dial): it then shows the mastering position.",
     "- Or add the offset to $MAMES of the axis (its position at the mark) and master at the marks as",
     "  always. The sign is that of the offset: with a larger $MAMES the axis reads more.",
-    "Frames: TOOL and BASE that were measured with the old mastering hold its error: measure them",
+    "ModuleFrames: TOOL and BASE that were measured with the old mastering hold its error: measure them",
     "again.",
 ]
 
@@ -51,7 +51,7 @@ def _krl_program(plan: "Plan", motion: "ProgramMotion", file: Path) -> Mapping[P
     return krl_program(plan, motion, file)
 
 
-def _read_krl(job: "Job", points: PointNames = None) -> "Imported":
+def _read_krl(job: "ImportJob", points: PointNames = None) -> "Imported":
     """KUKA: axis positions (AXIS, E6AXIS) of a data list, taught or recorded by a plan's program."""
     from .krl_points import import_kuka
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from lark import Token, Tree
 
 from ....model.arrays import Matrix
-from .statements import Names, pose_of, span, whole
+from .statements import KrlNames, pose_of, span, whole
 
 Value = tuple[str, object]  # kind, which
 Values = frozenset[Value]
@@ -41,7 +41,7 @@ def joined(one: State | None, other: State) -> State:
 
 
 @dataclass(eq=False)
-class Step:
+class FlowStep:
     """A statement of a routine: what it changes, which routine it calls, the steps that may follow, the
     motion that it is."""
 
@@ -57,9 +57,9 @@ class Routine:
 
     name: str
     open: bool
-    steps: list[Step] = field(default_factory=lambda: [Step(), Step()])
+    steps: list[FlowStep] = field(default_factory=lambda: [FlowStep(), FlowStep()])
 
-    def add(self, step: Step, before: Iterable[int]) -> int:
+    def add(self, step: FlowStep, before: Iterable[int]) -> int:
         self.steps.append(step)
         at = len(self.steps) - 1
         for each in before:
@@ -96,9 +96,9 @@ class Flow:
         name, at = self._at[motion]
         return self._before[name][at]
 
-    def resolved(self, motion: int, found: Values) -> Values:
+    def resolved(self, motion: int, to_resolve: Values) -> Values:
         """The same with the values that the routine of a motion may begin with."""
-        return self._with_entries(self._at[motion][0], found)
+        return self._with_entries(self._at[motion][0], to_resolve)
 
     def _run(self, routine: Routine) -> list[State | None]:
         before: list[State | None] = [None] * len(routine.steps)
@@ -118,12 +118,12 @@ class Flow:
                     work.append(following)
         return before
 
-    def _after(self, step: Step, state: State) -> State | None:
+    def _after(self, step: FlowStep, state: State) -> State | None:
         if step.call is not None:
             end = self._ends[step.call]
             if end is None:
                 return None
-            return {**state, **{name: _substituted(found, state) for name, found in end.items()}}
+            return {**state, **{name: _substituted(at_end, state) for name, at_end in end.items()}}
         return state if step.change is None else step.change(state)
 
     def _call_sites(self) -> None:
@@ -133,15 +133,15 @@ class Flow:
                 if step.call is not None and state is not None:
                     self._sites[step.call].append((name, state))
 
-    def _with_entries(self, name: str, found: Values) -> Values:
+    def _with_entries(self, name: str, to_resolve: Values) -> Values:
         result: set[Value] = set()
-        seen: set[tuple[str, Value]] = set()
-        work = [(name, value) for value in found]
+        visited: set[tuple[str, Value]] = set()
+        work = [(name, value) for value in to_resolve]
         while work:
             routine, value = work.pop()
-            if (routine, value) in seen:
+            if (routine, value) in visited:
                 continue
-            seen.add((routine, value))
+            visited.add((routine, value))
             if value[0] != "entry":
                 result.add(value)
                 continue
@@ -153,9 +153,9 @@ class Flow:
         return frozenset(result)
 
 
-def _substituted(found: Values, state: State) -> Values:
+def _substituted(at_end: Values, state: State) -> Values:
     result: set[Value] = set()
-    for value in found:
+    for value in at_end:
         result |= values(state, str(value[1])) if value[0] == "entry" else {value}
     return frozenset(result)
 
@@ -167,10 +167,10 @@ SETTING = {
 }
 
 
-class Frames:
+class ModuleFrames:
     """The frames that a module states: `poses` in numbers by place, `defined` for TOOL_DATA and BASE_DATA."""
 
-    def __init__(self, names: Names) -> None:
+    def __init__(self, names: KrlNames) -> None:
         self.names = names
         self.poses: dict[int, Matrix | None] = {}
         self.defined: dict[str, list[int]] = {}
@@ -223,15 +223,15 @@ class Frames:
 
     def _literal(self, word: str, aggregate: Tree[Token] | Token) -> Callable[[State], Values]:
         assert isinstance(aggregate, Tree)
-        place, pose = span(aggregate)[0], pose_of(aggregate)
+        pos, pose = span(aggregate)[0], pose_of(aggregate)
         if pose is None:
             self.names.problem(
-                place, f"this {word} is not stated in numbers as a whole (X, Y, Z, A, B, C), each once"
+                pos, f"this {word} is not stated in numbers as a whole (X, Y, Z, A, B, C), each once"
             )
-        elif place not in self.poses:
+        elif pos not in self.poses:
             self.names.claim(aggregate, "frame")
-        self.poses[place] = pose
-        return lambda state: frozenset([("literal", place)])
+        self.poses[pos] = pose
+        return lambda state: frozenset([("literal", pos)])
 
     def _data(self, part: Tree[Token] | Token) -> Value:
         if isinstance(part, Tree):
@@ -242,10 +242,10 @@ class Frames:
     def _applied(self, state: State, *, perhaps: bool) -> State:
         result = state
         for word in ("tool", "base"):
-            found: set[Value] = set(values(state, word)) if perhaps else set()
+            frames: set[Value] = set(values(state, word)) if perhaps else set()
             for data in values(state, "data"):
-                found |= _of_data(state, self.names, word, data)
-            result = assigned(result, word, found)
+                frames |= _of_data(state, self.names, word, data)
+            result = assigned(result, word, frames)
         return result
 
 
@@ -258,7 +258,7 @@ def _of_number(word: str, index: int | None) -> Callable[[State], Values]:
     return lambda state: values(state, f"{word} {index}")
 
 
-def _of_data(state: State, names: Names, word: str, data: Value) -> Values:
+def _of_data(state: State, names: KrlNames, word: str, data: Value) -> Values:
     if data[0] == "numbers":
         numbers = data[1]
         assert isinstance(numbers, tuple)
@@ -268,14 +268,14 @@ def _of_data(state: State, names: Names, word: str, data: Value) -> Values:
     return frozenset([("unknown", "FDAT_ACT, which is not set before in this routine")])
 
 
-def perhaps_kept(own: tuple[Change, ...]) -> Change:
+def perhaps_kept(changes: tuple[Change, ...]) -> Change:
     """What holds for a motion alone is taken to hold behind it, or not."""
 
     def change(state: State) -> State:
         with_own = state
-        for each in own:
+        for each in changes:
             with_own = each(with_own)
-        return {name: values(state, name) | found for name, found in with_own.items()}
+        return {name: values(state, name) | changed for name, changed in with_own.items()}
 
     return change
 

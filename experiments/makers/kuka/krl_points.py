@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ....model.errors import BadInput
 from ....model.files.reading import shown
-from ..recordings import Imported, Job, Point, import_points
+from ..recordings import Imported, ImportJob, Point, import_points
 
 # KUKA: DECL E6AXIS XP1={A1 -90.0,A2 …,E6 0.0}, or P[1]={E6AXIS: A1 …} of an array: an aggregate of KRL that
 # begins with an axis is an axis position, one that begins with X is Cartesian.
@@ -25,7 +25,7 @@ AXIS = re.compile(r"^A(\d)\s+([-+]?(?:\d+\.?\d*|\.\d+)(?:E[-+]?\d+)?)$", re.IGNO
 
 
 def import_kuka(
-    job: Job,
+    job: ImportJob,
     *,
     points: Sequence[str] | None = None,
 ) -> Imported:
@@ -44,7 +44,7 @@ def import_kuka(
 
 def without_comments(text: str) -> str:
     """A KRL file with blanks for its strings and comments (;)."""
-    return re.sub(r'"[^"\n]*"|;[^\n]*', lambda found: " " * len(found[0]), text)
+    return re.sub(r'"[^"\n]*"|;[^\n]*', lambda match: " " * len(match[0]), text)
 
 
 def kuka_positions(text: str, path: Path) -> list[Point]:
@@ -52,12 +52,12 @@ def kuka_positions(text: str, path: Path) -> list[Point]:
     bare = without_comments(text)
     if DATA_LIST.search(bare) and not _END_OF_LIST.search(bare):
         raise BadInput("the data list is incomplete: its last line, ENDDAT, is missing", file=path)
-    found = []
+    points = []
     for match in AGGREGATE.finditer(bare):
         line = bare.count("\n", 0, match.start("name")) + 1
         cartesian = match["fields"].strip()[0] in "Xx"
-        found.append(Point(match["name"], None if cartesian else _axes(match, path, line), line))
-    return found
+        points.append(Point(match["name"], None if cartesian else _axes(match, path, line), line))
+    return points
 
 
 def _positions(text: str, path: Path) -> list[Point]:
@@ -66,10 +66,10 @@ def _positions(text: str, path: Path) -> list[Point]:
     if not _MEASURED_NAME.search(text):
         return points
     done = {match[1] for match in _DONE.finditer(without_comments(text))}
-    found = [(point, _MEASURED_NAME.fullmatch(point.name)) for point in points]
+    named = [(point, _MEASURED_NAME.fullmatch(point.name)) for point in points]
     return [
         point._replace(number=int(match[1]))
-        for point, match in found
+        for point, match in named
         if match is not None and match[1] in done
     ]
 

@@ -15,8 +15,8 @@ from ....model.errors import BadInput
 from ....model.files.plan import Plan
 from ..plan_programs import (
     LOG_PLAN,
+    PlanStep,
     ProgramMotion,
-    Step,
     decimal,
     head_lines,
     made_for,
@@ -50,7 +50,7 @@ def krl_program(plan: Plan, motion: ProgramMotion, file: Path) -> dict[Path, str
     }
 
 
-def _source(plan: Plan, motion: ProgramMotion, name: str, steps: list[Step], head: list[str]) -> str:
+def _source(plan: Plan, motion: ProgramMotion, name: str, steps: list[PlanStep], head: list[str]) -> str:
     lines = [
         "&ACCESS RVP",
         f"DEF {name}( )",
@@ -96,7 +96,7 @@ def _recorded(number: int) -> Iterator[str]:
     yield f"    {DONE}{number}=TRUE"
 
 
-def _visit(step: Step, motion: ProgramMotion) -> Iterator[str]:
+def _visit(step: PlanStep, motion: ProgramMotion) -> Iterator[str]:
     yield f"CASE {step.number}"
     for i in range(1, len(step.via) + 1):
         yield f"  PTP ZB_V{step.number}_{i}" + (" C_PTP" if motion.zone else "")
@@ -104,7 +104,7 @@ def _visit(step: Step, motion: ProgramMotion) -> Iterator[str]:
     yield "  ZB_WAITS=TRUE"
 
 
-def _data(plan: Plan, name: str, steps: list[Step], head: list[str]) -> str:
+def _data(plan: Plan, name: str, steps: list[PlanStep], head: list[str]) -> str:
     zero = _axes((0.0,) * plan.robot.n)
     lines = [
         "&ACCESS RVP",
@@ -118,7 +118,8 @@ def _data(plan: Plan, name: str, steps: list[Step], head: list[str]) -> str:
     for step in steps:
         rows = [(f"ZB_V{step.number}_{i}", row) for i, row in enumerate(step.via, start=1)]
         lines += [
-            f"DECL AXIS {own}={_axes(row)}" for own, row in [*rows, (f"ZB_P{step.number}", step.joints)]
+            f"DECL AXIS {target_name}={_axes(row)}"
+            for target_name, row in [*rows, (f"ZB_P{step.number}", step.joints)]
         ]
     for step in steps:
         lines += [f"DECL E6AXIS {MEASURED}{step.number}={zero}", f"DECL BOOL {DONE}{step.number}=FALSE"]

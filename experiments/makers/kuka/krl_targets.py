@@ -22,43 +22,54 @@ from ..program_parts import (
     Edit,
     JointTarget,
     Language,
+    LiteralSpan,
     Motion,
     Parsed,
-    Place,
     PoseTarget,
     Source,
     number_edits,
 )
 from .flow import Flow, State, Value, Values, nothing_known, values
 from .routines import Routines
-from .statements import POSE, Names, Position, fields, krl_head, krl_literals, number, span, statements, whole
+from .statements import (
+    POSE,
+    KrlNames,
+    Position,
+    fields,
+    krl_head,
+    krl_literals,
+    number,
+    span,
+    statements,
+    whole,
+)
 
 
 def krl_targets(source: Source) -> Parsed:
     """What is to be corrected in a module."""
     parsed = Parsed()
-    names = Names(source, parsed)
-    found = statements(source, parsed)
+    names = KrlNames(source, parsed)
+    rows = statements(source, parsed)
     if not parsed.problems:
-        names.declare(found)
+        names.declare(rows)
         routines = Routines(names)
-        routines.read(found)
+        routines.read(rows)
         if not parsed.problems:
-            _Module(source, names, routines).read()
+            _KrlModule(source, names, routines).read()
     if parsed.problems:  # those alone are named, not the positions that were not looked at because of them
-        parsed.literals[:] = [Place(*place, "left") for place in krl_literals(source.text)]
+        parsed.literals[:] = [LiteralSpan(*literal, "left") for literal in krl_literals(source.text)]
     return parsed
 
 
-class _Module:
-    def __init__(self, source: Source, names: Names, routines: Routines) -> None:
+class _KrlModule:
+    def __init__(self, source: Source, names: KrlNames, routines: Routines) -> None:
         self.source, self.names, self.parsed = source, names, names.parsed
         self.moves, self.frames = routines.moves, routines.frames
         self.flow = Flow(routines.routines, self._at_start)
         self.keys: dict[int, str] = {}  # of the targets of motions; not of those that are left
         self.uses: dict[str, list[int]] = {}
         self.joints: dict[str, Matrix] = {}  # of the targets that are axes
-        self.near = None if source.stated.near is None else self._status_at(source.stated.near)
+        self.near = None if source.facts.near is None else self._status_at(source.facts.near)
 
     def read(self) -> None:
         for at in range(len(self.moves)):
@@ -74,8 +85,8 @@ class _Module:
         if not self.parsed.problems:
             self._motions()
 
-    def _problem(self, place: int, sentence: str) -> None:
-        self.parsed.problems.append((self.source.line(place), sentence))
+    def _problem(self, pos: int, sentence: str) -> None:
+        self.parsed.problems.append((self.source.line(pos), sentence))
 
     # Motions
 
@@ -86,7 +97,7 @@ class _Module:
                 self._require_same_frames(at)
             return
         if part.data == "aggregate":
-            key = f"the target in line {self.source.line(move.place)}"
+            key = f"the target in line {self.source.line(move.pos)}"
             while key in self.names.positions:
                 key += "'"
             self.names.positions[key] = Position(key, part, fields(part) or {})
@@ -94,11 +105,11 @@ class _Module:
             key = "".join(str(each).lower() for each in part.children[:1])
             if len(part.children) > 1:
                 key += f"[{part.children[1]}]"
-            if self.source.stated.leaves(key, self.source.written(key)):
+            if self.source.facts.leaves(key, self.source.written(key)):
                 return
             if self.names.positions.get(key) is None:
                 written = self.source.written(key)
-                self._problem(move.place, f"{written} has no value in these files (--leave {written}?)")
+                self._problem(move.pos, f"{written} has no value in these files (--leave {written}?)")
                 return
         self.keys[at] = key
         self.uses.setdefault(key, []).append(at)
@@ -108,15 +119,15 @@ class _Module:
             if position is None:
                 continue
             written = self.source.written(key)
-            as_frame = position.place in self.frames.poses
-            if self.source.stated.leaves(key, written):
+            as_frame = position.pos in self.frames.poses
+            if self.source.facts.leaves(key, written):
                 if not as_frame:
                     self.names.claim(position.aggregate, "left")
             elif key in self.uses and as_frame:
-                self._problem(position.place, f"{written} is a target and a frame")
+                self._problem(position.pos, f"{written} is a target and a frame")
             elif key not in self.uses and not as_frame:
                 self._problem(
-                    position.place,
+                    position.pos,
                     f"{written} is not the target of a motion here, so that its tool is not known (--leave?)",
                 )
 
@@ -124,7 +135,7 @@ class _Module:
         state = self.flow.before(at)
         if state is None:
             return nothing_known({})
-        for change in self.moves[at].own:
+        for change in self.moves[at].changes:
             state = change(state)
         return state
 
@@ -141,7 +152,7 @@ class _Module:
             for value in before
         ):
             self._problem(
-                self.moves[at].place,
+                self.moves[at].pos,
                 "$POS_ACT may be another position here, with another tool or base; use PTP $AXIS_ACT",
             )
 
@@ -154,7 +165,7 @@ class _Module:
             return frozenset([("open", "at the start")])
         word, _, index = variable.partition(" ")
         if index:
-            persistent: list[Value] = [("literal", place) for place in self.frames.defined.get(variable, ())]
+            persistent: list[Value] = [("literal", pos) for pos in self.frames.defined.get(variable, ())]
             return frozenset([("number", int(index)), *persistent])
         return frozenset([("start", word)])
 
@@ -163,15 +174,15 @@ class _Module:
     def _add_joints(self, position: Position, uses: list[int]) -> None:
         n, written = self.source.robot.n, self.source.written(position.key)
         axes = [f"A{i}" for i in range(1, n + 1)]
-        stated = [number(position.fields.get(axis)) for axis in axes]
+        values_of_axes = [number(position.fields.get(axis)) for axis in axes]
         others = [number(value) for name, value in position.fields.items() if name not in axes]
-        joints = [value for value in stated if value is not None]
+        joints = [value for value in values_of_axes if value is not None]
         if len(joints) != n or None in others or any(name[0] not in "AE" for name in position.fields):
-            self._problem(position.place, f"{written} does not state the {n} axes of the robot, in numbers")
+            self._problem(position.pos, f"{written} does not state the {n} axes of the robot, in numbers")
             return
         if any(self.moves[at].linear for at in uses):
             self._problem(
-                self.moves[uses[0]].place, f"{written} states axes, which a linear motion cannot have"
+                self.moves[uses[0]].pos, f"{written} states axes, which a linear motion cannot have"
             )
             return
         spans = [_span(position.fields[axis]) for axis in axes]
@@ -181,24 +192,24 @@ class _Module:
 
         self.names.claim(position.aggregate, "target")
         self.joints[position.key] = np.array(joints)
-        line = self.source.line(position.place)
+        line = self.source.line(position.pos)
         self.parsed.targets[position.key] = JointTarget(written, line, np.array(joints), write)
 
     def _add_pose(self, position: Position, uses: list[int]) -> None:
-        written, place, parts = self.source.written(position.key), position.place, position.fields
+        written, pos, parts = self.source.written(position.key), position.pos, position.fields
         numbers = [number(parts.get(name)) for name in POSE]
         pose = [value for value in numbers if value is not None]
         external = [number(value) for name, value in parts.items() if re.fullmatch("E[1-6]", name)]
         if len(pose) != len(POSE) or None in external:
-            self._problem(place, f"{written} does not state X, Y, Z, A, B and C in numbers")
+            self._problem(pos, f"{written} does not state X, Y, Z, A, B and C in numbers")
             return
         if any(external):
-            self._problem(place, f"{written} has positions of external axes, which may carry the robot")
+            self._problem(pos, f"{written} has positions of external axes, which may carry the robot")
             return
         status, turn = (whole(parts.get(name)) for name in "ST")
         allowed = {*POSE, "S", "T", *(f"E{i}" for i in range(1, 7))}
         if set(parts) - allowed or any(name in parts and whole(parts[name]) is None for name in "ST"):
-            self._problem(place, f"{written} has components that are not understood")
+            self._problem(pos, f"{written} has components that are not understood")
             return
         frames = [self._known(position, uses, word) for word in ("tool", "base")]
         own_status, turn = self._status_of(position.key), turn if self._turns(uses) else None
@@ -221,7 +232,7 @@ class _Module:
         self.names.claim(position.aggregate, "target")
         self.parsed.targets[position.key] = PoseTarget(
             written,
-            self.source.line(place),
+            self.source.line(pos),
             from_abc(pose),
             frames[0],
             frames[1],
@@ -243,40 +254,41 @@ class _Module:
                     option = "--tool" if word == "tool" else "--frame"
                     numbered = value[0] == "number"
                     known = f"{word} {value[1]}" if numbered else f"the active {word}"
-                    said = f"{value[1]}=" if numbered else ""
+                    key_of_option = f"{value[1]}=" if numbered else ""
                     why = f" ({value[1]})" if value[0] in ("open", "unknown") else ""
                     self._problem(
-                        self.moves[at].place, f"{known} is not known{why}; state {option} {said}X,Y,Z,A,B,C"
+                        self.moves[at].pos,
+                        f"{known} is not known{why}; state {option} {key_of_option}X,Y,Z,A,B,C",
                     )
                     return None
                 poses.append(pose)
                 if not np.allclose(pose, poses[0], atol=1e-9):
                     written = self.source.written(position.key)
-                    self._problem(self.moves[at].place, f"{written} is used with different tools or bases")
+                    self._problem(self.moves[at].pos, f"{written} is used with different tools or bases")
                     return None
         return poses[0]
 
     def _pose(self, word: str, value: Value) -> Matrix | None:
-        stated = self.source.stated.tool if word == "tool" else self.source.stated.frame
+        pose_of = self.source.facts.tool if word == "tool" else self.source.facts.frame
         if value[0] == "null":
             return NULL
         if value[0] == "number":
-            return stated(str(value[1]))
+            return pose_of(str(value[1]))
         if value[0] == "literal":
             return self.frames.poses[int(str(value[1]))]
-        return stated(str(value[1])) if value[0] == "open" else None
+        return pose_of(str(value[1])) if value[0] == "open" else None
 
     # The status
 
     @cached_property
     def _branches(self) -> Branches | None:
-        found = Branches(self.source.robot, -1)
-        return found if found.exist else None
+        branches = Branches(self.source.robot, -1)
+        return branches if branches.exist else None
 
     def _status_at(self, joints: Matrix) -> int | None:
         return None if self._branches is None else kuka_status(self._branches.of(joints))
 
-    def _stated(self, key: str) -> tuple[int | None, bool]:
+    def _stated_status(self, key: str) -> tuple[int | None, bool]:
         """Bits 0 to 2 of S, and whether T is stated too."""
         position = self.names.positions[key]
         assert position is not None
@@ -288,7 +300,7 @@ class _Module:
         if self.moves[at].linear:
             return True
         key = self.keys[at]
-        status, turned = self._stated(key)
+        status, turned = self._stated_status(key)
         position = self.names.positions[key]
         return position is not None and not position.axes and (status is None or not turned)
 
@@ -300,18 +312,20 @@ class _Module:
             if not self._keeps(at):
                 position = self.names.positions[key]
                 assert position is not None
-                status = self._status_at(self._axes(position)) if position.axes else self._stated(key)[0]
+                status = (
+                    self._status_at(self._axes(position)) if position.axes else self._stated_status(key)[0]
+                )
                 result[at] = frozenset([status])
         going = True
         while going:
             going = False
             for at in self.keys:
                 if self._keeps(at):
-                    found = frozenset[int | None]().union(
+                    statuses = frozenset[int | None]().union(
                         *(self._status_after(value, result) for value in self._before(at))
                     )
-                    going |= found != result[at]
-                    result[at] = found
+                    going |= statuses != result[at]
+                    result[at] = statuses
         return result
 
     def _axes(self, position: Position) -> Matrix:
@@ -324,46 +338,46 @@ class _Module:
 
     def _status_of(self, key: str) -> int | None:
         """That of a target at all its motions; None where only --near can say it."""
-        stated, _ = self._stated(key)
-        written, found = self.source.written(key), set[int | None]()
+        stated_status, _ = self._stated_status(key)
+        written, statuses = self.source.written(key), set[int | None]()
         for at in self.uses[key]:
-            here, place = self._statuses[at], self.moves[at].place
-            if None in here and self.near is None and (stated is not None or len(here) > 1):
+            here, pos = self._statuses[at], self.moves[at].pos
+            if None in here and self.near is None and (stated_status is not None or len(here) > 1):
                 self._problem(
-                    place,
+                    pos,
                     f"the configuration at {written} is that of the motion before, which is not known here;"
                     " go to a target with S and T before it by PTP, or state --near",
                 )
             elif len(here) > 1:
                 self._problem(
-                    place,
+                    pos,
                     f"{written} may be reached in several configurations here (S"
                     f" {', '.join(str(each) for each in sorted(each or 0 for each in here))}); go to a target"
                     " with S and T before it by PTP",
                 )
-            elif stated is not None and here and here != {stated}:
+            elif stated_status is not None and here and here != {stated_status}:
                 self._problem(
-                    place,
-                    f"the arm has S {min(each or 0 for each in here)} at {written}, which states S {stated}:"
-                    " this motion keeps the configuration, and would change the arm's configuration, which"
-                    " it cannot",
+                    pos,
+                    f"the arm has S {min(each or 0 for each in here)} at {written}, which states S"
+                    f" {stated_status}: this motion keeps the configuration, and would change the arm's"
+                    " configuration, which it cannot",
                 )
-            found |= here
-        if len(found) > 1:
-            place = self.moves[self.uses[key][0]].place
-            self._problem(place, f"{written} is reached in several configurations")
-        return next(iter(found), None)
+            statuses |= here
+        if len(statuses) > 1:
+            pos = self.moves[self.uses[key][0]].pos
+            self._problem(pos, f"{written} is reached in several configurations")
+        return next(iter(statuses), None)
 
     def _motions(self) -> None:
         """Each target for itself; then each pair of motions of which the second keeps the configuration."""
         for at, key in self.keys.items():
-            line, target = self.source.line(self.moves[at].place), self.parsed.targets[key]
+            line, target = self.source.line(self.moves[at].pos), self.parsed.targets[key]
             by_near = isinstance(target, PoseTarget) and target.matches is None
             self.parsed.motions.append(Motion(key, line, linear=False, first=by_near))
         for at, key in self.keys.items():
             if not self._keeps(at):
                 continue
-            line, linear = self.source.line(self.moves[at].place), self.moves[at].linear
+            line, linear = self.source.line(self.moves[at].pos), self.moves[at].linear
             for value in sorted(self._before(at), key=str):
                 before = self.keys.get(int(str(value[1]))) if value[0] == "motion" else None
                 if before is not None:

@@ -14,7 +14,7 @@ from lark import Token, Tree
 
 from ....model.arrays import Matrix
 from ....model.kinematics.poses import from_abc
-from ..program_parts import Parsed, Place, Source, understood
+from ..program_parts import LiteralSpan, Parsed, Source, understood
 
 POSE = ("X", "Y", "Z", "A", "B", "C")
 SCALARS = {"INT", "REAL", "BOOL", "CHAR"}
@@ -47,29 +47,29 @@ _HINTS = (
 def bare(text: str) -> str:
     """The text in capitals, with blanks for its comments, and the letters of its strings as `_`."""
 
-    def blanked(found: re.Match[str]) -> str:
-        inner = len(found[0]) - 2
-        return '"' + "_" * inner + '"' if found[0][0] == '"' else " " * len(found[0])
+    def blanked(match: re.Match[str]) -> str:
+        inner = len(match[0]) - 2
+        return '"' + "_" * inner + '"' if match[0][0] == '"' else " " * len(match[0])
 
     return _BLANKED.sub(blanked, text).translate(_CAPITALS)
 
 
 def krl_head(text: str) -> tuple[int, str]:
     """Where comments at the head of a file are put, and what they begin with."""
-    found = re.search(r"^[ \t]*(?:GLOBAL\s+)?DEF(?:FCT|DAT)?\b[^\n]*\n", text, re.MULTILINE | re.IGNORECASE)
-    return (0 if found is None else found.end()), "; "
+    match = re.search(r"^[ \t]*(?:GLOBAL\s+)?DEF(?:FCT|DAT)?\b[^\n]*\n", text, re.MULTILINE | re.IGNORECASE)
+    return (0 if match is None else match.end()), "; "
 
 
 def krl_literals(text: str) -> list[tuple[int, int]]:
     """The places of all aggregates that state X, Y, Z, A, B, C or an axis of the robot."""
-    own = bare(text)
-    return [found.span() for found in _AGGREGATE.finditer(own) if _OF_POSE.search(found[0])]
+    code = bare(text)
+    return [match.span() for match in _AGGREGATE.finditer(code) if _OF_POSE.search(match[0])]
 
 
-class Statement(NamedTuple):
+class KrlStatement(NamedTuple):
     """A line that is understood: its derivation, with places in the whole text."""
 
-    place: int
+    pos: int
     tree: Tree[Token]
 
     @property
@@ -81,21 +81,21 @@ class Statement(NamedTuple):
         return [str(each) for each in self.tree.children if isinstance(each, Token) and each.type == "NAME"]
 
 
-def statements(source: Source, parsed: Parsed) -> list[Statement]:
+def statements(source: Source, parsed: Parsed) -> list[KrlStatement]:
     """All that are understood; the others are problems."""
-    text, found, place = bare(source.text), [], 0
+    text, rows, pos = bare(source.text), [], 0
     if (lone := re.search(r"\r(?!\n)", source.text)) is not None:
         parsed.problems.append((source.line(lone.start()), "a line ends by a carriage return alone"))
     for line in text.split("\n"):
         if line.strip():
-            tree = understood("kuka/krl", "statement", text, place, place + len(line))
+            tree = understood("kuka/krl", "statement", text, pos, pos + len(line))
             if tree is None:
-                shown = " ".join(source.text[place : place + len(line)].split(";")[0].split())[:60]
-                parsed.problems.append((source.line(place), f"{shown}: {_why(line)}"))
+                shown = " ".join(source.text[pos : pos + len(line)].split(";")[0].split())[:60]
+                parsed.problems.append((source.line(pos), f"{shown}: {_why(line)}"))
             else:
-                found.append(Statement(place, tree))
-        place += len(line) + 1
-    return found
+                rows.append(KrlStatement(pos, tree))
+        pos += len(line) + 1
+    return rows
 
 
 def _why(line: str) -> str:
@@ -145,9 +145,9 @@ def whole(value: Token | Tree[Token] | None) -> int | None:
 
 def pose_of(aggregate: Tree[Token]) -> Matrix | None:
     """(4, 4) of a frame that is stated as a whole, in numbers."""
-    found = fields(aggregate)
-    values = [number(found.get(name)) for name in POSE] if found is not None else []
-    if found is None or set(found) != set(POSE) or None in values:
+    parts = fields(aggregate)
+    values = [number(parts.get(name)) for name in POSE] if parts is not None else []
+    if parts is None or set(parts) != set(POSE) or None in values:
         return None
     return from_abc([value for value in values if value is not None])
 
@@ -161,7 +161,7 @@ class Position:
     fields: Fields
 
     @property
-    def place(self) -> int:
+    def pos(self) -> int:
         return span(self.aggregate)[0]
 
     @property
@@ -170,7 +170,7 @@ class Position:
 
 
 @dataclass
-class Names:
+class KrlNames:
     """What the names of a module are, in small letters: scalar variables, `positions` (None without a value
     as yet), data sets of frames as numbers of tool and base, data sets of paths, any other data."""
 
@@ -182,14 +182,14 @@ class Names:
     paths: set[str] = field(default_factory=set)
     others: set[str] = field(default_factory=set)
 
-    def problem(self, place: int, sentence: str) -> None:
-        self.parsed.problems.append((self.source.line(place), sentence))
+    def problem(self, pos: int, sentence: str) -> None:
+        self.parsed.problems.append((self.source.line(pos), sentence))
 
     def claim(self, aggregate: Tree[Token], use: str) -> None:
         assert use in ("target", "frame", "left")
-        self.parsed.literals.append(Place(*span(aggregate), use))  # type: ignore[arg-type]
+        self.parsed.literals.append(LiteralSpan(*span(aggregate), use))  # type: ignore[arg-type]
 
-    def declare(self, all_statements: list[Statement]) -> None:
+    def declare(self, all_statements: list[KrlStatement]) -> None:
         """All that is declared, then the values that are assigned to positions."""
         kinds = {each.names()[0] for each in all_statements if each.kind == "enumeration"}
         for each in all_statements:
@@ -205,20 +205,20 @@ class Names:
         """Whether a name is a position, or a data set that a motion may depend on."""
         return name in self.positions or name in self.frames or name in self.paths
 
-    def _declaration(self, statement: Statement, scalar_types: set[str]) -> None:
+    def _declaration(self, statement: KrlStatement, scalar_types: set[str]) -> None:
         kind = statement.names()[0]
         for declared in statement.tree.find_data("declared"):
             name = str(declared.children[0]).lower()
             value = next((each for each in declared.children if isinstance(each, Tree)), None)
             before = self.holds_position(name) or name in self.others
             if before or (name in self.scalars and kind not in scalar_types):
-                self.problem(statement.place, f"{self.source.written(name)} is declared twice")
+                self.problem(statement.pos, f"{self.source.written(name)} is declared twice")
             if kind in scalar_types:
                 self.scalars.add(name)
             elif kind in POSITIONS:
                 self.positions[name] = None
                 if value is not None:
-                    self._take(name, value, statement.place)
+                    self._take(name, value, statement.pos)
             elif kind == "FDAT":
                 self.frames[name] = (-1, -1) if value is None else self.data_of_frames(value)
             elif kind == "LDAT":
@@ -230,33 +230,33 @@ class Names:
 
     def data_of_frames(self, aggregate: Tree[Token]) -> tuple[int, int]:
         """Numbers of tool and base."""
-        found = fields(aggregate) or {}
-        tool, base = (whole(found.get(name)) for name in ("TOOL_NO", "BASE_NO"))
-        place = span(aggregate)[0]
+        parts = fields(aggregate) or {}
+        tool, base = (whole(parts.get(name)) for name in ("TOOL_NO", "BASE_NO"))
+        pos = span(aggregate)[0]
         if tool is None or base is None or min(tool, base) < 0:
-            self.problem(place, "the data set does not state TOOL_NO and BASE_NO in numbers")
+            self.problem(pos, "the data set does not state TOOL_NO and BASE_NO in numbers")
             return -1, -1
-        if found.get("IPO_FRAME", "#BASE") != "#BASE":
-            self.problem(place, "the tool is fixed in the room (IPO_FRAME #TCP), which is not understood")
+        if parts.get("IPO_FRAME", "#BASE") != "#BASE":
+            self.problem(pos, "the tool is fixed in the room (IPO_FRAME #TCP), which is not understood")
         self.has("tool", tool)
         self.has("base", base)
         return tool, base
 
     def has(self, word: str, index: int | None) -> None:
         """The program has a tool or base of this number."""
-        self.source.stated.has("--tool" if word == "tool" else "--frame", str(index))
+        self.source.facts.has("--tool" if word == "tool" else "--frame", str(index))
 
     def check_path(self, aggregate: Tree[Token]) -> None:
         """A data set of a path: with another ORI_TYP the orientation of the target is not reached."""
-        found = fields(aggregate)
-        kind = "" if found is None else str(found.get("ORI_TYP", "#VAR"))
+        parts = fields(aggregate)
+        kind = "" if parts is None else str(parts.get("ORI_TYP", "#VAR"))
         if kind != "#VAR":
             self.problem(
                 span(aggregate)[0],
                 f"with ORI_TYP {kind} the orientation of the target may not be reached; allowed is #VAR",
             )
 
-    def _value(self, statement: Statement) -> None:
+    def _value(self, statement: KrlStatement) -> None:
         variable, aggregate = statement.tree.children
         assert isinstance(variable, Tree)
         assert isinstance(aggregate, Tree)
@@ -268,26 +268,26 @@ class Names:
         if indices:
             tokens = [str(each) for each in variable.scan_values(bool)]
             if len(tokens) != 2 or not tokens[1].isdecimal():
-                self.problem(statement.place, f"the index of {self.source.written(name)} is not a number")
+                self.problem(statement.pos, f"the index of {self.source.written(name)} is not a number")
                 return
             index = tokens[1]
             key = f"{name}[{index}]"
         if name not in self.positions or self.positions[name] is not None:
             written = self.source.written(name)
             self.problem(
-                statement.place,
+                statement.pos,
                 f"{written} has two values"
                 if name in self.positions
                 else f"{written} is changed when the program runs, and is not declared here as a position",
             )
             return
-        self._take(key, aggregate, statement.place)
+        self._take(key, aggregate, statement.pos)
 
-    def _take(self, key: str, aggregate: Tree[Token], place: int) -> None:
+    def _take(self, key: str, aggregate: Tree[Token], pos: int) -> None:
         if self.positions.get(key) is not None:
-            self.problem(place, f"{self.source.written(key)} has two values")
+            self.problem(pos, f"{self.source.written(key)} has two values")
             return
-        found = fields(aggregate)
-        if found is None:
-            self.problem(place, f"{self.source.written(key)} states a component twice")
-        self.positions[key] = Position(key, aggregate, found or {})
+        parts = fields(aggregate)
+        if parts is None:
+            self.problem(pos, f"{self.source.written(key)} states a component twice")
+        self.positions[key] = Position(key, aggregate, parts or {})

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ..generic.csv_file import CsvLayout
     from ..plan_programs import ProgramMotion
     from ..program_parts import Language
-    from ..recordings import Imported, Job
+    from ..recordings import Imported, ImportJob
 
 _ABOUT = [
     "Joint zero procedure for Universal Robots, by the joint calibration of your series' service",
@@ -83,7 +83,7 @@ def _rtde(joints: int) -> "CsvLayout":
 
 
 def _read(
-    job: "Job",
+    job: "ImportJob",
     still_deg: StillDeg = None,
     still_s: StillSeconds = None,
     delimiter: Annotated[str | None, Option("Delimiter of a recording, if not the usual one.")] = None,

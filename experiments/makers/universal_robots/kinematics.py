@@ -45,10 +45,10 @@ _FARTHEST = 50.0  # mm at the flange: a calibrated arm is nearer to its nominal 
 
 @dataclass(frozen=True, eq=False)
 class CalibratedArm:
-    """`stated` is the nominal robot file, `robot` the calibrated arm; `apart_mm` are the root mean square and
-    the largest distance between both flanges, over random postures."""
+    """`nominal_file` is that of the nominal robot, `robot` the calibrated arm; `apart_mm` are the root mean
+    square and the largest distance between both flanges, over random postures."""
 
-    stated: RobotFile
+    nominal_file: RobotFile
     robot: Robot
     apart_mm: tuple[float, float]
 
@@ -63,20 +63,20 @@ def read_ur_calibration(path: Path, name: str) -> CalibratedArm:
             allowed=", ".join(known),
             remedy=did_you_mean(name, known),
         )
-    stated, nominal = stated_rows(name, Path()), load_robot(name)
+    file, nominal = stated_rows(name, Path()), load_robot(name)
     text, _ = read_text(path)
-    chain = _deltas(text, path, stated) if "delta_" in text else _transforms(path)
+    chain = _deltas(text, path, file) if "delta_" in text else _transforms(path)
     robot = _along_axes(_as_chain(nominal, *chain), nominal)
     rms, most = flanges_apart(robot, nominal)
     if most > _FARTHEST:
         raise BadInput(
-            f"this is not the calibration of a {stated.model}",
+            f"this is not the calibration of a {file.model}",
             found=f"its flange would be up to {most:.0f} mm from that of the nominal arm",
             allowed=f"up to {_FARTHEST:.0f} mm",
             remedy=f"state the right --robot: {', '.join(known)}",
             file=path,
         )
-    return CalibratedArm(stated, robot, (rms, most))
+    return CalibratedArm(file, robot, (rms, most))
 
 
 def flanges_apart(one: Robot, other: Robot) -> tuple[float, float]:
@@ -92,32 +92,32 @@ def ros_chain(nominal: Robot, path: Path) -> Robot:
     return _as_chain(nominal, *_transforms(path))
 
 
-def _deltas(text: str, path: Path, stated: RobotFile) -> tuple[list[Matrix], Matrix]:
-    found: dict[str, list[float]] = {}
+def _deltas(text: str, path: Path, file: RobotFile) -> tuple[list[Matrix], Matrix]:
+    deltas: dict[str, list[float]] = {}
     for key in DELTAS:
         match = re.search(rf"^[ \t]*{key}\s*=\s*\[([^\]]*)\]", text, re.MULTILINE)
         try:
             values = [] if match is None else [float(part) for part in match[1].split(",")]
         except ValueError:
             values = []
-        if len(values) != len(stated.joints) or not all(abs(value) <= _LARGEST for value in values):
+        if len(values) != len(file.joints) or not all(abs(value) <= _LARGEST for value in values):
             raise BadInput(
                 f"the calibration has no {key}" if match is None else f"{key} cannot be used",
                 found=None if match is None else match[1].strip(),
                 allowed=f"{key} = [six numbers], as in the controller's calibration.conf",
                 file=path,
             )
-        found[key] = values
+        deltas[key] = values
     rows = [
         DHRow(
-            row.a + found["delta_a"][i] * MILLIMETRES,
-            row.alpha + found["delta_alpha"][i],
-            row.d + found["delta_d"][i] * MILLIMETRES,
-            row.theta + found["delta_theta"][i],
+            row.a + deltas["delta_a"][i] * MILLIMETRES,
+            row.alpha + deltas["delta_alpha"][i],
+            row.d + deltas["delta_d"][i] * MILLIMETRES,
+            row.theta + deltas["delta_theta"][i],
         )
-        for i, row in enumerate(joint.row for joint in stated.joints)
+        for i, row in enumerate(joint.row for joint in file.joints)
     ]
-    return dh_chain(rows, stated.convention)
+    return dh_chain(rows, file.convention)
 
 
 def _transforms(path: Path) -> tuple[list[Matrix], Matrix]:
@@ -132,10 +132,10 @@ def _transforms(path: Path) -> tuple[list[Matrix], Matrix]:
         )
     chain = []
     for name in LINKS:
-        stated = links.get(name)
+        link = links.get(name)
         values: list[Any] = [None]
-        if isinstance(stated, Mapping):
-            values = [stated.get(key) for key in PLACE]
+        if isinstance(link, Mapping):
+            values = [link.get(key) for key in PLACE]
         if not all(isinstance(value, int | float) and abs(value) <= _LARGEST for value in values):
             raise BadInput(
                 f"the calibration has no {name}, or it is incomplete",
@@ -144,13 +144,13 @@ def _transforms(path: Path) -> tuple[list[Matrix], Matrix]:
                 line=document.line(("kinematics",)),
             )
         x, y, z, *turns = values
-        place = shift(x * MILLIMETRES, y * MILLIMETRES, z * MILLIMETRES)
-        chain.append(place @ roll_pitch_yaw(*turns))
+        origin = shift(x * MILLIMETRES, y * MILLIMETRES, z * MILLIMETRES)
+        chain.append(origin @ roll_pitch_yaw(*turns))
     return chain, np.eye(4)
 
 
 def _as_chain(nominal: Robot, fixed: list[Matrix], flange: Matrix) -> Robot:
-    joints = tuple(replace(own, fixed=each) for own, each in zip(nominal.joints, fixed, strict=True))
+    joints = tuple(replace(joint, fixed=each) for joint, each in zip(nominal.joints, fixed, strict=True))
     return replace(nominal, joints=joints, flange=flange)
 
 
@@ -158,8 +158,8 @@ def _along_axes(robot: Robot, nominal: Robot) -> Robot:
     """The same arm, its joints' origins moved along their axes to where they are nearest to the nominal."""
     here, there, before = np.eye(4), np.eye(4), np.eye(4)
     fixed = []
-    for own, theirs in zip(robot.joints, nominal.joints, strict=True):
-        here, there = here @ own.fixed, there @ theirs.fixed
+    for joint, theirs in zip(robot.joints, nominal.joints, strict=True):
+        here, there = here @ joint.fixed, there @ theirs.fixed
         along = float(here[:3, 2] @ (there[:3, 3] - here[:3, 3]))
         moved = here @ shift(z=along)
         fixed.append(np.asarray(np.linalg.inv(before) @ moved))
@@ -194,24 +194,24 @@ def ur_calibration_text(run: Run, calibration: Calibration, against: Path | None
         "# not read it, and keeps its calibration.",
         "kinematics:",
     ]
-    for name, place in zip(LINKS, _places(run, robot), strict=True):
-        x, y, z = (place[:3, 3] / MILLIMETRES).tolist()
-        values = (x, y, z, *angles_of(place[:3, :3]))
+    for name, transform in zip(LINKS, _joint_transforms(run, robot), strict=True):
+        x, y, z = (transform[:3, 3] / MILLIMETRES).tolist()
+        values = (x, y, z, *angles_of(transform[:3, :3]))
         lines.append(f"  {name}:")
         lines += [f"    {key}: {value + 0.0!r}" for key, value in zip(PLACE, values, strict=True)]
     return "\n".join([*lines, f"  hash: {one_line(hashed)}", ""])
 
 
-def _places(run: Run, robot: Robot) -> list[Matrix]:
+def _joint_transforms(run: Run, robot: Robot) -> list[Matrix]:
     """(4, 4) of each joint, its origin moved along its axis to where the file has it."""
     ref = run.header.robot
     along = [0.0] * robot.n
     if not isinstance(ref, UrdfRef):
         along = [joint.d_mm for joint in stated_rows(ref, run.path.parent).joints]
-    places: list[Matrix] = []
+    transforms: list[Matrix] = []
     before = np.eye(4)
     for joint, length in zip(robot.joints, along, strict=True):
-        places.append(np.asarray(before @ joint.fixed @ shift(z=length)))
+        transforms.append(np.asarray(before @ joint.fixed @ shift(z=length)))
         before = shift(z=-length)
     rest = before @ robot.flange
     # What is about and along the last axis changes places with the joint.
@@ -222,8 +222,8 @@ def _places(run: Run, robot: Robot) -> list[Matrix]:
             allowed="the geometry of links 1 to 5",
             remedy="exclude it by name (--without link6.alpha …), or zerobeam export urdf",
         )
-    places[-1] = np.asarray(places[-1] @ rest)
-    return places
+    transforms[-1] = np.asarray(transforms[-1] @ rest)
+    return transforms
 
 
 def _hash(run: Run, against: Path) -> str:
@@ -236,15 +236,17 @@ def _hash(run: Run, against: Path) -> str:
             remedy="zerobeam import ur-calibration makes a robot file of it: name that as robot of the run",
             file=against,
         )
-    found = read_yaml(against).data["kinematics"].get("hash")
-    return _OWN_HASH if found is None else str(found)
+    present = read_yaml(against).data["kinematics"].get("hash")
+    return _OWN_HASH if present is None else str(present)
 
 
 def calibrated_text(arm: CalibratedArm, source: Path) -> str:
     """Its text: rows near the nominal ones, exact for the calibrated chain."""
     rms, most = arm.apart_mm
     head = [
-        f"{arm.stated.model} with the factory calibration of {source.name}.",
+        f"{arm.nominal_file.model} with the factory calibration of {source.name}.",
         f"Its flange is {rms:.2f} mm (rms, up to {most:.2f} mm) from that of the nominal arm.",
     ]
-    return rows_text([one_line(line) for line in head], arm.stated, corrected_table(arm.stated, arm.robot))
+    return rows_text(
+        [one_line(line) for line in head], arm.nominal_file, corrected_table(arm.nominal_file, arm.robot)
+    )

@@ -15,8 +15,8 @@ from ..maker import one_line
 from ..plan_programs import (
     LOG,
     LOG_PLAN,
+    PlanStep,
     ProgramMotion,
-    Step,
     decimal,
     head_lines,
     made_for,
@@ -66,7 +66,7 @@ def _opened(listener: str | None) -> str:
     return f'  global zb_heard = socket_open("{match["host"]}", {int(match["port"])}, "zb")'
 
 
-def _visit(step: Step, motion: ProgramMotion) -> Iterator[str]:
+def _visit(step: PlanStep, motion: ProgramMotion) -> Iterator[str]:
     yield f"  if first <= {step.number}:"
     blend = f", r={decimal(motion.zone / 1000, 3)}" if motion.zone else ""
     for row in step.via:

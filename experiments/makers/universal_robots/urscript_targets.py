@@ -21,9 +21,9 @@ from ..program_parts import (
     Edit,
     JointTarget,
     Language,
+    LiteralSpan,
     Motion,
     Parsed,
-    Place,
     PoseTarget,
     Source,
     new_number,
@@ -48,17 +48,19 @@ class Value(NamedTuple):
 
     def numbers(self, text: str) -> list[float]:
         """Metres and radians."""
-        found = [float(text[start:end]) for start, end in self.spans]
-        return [math.radians(value) if deg else value for value, deg in zip(found, self.degrees, strict=True)]
+        values = [float(text[start:end]) for start, end in self.spans]
+        return [
+            math.radians(value) if deg else value for value, deg in zip(values, self.degrees, strict=True)
+        ]
 
 
 def without_comments(text: str) -> str:
-    return _COMMENT_OR_TEXT.sub(lambda found: found[0] if found[0][0] == '"' else " " * len(found[0]), text)
+    return _COMMENT_OR_TEXT.sub(lambda match: match[0] if match[0][0] == '"' else " " * len(match[0]), text)
 
 
 def without_strings(text: str) -> str:
     """Without comments too."""
-    return _COMMENT_OR_TEXT.sub(lambda found: " " * len(found[0]), text)
+    return _COMMENT_OR_TEXT.sub(lambda match: " " * len(match[0]), text)
 
 
 def statements_of(bare: str) -> Iterator[tuple[int, int]]:
@@ -78,18 +80,18 @@ def value_at(bare: str, start: int, end: int) -> Value | None:
     opening = bare.index("[", start)
     begin, spans, degrees = opening + 1, [], []
     for part in bare[opening + 1 : end - 1].split(","):
-        found = _ELEMENT.fullmatch(part)
-        if found is None:
+        match = _ELEMENT.fullmatch(part)
+        if match is None:
             return None
-        spans.append((begin + found.start("value"), begin + found.end("value")))
-        degrees.append(found["deg"] is not None)
+        spans.append((begin + match.start("value"), begin + match.end("value")))
+        degrees.append(match["deg"] is not None)
         begin += len(part) + 1
     return Value(bare[start] == "p", start, end, spans, degrees) if len(spans) == 6 else None
 
 
 def urscript_literals(text: str) -> list[tuple[int, int]]:
     """The places of all `p[…]`, and of all lists of six numbers."""
-    bare, opened, found = without_strings(text), [], []
+    bare, opened, literals = without_strings(text), [], []
     for bracket in re.finditer(r"[\[\]()]", bare):
         if bracket[0] in "[(":
             opened.append(bracket)
@@ -97,10 +99,10 @@ def urscript_literals(text: str) -> list[tuple[int, int]]:
             start = opened.pop().start()
             pose = _POSE.search(bare, max(0, start - 9), start)
             if bracket[0] == "]" and pose is not None:
-                found.append((pose.start(), bracket.end()))
+                literals.append((pose.start(), bracket.end()))
             elif bracket[0] == "]" and value_at(bare, start, bracket.end()) is not None:
-                found.append((start, bracket.end()))
-    return found
+                literals.append((start, bracket.end()))
+    return literals
 
 
 _JOINT_DECIMALS, _POSE_DECIMALS = {"rad": 8, "deg": 6}, 8
@@ -157,7 +159,7 @@ class _Statement:
 
 class _Script:
     def __init__(self, source: Source) -> None:
-        self.source, self.stated, self.parsed = source, source.stated, Parsed()
+        self.source, self.facts, self.parsed = source, source.facts, Parsed()
         self.bare = without_strings(source.text)
         self.statements = list(self._statements())
         self.routines = self._named("define")
@@ -220,17 +222,17 @@ class _Script:
 
     def _named(self, kind: str) -> dict[str, int]:
         """The numbers of the statements that define routines, by name."""
-        found: dict[str, int] = {}
+        numbers: dict[str, int] = {}
         for statement in self.statements:
             if statement.kind == kind:
                 name = str(statement.tree.children[0])
                 call = understood("universal_robots/urscript", "call", f"{name}()", 0, len(name) + 2)
-                if name in found or call is None or getattr(call.children[0], "type", "") != "NAME":
+                if name in numbers or call is None or getattr(call.children[0], "type", "") != "NAME":
                     self._problem(
                         statement.line, f"{name} is defined twice, or is an instruction of the language"
                     )
-                found[name] = statement.number
-        return found
+                numbers[name] = statement.number
+        return numbers
 
     def _kinds(self, statement: _Statement) -> set[str]:
         """Of the blocks around a statement."""
@@ -268,7 +270,7 @@ class _Script:
             else:
                 started.append(name)
         for name in started:
-            if name not in self.threads and not self.stated.harmless(name):
+            if name not in self.threads and not self.facts.harmless(name):
                 self._problem(
                     statement.line,
                     f"{statement.written}: what {name} does is not known; --call {name} {_HARMLESS}",
@@ -296,8 +298,8 @@ class _Script:
                 self._problem(
                     statement.line, f"{statement.written}: a pose is computed when the program runs"
                 )
-        elif self.stated.leaves(str(name)):
-            self.parsed.literals.append(Place(value.start, value.end, "left"))
+        elif self.facts.leaves(str(name)):
+            self.parsed.literals.append(LiteralSpan(value.start, value.end, "left"))
         elif name in self.values:
             self.parsed.changed(statement.line, str(name))
         else:
@@ -313,7 +315,7 @@ class _Script:
             if value is None:
                 self._problem(statement.line, f"{statement.written}: the TCP is not written in numbers")
                 return
-            self.parsed.literals.append(Place(value.start, value.end, "frame"))
+            self.parsed.literals.append(LiteralSpan(value.start, value.end, "frame"))
             poses.append(from_rotation_vector(value.numbers(self.bare)))
         if not poses:
             return
@@ -327,7 +329,7 @@ class _Script:
             )
             and all(each.blocks[: len(begin.blocks)] == begin.blocks for each in behind)
         )
-        self.tcp = self.stated.tool("", poses[0] if fixed else None)
+        self.tcp = self.facts.tool("", poses[0] if fixed else None)
         if self.tcp is None:
             self._problem(
                 begin.line,
@@ -345,7 +347,7 @@ class _Script:
         for argument in statement.tree.find_data("argument"):
             value = self._literal(argument.children[-1])
             if value is not None:
-                self.parsed.literals.append(Place(value.start, value.end, "frame"))
+                self.parsed.literals.append(LiteralSpan(value.start, value.end, "frame"))
 
     # Motions
 
@@ -364,7 +366,7 @@ class _Script:
                         statement.line, f"{statement.written}: qnear is not a list of joints in numbers"
                     )
                     return
-        if isinstance(target, Token) and target.type == "NAME" and self.stated.leaves(str(target)):
+        if isinstance(target, Token) and target.type == "NAME" and self.facts.leaves(str(target)):
             self.parsed.motions.append(Motion(None, statement.line, False, True))
             return
         key, value = self._key(target, statement)
@@ -412,13 +414,13 @@ class _Script:
         if name in self.parsed.targets:
             return True
         if value.pose and not self.tcp_known:
-            self.tcp_known, self.tcp = True, self.stated.tool("")
+            self.tcp_known, self.tcp = True, self.facts.tool("")
             if self.tcp is None:
                 self._problem(self.source.line(value.start), _NO_TCP)
         if value.pose and self.tcp is None:
             return False
         numbers, line = value.numbers(self.bare), self.source.line(value.start)
-        self.parsed.literals.append(Place(value.start, value.end, "target"))
+        self.parsed.literals.append(LiteralSpan(value.start, value.end, "target"))
         if not value.pose:
             self.parsed.targets[name] = JointTarget(
                 name, line, np.degrees(numbers), lambda joints: self._edits(value, np.radians(joints))
@@ -439,9 +441,9 @@ class _Script:
     def _edits(self, value: Value, numbers: Matrix) -> list[Edit]:
         edits = []
         for (start, end), deg, new in zip(value.spans, value.degrees, numbers.tolist(), strict=True):
-            places = _POSE_DECIMALS if value.pose else _JOINT_DECIMALS["deg" if deg else "rad"]
+            decimals = _POSE_DECIMALS if value.pose else _JOINT_DECIMALS["deg" if deg else "rad"]
             shown = math.degrees(new) if deg else new
-            edits.append(Edit(start, end, new_number(self.source.text[start:end], shown, places)))
+            edits.append(Edit(start, end, new_number(self.source.text[start:end], shown, decimals)))
         return edits
 
     def _rest(self) -> None:

@@ -24,7 +24,7 @@ from user_programs import STATED, UserProgram, flange_arm, read, varied, written
 from zerobeam.experiments.makers.calibration import Calibration, calibration
 from zerobeam.experiments.makers.plan_programs import ProgramMotion, steps_of, write_program
 from zerobeam.experiments.makers.recordings import Imported
-from zerobeam.experiments.makers.user_programs import filtered
+from zerobeam.experiments.makers.user_programs import corrected_program
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import read_run, write_run
@@ -120,7 +120,9 @@ def corrected_program_reaches_what_it_means(
     program = UserProgram(language, plan.robot, rows)
     text = program.text()
     path = written(folder, program, text)
-    done = filtered(plan.robot, answer, path, folder / f"corrected{path.suffix}", STATED.get(language))
+    done = corrected_program(
+        plan.robot, answer, path, folder / f"corrected{path.suffix}", STATED.get(language)
+    )
     true = nominal.with_offsets(np.radians([0.0, *TRUTH.values()]))
     meant = nominal.fk(rows)
 

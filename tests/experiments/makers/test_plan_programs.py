@@ -26,8 +26,8 @@ from zerobeam.experiments.makers.fanuc.tp_points import fanuc_positions
 from zerobeam.experiments.makers.generic.csv_file import CsvLayout
 from zerobeam.experiments.makers.kuka.krl_points import kuka_positions
 from zerobeam.experiments.makers.plan_programs import (
+    PlanStep,
     ProgramMotion,
-    Step,
     decimal,
     percents,
     program_texts,
@@ -275,4 +275,4 @@ def test_numbers_as_machines_read_them() -> None:
         *("4.05", "0.0", "-69.348", "0.0000001", "180.0")
     ]
     assert decimal(4.0, 3) == "4.000"
-    assert Step(0, "psd", FIRST, ()).joints == FIRST
+    assert PlanStep(0, "psd", FIRST, ()).joints == FIRST

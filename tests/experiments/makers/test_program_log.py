@@ -10,7 +10,7 @@ import pytest
 from import_files import import_program_log
 
 from zerobeam.experiments.makers.joint_text import is_program_log
-from zerobeam.experiments.makers.recordings import Imported, Job
+from zerobeam.experiments.makers.recordings import Imported, ImportJob
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan, read_plan
 
@@ -122,7 +122,7 @@ def test_a_pattern_stands_for_files(tmp_path: Path, plan: Plan, refused: Callabl
     (tmp_path / "b.log").write_text(lines(1))
     (tmp_path / "a.log").write_text(lines(2, 0))
     pattern = tmp_path / "?.log"
-    assert is_program_log(Job.begin([pattern], plan, tmp_path / "run.jsonl"))
+    assert is_program_log(ImportJob.begin([pattern], plan, tmp_path / "run.jsonl"))
     found = import_program_log([pattern], [], plan, tmp_path / "run.jsonl", source="RAPID")
     assert [shot.shot for shot in found.shots] == [2, 0, 1]
     error = refused(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from recorded_logs import POSTURES
 
-from zerobeam.experiments.makers.contents import Column, proposed_columns
+from zerobeam.experiments.makers.contents import TableColumn, proposed_columns
 from zerobeam.experiments.makers.readings import j3_reading, length_reading, sign_readings, unit_reading
 from zerobeam.model.files.robot_file import load_robot
 
@@ -80,9 +80,9 @@ def test_joint_3_from_the_ground_is_judged_with_joint_2() -> None:
     assert (found.choice, found.outside) == ("ground", {"link": 1, "ground": 0})
 
 
-def columns(*names: str, text: str = "") -> list[Column]:
+def columns(*names: str, text: str = "") -> list[TableColumn]:
     return [
-        Column(name, name, None if name == text else 0.0, None if name == text else 1.0, None, None)
+        TableColumn(name, name, None if name == text else 0.0, None if name == text else 1.0, None, None)
         for name in names
     ]
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from user_programs import OFFSETS, STATED, UserProgram, frame, judged, read, varied, written
 
-from zerobeam.experiments.makers.user_programs import Choices, filtered
+from zerobeam.experiments.makers.user_programs import ProgramOptions, corrected_program
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.kinematics.inverse import Solver
@@ -59,19 +59,21 @@ UR = """def m():
 end
 """
 PARTS = {
-    ".mod": ("irb1600", RAPID, Choices()),
-    ".src": ("kr6_r900", KRL, Choices()),
-    ".ls": ("lrmate_200id", FANUC, Choices(tools=["5=0,0,100,0,0,0"], j3="ground")),
-    ".script": ("ur5e", UR, Choices(tools=["0,0,0.1,0,0,0"])),
+    ".mod": ("irb1600", RAPID, ProgramOptions()),
+    ".src": ("kr6_r900", KRL, ProgramOptions()),
+    ".ls": ("lrmate_200id", FANUC, ProgramOptions(tools=["5=0,0,100,0,0,0"], j3="ground")),
+    ".script": ("ur5e", UR, ProgramOptions(tools=["0,0,0.1,0,0,0"])),
 }
 
 
-def tried(folder: Path, suffix: str, line: str, choices: Choices | None = None) -> str:
+def tried(folder: Path, suffix: str, line: str, choices: ProgramOptions | None = None) -> str:
     name, text, usual = PARTS[suffix]
     robot = load_robot(name)
     (folder / f"in{suffix}").write_text(text.format(line))
     return read(
-        filtered(robot, judged(robot), folder / f"in{suffix}", folder / f"out{suffix}", choices or usual)
+        corrected_program(
+            robot, judged(robot), folder / f"in{suffix}", folder / f"out{suffix}", choices or usual
+        )
     )
 
 
@@ -119,7 +121,7 @@ def test_each_is_written_without_the_line_that_is_refused(tmp_path: Path, suffix
         ),
         (".src", "TOOL_DATA[4]={X 0}", "is not stated in numbers"),
         (".ls", "J PR[2] 100% FINE", "computed when the program runs"),
-        (".ls", "L P[2] 100mm/sec FINE Offset,PR[3]", "computed when the program runs"),
+        (".ls", "L P[2] 100mm/sec FINE JointOffset,PR[3]", "computed when the program runs"),
         (".ls", "L P[2] 100mm/sec FINE INC", "INC is not understood"),
         (".ls", "J P[R[1]] 100% FINE", "computed when the program runs"),
         (".ls", "P[2]=LPOS", "a position is used when the program runs"),
@@ -149,9 +151,9 @@ def test_joints_near_by_are_those_of_the_pendant(tmp_path: Path) -> None:
     path = written(tmp_path, program, program.text().replace("'N U T", "'N D T"))
     tools, frames = STATED["fanuc"].tools, STATED["fanuc"].frames
     with pytest.raises(BadInput, match="with the stated configuration N D T"):
-        filtered(robot, judged(robot), path, tmp_path / "out.ls", STATED["fanuc"])
-    near = Choices(tools=tools, frames=frames, near="12,40,-20,5,-70,30", j3="ground")
-    done = filtered(robot, judged(robot), path, tmp_path / "out.ls", near)
+        corrected_program(robot, judged(robot), path, tmp_path / "out.ls", STATED["fanuc"])
+    near = ProgramOptions(tools=tools, frames=frames, near="12,40,-20,5,-70,30", j3="ground")
+    done = corrected_program(robot, judged(robot), path, tmp_path / "out.ls", near)
     np.testing.assert_allclose(program.commanded(read(done)), rows - OFFSETS, atol=5e-3)
 
 
@@ -190,7 +192,7 @@ def test_a_configuration_that_the_arm_has_not_there_is_refused_but_for_near(tmp_
     folded = "PTP {X 600,Y 0,Z 700,A 0,B 90,C 0,S 1,T 35}"
     with pytest.raises(BadInput, match=r"with the stated configuration S 1, T 35"):
         tried(tmp_path, ".src", folded)
-    near = Choices(near="0,-90,90,0,40,0")
+    near = ProgramOptions(near="0,-90,90,0,40,0")
     assert "configuration taken from the joints nearest by" in tried(tmp_path, ".src", folded, near)
 
 
@@ -202,38 +204,41 @@ def test_a_linear_motion_cannot_change_the_configuration(tmp_path: Path) -> None
 
 def test_a_pose_needs_its_tool_and_joints_do_not(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match=r"state --tool X,Y,Z,RX,RY,RZ"):
-        tried(tmp_path, ".script", "movel(p[0.4, 0.2, 0.4, 0, 3.1, 0], a=1, v=1)", Choices(tools=()))
-    assert "movej" in tried(tmp_path, ".script", "sleep(1)", Choices(tools=()))
+        tried(tmp_path, ".script", "movel(p[0.4, 0.2, 0.4, 0, 3.1, 0], a=1, v=1)", ProgramOptions(tools=()))
+    assert "movej" in tried(tmp_path, ".script", "sleep(1)", ProgramOptions(tools=()))
 
 
 def test_a_target_that_is_left_stays(tmp_path: Path) -> None:
-    text = tried(tmp_path, ".mod", "MoveL pOther,v100,fine,tool0;", Choices(leave=["pOther", "p1"]))
+    text = tried(tmp_path, ".mod", "MoveL pOther,v100,fine,tool0;", ProgramOptions(leave=["pOther", "p1"]))
     assert "left as they are: pOther and p1" in text
     assert RAPID.splitlines()[1] in text
     left = tried(
-        tmp_path, ".ls", "J P[2] 100% FINE", Choices(leave=["P[1]"], tools=["5=0,0,100,0,0,0"], j3="link")
+        tmp_path,
+        ".ls",
+        "J P[2] 100% FINE",
+        ProgramOptions(leave=["P[1]"], tools=["5=0,0,100,0,0,0"], j3="link"),
     )
     assert "J5= -30.000 deg" in left
-    home = Choices(leave=["PR[2]"], tools=["5=0,0,100,0,0,0"], j3="link")
+    home = ProgramOptions(leave=["PR[2]"], tools=["5=0,0,100,0,0,0"], j3="link")
     assert "J2=" in tried(tmp_path, ".ls", "J PR[2:HOME] 10% CNT10", home)
     with pytest.raises(BadInput, match="computed when the program runs"):
-        tried(tmp_path, ".ls", "J PR[2] 10% CNT10 Offset,PR[2]", home)
+        tried(tmp_path, ".ls", "J PR[2] 10% CNT10 JointOffset,PR[2]", home)
 
 
 def test_a_program_is_corrected_once_only_and_for_its_own_robot(tmp_path: Path) -> None:
     robot = load_robot("irb120")
     program = UserProgram("rapid", robot, varied(robot, 2))
     path = written(tmp_path, program, program.text())
-    done = filtered(robot, judged(robot), path, tmp_path / "out.mod")
+    done = corrected_program(robot, judged(robot), path, tmp_path / "out.mod")
     again = tmp_path / "again.mod"
     again.write_bytes(next(iter(done.files.values())))
     with pytest.raises(BadInput, match="applied twice"):
-        filtered(robot, judged(robot), again, tmp_path / "out.mod")
+        corrected_program(robot, judged(robot), again, tmp_path / "out.mod")
     other = load_robot("ur5e")
     with pytest.raises(BadInput, match="is for robots of ABB"):
-        filtered(other, judged(other), path, tmp_path / "out.mod")
+        corrected_program(other, judged(other), path, tmp_path / "out.mod")
     with pytest.raises(BadInput, match="of no language that is read here"):
-        filtered(robot, judged(robot), path.with_suffix(".txt"), tmp_path / "out.txt")
+        corrected_program(robot, judged(robot), path.with_suffix(".txt"), tmp_path / "out.txt")
 
 
 def test_what_is_not_corrected_is_said(tmp_path: Path) -> None:
@@ -241,7 +246,7 @@ def test_what_is_not_corrected_is_said(tmp_path: Path) -> None:
     program = UserProgram("fanuc", robot, varied(robot, 4))
     path = written(tmp_path, program, program.text())
     some = judged(robot, np.array([0, -0.9, 0, 0.4, 0, 0.5]))
-    done = filtered(robot, some, path, tmp_path / "out.ls", STATED["fanuc"])
+    done = corrected_program(robot, some, path, tmp_path / "out.ls", STATED["fanuc"])
     assert "not corrected, as 0: delta1, delta3, delta5" in done.notes
     assert "!delta3 NOT CORRECTED ;" in read(done)
     assert "!delta4 +0.4000 ;" in read(done)
@@ -253,7 +258,7 @@ def test_a_corrected_wrist_that_passes_its_singularity_has_another_configuration
     program = UserProgram("rapid", robot, rows)
     path = written(tmp_path, program, program.text())
     offsets = np.array([0, 0, 0, 0.4, 0.7, 0.5])
-    done = filtered(robot, judged(robot, offsets), path, tmp_path / "out.mod")
+    done = corrected_program(robot, judged(robot, offsets), path, tmp_path / "out.mod")
     assert any("another configuration is needed, and written, at p1" in said for said in done.notes)
     commanded = program.commanded(read(done))
     assert commanded[1, 4] == pytest.approx(-0.3, abs=1e-3)

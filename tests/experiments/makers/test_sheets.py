@@ -124,5 +124,5 @@ def test_counts_that_cannot_be_used():
         ("1,2,3", "1,0,3"),
     ):
         with pytest.raises(BadInput):
-            FanucCounts.stated(master, pulses, 3)
-    assert FanucCounts.stated(None, None, 3) is None
+            FanucCounts.of_options(master, pulses, 3)
+    assert FanucCounts.of_options(None, None, 3) is None

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from user_programs import OFFSETS, STATED, UserProgram, flange_arm, judged, read, varied, written
 
-from zerobeam.experiments.makers.user_programs import filtered
+from zerobeam.experiments.makers.user_programs import corrected_program
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.kinematics.orientation import orientation
 
@@ -32,7 +32,7 @@ def test_the_true_arm_reaches_what_the_program_means(tmp_path: Path, name: str) 
     # The interpreter reads the program as it is meant.
     np.testing.assert_allclose(program.commanded(text), program.rows, atol=5e-3)
     path = written(tmp_path, program, text)
-    done = filtered(robot, judged(robot), path, tmp_path / f"out{path.suffix}", STATED.get(language))
+    done = corrected_program(robot, judged(robot), path, tmp_path / f"out{path.suffix}", STATED.get(language))
     arm = flange_arm(robot)
     true = arm.with_offsets(np.radians(OFFSETS))
     meant = arm.fk(program.rows)
@@ -51,9 +51,9 @@ def test_a_byte_order_mark_stays_at_the_beginning(tmp_path: Path, name: str) -> 
     program = UserProgram(language, robot, varied(robot, 4))
     out, stated = tmp_path / "out", STATED.get(language)
     path = written(tmp_path, program, program.text())
-    plain = filtered(robot, judged(robot), path, out.with_suffix(path.suffix), stated).files
+    plain = corrected_program(robot, judged(robot), path, out.with_suffix(path.suffix), stated).files
     path.write_bytes(BOM_UTF8 + path.read_bytes())
-    marked = filtered(robot, judged(robot), path, out.with_suffix(path.suffix), stated).files
+    marked = corrected_program(robot, judged(robot), path, out.with_suffix(path.suffix), stated).files
     assert marked == {own: BOM_UTF8 * (own.suffix == path.suffix) + text for own, text in plain.items()}
 
 
@@ -63,7 +63,7 @@ def test_all_else_stays_byte_for_byte(tmp_path: Path, name: str) -> None:
     program = UserProgram(language, robot, varied(robot, 4))
     path = written(tmp_path, program, program.text())
     nothing = judged(robot, np.zeros(6))
-    done = filtered(robot, nothing, path, tmp_path / f"out{path.suffix}", STATED.get(language))
+    done = corrected_program(robot, nothing, path, tmp_path / f"out{path.suffix}", STATED.get(language))
     files = sorted(tmp_path.iterdir())
     assert sorted(own.suffix for own in done.files) == [own.suffix for own in files]
     for own in files:
@@ -90,7 +90,7 @@ def test_links_that_deviate_are_corrected_too(tmp_path: Path, name: str) -> None
     path = written(tmp_path, program, program.text())
     own = judged(robot)
     own.corrected = true
-    done = filtered(robot, own, path, tmp_path / f"out{path.suffix}", STATED.get(language))
+    done = corrected_program(robot, own, path, tmp_path / f"out{path.suffix}", STATED.get(language))
     reached = true.fk(program.commanded(read(done)))
     assert np.linalg.norm((reached - robot.fk(program.rows))[:, :3, 3], axis=1).max() < 1e-3
 
@@ -109,7 +109,7 @@ def test_linear_motions_follow_the_arm_where_no_configuration_is_stated(tmp_path
         ["def job():", "  set_tcp(p[0, 0, 0, 0, 0, 0])", f"  movej([{begin}])", *moves, "end", ""]
     )
     path = written(tmp_path, own, text)
-    done = filtered(robot, judged(robot), path, tmp_path / "out.script")
+    done = corrected_program(robot, judged(robot), path, tmp_path / "out.script")
     true = robot.with_offsets(np.radians(OFFSETS))
     for i, found in enumerate(re.findall(r"movel\(p\[(.*?)\]", read(done)), start=1):
         numbers = np.array([float(each) for each in found.split(",")])

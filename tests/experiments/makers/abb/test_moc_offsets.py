@@ -12,7 +12,7 @@ import pytest
 from export_runs import HOSTILE, SLIDING, WITHIN_NOISE_MM, arm_run, hostile, rms_mm, urdf_run
 
 from zerobeam.experiments.makers.abb.moc_offsets import TURN, Gears, moc_text
-from zerobeam.experiments.makers.calibration import Calibration, Offset, calibration
+from zerobeam.experiments.makers.calibration import Calibration, JointOffset, calibration
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.run import Run
 
@@ -53,7 +53,7 @@ RATIOS = [100.0, 121.0, -90.5, 60.0, 50.0, -40.0]
 SIGNS = [1, -1, -1, 1, -1, 1]
 
 
-def weakened(offset: Offset) -> Offset:
+def weakened(offset: JointOffset) -> JointOffset:
     return replace(offset, row=replace(offset.row, status="weak"))
 
 
@@ -144,12 +144,12 @@ def test_one_sign_may_stand_for_all_and_ratios_come_from_the_file(
 ) -> None:
     run, _, path = told
     few = calibration(run, without=["delta2", "delta4", "delta6"])
-    text = moc_text(few, Gears.stated(None, "-1", 6), path)
-    stated = moc_text(few, Gears.stated(",".join(map(str, RATIOS)), "-1,-1,-1,-1,-1,-1", 6), path)
+    text = moc_text(few, Gears.of_options(None, "-1", 6), path)
+    stated = moc_text(few, Gears.of_options(",".join(map(str, RATIOS)), "-1,-1,-1,-1,-1,-1", 6), path)
     assert text == stated
     new = calibrated(patched(MOC, text))
     assert [a != b for a, b in zip(new, OLD, strict=True)] == [False, False, True, False, True, False]
-    opposite = calibrated(patched(MOC, moc_text(few, Gears.stated(None, "1", 6), path)))
+    opposite = calibrated(patched(MOC, moc_text(few, Gears.of_options(None, "1", 6), path)))
     assert new[4] - OLD[4] == pytest.approx(OLD[4] - opposite[4], abs=2e-6)
 
 
@@ -210,7 +210,7 @@ def test_what_is_missing_or_contradicts(told: tuple[Run, Calibration, Path], ref
     ("ratio", "sign"), [("1,2", "1"), ("0,1,1,1,1,1", "1"), ("nan,1,1,1,1,1", "1"), ("a", "1"), (None, "2")]
 )
 def test_ratios_and_signs_that_are_none(ratio: str | None, sign: str, refused: Refused) -> None:
-    assert "is not understood" in refused(Gears.stated, ratio, sign, 6).what
+    assert "is not understood" in refused(Gears.of_options, ratio, sign, 6).what
 
 
 def test_without_the_controllers_file_a_table(told: tuple[Run, Calibration, Path]) -> None:

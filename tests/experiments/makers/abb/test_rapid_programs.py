@@ -18,7 +18,7 @@ from rapid_controller import RapidController
 from rapid_programs import FORMS, Form, RapidProgram, Writer, listed
 from user_programs import judged
 
-from zerobeam.experiments.makers.user_programs import filtered
+from zerobeam.experiments.makers.user_programs import corrected_program
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput
 from zerobeam.model.kinematics.robot import Robot
@@ -43,7 +43,9 @@ def corrected(program: RapidProgram, text: str, seed: int, folder: Path) -> tupl
     links, offsets = true_arm(program.robot, seed)
     calibration = judged(program.robot, offsets)
     calibration.corrected = links.with_offsets(np.radians(offsets))
-    done = filtered(program.robot, calibration, folder / "in.mod", folder / "out.mod", program.choices)
+    done = corrected_program(
+        program.robot, calibration, folder / "in.mod", folder / "out.mod", program.choices
+    )
     return next(iter(done.files.values())).decode("latin-1"), done.notes
 
 

@@ -18,7 +18,7 @@ from tp_controller import NoProgram, TpController, clear_letters
 from tp_programs import FORMS, Form, Listing, apart, good_listing, nominal, random_row, rounding, with_form
 from user_programs import judged, read
 
-from zerobeam.experiments.makers.user_programs import filtered
+from zerobeam.experiments.makers.user_programs import corrected_program
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.kinematics.robot import Robot
@@ -49,7 +49,7 @@ class TrueArm:
         (folder / "in.ls").write_bytes(text.encode("latin-1"))
         calibration = judged(load_robot("lrmate_200id"), self.offsets)
         calibration.corrected = self.links.with_offsets(np.radians(self.offsets))
-        done = filtered(
+        done = corrected_program(
             load_robot("lrmate_200id"), calibration, folder / "in.ls", folder / "out.ls", listing.choices
         )
         return read(done), done.notes

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from zerobeam.experiments.makers.generic.robot_rows import Table, beyond_rows, corrected_table
+from zerobeam.experiments.makers.generic.robot_rows import RowTable, beyond_rows, corrected_table
 from zerobeam.model.files.robot_file import RobotFile, stated_rows
 from zerobeam.model.kinematics.denavit_hartenberg import dh_chain
 from zerobeam.model.kinematics.robot import Robot
@@ -56,7 +56,7 @@ def files() -> dict[str, RobotFile]:
     return found
 
 
-def robot_of(stated: RobotFile, table: Table) -> Robot:
+def robot_of(stated: RobotFile, table: RowTable) -> Robot:
     own = stated.robot()
     fixed, last = dh_chain(table.rows, stated.convention)
     assert np.isfinite(last).all()

@@ -23,7 +23,7 @@ from export_runs import (
     urdf_run,
 )
 
-from zerobeam.experiments.makers.calibration import Calibration, Offset, calibration
+from zerobeam.experiments.makers.calibration import Calibration, JointOffset, calibration
 from zerobeam.experiments.makers.generic.urdf import urdf_text
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.run import Run
@@ -34,7 +34,7 @@ from zerobeam.model.kinematics.robot import Robot
 KINDS = {"turning": TURNING, "sliding": SLIDING}
 
 
-def weakened(offset: Offset) -> Offset:
+def weakened(offset: JointOffset) -> JointOffset:
     return replace(offset, row=replace(offset.row, status="weak"))
 
 

@@ -19,7 +19,7 @@ from krl_controller import Controller, Invalid
 from krl_random import BAD, Program, Writer
 from user_programs import judged
 
-from zerobeam.experiments.makers.user_programs import Filtered, filtered
+from zerobeam.experiments.makers.user_programs import CorrectedProgram, corrected_program
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot
@@ -44,15 +44,15 @@ def true_arm(rng: np.random.Generator) -> tuple[Robot, Matrix]:
     return robot, offsets
 
 
-def corrected(folder: Path, program: Program, robot: Robot, offsets: Matrix) -> Filtered:
+def corrected(folder: Path, program: Program, robot: Robot, offsets: Matrix) -> CorrectedProgram:
     (folder / "job.src").write_text(program.src)
     (folder / "job.dat").write_text(program.dat)
     calibration = judged(ROBOT, offsets)
     calibration.corrected = robot.with_offsets(np.radians(offsets))
-    return filtered(ROBOT, calibration, folder / "job.src", folder / "out.src", program.choices)
+    return corrected_program(ROBOT, calibration, folder / "job.src", folder / "out.src", program.choices)
 
 
-def text_of(done: Filtered) -> str:
+def text_of(done: CorrectedProgram) -> str:
     return "".join(content.decode() for content in done.files.values())
 
 
@@ -64,7 +64,7 @@ def poses(program: Program, text: str, arm: ControllerArm, seed: int) -> Matrix:
     return run.run()
 
 
-def counts(done: Filtered) -> Counter[str]:
+def counts(done: CorrectedProgram) -> Counter[str]:
     said = next(line for line in done.notes if line.startswith("positions in the program"))
     numbers = [int(number) for number in re.findall(r"\d+", said)]
     assert numbers[0] == sum(numbers[1:])

@@ -17,7 +17,7 @@ from ur_controller import inverse
 from ur_programs import FORMS, TCP, Form, Script, Writer, good_script, nominal, with_form
 from user_programs import judged, read
 
-from zerobeam.experiments.makers.user_programs import filtered
+from zerobeam.experiments.makers.user_programs import corrected_program
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.kinematics.robot import Robot
@@ -43,7 +43,7 @@ def corrected_by(
     (folder / "in.script").write_bytes(text.encode("latin-1"))
     calibration = judged(load_robot("ur5e"), offsets)
     calibration.corrected = links.with_offsets(np.radians(offsets))
-    done = filtered(
+    done = corrected_program(
         load_robot("ur5e"), calibration, folder / "in.script", folder / "out.script", script.choices
     )
     return read(done), done.notes
