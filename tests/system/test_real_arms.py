@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from recordings import DINOVA_1, KUKA_14, PANDA_1, PANDA_2, recorded
 
-from zerobeam.analysis.diagnostics.halves import HalfAgainstHalf, half_against_half, rms, splits
+from halves import HalfAgainstHalf, half_against_half, rms, splits
 from zerobeam.analysis.diagnostics.hold_out import hold_out
 from zerobeam.analysis.diagnostics.leave_one_out import LeaveOneOut, fits_without, leave_one_out
 from zerobeam.analysis.estimation.fit import fit_from, fit_likelihood
