@@ -13,10 +13,9 @@ from .covariance import OffsetsWithoutPrior
 from .diagnostics.accuracy import Accuracy
 from .diagnostics.budget import Budget
 from .diagnostics.diagnosis import Explanation
-from .diagnostics.hold_out import HoldOut
+from .diagnostics.hold_out import HoldOut, PlacementResult
 from .diagnostics.influence import ShotResult
 from .diagnostics.outliers import Robust
-from .diagnostics.placement_result import PlacementResult
 from .diagnostics.scene import Scene
 from .findings import Finding
 from .misfit import Misfit

@@ -19,9 +19,7 @@ from ...model.likelihood.constraint import shot_functions
 from ...model.likelihood.density import Density
 from ...model.likelihood.problem import Problem
 from ..solution import Solution
-from .hypotheses import Cause
-from .link_rival import with_links_freed
-from .trials import CHANCE, Left, lefts, lefts_at, tried
+from .hypotheses import CHANCE, Cause, Left, lefts, lefts_at, tried, with_links_freed
 
 _SLACK = 3.0  # an estimated noise may be so many times the stated
 _MOST = 5  # explanations

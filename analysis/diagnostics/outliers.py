@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy
 
+from ...model.arrays import Matrix
+from ..estimation.fit import LikelihoodFit, fit_likelihood
 from ..estimation.robust import Loss, fit_robust, outlying
 from ..solution import ParameterResult, Solution
 from ..status import Status, UnsoundResult, require_no_more_than
@@ -96,3 +100,84 @@ def robust_result(solution: Solution, loss: Loss) -> Robust:
         outliers=tuple(problem.shot_numbers[i] for i in off) if found.converged else (),
         with_uncertainty=found.covariance is not None and numbers > 0,
     )
+
+
+SIGNIFICANT = 1e-3  # after Bonferroni's correction for the number of measurements
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """A measurement without which chi-squared falls by more than noise explains; its residual at the fit of
+    the others is `residual_mm` long. `p_value` is corrected for the number of measurements."""
+
+    shot: int
+    p_value: float
+    residual_mm: float
+
+
+def suspect(fit: LikelihoodFit, dof: int) -> Suspect | None:
+    """The measurement that contradicts the others most, None where none does significantly.
+
+    Only by a stated noise, and where the others leave numbers over (`dof` with it) to contradict it.
+    """
+    problem, size = fit.problem, fit.problem.tool.miss_size
+    if not problem.noise.known or dof <= size:
+        return None
+    numbers = np.arange(problem.shots)
+    best: tuple[float, int, float] | None = None
+    for i in numbers:
+        others = fit_likelihood(problem.select(np.delete(numbers, i)), starts=0)
+        fall = _cost(fit.whitened.residual, fit.z) - _cost(others.whitened.residual, others.z)
+        if best is None or fall > best[0]:
+            at = problem.select(numbers[[i]]).whiten(others.x)
+            best = fall, int(i), float(np.linalg.norm(at.residual_mm[0]))
+    assert best is not None
+    p_value = min(1.0, problem.shots * float(scipy.special.chdtrc(size, max(best[0], 0.0))))
+    if p_value >= SIGNIFICANT:
+        return None
+    return Suspect(problem.shot_numbers[best[1]], p_value, best[2])
+
+
+def _cost(residual: Matrix, z: Matrix) -> float:
+    return float(residual @ residual + z @ z)
+
+
+FEWEST = 15  # values: from here on the stated level holds (Rosner 1983, table 3)
+_MOST_ODD = 0.1  # of all values: more are no outliers but another population
+
+
+class Odd(NamedTuple):
+    """The value at place `row`, and how many standard deviations of the others it is off their mean."""
+
+    row: int
+    off: float
+
+
+def odd_values(values: Sequence[float] | Matrix, level: float) -> list[Odd]:
+    """The outliers among normal `values`, the furthest first; none among fewer than `FEWEST`."""
+    all_values = np.asarray(values, dtype=float)
+    count, left = len(all_values), np.arange(len(all_values))
+    if count < FEWEST:
+        return []
+    removed: list[int] = []
+    odd = 0
+    for k in range(1, max(1, int(_MOST_ODD * count)) + 1):
+        rest = all_values[left]
+        off, std = np.abs(rest - rest.mean()), float(rest.std(ddof=1))
+        if not std > 0:
+            break
+        furthest = int(np.argmax(off))
+        removed.append(int(left[furthest]))
+        left = np.delete(left, furthest)
+        if off[furthest] / std > _critical(count, k, level):
+            odd = k
+    others = np.setdiff1d(np.arange(count), removed[:odd])
+    mean, std = float(all_values[others].mean()), float(all_values[others].std(ddof=1))
+    return [Odd(row, float((all_values[row] - mean) / std)) for row in removed[:odd]]
+
+
+def _critical(count: int, k: int, level: float) -> float:
+    """Rosner's lambda of the k-th deviate of so many values."""
+    dof = count - k - 1
+    t = float(scipy.special.stdtrit(dof, 1 - level / (2 * (count - k + 1))))
+    return (count - k) * t / float(np.sqrt((dof + t * t) * (count - k + 1)))

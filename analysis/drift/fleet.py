@@ -27,8 +27,7 @@ from scipy import optimize, special
 from ...model.arrays import Matrix
 from .drift import MEDIAN, SPREAD, Drift, median_interval
 from .importance import Pass, against_passes, effective, from_pass, normalised, over_passes, sampled
-from .series import Series
-from .smoother import smooth
+from .smoother import Series, smooth
 
 LEAST = 0.04  # of rho: rates of two arms of a model are never taken as equal (tau at least 0.3)
 ENOUGH = 100  # rates of an arm that agree with mu and rho: with fewer, more are sampled

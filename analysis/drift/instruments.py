@@ -1,44 +1,68 @@
-"""Biases of instruments: what an instrument adds to an offset of every arm that it measures.
-
-A result is y = x + b + noise: x the offsets, which walk, and b those of the instrument, the same in all arms.
-Given the rates of the walks, the data are normal and linear in b: each arm adds to its information and
-score (generalised least squares, the offsets of the arm eliminated as nothing is known of where they begin).
-The rates are integrated over together with b, which has a flat prior, by Gibbs sampling: b given the rates is
-normal; a rate of an arm given b has the weight of its likelihood. So intervals are exact, and p-values
-uniform without a bias, over the prior of the rates, as those of jumps (`drift.py`); a bias does not hide
-itself by faster walks.
-
-What is determined follows from who measured what. A bias common to all instruments is a shift of all
-arms: only differences are determined. Two instruments are compared where one follows the other on an arm,
-both determine the offset, and no new zeros, nor a jump that was found, are in between. A jump of the arm at
-that time would look the same. So one such change determines nothing: two instruments are comparable
-(`comparable`) if they are connected without any one of the changes (2-edge-connected components).
-
-Each instrument is tested against the mean of those that it is comparable to. p-values are multiplied by the
-number of tests (Bonferroni): false alarms of the fleet have at most the probability `ALARM`. The clearest
-bias is taken out of the mean and the rest tested again, until none is left; of two instruments only the
-difference is known, not whose it is.
-
-A jump that is allowed where the instrument changes would hide its bias. So b is estimated without those
-first; then the results are corrected by it, and the jumps that still are found are allowed.
-"""
+"""Which instruments may be compared: by their changes on the arms that they measured."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from scipy import special
 
 from ...model.arrays import Matrix
-from .comparable import Groups, change_at, changes, comparable_groups, connected
 from .drift import ALARM, LEVEL, Drift, drift, integrated, mixture_interval
 from .drift import allowed as allowed_at
 from .importance import normalised
-from .series import Observation, Series, series_of
+from .smoother import Observation, Series, series_of
+
+Groups = tuple[tuple[str, ...], ...]
+
+
+def changes(series: Series, instruments: Sequence[str], allowed: Matrix) -> Iterator[tuple[str, str, str]]:
+    """Offset, and the instruments of two results that follow each other and determine it, where these differ
+    and no jump of the offset is `allowed` (T - 1, m) in between."""
+    observed = series.observed
+    for j, offset in enumerate(series.names):
+        for t, later in pairwise(np.flatnonzero(observed[:, j]).tolist()):
+            pair = instruments[t], instruments[later]
+            if pair[0] != pair[1] and not allowed[t:later, j].any():
+                yield offset, *pair
+
+
+def change_at(series: Series, instruments: Sequence[str], after: int, offset: str) -> tuple[str, str] | None:
+    """The instruments before and after a jump between the results `after` and `after` + 1, of the nearest
+    results that determine the offset; None where they are the same."""
+    seen = np.flatnonzero(series.observed[:, series.names.index(offset)])
+    pair = instruments[seen[seen <= after][-1]], instruments[seen[seen > after][0]]
+    return None if pair[0] == pair[1] else pair
+
+
+def comparable_groups(changes: Iterable[tuple[str, str]]) -> Groups:
+    """Instruments that are connected by `changes` from one to another without any one of these."""
+    number = Counter(tuple(sorted(own)) for own in changes)
+    pairs = list(number)
+    bridges = [
+        own for own in pairs if number[own] == 1 and not _joined(own, [one for one in pairs if one != own])
+    ]
+    return connected([own for own in pairs if own not in bridges])
+
+
+def connected(pairs: Sequence[tuple[str, ...]]) -> Groups:
+    """The groups that the pairs connect, by name."""
+    groups: list[set[str]] = []
+    for pair in pairs:
+        touched = [own for own in groups if own & set(pair)]
+        groups = [own for own in groups if not own & set(pair)]
+        groups.append(set(pair).union(*touched))
+    return tuple(sorted(tuple(sorted(own)) for own in groups))
+
+
+def _joined(pair: tuple[str, ...], others: Sequence[tuple[str, ...]]) -> bool:
+    return any(set(pair) <= set(own) for own in connected(others))
+
 
 Column = tuple[str, str]  # instrument and offset
 Each = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]  # as `map`, in processes of its own

@@ -1,10 +1,10 @@
-"""Will this plan work? The verdict on a plan before any shot."""
+"""A constraint of a plan that one of its postures breaks."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,16 +19,45 @@ from ..estimation.threads import one_blas_thread
 from ..rows import Rows, frame
 from ..status import Status, Verdict, known, require_no_more_than, verdict_of, versions
 from .aim import Aimed, AimedPlan, aim_plan
-from .causes import Cause
-from .consider import tolerance_share
-from .geometry import GeometryResult, geometry_result
+from .causes import Cause, cause_for
+from .geometry import GeometryResult, geometry_result, tolerance_share
 from .identifiability import Identifiability, identify
 from .outlook import Advice, CurvePoint, OverTarget, advice, curve, over_target, predicted_covariance
-from .verdict import cause_for
-from .violations import PlanVerdict, Violation
 
 if TYPE_CHECKING:
     import pandas as pd
+
+# "violated": the plan breaks its own constraints, whatever it would determine.
+PlanVerdict = Verdict | Literal["violated"]
+Condition = Literal["limits", "behind", "beam_mm", "facing", "itself", "cell", "beam"]
+
+
+@dataclass(frozen=True)
+class Violation:
+    """Posture `posture` (from 0) breaks `constraint`, a key of the plan's `constraints`.
+
+    `condition`: "limits" (a joint is nearer to a limit than the margin), "beam_mm", "facing", "itself" (the
+    arm touches itself), "cell" (it touches the floor or a box), "beam" (a box is in the beam's way). `at` is
+    the value found, `lowest` to `highest` are allowed, in `unit`; None for what is touched. `joint` (from 1)
+    is that of "limits", `via` (from 0) an intermediate posture on the way to the posture. `planned`: it is
+    broken by the posture as written, and no longer once the wrist is turned onto the target.
+    """
+
+    posture: int
+    constraint: Literal["acceptance_deg", "beam_mm", "margin_deg", "obstacles"]
+    condition: Condition
+    at: float | None = None
+    lowest: float | None = None
+    highest: float | None = None
+    unit: str | None = None
+    joint: int | None = None
+    via: int | None = None
+    planned: bool = False
+
+    @property
+    def unseen(self) -> bool:
+        """Whether the posture gives no measurement: the beam does not come to the front of the target."""
+        return self.condition in ("facing", "beam")
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,21 @@ from ...model.arrays import Index, Matrix
 from ..estimation.fit import LikelihoodFit
 from ..holm import holm
 from ..solution import Solution
-from .effective import CHANCE, LARGE, correlation, equalised, lags, rho_of
-from .recordings import Recording, covariance, drawn, drawn_by_covariance, recordings, traces, white_times
+from .recordings import (
+    CHANCE,
+    LARGE,
+    Recording,
+    correlation,
+    covariance,
+    drawn,
+    drawn_by_covariance,
+    equalised,
+    lags,
+    recordings,
+    rho_of,
+    traces,
+    white_times,
+)
 
 _FEWEST = 6  # measurements of a recording that is tested
 _FEWEST_LEFT = 12.0  # degrees of freedom that the fit leaves to it

@@ -14,6 +14,7 @@ from ..findings import FileWarning, OtherBasins
 from ..misfit import Criterion
 from ..status import Status
 
+WHEN = "when"  # the key of a header's provenance that says when a run was made
 Kind = Literal["runs", "results", "table"]
 # `prior`: a prior has a part in it. `stated`, `not stated`: of a table.
 RepeatStatus = Status | Literal["prior", "stated", "not stated"]

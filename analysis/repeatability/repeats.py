@@ -1,9 +1,13 @@
-"""The runs that `compare` compares: read from their files, refused where they are no repeats."""
+"""A table of published offsets (CSV) for `compare`: values without uncertainties."""
 
 from __future__ import annotations
 
+import csv
 import hashlib
-from collections.abc import Sequence
+import io
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
@@ -13,15 +17,195 @@ import numpy as np
 from ...model.arrays import Matrix, Progress
 from ...model.errors import BadInput
 from ...model.files.header import Header
-from ...model.files.reading import LARGEST_RECORDING, read_bytes
+from ...model.files.reading import LARGEST_RECORDING, read_bytes, read_text, shown
 from ...model.files.run import Run, read_run
+from ...model.files.validation import LARGEST
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
 from ..estimation.threads import one_blas_thread
-from .offset_table import read_table
-from .repeat import Kind, Repeat
+from ..findings import FileWarning, OtherBasins, moved_target
+from ..optima import undecided_names
+from ..solution import Solution, require_noise_data
+from ..solved import solved
+from .prior_free import without_prior
+from .repeat import WHEN, Kind, Repeat, RunFinding, SharedDistances, SharedTolerances
 from .result_files import read_result
-from .run_files import fitted, problem_of, unfitted
+
+
+def read_table(path: Path) -> Iterator[Repeat]:
+    """A run for each row: `run`, then columns such as `delta2_deg`; an empty cell is an offset not given."""
+    text, sha256 = read_text(path)
+    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    try:
+        rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(row)]
+    except csv.Error as error:
+        raise BadInput(f"the file is not valid CSV: {error}", file=path, line=reader.line_num) from None
+    if not rows:
+        raise BadInput("the table has no rows", file=path)
+    line, head = rows[0]
+    offsets = [_column(name, path, line) for name in head[1:]]
+    names = tuple(name for name, _ in offsets)
+    if head[0] != "run" or not offsets or len(set(names)) != len(names):
+        raise BadInput(
+            "the header row of a table of offsets is wrong",
+            found=shown(",".join(head)),
+            allowed="run, then each offset once with its unit: run,delta2_deg,delta3_deg",
+            file=path,
+            line=line,
+        )
+    if len(rows) < 3:
+        raise BadInput("one run cannot be compared", found=f"{len(rows) - 1} rows", file=path)
+    seen: set[str] = set()
+    for line, row in rows[1:]:
+        if len(row) != len(head) or not row[0] or row[0] in seen:
+            raise BadInput(
+                "this row of the table cannot be used",
+                found=shown(",".join(row)),
+                allowed=f"{len(head)} cells, the first a name that no other run has",
+                file=path,
+                line=line,
+            )
+        seen.add(row[0])
+        units = [unit for _, unit in offsets]
+        cells = zip(row[1:], units, strict=True)
+        value = np.array([_number(cell, LARGEST[unit], path, line) for cell, unit in cells])
+        yield Repeat(
+            name=row[0],
+            sha256=sha256,
+            robot=None,
+            shots=None,
+            when=None,
+            names=names,
+            units=tuple(units),
+            held=(),
+            status=tuple("not stated" if math.isnan(own) else "stated" for own in value),
+            value=value,
+            covariance=None,
+            by_geometry=np.zeros((len(names), 0)),
+            geometry=(),
+            joint=False,
+            noise_scale=1.0,
+            noise_dof=None,
+            findings=(),
+            failure=None,
+        )
+
+
+def _column(stated: str, path: Path, line: int) -> tuple[str, str]:
+    """delta2_deg: name and unit."""
+    name, _, unit = stated.rpartition("_")
+    if not name or unit not in LARGEST:
+        raise BadInput(
+            "a column of a table of offsets has no unit in its name",
+            found=shown(stated),
+            allowed=f"a name and one of {', '.join('_' + unit for unit in LARGEST)}, such as delta2_deg",
+            file=path,
+            line=line,
+        )
+    return name, unit
+
+
+def _number(cell: str, most: float, path: Path, line: int) -> float:
+    if not cell:
+        return math.nan
+    try:
+        value = float(cell) if "_" not in cell else math.nan
+    except ValueError:
+        value = math.nan
+    if not -most <= value <= most:
+        raise BadInput(
+            "this is not an offset",
+            found=shown(cell),
+            allowed=f"a number up to {most:g} with a decimal point; an empty cell where none is given",
+            file=path,
+            line=line,
+        )
+    return value
+
+
+def problem_of(run: Run) -> Problem:
+    """The problem of a run; BadInput, with its file, where it cannot be analysed."""
+    try:
+        run.require_analysable()
+        problem = Problem.from_run(run)
+        require_noise_data(problem)
+    except BadInput as error:
+        raise error.at(run.path, run.header_line) from error
+    return problem
+
+
+def unfitted(run: Run, problem: Problem, name: str) -> Repeat:
+    """What is known of a run before its fit."""
+    items = [item for item in problem.parameters.items if item.group == "offset"]
+    free = [item for item in items if not item.held]
+    when = run.header.provenance.get(WHEN)
+    return Repeat(
+        name=name,
+        sha256=run.sha256,
+        robot=run.robot.name,
+        shots=problem.shots,
+        when=when if isinstance(when, str) else None,
+        names=tuple(item.name for item in free),
+        units=tuple(item.unit for item in free),
+        held=tuple(item.name for item in items if item.held),
+        status=tuple("unidentifiable" for _ in free),
+        value=np.full(len(free), np.nan),
+        covariance=np.full((len(free), len(free)), np.nan),
+        by_geometry=np.zeros((len(free), 0)),
+        geometry=(),
+        joint=True,
+        noise_scale=1.0,
+        noise_dof=None if problem.noise.known else 1,
+        findings=tuple(map(FileWarning, run.warnings)),
+        failure=None,
+    )
+
+
+def fitted(repeat: Repeat, problem: Problem, header: Header, seed: int) -> Repeat:
+    """The same run with what its measurements say, each number without any prior."""
+    solution = solved(problem, header, seed=seed).solution
+    problem = solution.problem
+    if not solution.converged:
+        return replace(repeat, failure=solution.fit.reason)
+    parameters = problem.parameters
+    columns = [parameters.index(name) for name in repeat.names]
+    value, covariance = repeat.value.copy(), np.full_like(np.outer(repeat.value, repeat.value), np.nan)
+    geometry = tuple(parameters.names[column] for column in problem.tolerated)
+    by_geometry = np.full((len(columns), len(geometry)), np.nan)
+    known = [k for k, column in enumerate(columns) if column in solution.known]
+    if known:
+        own_columns = [columns[k] for k in known]
+        own = without_prior(solution.fit, own_columns)
+        display = parameters.display[own_columns]
+        value[known] = own.value * display
+        covariance[np.ix_(known, known)] = own.covariance * np.outer(display, display)
+        by_geometry[known] = own.by_geometry * display[:, None]
+    return replace(
+        repeat,
+        status=tuple(solution.status[column] for column in columns),
+        value=value,
+        covariance=covariance,
+        by_geometry=by_geometry,
+        geometry=geometry,
+        noise_scale=solution.noise_scale,
+        noise_dof=None if problem.noise.known else max(solution.dof, 1),
+        findings=(*_on_the_fit(solution), *repeat.findings),
+    )
+
+
+def _on_the_fit(solution: Solution) -> Iterator[RunFinding]:
+    if solution.misfit is not None:
+        yield from solution.misfit.criteria
+    if (moved := moved_target(solution)) is not None:
+        yield moved
+    if solution.fit.other_basins:
+        undecided = undecided_names(solution.identified.facts.null_space)
+        yield OtherBasins(solution.fit.other_basins, undecided)
+    if solution.problem.distances:
+        yield SharedDistances()
+    if len(solution.problem.tolerated):
+        yield SharedTolerances()
+
 
 _SAME = 1e-9  # relative: two descriptions of one arm
 

@@ -8,8 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from ...analysis.acceptance.acceptance_test import AcceptanceResult, Prediction, accept
-from ...analysis.acceptance.postures import VerificationPlan, choose
+from ...analysis.acceptance.acceptance_test import (
+    AcceptanceResult,
+    Prediction,
+    VerificationPlan,
+    accept,
+    choose,
+)
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.solution import Solution
 from ...model.errors import BadInput

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from ...analysis.repeatability.odd_values import FEWEST, odd_values
+from ...analysis.diagnostics.outliers import FEWEST, odd_values
 from ...experiments.batch.rows import BatchOffset, BatchRow, BatchSettings, Outcome
 from ...words import numbers
 from ...words.verdict import VERDICT_WORDS

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zerobeam.model.arrays import Index
-from zerobeam.model.errors import BadInput
+from zerobeam.analysis.diagnostics.hold_out import Without, fit_without, known_factors
 from zerobeam.analysis.placements import Placement, placements
 from zerobeam.analysis.solution import Solution
 from zerobeam.analysis.status import known
-from zerobeam.analysis.diagnostics.leave_one_out import Without, fit_without, known_factors
+from zerobeam.model.arrays import Index
+from zerobeam.model.errors import BadInput
 
 _SETTLED = 1e-4  # size of the gradient, in posterior stds: the difference is known far better than each half
 _DETERMINED = 0.5  # of the prior's variance: the std without the own prior is then the prior's

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ....analysis.diagnostics.suspect import suspect
+from ....analysis.diagnostics.outliers import suspect
 from ....analysis.so_far import SoFar
 from ....interruption import obey
 from ....model.arrays import Matrix

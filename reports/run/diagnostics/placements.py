@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ....analysis.diagnostics.leave_one_out import Jackknife, LeaveOneOut
+from ....analysis.diagnostics.hold_out import Jackknife, LeaveOneOut
 from ....analysis.misfit import LACK_OF_FIT
-from ....analysis.recordings.effective import Effective
+from ....analysis.recordings.recordings import Effective
 from ....analysis.recordings.steps import Step, Steps
 from ....analysis.result import Result
 from ....words import numbers

@@ -6,8 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from zerobeam.analysis.acceptance.acceptance_test import FALSE_ALARM, POWER, Prediction, accept
-from zerobeam.analysis.acceptance.postures import choose
+from zerobeam.analysis.acceptance.acceptance_test import FALSE_ALARM, POWER, Prediction, accept, choose
 from zerobeam.analysis.solved import solved
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.run import read_run

@@ -3,7 +3,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from zerobeam.analysis.design.pair_exchange import _best_pair, _cuts, exchange_pairs
+from zerobeam.analysis.design.exact_design import _best_pair, _cuts, exchange_pairs
 
 OFFSETS = np.array([True, True, True, False, False])
 

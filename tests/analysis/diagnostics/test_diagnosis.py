@@ -20,10 +20,8 @@ from cells import (
 from corruptions import CORRUPTIONS, coupled, demo, leant_on, probe_run, robot_with, swapped, zero_off
 
 from zerobeam.analysis.diagnostics.diagnosis import Explanation, diagnose
-from zerobeam.analysis.diagnostics.hypotheses import changes, widened
-from zerobeam.analysis.diagnostics.link_rival import with_links_freed
-from zerobeam.analysis.diagnostics.trials import Left
-from zerobeam.analysis.observability.consider import with_links
+from zerobeam.analysis.diagnostics.hypotheses import Left, changes, widened, with_links_freed
+from zerobeam.analysis.observability.geometry import with_links
 from zerobeam.analysis.solution import Solution, solve
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.likelihood.constraint import shot_functions

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from drifting import steady
 
-from zerobeam.analysis.drift.band import bands
 from zerobeam.analysis.drift.drift import Drift, drift, mixture_interval
-from zerobeam.analysis.drift.series import Observation
-from zerobeam.analysis.drift.smoother import smooth
+from zerobeam.analysis.drift.forecast import bands
+from zerobeam.analysis.drift.smoother import Observation, smooth
 
 
 def asked_between(found: Drift, gap: int, share: float, j: int) -> tuple[float, float]:

@@ -10,10 +10,9 @@ from drifting import NAMES, steady
 from scipy.stats import norm
 
 from zerobeam.analysis.drift.drift import MEDIAN, SPREAD, drift, mixture_interval
-from zerobeam.analysis.drift.due import HORIZON_YEARS, due_after
+from zerobeam.analysis.drift.forecast import HORIZON_YEARS, due_after
 from zerobeam.analysis.drift.importance import ENOUGH
-from zerobeam.analysis.drift.series import Observation, Series, series_of
-from zerobeam.analysis.drift.smoother import smooth
+from zerobeam.analysis.drift.smoother import Observation, Series, series_of, smooth
 from zerobeam.analysis.status import UnsoundResult
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput

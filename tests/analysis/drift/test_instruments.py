@@ -10,16 +10,18 @@ import pytest
 from drifting_arms import COVARIANCE, NAMES, seen_by, walked
 from scipy import stats
 
-from zerobeam.analysis.drift.comparable import change_at, comparable_groups, connected
 from zerobeam.analysis.drift.drift import ALARM, MEDIAN, SPREAD, drift
 from zerobeam.analysis.drift.instruments import (
     Bias,
     Instruments,
     Measured,
     bias_information,
+    change_at,
+    comparable_groups,
+    connected,
     instrument_biases,
 )
-from zerobeam.analysis.drift.series import Observation, Series, series_of
+from zerobeam.analysis.drift.smoother import Observation, Series, series_of
 from zerobeam.model.arrays import Matrix
 
 BIAS = {"B": (0.0, 0.06)}  # three standard uncertainties of a result

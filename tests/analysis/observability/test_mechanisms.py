@@ -1,7 +1,7 @@
 import numpy as np
 from cells import AXIS_LASER, OPEN_LASER, OPEN_PROBE, good_plan, header, pattern_plan, plan_of, random_robot
 
-from zerobeam.analysis.observability.mechanisms import mechanisms, too_few_measurements
+from zerobeam.analysis.observability.identifiability import mechanisms, too_few_measurements
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.causes import reason, remedy
 

@@ -3,9 +3,8 @@ import pytest
 from cells import good_plan, header, pattern_plan, plan_of
 from judgements import reason_for, sentence_of, verdict
 
-from zerobeam.analysis.observability.causes import NotResolvable
+from zerobeam.analysis.observability.causes import NotResolvable, worst_direction
 from zerobeam.analysis.observability.identifiability import identify
-from zerobeam.analysis.observability.verdict import worst_direction
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.wording import listed
 

@@ -11,21 +11,19 @@ from scipy import stats
 
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
 from zerobeam.analysis.misfit import LACK_OF_FIT
-from zerobeam.analysis.observability.consider import link_columns
-from zerobeam.analysis.recordings.effective import (
+from zerobeam.analysis.observability.geometry import link_columns
+from zerobeam.analysis.recordings.recordings import (
     CHANCE,
     RecordingLag,
     _chance,
     correlation,
-    effective,
-    lags,
-    rho_of,
-)
-from zerobeam.analysis.recordings.recordings import (
     covariance,
     drawn,
+    effective,
+    lags,
     recording_rows,
     recordings,
+    rho_of,
     traces,
     white_times,
 )
@@ -204,7 +202,7 @@ def test_a_long_recording_says_the_same(solution: Solution, monkeypatch: pytest.
     e[26:33] -= recordings(solution.fit).every[1].by_target[6:13] @ np.array([0.7, -0.6, 0.4])
     own = of_errors(solution, e)
     plain, (step,) = effective(own.fit), steps(own).rows
-    monkeypatch.setattr("zerobeam.analysis.recordings.effective.LARGE", 10)
+    monkeypatch.setattr("zerobeam.analysis.recordings.recordings.LARGE", 10)
     monkeypatch.setattr("zerobeam.analysis.recordings.steps.LARGE", 10)
     monkeypatch.setattr("zerobeam.analysis.recordings.steps._NUMBERS", 60 * 70)
     long, (again,) = effective(own.fit), steps(own).rows

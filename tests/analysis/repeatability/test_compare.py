@@ -22,7 +22,7 @@ from zerobeam.analysis.repeatability.compare import sample_of
 from zerobeam.analysis.repeatability.consistency import Sample, against_others, consistency, drift, mean_of
 from zerobeam.analysis.repeatability.prior_free import without_prior
 from zerobeam.analysis.repeatability.repeat import Kind, Repeat
-from zerobeam.analysis.repeatability.run_files import fitted, problem_of, unfitted
+from zerobeam.analysis.repeatability.repeats import fitted, problem_of, unfitted
 from zerobeam.analysis.solution import solve
 from zerobeam.experiments.simulate import Truth, simulated_readings
 from zerobeam.experiments.studies.table2 import EXPERIMENTS, OFFSETS, PRINTED_MEAN, PRINTED_STD

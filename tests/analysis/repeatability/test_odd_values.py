@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from zerobeam.analysis.repeatability.odd_values import FEWEST, _critical, odd_values
+from zerobeam.analysis.diagnostics.outliers import FEWEST, _critical, odd_values
 
 # Rosner 1983, as in the NIST/SEMATECH e-Handbook, section 1.3.5.17.3: three outliers at 0.05.
 ROSNER = [
