@@ -16,7 +16,7 @@ from .diagnostics.diagnosis import Explanation
 from .diagnostics.hold_out import HoldOut, PlacementResult
 from .diagnostics.influence import ShotResult
 from .diagnostics.outliers import Robust
-from .diagnostics.scene import Scene
+from .diagnostics.scene import RunScene
 from .findings import Finding
 from .misfit import Misfit
 from .observability.geometry import GeometryResult
@@ -179,7 +179,7 @@ class Result:
     robust: Robust | None
     hold_out: HoldOut | None
     placements: PlacementResult
-    scene: Scene | None
+    scene: RunScene | None
     misfit: Misfit | None
     findings: tuple[Finding, ...]
     inputs: Inputs

@@ -1,4 +1,11 @@
-"""The results of an arm over time, as the state-space model takes them."""
+"""The results of an arm over time, and the exact smoother of their random walk for many drift rates at once.
+
+    x[t+1] = x[t] + w[t],  w[t] ~ N(0, diag(rate^2) gap[t]);   information J[t], J[t] y[t] of each result
+
+with nothing known of x[0], in information form. The precision of all states is block tridiagonal: forward
+elimination, backward substitution (Rauch, Tung and Striebel). A result that does not determine a direction
+has no information in it and adds nothing. Where a jump is allowed, the walk has no information: 0 in place of
+1 / (rate^2 gap)."""
 
 from __future__ import annotations
 
@@ -43,22 +50,26 @@ class Series:
     @property
     def gaps(self) -> Matrix:
         """(T - 1,) years between the results; at least an hour, so that two at one time may differ."""
-        return np.asarray(np.maximum(np.diff([own.at for own in self.observations]), 1 / 8766))
+        return np.asarray(
+            np.maximum(np.diff([observation.at for observation in self.observations]), 1 / 8766)
+        )
 
     @property
     def observed(self) -> Matrix:
         """(T, m) whether a result determines an offset."""
-        return np.array([[name in own.names for name in self.names] for own in self.observations])
+        return np.array(
+            [[name in observation.names for name in self.names] for observation in self.observations]
+        )
 
     @property
     def determined(self) -> Matrix:
         """(T, m) whether a result since the last reset, or until the next, determines an offset: where none
         does, nothing is known of it."""
-        found = np.zeros((len(self.observations), len(self.names)), dtype=bool)
-        ends = [0, *(t + 1 for t in sorted(self.reset)), len(found)]
+        result = np.zeros((len(self.observations), len(self.names)), dtype=bool)
+        ends = [0, *(t + 1 for t in sorted(self.reset)), len(result)]
         for begin, end in pairwise(ends):
-            found[begin:end] = self.observed[begin:end].any(axis=0)
-        return found
+            result[begin:end] = self.observed[begin:end].any(axis=0)
+        return result
 
     def information(self) -> tuple[Matrix, Matrix]:
         """(T, m, m) and (T, m): the information of each result, 0 in every direction that it does not
@@ -69,11 +80,11 @@ class Series:
         """
         count, size = len(self.observations), len(self.names)
         matrix, vector = np.zeros((count, size, size)), np.zeros((count, size))
-        for t, own in enumerate(self.observations):
-            at = [self.names.index(name) for name in own.names]
-            inverse = np.linalg.inv(own.covariance + own.shared)
+        for t, observation in enumerate(self.observations):
+            at = [self.names.index(name) for name in observation.names]
+            inverse = np.linalg.inv(observation.covariance + observation.shared)
             matrix[t][np.ix_(at, at)] = (inverse + inverse.T) / 2
-            vector[t, at] = inverse @ own.values
+            vector[t, at] = inverse @ observation.values
         nowhere = np.logical_not(self.determined)
         for begin in (0, *(t + 1 for t in self.reset)):
             matrix[begin, nowhere[begin], nowhere[begin]] = 1.0
@@ -84,9 +95,11 @@ def series_of(
     observations: Sequence[Observation], units: dict[str, str], reset: Sequence[int] = ()
 ) -> Series:
     """A series over every offset that any of the observations determines, joint 1 first."""
-    ordered = tuple(sorted(observations, key=lambda own: own.at))
-    found = sorted({name for own in ordered for name in own.names}, key=lambda name: (len(name), name))
-    return Series(tuple(found), tuple(units[name] for name in found), ordered, tuple(reset))
+    ordered = tuple(sorted(observations, key=lambda observation: observation.at))
+    names = sorted(
+        {name for observation in ordered for name in observation.names}, key=lambda name: (len(name), name)
+    )
+    return Series(tuple(names), tuple(units[name] for name in names), ordered, tuple(reset))
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +123,7 @@ def smooth(series: Series, rates: Matrix, jumps: Matrix) -> Smoothed:
     count, size = vector.shape
     gaps = series.gaps
     variance = rates[:, None, :] ** 2 * gaps[:, None]  # (K, T - 1, m)
-    walk = np.where(jumps, 0.0, 1 / variance)
+    step_precision = np.where(jumps, 0.0, 1 / variance)
     diagonal = np.arange(size)
     rows = len(rates)
     left = np.empty((rows, count, size, size))  # the inverse of each eliminated block
@@ -121,32 +134,34 @@ def smooth(series: Series, rates: Matrix, jumps: Matrix) -> Smoothed:
         block = information[t] + before
         if t < count - 1:
             block = block.copy()
-            block[:, diagonal, diagonal] += walk[:, t]
+            block[:, diagonal, diagonal] += step_precision[:, t]
         reduced[:, t] = vector[t] + pulled
         left[:, t] = np.linalg.inv(block)
         log_det += np.linalg.slogdet(block)[1]
         if t < count - 1:
-            carried = walk[:, t, :, None] * left[:, t]
-            before = -carried * walk[:, t, None, :]
-            before[:, diagonal, diagonal] += walk[:, t]
+            carried = step_precision[:, t, :, None] * left[:, t]
+            before = -carried * step_precision[:, t, None, :]
+            before[:, diagonal, diagonal] += step_precision[:, t]
             pulled = np.einsum("kij,kj->ki", carried, reduced[:, t])
     mean, covariance = np.empty((rows, count, size)), np.empty((rows, count, size, size))
     score, power, changed = (np.zeros((rows, count - 1, size)) for _ in range(3))
     mean[:, -1] = np.einsum("kij,kj->ki", left[:, -1], reduced[:, -1])
     covariance[:, -1] = left[:, -1]
     for t in range(count - 2, -1, -1):
-        gain = left[:, t] * walk[:, t, None, :]
-        pull = reduced[:, t] + walk[:, t] * mean[:, t + 1]
+        gain = left[:, t] * step_precision[:, t, None, :]
+        pull = reduced[:, t] + step_precision[:, t] * mean[:, t + 1]
         mean[:, t] = np.einsum("kij,kj->ki", left[:, t], pull)
         along = gain @ covariance[:, t + 1]
         covariance[:, t] = left[:, t] + along @ gain.transpose(0, 2, 1)
         of_step = covariance[:, t] + covariance[:, t + 1] - along - along.transpose(0, 2, 1)
         changed[:, t] = of_step[:, diagonal, diagonal]
-        w = walk[:, t]
-        own = w - w**2 * changed[:, t]
-        power[:, t] = np.maximum(own, 0.0)
+        w = step_precision[:, t]
+        jump_information = w - w**2 * changed[:, t]
+        power[:, t] = np.maximum(jump_information, 0.0)
         step = w * (mean[:, t + 1] - mean[:, t])
-        score[:, t] = np.where(power[:, t] > 0, step / np.sqrt(np.where(power[:, t] > 0, own, 1.0)), 0.0)
+        score[:, t] = np.where(
+            power[:, t] > 0, step / np.sqrt(np.where(power[:, t] > 0, jump_information, 1.0)), 0.0
+        )
     walked = np.where(jumps, 0.0, np.log(variance)).sum(axis=(1, 2))
     quadratic = (vector * mean).sum(axis=(1, 2))
     return Smoothed(mean, covariance, (quadratic - log_det - walked) / 2, score, power, changed)

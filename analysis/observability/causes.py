@@ -1,5 +1,5 @@
-"""Why a parameter is held, or the data do not determine it: causes as data. Their sentences and remedies are
-made in `words`."""
+"""Why a parameter is held, or the data do not determine it: causes as data, and the null-space direction that
+a status is due to. Their sentences and remedies are made in `words`."""
 
 from __future__ import annotations
 

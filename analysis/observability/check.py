@@ -1,4 +1,4 @@
-"""A constraint of a plan that one of its postures breaks."""
+"""The verdict on a plan before any measurement."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...model.arrays import Matrix
+from ...model.arrays import Mask, Matrix
 from ...model.errors import BadInput
 from ...model.files.plan import Plan
 from ...model.kinematics.pendant import beyond_limits, nearest_limit
@@ -302,11 +301,11 @@ def without_posture(
         posture,
         verdict_of(identified.status[offsets]),
         {item.name: status for item, status, _ in judged},
-        {item.name: float(own) * item.display if known(status) else None for item, status, own in judged},
+        {item.name: float(value) * item.display if known(status) else None for item, status, value in judged},
     )
 
 
-def _taken(aimed: Aimed, violations: tuple[Violation, ...]) -> NDArray[np.bool_]:
+def _taken(aimed: Aimed, violations: tuple[Violation, ...]) -> Mask:
     """(N,) which postures give a measurement; all that hit where no beam comes to its target's face."""
     taken = aimed.hit & aimed.ahead
     taken[[each.posture for each in violations if each.unseen]] = False
@@ -333,9 +332,9 @@ def _stated_spread(plan: Plan, problem: Problem) -> Matrix:
     """(p,) std of each target's position, mm; 0 where the header does not state its sigma."""
     spread = np.zeros(len(problem.parameters))
     for k, name in enumerate(problem.targets):
-        stated = plan.header.targets.get(name)
-        if stated is not None and "sigma_mm" in stated.model_fields_set and stated.guess_mm is not None:
-            spread[problem.parameters.block("target", k)] = stated.sigma_mm
+        target = plan.header.targets.get(name)
+        if target is not None and "sigma_mm" in target.model_fields_set and target.guess_mm is not None:
+            spread[problem.parameters.block("target", k)] = target.sigma_mm
     return spread
 
 

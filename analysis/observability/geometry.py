@@ -1,4 +1,5 @@
-"""What a calibration with nominal geometry is worth if the arm has tolerances: consider analysis.
+"""What an answer says of the arm's geometry: tolerances, the model ladder, and consider analysis: the worth
+of a calibration with nominal geometry if the arm has tolerances.
 
 The estimate that takes the geometry as nominal is not changed; its uncertainty gets what the deviations of
 the links do to it (Schmidt 1966; Bierman 1977, chapter 8):
@@ -6,8 +7,7 @@ the links do to it (Schmidt 1966; Bierman 1977, chapter 8):
     P_c = P + G C_g G',  G = -P H' R^-1 H_g
 
 with P its stated covariance, H and H_g the Jacobians by what is estimated and by the geometry, and C_g the
-tolerances. It costs one Jacobian, and needs no measurement: a plan's is known before.
-"""
+tolerances. It costs one Jacobian, and needs no measurement: a plan's is known before."""
 
 from __future__ import annotations
 
@@ -63,13 +63,17 @@ def considered(problem: Problem, x: Matrix, weight: float = 1.0) -> Matrix:
     is 1 / noise scale^2."""
     parameters = problem.parameters
     whole, jacobian = _with_links_whitened(problem, x.tobytes())
-    own, jacobian = whole.parameters, jacobian.copy()
+    parameters_with_links, jacobian = whole.parameters, jacobian.copy()
     jacobian[: problem.shots * problem.tool.miss_size] *= np.sqrt(weight)
-    estimated = own.free & ~own.group("geometry") & ~own.group("noise")
+    estimated = (
+        parameters_with_links.free
+        & ~parameters_with_links.group("geometry")
+        & ~parameters_with_links.group("noise")
+    )
     by_own, by_geometry = jacobian[:, estimated], jacobian[:, whole.tolerated]
     covariance = np.linalg.inv(by_own.T @ by_own + np.eye(by_own.shape[1]))
     moved = covariance @ (by_own.T @ by_geometry)
-    std = np.sqrt(np.diag(covariance) + (moved**2).sum(axis=1)) * own.prior_std[estimated]
+    std = np.sqrt(np.diag(covariance) + (moved**2).sum(axis=1)) * parameters_with_links.prior_std[estimated]
     result = np.full(len(parameters), np.nan)
     result[parameters.free & ~parameters.group("geometry") & ~parameters.group("noise")] = std
     return result
@@ -175,13 +179,13 @@ def geometry_result(
     def at(factor: float) -> dict[str, float | None]:
         if not len(problem.tolerated):
             return {}
-        found = of_offsets(parameters.unscaled(with_tolerances(problem, covariance, factor)))
-        return {name: std if np.isfinite(std) else None for name, std in found.items()}
+        stds = of_offsets(parameters.unscaled(with_tolerances(problem, covariance, factor)))
+        return {name: std if np.isfinite(std) else None for name, std in stds.items()}
 
-    stated = header.geometry
-    tolerance = None if stated is None else stated.tolerance
+    geometry = header.geometry
+    tolerance = None if geometry is None else geometry.tolerance
     return GeometryResult(
-        stated=stated is not None,
+        stated=geometry is not None,
         length_mm=TYPICAL_MM if tolerance is None else tolerance.length_mm,
         angle_deg=TYPICAL_DEG if tolerance is None else tolerance.angle_deg,
         factors=factors,
@@ -202,11 +206,11 @@ def _confounded(problem: Problem, covariance: Matrix, status: tuple[Status, ...]
     for i, item in enumerate(parameters.items):
         if item.group != "offset" or item.held or not known(status[i]):
             continue
-        own = int(parameters.among_free[i])
-        correlation = covariance[own] / (std * std[own])
+        row = int(parameters.among_free[i])
+        correlation = covariance[row] / (std * std[row])
         for group in ("geometry", "tool"):
             rivals = np.flatnonzero(parameters.free & parameters.group(group))
             if len(rivals):
-                found = correlation[parameters.among_free[rivals]]
-                k = int(np.argmax(np.abs(found)))
-                yield Confounded(item.name, parameters.names[rivals[k]], float(found[k]))
+                by_rival = correlation[parameters.among_free[rivals]]
+                k = int(np.argmax(np.abs(by_rival)))
+                yield Confounded(item.name, parameters.names[rivals[k]], float(by_rival[k]))

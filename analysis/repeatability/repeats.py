@@ -1,4 +1,4 @@
-"""A table of published offsets (CSV) for `compare`: values without uncertainties."""
+"""The runs that `compare` compares: run files, results, or a table; refused where they are no repeats."""
 
 from __future__ import annotations
 
@@ -31,6 +31,8 @@ from .prior_free import without_prior
 from .repeat import WHEN, Kind, Repeat, RunFinding, SharedDistances, SharedTolerances
 from .result_files import read_result
 
+_SAME = 1e-9  # relative: two descriptions of one arm
+
 
 def read_table(path: Path) -> Iterator[Repeat]:
     """A run for each row: `run`, then columns such as `delta2_deg`; an empty cell is an offset not given."""
@@ -55,9 +57,9 @@ def read_table(path: Path) -> Iterator[Repeat]:
         )
     if len(rows) < 3:
         raise BadInput("one run cannot be compared", found=f"{len(rows) - 1} rows", file=path)
-    seen: set[str] = set()
+    names_read: set[str] = set()
     for line, row in rows[1:]:
-        if len(row) != len(head) or not row[0] or row[0] in seen:
+        if len(row) != len(head) or not row[0] or row[0] in names_read:
             raise BadInput(
                 "this row of the table cannot be used",
                 found=shown(",".join(row)),
@@ -65,39 +67,29 @@ def read_table(path: Path) -> Iterator[Repeat]:
                 file=path,
                 line=line,
             )
-        seen.add(row[0])
+        names_read.add(row[0])
         units = [unit for _, unit in offsets]
         cells = zip(row[1:], units, strict=True)
         value = np.array([_number(cell, LARGEST[unit], path, line) for cell, unit in cells])
         yield Repeat(
             name=row[0],
             sha256=sha256,
-            robot=None,
-            shots=None,
-            when=None,
             names=names,
             units=tuple(units),
-            held=(),
-            status=tuple("not stated" if math.isnan(own) else "stated" for own in value),
+            status=tuple("not stated" if math.isnan(number) else "stated" for number in value),
             value=value,
-            covariance=None,
             by_geometry=np.zeros((len(names), 0)),
-            geometry=(),
             joint=False,
-            noise_scale=1.0,
-            noise_dof=None,
-            findings=(),
-            failure=None,
         )
 
 
-def _column(stated: str, path: Path, line: int) -> tuple[str, str]:
+def _column(column: str, path: Path, line: int) -> tuple[str, str]:
     """delta2_deg: name and unit."""
-    name, _, unit = stated.rpartition("_")
+    name, _, unit = column.rpartition("_")
     if not name or unit not in LARGEST:
         raise BadInput(
             "a column of a table of offsets has no unit in its name",
-            found=shown(stated),
+            found=shown(column),
             allowed=f"a name and one of {', '.join('_' + unit for unit in LARGEST)}, such as delta2_deg",
             file=path,
             line=line,
@@ -152,12 +144,9 @@ def unfitted(run: Run, problem: Problem, name: str) -> Repeat:
         value=np.full(len(free), np.nan),
         covariance=np.full((len(free), len(free)), np.nan),
         by_geometry=np.zeros((len(free), 0)),
-        geometry=(),
         joint=True,
-        noise_scale=1.0,
         noise_dof=None if problem.noise.known else 1,
         findings=tuple(map(FileWarning, run.warnings)),
-        failure=None,
     )
 
 
@@ -174,12 +163,12 @@ def fitted(repeat: Repeat, problem: Problem, header: Header, seed: int) -> Repea
     by_geometry = np.full((len(columns), len(geometry)), np.nan)
     known = [k for k, column in enumerate(columns) if column in solution.known]
     if known:
-        own_columns = [columns[k] for k in known]
-        own = without_prior(solution.fit, own_columns)
-        display = parameters.display[own_columns]
-        value[known] = own.value * display
-        covariance[np.ix_(known, known)] = own.covariance * np.outer(display, display)
-        by_geometry[known] = own.by_geometry * display[:, None]
+        known_columns = [columns[k] for k in known]
+        offsets = without_prior(solution.fit, known_columns)
+        display = parameters.display[known_columns]
+        value[known] = offsets.value * display
+        covariance[np.ix_(known, known)] = offsets.covariance * np.outer(display, display)
+        by_geometry[known] = offsets.by_geometry * display[:, None]
     return replace(
         repeat,
         status=tuple(solution.status[column] for column in columns),
@@ -207,64 +196,57 @@ def _on_the_fit(solution: Solution) -> Iterator[RunFinding]:
         yield SharedTolerances()
 
 
-_SAME = 1e-9  # relative: two descriptions of one arm
-
-
-def read_repeats(given: Sequence[Path | Run], seed: int, progress: Progress) -> tuple[Kind, list[Repeat]]:
+def read_repeats(runs: Sequence[Path | Run], seed: int, progress: Progress) -> tuple[Kind, list[Repeat]]:
     """The runs in files: run files, results of `analyse --json`, or one table (see `docs/compare.md`); or the
     runs themselves.
 
     Raises BadInput for fewer than two, for one that is given twice, and for runs that cannot be compared.
     """
-    if any(isinstance(one, Path) and one.suffix == ".csv" for one in given):
-        if len(given) > 1:
+    paths = [one if isinstance(one, Path) else one.path for one in runs]
+    if any(isinstance(one, Path) and one.suffix == ".csv" for one in runs):
+        if len(runs) > 1:
             raise BadInput(
                 "a table is compared alone: its runs have no uncertainties",
-                found=f"{len(given)} files",
+                found=f"{len(runs)} files",
                 allowed="one table (.csv), or run files and results",
             )
-        return "table", list(read_table(_paths(given)[0]))
-    if len(given) < 2:
+        return "table", list(read_table(paths[0]))
+    if len(runs) < 2:
         raise BadInput(
             "one run cannot be compared",
-            found=str(_paths(given)[0]) if given else "no file",
+            found=str(paths[0]) if runs else "no file",
             allowed="two runs or more, or a table of published offsets (.csv)",
         )
-    names = _names(given)
-    _refuse_twice([(name, _sha256(one)) for name, one in zip(names, given, strict=True)])
+    names = _names(paths)
+    _refuse_twice([(name, _sha256(one)) for name, one in zip(names, runs, strict=True)])
     # All that could forbid a comparison comes before the first fit.
-    found: list[Repeat] = []
+    repeats: list[Repeat] = []
     problems: dict[int, tuple[Problem, Header]] = {}
     arms: list[tuple[str, Robot]] = []
-    for k, (one, name) in enumerate(zip(given, names, strict=True)):
+    for k, (one, name) in enumerate(zip(runs, names, strict=True)):
         if isinstance(one, Path) and one.suffix == ".json":
-            found.append(read_result(one, name))
+            repeats.append(read_result(one, name))
             continue
         run = read_run(one) if isinstance(one, Path) else one
         problem = problem_of(run)
         problems[k] = problem, run.header
-        found.append(unfitted(run, problem, name))
+        repeats.append(unfitted(run, problem, name))
         arms.append((name, run.robot))
-    _refuse_twice([(repeat.name, repeat.sha256 or "") for repeat in found])
+    _refuse_twice([(repeat.name, repeat.sha256 or "") for repeat in repeats])
     for (first, robot), (other, another) in pairwise(arms):
         _require_same_arm(first, robot, other, another)
-    for one_repeat, other_repeat in pairwise(found):
+    for one_repeat, other_repeat in pairwise(repeats):
         _require_comparable(one_repeat, other_repeat)
     with one_blas_thread():
         for k, (problem, header) in problems.items():
-            progress(f"fit, run {k + 1}/{len(given)}", k / len(given))
-            found[k] = fitted(found[k], problem, header, seed)
-    return "runs" if len(problems) == len(given) else "results", found
+            progress(f"fit, run {k + 1}/{len(runs)}", k / len(runs))
+            repeats[k] = fitted(repeats[k], problem, header, seed)
+    return "runs" if len(problems) == len(runs) else "results", repeats
 
 
-def _paths(given: Sequence[Path | Run]) -> list[Path]:
-    return [one if isinstance(one, Path) else one.path for one in given]
-
-
-def _names(given: Sequence[Path | Run]) -> list[str]:
+def _names(paths: Sequence[Path]) -> list[str]:
     """What the runs are called: their files' names, with the folders where two are the same, and a number
     where that is not enough."""
-    paths = _paths(given)
     names = [path.name for path in paths]
     if len(set(names)) < len(names):
         names = [str(path) for path in paths]
@@ -349,7 +331,7 @@ def _require_comparable(one: Repeat, other: Repeat) -> None:
 def times(repeats: Sequence[Repeat]) -> list[datetime] | None:
     """When the runs were made, if all of them say so (ISO 8601) and not all at once; else None."""
     try:
-        found = [datetime.fromisoformat(repeat.when or "") for repeat in repeats]
-        return found if max(found) > min(found) else None
+        dates = [datetime.fromisoformat(repeat.when or "") for repeat in repeats]
+        return dates if max(dates) > min(dates) else None
     except (ValueError, TypeError):  # no date, or one with a time zone beside one without
         return None

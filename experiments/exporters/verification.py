@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from ...analysis.acceptance.acceptance_test import (
+    AcceptancePrediction,
     AcceptanceResult,
-    Prediction,
     VerificationPlan,
     accept,
     choose,
@@ -77,7 +77,7 @@ def accepted(path: Path, new: Path, tolerance: float | None) -> AcceptanceResult
             update={"distances": (), "targets": {name: stated[name] for name in targets if name in stated}}
         )
         laser = run.header.tool.kind == "laser"
-        prediction = Prediction(
+        prediction = AcceptancePrediction(
             solution, header, verified.joints, targets, verified.spots if laser else None, entered
         )
         return accept(prediction, solution, _tolerances(run.header, tolerance))

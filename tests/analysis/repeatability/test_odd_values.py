@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from zerobeam.analysis.diagnostics.outliers import FEWEST, _critical, odd_values
+from zerobeam.analysis.diagnostics.outliers import FEWEST_VALUES, _critical, outlying_values
 
 # Rosner 1983, as in the NIST/SEMATECH e-Handbook, section 1.3.5.17.3: three outliers at 0.05.
 ROSNER = [
@@ -15,7 +15,7 @@ ROSNER = [
 
 def test_the_critical_values_and_outliers_are_those_of_the_handbook():
     assert [round(_critical(54, k, 0.05), 3) for k in (1, 2, 3)] == [3.159, 3.151, 3.144]
-    assert [ROSNER[own.row] for own in odd_values(ROSNER, 0.05)] == [6.01, 5.42, 5.34]
+    assert [ROSNER[own.row] for own in outlying_values(ROSNER, 0.05)] == [6.01, 5.42, 5.34]
     # The first alone is hidden by the others: a test one by one would stop there.
     values = np.array(ROSNER)
     assert (values.max() - values.mean()) / values.std(ddof=1) < _critical(54, 1, 0.05)
@@ -23,10 +23,10 @@ def test_the_critical_values_and_outliers_are_those_of_the_handbook():
 
 def test_the_level_holds_and_few_values_are_not_tested():
     rng = np.random.default_rng(3)
-    alarms = sum(bool(odd_values(rng.normal(size=30), 0.05)) for _ in range(1000))
+    alarms = sum(bool(outlying_values(rng.normal(size=30), 0.05)) for _ in range(1000))
     assert 25 <= alarms <= 80  # the binomial's 99.9 % about 50
-    assert odd_values([0.0] * (FEWEST - 2) + [9.0], 0.05) == []
-    assert odd_values([1.0] * 40, 0.05) == []
-    (own,) = odd_values([*rng.normal(size=40), 30.0], 0.01)
+    assert outlying_values([0.0] * (FEWEST_VALUES - 2) + [9.0], 0.05) == []
+    assert outlying_values([1.0] * 40, 0.05) == []
+    (own,) = outlying_values([*rng.normal(size=40), 30.0], 0.01)
     assert own.row == 40
-    assert own.off > 20
+    assert own.deviation > 20
