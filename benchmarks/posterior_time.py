@@ -31,9 +31,8 @@ from threadpoolctl import threadpool_limits
 
 from zerobeam.analysis.estimation.coordinates import SeenCoordinates
 from zerobeam.analysis.estimation.fit import fit_likelihood
-from zerobeam.analysis.posterior.moves import IndependenceProposal, degrees_of_freedom
 from zerobeam.analysis.posterior.posterior import Whitening
-from zerobeam.analysis.posterior.sampler import sample_density
+from zerobeam.analysis.posterior.sampler import IndependenceProposal, degrees_of_freedom, sample_density
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.run import read_run

@@ -5,7 +5,7 @@ Fits are rows: the starts of one run, or one start of each of many runs, go up s
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -15,16 +15,75 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ...model.arrays import Index, Matrix
+from ...model.arrays import Index, Mask, Matrix
 from ...model.likelihood.density import Density, density_of
 from ...model.likelihood.problem import Problem, Whitened
-from .climb import MOST_STEPS, Climb
-from .compiled_climb import compiled_climb
+from .climb import MOST_STEPS, Climb, compiled_climb
 from .coordinates import seen_coordinates
-from .elimination import eliminated
-from .levenberg_marquardt import Minima
+from .levenberg_marquardt import Minima, least_squares, levenberg_marquardt
 from .noise_factors import marginal_noise
 from .threads import threads
+
+_REFRESHES = 30
+_SETTLED = 1e-6  # prior stds
+
+
+def eliminated(problem: Problem, start: Matrix) -> Matrix:
+    """x (p,) from `start` (p,): offsets and tool by Levenberg-Marquardt, the targets in closed form.
+
+    A residual is linear in its target: with the weights S^-1 kept, the targets that go with given offsets and
+    tool are a linear least-squares solution (variable projection: Golub & Pereyra 1973, with Kaufman's
+    Jacobian). The weights are refreshed until they settle.
+
+    Raises ValueError where the elimination is not exact: stated distances, or noise that is a parameter.
+    """
+    if problem.distances or problem.noise.separate:
+        raise ValueError("targets are not eliminated from stated distances or noise factors")
+    parameters = problem.parameters
+    targets = parameters.group("target") & parameters.free
+    rest = parameters.free & ~targets
+    x = start.copy()
+    for _ in range(_REFRESHES):
+        found = _projected(problem, x, targets, rest)
+        moved = np.abs((found - x) / parameters.prior_std)[rest].max(initial=0.0)
+        x = found
+        if moved < _SETTLED:
+            break
+    return x
+
+
+def _projected(problem: Problem, x: Matrix, targets: Mask, rest: Mask) -> Matrix:
+    """x (p,) where the weights of `x` are kept."""
+    parameters = problem.parameters
+    scale, mean = parameters.prior_std, parameters.prior_mean
+    factor = problem.whiten(x).factor
+    root = float(np.sqrt(Density(problem).noise_weight(x[None])[0]))
+    count = int(targets.sum())
+
+    def at(own: Matrix) -> tuple[Whitened, Matrix, Matrix]:
+        """At x = own (p,): residuals and the targets' columns, both with the targets' priors below."""
+        whitened = problem.whiten(own, factor)
+        residuals = np.append(whitened.residual * root, (own - mean)[targets] / scale[targets])
+        return whitened, residuals, np.vstack([whitened.jacobian[:, targets] * root, np.eye(count)])
+
+    def with_targets(z: Matrix) -> Matrix:
+        """x with offsets and tool at z, and the targets that are best for them."""
+        own = x.copy()
+        own[rest] = mean[rest] + z * scale[rest]
+        _, residuals, columns = at(own)
+        own[targets] -= np.linalg.lstsq(columns, residuals, rcond=None)[0] * scale[targets]
+        return own
+
+    def residual(z: Matrix, _: Index) -> tuple[Matrix, Matrix]:
+        whitened, residuals, columns = at(with_targets(z[0]))
+        by_rest = np.vstack([whitened.jacobian[:, rest] * root, np.zeros((count, z.shape[1]))])
+        basis, _ = np.linalg.qr(columns)
+        by_rest -= basis @ (basis.T @ by_rest)  # what the targets do not take up
+        return np.append(residuals, z[0])[None], np.vstack([by_rest, np.eye(z.shape[1])])[None]
+
+    z = (x - mean)[rest] / scale[rest]
+    return with_targets(levenberg_marquardt(least_squares(residual), z[None], tolerance=1e-12).x[0])
+
 
 _SAME_BASIN = 0.5  # posterior stds: two modes nearer than this are one
 CONTRADICTED = 1e-4  # a chance below which residuals and priors together are no chance
@@ -366,3 +425,30 @@ def unbiased_weight(density: Density, x: Matrix, of: Index | None = None) -> Mat
     numbers = density.numbers(of)
     chi2 = numbers / density.noise_weight(x, of)
     return np.asarray(np.maximum(numbers - (density.size - rigid), 1e-3) / chi2)
+
+
+def fits_of(problems: Sequence[Problem], *, seed: int = 0) -> list[LikelihoodFit]:
+    """`fit_likelihood` of each, bit for bit: it does not depend on what is fitted beside it."""
+    groups: dict[Hashable, list[int]] = {}
+    for k, problem in enumerate(problems):
+        groups.setdefault(_apart_from_readings(problem), []).append(k)
+    found: dict[int, LikelihoodFit] = {}
+    for group in groups.values():
+        fits = fit_alike([problems[k] for k in group], seed=seed)
+        found.update(zip(group, fits, strict=True))
+    return [found[k] for k in range(len(problems))]
+
+
+def _apart_from_readings(problem: Problem) -> Hashable:
+    """What problems must have in common to differ in what was recorded alone."""
+    noise = problem.noise
+    arrays = (problem.target_index, problem.weights, problem.guessed, noise.variances)
+    return (
+        id(problem.functions),  # the same for arms and tools that are the same
+        problem.parameters.items,
+        problem.targets,
+        problem.distances,
+        noise.estimated,
+        noise.separate,
+        *(part.tobytes() for part in arrays),
+    )

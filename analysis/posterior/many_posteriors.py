@@ -10,8 +10,16 @@ from ...model.arrays import Matrix
 from ...model.likelihood.density import Density
 from ..estimation.coordinates import SeenCoordinates
 from ..estimation.fit import Fits
-from .moves import IndependenceProposal, degrees_of_freedom
-from .sampler import GOOD, MAPPED_SHARE, ROUND, SHARE, Moves, possible_density
+from .sampler import (
+    GOOD,
+    MAPPED_SHARE,
+    ROUND,
+    SHARE,
+    IndependenceProposal,
+    Moves,
+    degrees_of_freedom,
+    possible_density,
+)
 
 _REFITS = 4  # the proposal is fitted anew at most so often, while less than GOOD are accepted;
 LEAST_STEPS, _MOST_STEPS = 10, 400  # then so many steps over the square of the acceptance, and at most
@@ -26,11 +34,10 @@ def drawn_together(
     """(W, draws, f) draws of the scaled free parameters of every data set of a density, and the acceptance;
     `fits` are theirs. `TOGETHER` data sets are what a core keeps near.
 
-    One walker for each draw; its last place is the draw. With `sample_posterior` it shares all that makes a
-    draw right: density, coordinates, whitening by the fit, first proposal, moves, their shares, length of a
-    round, and the walk by emcee. Its own are only what a batch needs: draws by many walkers in place of long
-    chains, so that no R-hat is taken, and where the proposal is poor one fitted anew to each data set's own
-    walkers, in place of a triangular map.
+    One walker for each draw; where it ends is the draw. Density, coordinates, whitening by the fit, first
+    proposal, moves, their shares and the length of a round are those of `sample_posterior`. A batch has many
+    walkers in place of long chains, so that no R-hat is taken; and where the proposal is poor it is fitted
+    anew to the walkers of each data set, in place of a triangular map.
     """
     size, count = density.size, len(fits.x)
     every = np.arange(count)

@@ -23,8 +23,7 @@ from ..estimation.threads import threads
 from ..solution import Solution
 from ..status import Status, UnsoundResult, known, require_no_more_than
 from .convergence import error_of_mean, tail_effective
-from .moves import IndependenceProposal, degrees_of_freedom
-from .sampler import RHAT_GATE, Sampled, sample_density
+from .sampler import RHAT_GATE, IndependenceProposal, Sampled, degrees_of_freedom, sample_density
 
 _KEPT_PER_WALKER = 400
 

@@ -16,7 +16,7 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ..arrays import Matrix
 from ..errors import BadInput
 from ..kinematics.robot import Robot
-from .arrays import (
+from .arguments import (
     Laser,
     Noise,
     Probe,
@@ -29,11 +29,10 @@ from .arrays import (
 )
 from .header import PLAN_SCHEMA, Header, check_header, header_content
 from .limits import check_limits, require_joint_count
+from .plan_file import UNCONSTRAINED, PlanFile, StatedConstraints, StatedPosture
 from .reading import Document, read_yaml, require_schema
 from .robot_file import load_robot
 from .shot import check_distances, unknown_targets
-from .stated_plan.constraints import UNCONSTRAINED, StatedConstraints
-from .stated_plan.plan_file import PlanFile, StatedPosture
 from .validation import validate
 from .whole_file import flow, refuse_existing, short_in_one_line, write_whole, yaml_text
 

@@ -14,14 +14,11 @@ from pydantic_core import PydanticCustomError
 
 from ..arrays import Matrix
 from ..errors import BadInput
-from ..kinematics.denavit_hartenberg import DHRow, dh_chain
 from ..kinematics.orientation import roll_pitch_yaw
 from ..kinematics.plausible import doubtful_rows, too_long, warn_of
-from ..kinematics.robot import Joint, Robot, shift
+from ..kinematics.robot import DHRow, Joint, Robot, dh_chain, shift
 from .confinement import BUILT_IN, require_within
-from .header import UrdfRef
-from .reading import did_you_mean, read_yaml, require_schema, shown
-from .stated_conventions import (
+from .conventions import (
     FileLimits,
     StatedEncoder,
     StatedMounting,
@@ -29,6 +26,8 @@ from .stated_conventions import (
     conventions,
     require_fitting,
 )
+from .header import UrdfRef
+from .reading import did_you_mean, read_yaml, require_schema, shown
 from .urdf import read_urdf
 from .validation import FileModel, Name, Point, Positive, bad_input, refusal, validate
 

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import Matrix
 from ..errors import BadInput
 from ..kinematics.robot import Robot
-from .arrays import (
+from .arguments import (
     Laser,
     Noise,
     Probe,
@@ -33,8 +33,7 @@ from .arrays import (
     target_of_each,
 )
 from .header import RUN_SCHEMA, Header, check_header, header_content
-from .json_lines import json_line, json_rows
-from .reading import LARGEST_RECORDING, Place, did_you_mean, read_bytes, require_schema
+from .reading import LARGEST_RECORDING, Place, did_you_mean, json_line, json_rows, read_bytes, require_schema
 from .robot_file import load_robot
 from .shot import Shot, check_distances, check_shots
 from .validation import validate

@@ -25,9 +25,56 @@ import numpy as np
 from ..kinematics.robot import Robot, Turn
 from .geometry import NOMINAL, Geometry
 from .kernel import Kernel
-from .midpoint import midpoint_function
-from .posture import Posture
 from .tool import Tool
+
+
+def midpoint_function(robot: Robot, tool: Tool, geometry: Geometry = NOMINAL) -> ca.Function:
+    """(q1, q2, arm, tool) -> midpoint (3,), jacobian (3, a + k) by arm, tool, and (3, n) by q1 and by q2.
+
+    The middle of the shortest segment between two beams (section 2.2 of the paper). It is not
+    defined for parallel beams: callers leave those pairs out.
+    """
+    one = Posture(robot, geometry)
+    other = Posture(robot, geometry, one.arm)
+    q1, q2, arm = one.q, other.q, one.arm
+    unknown = ca.SX.sym("tool", len(tool.free_axes))
+    point, direction, _ = tool.beam(unknown)
+    feet: list[tuple[ca.SX, ca.SX]] = []
+    for posture in (one, other):
+        rotation, translation = posture.pose
+        feet.append((translation + rotation @ point, rotation @ direction))
+    (o1, u1), (o2, u2) = feet
+    between, cosine = o2 - o1, ca.dot(u1, u2)
+    sine_squared = ca.sumsqr(ca.cross(u1, u2))
+    along1 = (ca.dot(between, u1) - cosine * ca.dot(between, u2)) / sine_squared
+    along2 = (cosine * ca.dot(between, u1) - ca.dot(between, u2)) / sine_squared
+    middle = (o1 + along1 * u1 + o2 + along2 * u2) / 2
+    return ca.Function(
+        "midpoint",
+        [q1, q2, arm, unknown],
+        ca.cse([middle, *(ca.densify(ca.jacobian(middle, by)) for by in (ca.vertcat(arm, unknown), q1, q2))]),
+        ["q1", "q2", "arm", "tool"],
+        ["midpoint", "jacobian", "by_q1", "by_q2"],
+    )
+
+
+class Posture:
+    """Recorded positions `q` (n,), `arm` (a,) joint offsets and geometry parameters, and what follows: the
+    `robot` with its links moved, and the true joint positions `theta` (n,)."""
+
+    def __init__(self, robot: Robot, geometry: Geometry, arm: ca.SX | None = None) -> None:
+        n = robot.n
+        self.q = ca.SX.sym("q", n)
+        self.arm = ca.SX.sym("arm", n + len(geometry.names)) if arm is None else arm
+        self.robot = geometry.moved(robot, self.arm[n:])
+        recorded = geometry.recorded_symbols(robot, self.q)
+        self.theta = self.q + geometry.bent(robot, self.arm, recorded)
+
+    @property
+    def pose(self) -> tuple[ca.SX, ca.SX]:
+        """The flange's rotation and translation in the base frame."""
+        return self.robot.flange_pose(self.theta)
+
 
 # What does not change from shot to shot of one walker.
 _HOISTED = ("arm", "tool", "variances", "stated")

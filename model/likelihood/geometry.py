@@ -32,8 +32,7 @@ from ..errors import BadInput
 from ..kinematics.robot import Robot
 
 if TYPE_CHECKING:
-    from ..files.header import Header
-    from ..files.stated_geometry import StatedGeometry
+    from ..files.header import Header, StatedGeometry
 
 LinkAxis = Literal["a", "alpha", "d", "beta", "theta"]
 ANGLES: frozenset[str] = frozenset({"alpha", "beta", "theta"})

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from ..arrays import Index, Matrix
 from ..errors import BadInput
 from ..files.run import Run
+from ..files.shot import check_distances
 from ..kinematics.robot import Robot
 from .constraint import ShotFunctions, shot_functions
-from .distance import Distance, distances
 from .geometry import Geometry
 from .noise import NoiseModel
 from .parameters import Parameters
@@ -29,6 +29,27 @@ from .tool import Tool
 if TYPE_CHECKING:
     from ..files.header import Header
     from ..files.plan import Plan
+
+
+@dataclass(frozen=True)
+class Distance:
+    """A stated distance between two targets (by their index), mm."""
+
+    first: int
+    second: int
+    mm: float
+    sigma: float
+
+
+def distances(header: Header, targets: Sequence[str]) -> tuple[Distance, ...]:
+    """Those of a header between the `targets` of some measurements; BadInput for one to another target."""
+    check_distances(header, targets, file=None, line=None)
+    return tuple(
+        Distance(
+            targets.index(stated.between[0]), targets.index(stated.between[1]), stated.mm, stated.sigma_mm
+        )
+        for stated in header.distances
+    )
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,8 @@ from ....experiments.plans.obstacles import read_obstacles, write_obstacles
 from ....model.errors import BadInput
 from ....model.files.header import PLAN_SCHEMA
 from ....model.files.plan import Plan, plan_of, write_plan
+from ....model.files.plan_file import Obstacles
 from ....model.files.reading import Document, Place, read_yaml, require_schema
-from ....model.files.stated_plan.obstacles import Obstacles
 from ....model.files.validation import FileModel, as_tuple
 from ....reports.plan.plan_scene import Postures, postures_of
 from ....reports.run.geometry import check_lines

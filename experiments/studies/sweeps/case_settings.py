@@ -12,6 +12,7 @@ from ....analysis.design.continuous_design import Criterion
 from ....model.files.header import (
     Header,
     RobotRef,
+    StatedGeometry,
     StatedNoise,
     StatedPrior,
     StatedTarget,
@@ -19,7 +20,6 @@ from ....model.files.header import (
     StatedTool,
 )
 from ....model.files.reading import shown
-from ....model.files.stated_geometry import StatedGeometry
 from ....model.files.validation import (
     FileModel,
     Name,

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from cells import OPEN_LASER, OPEN_PROBE, good_plan, header, plan_of, random_robot
 
-from zerobeam.analysis.estimation.climb import Climb
-from zerobeam.analysis.estimation.compiled_climb import compiled_climb
+from zerobeam.analysis.estimation.climb import Climb, compiled_climb
 from zerobeam.analysis.estimation.coordinates import seen_coordinates
 from zerobeam.analysis.estimation.fit import start_at
 from zerobeam.analysis.estimation.levenberg_marquardt import NOT_FINITE

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from zerobeam.analysis.estimation import many_fits
-from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
-from zerobeam.analysis.estimation.many_fits import fits_of
+from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood, fits_of
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.kernel import compiled_at_once

@@ -6,7 +6,7 @@ from scipy import optimize
 
 from zerobeam.analysis.estimation import profile
 from zerobeam.analysis.estimation.fit import fit_likelihood
-from zerobeam.analysis.estimation.profile import profile_intervals
+from zerobeam.analysis.posterior.intervals import profile_intervals
 from zerobeam.experiments.plans.patterns import pattern
 
 HALF = 1.959963984540054

@@ -24,8 +24,7 @@ from zerobeam.analysis.observability.aim import aim
 from zerobeam.analysis.observability.identifiability import identify
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.header import Header
-from zerobeam.model.kinematics.denavit_hartenberg import DHRow, dh_chain
-from zerobeam.model.kinematics.robot import Joint, Robot
+from zerobeam.model.kinematics.robot import DHRow, Joint, Robot, dh_chain
 from zerobeam.model.likelihood.problem import Problem
 
 Exact = NDArray[np.object_]  # of numbers in fifty digits

@@ -21,8 +21,7 @@ from plain_model import (
 
 from zerobeam.model.kinematics.robot import Joint, Robot
 from zerobeam.model.likelihood import kernel
-from zerobeam.model.likelihood.constraint import ShotFunctions
-from zerobeam.model.likelihood.midpoint import midpoint_function
+from zerobeam.model.likelihood.constraint import ShotFunctions, midpoint_function
 from zerobeam.model.likelihood.tool import Tool
 
 # Per arm a beam along an axis of the flange or askew to it, forwards or backwards.

@@ -12,8 +12,7 @@ from zerobeam.model.files.shot import Shot
 from zerobeam.model.kinematics.robot import Robot
 from zerobeam.model.likelihood import kernel
 from zerobeam.model.likelihood.constraint import ShotFunctions
-from zerobeam.model.likelihood.distance import Distance
-from zerobeam.model.likelihood.problem import Problem
+from zerobeam.model.likelihood.problem import Distance, Problem
 
 
 def tool_of(problem):
