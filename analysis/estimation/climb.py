@@ -56,12 +56,12 @@ class CompiledClimb:
         targets: list[int] = []
         wide = 0
         for k in range(len(problem.targets)):
-            own = parameters.of_shot(k)
-            local = np.flatnonzero(parameters.free[own])
+            columns_of_shot = parameters.of_shot(k)
+            local = np.flatnonzero(parameters.free[columns_of_shot])
             shots = np.flatnonzero(problem.target_index == k)
             inputs = density.inputs(nothing, shots, k)
             targets += [self._call(slopes.address, inputs, nothing, len(shots)), slopes.size_out, sum(sizes)]
-            targets += [len(local), self._at(local), self._at(parameters.among_free[own[local]])]
+            targets += [len(local), self._at(local), self._at(parameters.among_free[columns_of_shot[local]])]
             moved = coordinates.moved(k)
             if moved is None:
                 targets += [0] * 8
@@ -84,57 +84,57 @@ class CompiledClimb:
         return int(self._kept[-1].ctypes.data)
 
     def _call(
-        self, function: int, inputs: Sequence[GridInput], x: Matrix, inner: int, *, seen: bool = False
+        self, function: int, inputs: Sequence[GridInput], x: Matrix, inner: int, *, in_flange: bool = False
     ) -> int:
         """The address of what C takes as a kernel's call."""
         numbers = [len(inputs), inner, function]
-        for k, given in enumerate(inputs):
-            self._kept.append(given)
-            by_set = 3 if given.step else 0
-            kind = 2 if seen and k == 2 else 1 if given.values is x else by_set
-            numbers += [kind, given.address, given.step, given.offsets.address]
+        for k, grid_input in enumerate(inputs):
+            self._kept.append(grid_input)
+            by_set = 3 if grid_input.step else 0
+            kind = 2 if in_flange and k == 2 else 1 if grid_input.values is x else by_set
+            numbers += [kind, grid_input.address, grid_input.step, grid_input.offsets.address]
         return self._at(np.array(numbers))
 
     def slopes(self, v: Matrix, of: Index, *, with_information: bool = True) -> Quadratic:
         """Minus the log-posterior at v (W, f) of data sets `of` (W,), its gradient and information in v;
         where that was not asked for, of no rows."""
         v, of, rows = np.ascontiguousarray(v), np.ascontiguousarray(of), len(v)
-        found = self._empty(rows, rows if with_information else 0)
+        quadratic = self._empty(rows, rows if with_information else 0)
         work = np.empty(rows * (self._wide + self._width))
         self._library.zb_slopes(
             self._head, self._targets, rows, v.ctypes.data, of.ctypes.data, work.ctypes.data,
-            found.cost.ctypes.data, found.gradient.ctypes.data,
-            found.curvature.ctypes.data if with_information else None,
+            quadratic.cost.ctypes.data, quadratic.gradient.ctypes.data,
+            quadratic.curvature.ctypes.data if with_information else None,
             work.ctypes.data + 8 * rows * self._width,
         )  # fmt: skip
-        return found
+        return quadratic
 
     def up(self, v: Matrix, of: Index, most: int, absolute: float, longest: Matrix) -> Minima:
         """As `levenberg_marquardt`."""
         v, of, rows = np.array(v, order="C"), np.ascontiguousarray(of), len(v)
-        found = self._empty(rows, rows)
+        quadratic = self._empty(rows, rows)
         iterations, ended = np.empty((2, rows), dtype=np.int64)
         self._library.zb_climb(
             self._head, self._targets, rows, v.ctypes.data, of.ctypes.data, most, DAMPING, TOLERANCE,
-            absolute, longest.ctypes.data, self._wide, *(part.ctypes.data for part in found),
+            absolute, longest.ctypes.data, self._wide, *(part.ctypes.data for part in quadratic),
             iterations.ctypes.data, ended.ctypes.data,
         )  # fmt: skip
         if rows and ended[0] < 0:
             raise MemoryError
         reasons = (f"no convergence in {most} iterations", NO_LOWER, NO_STEP, NOT_FINITE)
-        return Minima(v, *found, iterations, ended == 1, [reasons[k] for k in ended.tolist()])
+        return Minima(v, *quadratic, iterations, ended == 1, [reasons[k] for k in ended.tolist()])
 
     def polish(
-        self, found: Minima, of: Index, most: int, end: float, flat: float, difference: float, still: float
+        self, minima: Minima, of: Index, most: int, end: float, flat: float, difference: float, still: float
     ) -> tuple[Matrix, Matrix, Matrix, Matrix, Index, NDArray[np.bool_]]:
         """As `Climb.polished`: v (W, f), covariance (W, f, f), value (W,), size of the gradient (W,), steps
         taken (W,), and for which rows (W,) these hold: not where a step is to be shortened, or a curvature
         is not above `flat`."""
-        v, of, rows = np.array(found.x, order="C"), np.ascontiguousarray(of), len(found.x)
-        cost, size = np.array(found.cost), np.full(rows, np.inf)
-        start, information = np.ascontiguousarray(found.slope), np.ascontiguousarray(found.curvature)
+        v, of, rows = np.array(minima.x, order="C"), np.ascontiguousarray(of), len(minima.x)
+        cost, size = np.array(minima.cost), np.full(rows, np.inf)
+        start, information = np.ascontiguousarray(minima.slope), np.ascontiguousarray(minima.curvature)
         covariance = np.empty((rows, self._size, self._size))
-        iterations, whole = np.array(found.iterations), np.empty(rows, dtype=np.int64)
+        iterations, whole = np.array(minima.iterations), np.empty(rows, dtype=np.int64)
         self._library.zb_polish(
             self._head, self._targets, rows, v.ctypes.data, of.ctypes.data, most, end, flat, difference,
             still, self._wide, *(part.ctypes.data for part in (cost, start, information, size, covariance)),
@@ -241,32 +241,32 @@ class Climb:
     def _model(self, v: Matrix, rows: Index) -> Quadratic:
         """Minus the log-posterior at v (W, f) of these rows, in v."""
         of = self.of[rows]
-        place = self.coordinates.at(v, of)
-        value, gradient, information = self._density.slopes(place.x, of)
-        gradient, information = place.gradient(gradient), place.information(information)
+        point = self.coordinates.at(v, of)
+        value, gradient, information = self._density.slopes(point.x, of)
+        gradient, information = point.gradient(gradient), point.information(information)
         if self._held is not None:
-            row, own = np.nonzero(self._held[rows])
-            gradient[row, own] = 0.0
-            information[row, own] = 0.0
-            information[row, :, own] = 0.0
-            information[row, own, own] = 1.0
+            row, column = np.nonzero(self._held[rows])
+            gradient[row, column] = 0.0
+            information[row, column] = 0.0
+            information[row, :, column] = 0.0
+            information[row, column, column] = 1.0
         return Quadratic(-value, -gradient, information)
 
-    def polished(self, found: Minima) -> Optima:
+    def polished(self, minima: Minima) -> Optima:
         """Newton's steps on the exact log-posterior, log det included, in whitened coordinates."""
         if self._compiled is None:
-            v, covariance, value, size, iterations = self._newton(found, np.arange(len(found.x)))
+            v, covariance, value, size, iterations = self._newton(minima, np.arange(len(minima.x)))
         else:
             v, covariance, value, size, iterations, whole = self._compiled.polish(
-                found, self.of, _POLISH, 1e-3 * _CONVERGED, _FLAT, _DIFFERENCE, _STILL
+                minima, self.of, _POLISH, 1e-3 * _CONVERGED, _FLAT, _DIFFERENCE, _STILL
             )
             left = np.flatnonzero(~whole)
             for data_set in np.unique(self.of[left]):  # so that no run's bits depend on those beside it
                 rows = left[self.of[left] == data_set]
-                own = self._newton(found, rows)
-                for part, part_left in zip((v, covariance, value, size, iterations), own, strict=True):
+                by_newton = self._newton(minima, rows)
+                for part, part_left in zip((v, covariance, value, size, iterations), by_newton, strict=True):
                     part[rows] = part_left
-        converged, reason = found.converged.copy(), list(found.reason)
+        converged, reason = minima.converged.copy(), list(minima.reason)
         for row, length in enumerate(size.tolist()):
             if length < _CONVERGED:
                 converged[row], reason[row] = (
@@ -278,16 +278,16 @@ class Climb:
                 reason[row] = f"the gradient stays at {length:.1e} posterior standard deviations"
         return Optima(v, covariance, value, size, iterations, converged, tuple(reason))
 
-    def _newton(self, found: Minima, rows: Index) -> tuple[Matrix, Matrix, Matrix, Matrix, Index]:
+    def _newton(self, minima: Minima, rows: Index) -> tuple[Matrix, Matrix, Matrix, Matrix, Index]:
         """Of these rows where Newton's steps end: v, covariance, value, size of the gradient, iterations."""
-        v, iterations, of = found.x[rows], found.iterations[rows], self.of[rows]
-        sound = np.isfinite(found.cost[rows])
+        v, iterations, of = minima.x[rows], minima.iterations[rows], self.of[rows]
+        sound = np.isfinite(minima.cost[rows])
         curvature = np.tile(np.eye(v.shape[1]), (len(v), 1, 1))
-        information = np.where(sound[:, None, None], found.curvature[rows], curvature)
+        information = np.where(sound[:, None, None], minima.curvature[rows], curvature)
         # Of the information, not of its inverse, which rounding may leave indefinite.
         root = np.asarray(np.linalg.inv(np.linalg.cholesky(information)).transpose(0, 2, 1), dtype=float)
         active = np.flatnonzero(sound)
-        value, slope = -found.cost[rows], -_times(root.transpose(0, 2, 1), found.slope[rows])
+        value, slope = -minima.cost[rows], -_times(root.transpose(0, 2, 1), minima.slope[rows])
         slope[~sound] = np.inf
         curvature[active] = self._curvature(v[active], of[active], root[active])
         way = np.zeros(len(v))  # since the curvature was taken
@@ -348,9 +348,9 @@ class Climb:
         if self._compiled is not None:
             cost, slope, _ = self._compiled.slopes(v, of, with_information=False)
             return -cost, -slope
-        place = self.coordinates.at(v, of)
-        value, gradient, _ = self._density.slopes(place.x, of, with_information=False)
-        return value, place.gradient(gradient)
+        point = self.coordinates.at(v, of)
+        value, gradient, _ = self._density.slopes(point.x, of, with_information=False)
+        return value, point.gradient(gradient)
 
     def _curvature(self, v: Matrix, of: Index, root: Matrix) -> Matrix:
         """(W, f, f) negative Hessian in the coordinates w, by central differences of the exact gradient."""

@@ -62,14 +62,16 @@ class SeenCoordinates:
         self._where = parameters.block("target") if every else self._places.reshape(-1)
         at_v = parameters.among_free
         turning = np.flatnonzero(self._free[parameters.arm])  # the arm is at the start of x
-        own = np.broadcast_to(self._scale[:, None], (len(moved), 3))
-        by_scale = np.hstack([np.tile(parameters.prior_std[turning], (len(moved), 1)), own])
+        target_scales = np.broadcast_to(self._scale[:, None], (len(moved), 3))
+        by_scale = np.hstack([np.tile(parameters.prior_std[turning], (len(moved), 1)), target_scales])
         self._by_scale = by_scale[:, None, :] / parameters.prior_std[self._places][:, :, None]
         self._columns = np.append(turning, parameters.arm.stop + np.arange(3))  # of `placed`
         self._moving = together(self._columns)
         # Where z of each moved target is by the v that move it, in (f * f,).
         self._size = int(self._free.sum())
-        self._moves = np.array([np.append(at_v[turning], at_v[place]) for place in self._places], dtype=int)
+        self._moves = np.array(
+            [np.append(at_v[turning], at_v[columns]) for columns in self._places], dtype=int
+        )
         rows = at_v[self._places]
         where = rows[:, :, None] * self._size + self._moves.reshape(len(moved), 1, -1 if len(moved) else 0)
         self._where_by = where.reshape(-1)
@@ -84,19 +86,19 @@ class SeenCoordinates:
 
     def to_parameters(self, v: Matrix, of: Index | None = None) -> Matrix:
         """x (W, p) of coordinates v (W, f); what is held stays at its prior mean."""
-        x, seen = self._spread_out(v)
+        x, in_flange = self._spread_out(v)
         if len(self._targets):
-            (placed,) = self._each("place", of, self._problem.split(x).arm, seen)
+            (placed,) = self._each("place", of, self._problem.split(x).arm, in_flange)
             x[:, self._where] = placed.reshape(len(v), 3 * len(self._targets))
         return x
 
     def at(self, v: Matrix, of: Index | None = None) -> Place:
         """x (W, p) of coordinates v (W, f), and how it moves with v."""
-        x, seen = self._spread_out(v)
+        x, in_flange = self._spread_out(v)
         jacobian = np.zeros((len(v), self._size * self._size))
         jacobian[:, :: self._size + 1] = 1.0
         if len(self._targets):
-            placed, by = self._each("placed", of, self._problem.split(x).arm, seen)
+            placed, by = self._each("placed", of, self._problem.split(x).arm, in_flange)
             x[:, self._where] = placed.reshape(len(v), 3 * len(self._targets))
             by = by.reshape(len(v), len(self._targets), 3, by.shape[-1])
             jacobian[:, self._where_by] = (by[..., self._moving] * self._by_scale).reshape(
@@ -132,8 +134,8 @@ class SeenCoordinates:
     def _seen(self, x: Matrix, of: Index | None) -> Matrix:
         """(W, moved, 3) mm."""
         parts = self._problem.split(x)
-        (seen,) = self._each("seen", of, parts.arm, parts.targets[:, self._targets])
-        return seen.reshape(len(x), len(self._targets), 3)
+        (in_flange,) = self._each("seen", of, parts.arm, parts.targets[:, self._targets])
+        return in_flange.reshape(len(x), len(self._targets), 3)
 
     def _each(self, name: str, of: Index | None, arm: Matrix, points: Matrix) -> tuple[Matrix, ...]:
         """A function of joints, arm and a point, for every row and moved target."""

@@ -44,9 +44,9 @@ def eliminated(problem: Problem, start: Matrix) -> Matrix:
     rest = parameters.free & ~targets
     x = start.copy()
     for _ in range(_REFRESHES):
-        found = _projected(problem, x, targets, rest)
-        moved = np.abs((found - x) / parameters.prior_std)[rest].max(initial=0.0)
-        x = found
+        refreshed = _projected(problem, x, targets, rest)
+        moved = np.abs((refreshed - x) / parameters.prior_std)[rest].max(initial=0.0)
+        x = refreshed
         if moved < _SETTLED:
             break
     return x
@@ -60,19 +60,19 @@ def _projected(problem: Problem, x: Matrix, targets: Mask, rest: Mask) -> Matrix
     root = float(np.sqrt(Density(problem).noise_weight(x[None])[0]))
     count = int(targets.sum())
 
-    def at(own: Matrix) -> tuple[Whitened, Matrix, Matrix]:
+    def at(point: Matrix) -> tuple[Whitened, Matrix, Matrix]:
         """At x = own (p,): residuals and the targets' columns, both with the targets' priors below."""
-        whitened = problem.whiten(own, factor)
-        residuals = np.append(whitened.residual * root, (own - mean)[targets] / scale[targets])
+        whitened = problem.whiten(point, factor)
+        residuals = np.append(whitened.residual * root, (point - mean)[targets] / scale[targets])
         return whitened, residuals, np.vstack([whitened.jacobian[:, targets] * root, np.eye(count)])
 
     def with_targets(z: Matrix) -> Matrix:
         """x with offsets and tool at z, and the targets that are best for them."""
-        own = x.copy()
-        own[rest] = mean[rest] + z * scale[rest]
-        _, residuals, columns = at(own)
-        own[targets] -= np.linalg.lstsq(columns, residuals, rcond=None)[0] * scale[targets]
-        return own
+        point = x.copy()
+        point[rest] = mean[rest] + z * scale[rest]
+        _, residuals, columns = at(point)
+        point[targets] -= np.linalg.lstsq(columns, residuals, rcond=None)[0] * scale[targets]
+        return point
 
     def residual(z: Matrix, _: Index) -> tuple[Matrix, Matrix]:
         whitened, residuals, columns = at(with_targets(z[0]))
@@ -207,50 +207,52 @@ def fit_likelihood(
     start = start_at(problem, z)
     if eliminate_targets:
         start = np.array([eliminated(problem, x) for x in start])
-    found = fit_rows(density, start, np.zeros(len(z), dtype=np.int64))
-    fit = _best_of(problem, found, 0, len(z))
+    fits = fit_rows(density, start, np.zeros(len(z), dtype=np.int64))
+    fit = _best_of(problem, fits, 0, len(z))
     doubtful = 0 < starts < MANY_STARTS and _has_few_numbers(problem)
     if doubtful and fit.chance is not None and fit.chance < CONTRADICTED:
         return fit_likelihood(problem, starts=MANY_STARTS, seed=seed, eliminate_targets=eliminate_targets)
     return _settled(fit)
 
 
-def _best_of(problem: Problem, found: Fits, first: int, starts: int) -> LikelihoodFit:
+def _best_of(problem: Problem, fits: Fits, first: int, starts: int) -> LikelihoodFit:
     """The best of so many rows from `first`, those of the starts of one run, with the other basins."""
     rows = slice(first, first + starts)
-    best = first + int(_best_start(found.converged[None, rows], found.log_posterior[None, rows])[0])
+    best = first + int(_best_start(fits.converged[None, rows], fits.log_posterior[None, rows])[0])
     basins = [best]
     for row in range(first, first + starts):
-        near = found.log_posterior[row] >= found.log_posterior[best] - _WORTH_TELLING
-        if found.converged[row] and near and all(_apart(found, row, known) for known in basins):
+        near = fits.log_posterior[row] >= fits.log_posterior[best] - _WORTH_TELLING
+        if fits.converged[row] and near and all(_apart(fits, row, known) for known in basins):
             basins.append(row)
-    return single(problem, found, best, basins[1:])
+    return single(problem, fits, best, basins[1:])
 
 
 def fit_alike(problems: Sequence[Problem], *, seed: int = 0) -> list[LikelihoodFit]:
     """`fit_likelihood` of each of these problems, which differ in what was recorded alone: bit for bit the
     same, but all starts of all of them climb side by side. Only what climbs in C does."""
     first = problems[0]
-    joints, spots = (np.array([getattr(own, part) for own in problems]) for part in ("joints", "spots"))
+    joints, spots = (
+        np.array([getattr(problem, part) for problem in problems]) for part in ("joints", "spots")
+    )
     density = Density(first, joints, spots)
     if compiled_climb(density, seen_coordinates(density)) is None:
-        return [fit_likelihood(own, seed=seed) for own in problems]
+        return [fit_likelihood(problem, seed=seed) for problem in problems]
     z = _start_points(density.size, STARTS, seed)
-    start = np.concatenate([start_at(own, z) for own in problems])
-    found = fit_rows(density, start, np.repeat(np.arange(len(problems)), len(z)))
+    start = np.concatenate([start_at(problem, z) for problem in problems])
+    rows = fit_rows(density, start, np.repeat(np.arange(len(problems)), len(z)))
     fits = []
-    for k, own in enumerate(problems):
-        fit = _best_of(own, found, k * len(z), len(z))
-        if _has_few_numbers(own) and fit.chance is not None and fit.chance < CONTRADICTED:
-            fit = fit_likelihood(own, seed=seed)  # from more starts
+    for k, problem in enumerate(problems):
+        fit = _best_of(problem, rows, k * len(z), len(z))
+        if _has_few_numbers(problem) and fit.chance is not None and fit.chance < CONTRADICTED:
+            fit = fit_likelihood(problem, seed=seed)  # from more starts
         fits.append(_settled(fit))
     return fits
 
 
 def fit_from(problem: Problem, start: Matrix) -> LikelihoodFit:
     """The fit from one start x (p,) alone: for a mode that is known to be near."""
-    found = fit_rows(Density(problem), start[None])
-    return _settled(single(problem, found, 0))
+    fits = fit_rows(Density(problem), start[None])
+    return _settled(single(problem, fits, 0))
 
 
 def _settled(fit: LikelihoodFit) -> LikelihoodFit:
@@ -281,19 +283,19 @@ def fit_each(problem: Problem, joints: Matrix, spots: Matrix, *, starts: int = S
     density, count = Density(problem, joints, spots), len(joints)
     z = _start_points(density.size, starts, seed)
     of = np.repeat(np.arange(count), len(z))
-    found = modes(density, start_at(problem, np.tile(z, (count, 1)), joints[of]), of)
-    best = _best_start(found.converged.reshape(count, -1), -found.cost.reshape(count, -1))
-    fits = fit_rows(density, found.x[np.arange(count) * len(z) + best])
+    minima = modes(density, start_at(problem, np.tile(z, (count, 1)), joints[of]), of)
+    best = _best_start(minima.converged.reshape(count, -1), -minima.cost.reshape(count, -1))
+    fits = fit_rows(density, minima.x[np.arange(count) * len(z) + best])
     x, scaled, covariance = fits.x.copy(), fits.z.copy(), fits.covariance.copy()
     converged, log_posterior = fits.converged.copy(), fits.log_posterior.copy()
     doubtful = problem.noise.known and starts < MANY_STARTS and _has_few_numbers(problem)
     for row in range(count if doubtful or problem.noise.separate else 0):
-        own, more = problem.moved(joints[row], spots[row]), starts
+        moved, more = problem.moved(joints[row], spots[row]), starts
         if doubtful:
-            if chance(own, own.whiten(x[row]).residual, scaled[row]) >= CONTRADICTED:
+            if chance(moved, moved.whiten(x[row]).residual, scaled[row]) >= CONTRADICTED:
                 continue
             more = MANY_STARTS
-        again = fit_likelihood(own, starts=more, seed=seed)
+        again = fit_likelihood(moved, starts=more, seed=seed)
         x[row], scaled[row], covariance[row] = again.x, again.z, again.covariance
         converged[row], log_posterior[row] = again.converged, again.log_posterior
     return replace(
@@ -320,21 +322,21 @@ def _has_few_numbers(problem: Problem) -> bool:
     return problem.data_size < _FEW_NUMBERS * int(problem.parameters.free.sum())
 
 
-def single(problem: Problem, found: Fits, row: int, others: Sequence[int] = ()) -> LikelihoodFit:
+def single(problem: Problem, fits: Fits, row: int, others: Sequence[int] = ()) -> LikelihoodFit:
     """A row of fits, that of `problem`; `others` are those of other optima."""
     return LikelihoodFit(
         problem=problem,
-        x=found.x[row],
-        z=found.z[row],
-        covariance=found.covariance[row],
-        weight=float(found.weight[row]),
-        log_posterior=float(found.log_posterior[row]),
-        gradient=float(found.gradient[row]),
-        iterations=int(found.iterations[row]),
-        converged=bool(found.converged[row]),
-        reason=found.reason[row],
+        x=fits.x[row],
+        z=fits.z[row],
+        covariance=fits.covariance[row],
+        weight=float(fits.weight[row]),
+        log_posterior=float(fits.log_posterior[row]),
+        gradient=float(fits.gradient[row]),
+        iterations=int(fits.iterations[row]),
+        converged=bool(fits.converged[row]),
+        reason=fits.reason[row],
         others=tuple(
-            Optimum(found.z[k], found.std[k], float(found.log_posterior[row] - found.log_posterior[k]))
+            Optimum(fits.z[k], fits.std[k], float(fits.log_posterior[row] - fits.log_posterior[k]))
             for k in others
         ),
     )
@@ -362,13 +364,13 @@ def fit_rows(density: Density, start: Matrix, of: Index | None = None) -> Fits:
         return _fit_together(density, start, of)
     parts = [slice(first, first + _TOGETHER) for first in range(0, len(start), _TOGETHER)]
     with ThreadPoolExecutor(threads()) as pool:
-        found = list(pool.map(lambda part: _fit_together(density, start[part], of[part]), parts))
+        fitted = list(pool.map(lambda part: _fit_together(density, start[part], of[part]), parts))
     joined = {
-        item.name: np.concatenate([getattr(part, item.name) for part in found])
+        item.name: np.concatenate([getattr(part, item.name) for part in fitted])
         for item in fields(Fits)
         if item.name != "reason"
     }
-    return Fits(**joined, reason=tuple(reason for part in found for reason in part.reason))
+    return Fits(**joined, reason=tuple(reason for part in fitted for reason in part.reason))
 
 
 def _fit_together(density: Density, start: Matrix, of: Index) -> Fits:
@@ -406,8 +408,8 @@ def modes(
     """The modes alone, to some 1e-4 posterior stds: Levenberg-Marquardt on the exact log-posterior with
     Fisher's information, from each start x (W, p). The `x` of the minima are parameter vectors (W, p)."""
     climb = Climb(density, of, len(start))
-    found = climb.up(climb.coordinates.from_parameters(start, climb.of), most_steps)
-    return found._replace(x=climb.coordinates.to_parameters(found.x, climb.of))
+    minima = climb.up(climb.coordinates.from_parameters(start, climb.of), most_steps)
+    return minima._replace(x=climb.coordinates.to_parameters(minima.x, climb.of))
 
 
 def _apart(fits: Fits, a: int, b: int) -> bool:
@@ -432,11 +434,11 @@ def fits_of(problems: Sequence[Problem], *, seed: int = 0) -> list[LikelihoodFit
     groups: dict[Hashable, list[int]] = {}
     for k, problem in enumerate(problems):
         groups.setdefault(_apart_from_readings(problem), []).append(k)
-    found: dict[int, LikelihoodFit] = {}
+    by_index: dict[int, LikelihoodFit] = {}
     for group in groups.values():
         fits = fit_alike([problems[k] for k in group], seed=seed)
-        found.update(zip(group, fits, strict=True))
-    return [found[k] for k in range(len(problems))]
+        by_index.update(zip(group, fits, strict=True))
+    return [by_index[k] for k in range(len(problems))]
 
 
 def _apart_from_readings(problem: Problem) -> Hashable:

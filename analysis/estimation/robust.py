@@ -81,11 +81,11 @@ def fit_robust(problem: Problem, fit: LikelihoodFit, loss: Loss) -> RobustFit:
         if settled:
             converged, reason = True, "the weights settled"
             break
-        found = modes(density.weighted((weights / scale**2)[None]), x[None])
-        if not found.converged[0]:
-            reason = found.reason[0]
+        minima = modes(density.weighted((weights / scale**2)[None]), x[None])
+        if not minima.converged[0]:
+            reason = minima.reason[0]
             break
-        x = found.x[0]
+        x = minima.x[0]
     length = np.sqrt(density.quads(x)) / scale
     return RobustFit(
         loss,
@@ -144,10 +144,10 @@ def _sandwich(
     return covariance
 
 
-def outlying(length: Matrix, d: int, chance: float, dof: int | None = None) -> Index:
+def outlying(length: Matrix, d: int, level: float, dof: int | None = None) -> Index:
     """Shots whose whitened residuals are longer than one of N normal residuals is with probability `chance`,
     the longest first. `dof` are those of an estimated noise scale: the squares are then F's."""
-    share = chance / max(len(length), 1)
+    share = level / max(len(length), 1)
     limit = np.sqrt(
         scipy.special.chdtri(d, share) if dof is None else d * scipy.special.fdtri(d, dof, 1 - share)
     )

@@ -37,40 +37,42 @@ def profile_intervals(problem: Problem, fit: LikelihoodFit, which: Index, half_w
         raise ValueError("profiles are of free offsets, tool and noise parameters")
     density = Density(problem)
     coordinates = SeenCoordinates(density)
-    place = np.repeat(parameters.among_free[which], 2)
+    column = np.repeat(parameters.among_free[which], 2)
     sign = np.tile([-1.0, 1.0], len(which))
     mode = coordinates.from_parameters(fit.x[None])[0]
     covariance = coordinates.covariance(fit.x[None], fit.covariance[None])[0]
-    along = (covariance[:, place] / covariance[place, place]).T  # how all move with the one, by the curvature
-    std = np.sqrt(covariance[place, place])
+    along = (
+        covariance[:, column] / covariance[column, column]
+    ).T  # how all move with the one, by the curvature
+    std = np.sqrt(covariance[column, column])
 
     way = half_width * std  # from the mode to where it is fixed, by rows
     near = mode + (sign * way)[:, None] * along
     shorter, longer = np.zeros_like(way), np.full_like(way, np.inf)
-    active, ends = np.arange(len(place)), np.full(len(place), np.nan)
+    active, ends = np.arange(len(column)), np.full(len(column), np.nan)
     for _ in range(_ROUNDS):
-        near[active, place[active]] = mode[place[active]] + sign[active] * way[active]
-        held = np.arange(len(mode)) == place[active, None]
-        found = Climb(density, np.zeros(len(active), dtype=int), len(active), held).up(near[active])
-        near[active] = found.x
-        root = np.sqrt(np.maximum(2 * (fit.log_posterior + found.cost), 0.0))
-        reached = (np.abs(root - half_width) < _REACHED * half_width) & found.converged
+        near[active, column[active]] = mode[column[active]] + sign[active] * way[active]
+        held = np.arange(len(mode)) == column[active, None]
+        minima = Climb(density, np.zeros(len(active), dtype=int), len(active), held).up(near[active])
+        near[active] = minima.x
+        root = np.sqrt(np.maximum(2 * (fit.log_posterior + minima.cost), 0.0))
+        reached = (np.abs(root - half_width) < _REACHED * half_width) & minima.converged
         ends[active[reached]] = way[active[reached]]
         below = root < half_width
         shorter[active[below]] = way[active[below]]
         longer[active[~below]] = way[active[~below]]
         # The root of the drop is nearly linear in the way; where that leads outside the bracket, halve.
         step = np.clip(half_width / np.maximum(root, 1e-12), 1 / _LONGEST, _LONGEST)
-        wanted = way[active] * step
-        outside = (wanted <= shorter[active]) | (wanted >= longer[active])
+        proposed = way[active] * step
+        outside = (proposed <= shorter[active]) | (proposed >= longer[active])
         middle = np.where(
             np.isfinite(longer[active]), (shorter[active] + longer[active]) / 2, _LONGEST * way[active]
         )
-        way[active] = np.where(outside, middle, wanted)
+        way[active] = np.where(outside, middle, proposed)
         active = active[~reached]
         if len(active) == 0:
             break
-    ends = (mode[place] + sign * ends) * parameters.prior_std[np.repeat(which, 2)]
+    ends = (mode[column] + sign * ends) * parameters.prior_std[np.repeat(which, 2)]
     return np.asarray((ends + parameters.prior_mean[np.repeat(which, 2)]).reshape(-1, 2))
 
 
@@ -109,7 +111,7 @@ def intervals(solution: Solution, posterior: PosteriorSummary) -> tuple[Interval
     if not problem.noise.separate:
         ends = profile_intervals(problem, solution.fit, which, _profile_width(solution))
     draws = {row.name: (row.q2_5, row.q97_5) for row in posterior.parameters or ()}
-    found = []
+    result = []
     for i, (low, high) in zip(which, ends, strict=True):
         row, item = rows[i], problem.parameters.items[i]
         assert row.interval95 is not None
@@ -119,12 +121,12 @@ def intervals(solution: Solution, posterior: PosteriorSummary) -> tuple[Interval
         off = np.abs(np.array(others).reshape(-1, 2) - row.interval95).max(initial=0.0)
         differ = (profile is None and not problem.noise.separate) or bool(off > margin)
         if differ or solution.identified.status[i] == "weak":
-            found.append(
+            result.append(
                 Intervals(
                     row.name, row.unit, row.status, row.interval95, profile, draws.get(row.name), differ
                 )
             )
-    return tuple(found)
+    return tuple(result)
 
 
 def _profile_width(solution: Solution) -> float:

@@ -284,8 +284,10 @@ class _Run:
 
     def spread(self, values: Matrix, walkers: int) -> Matrix:
         """Starts for as many walkers, from each ensemble's own draws."""
-        own = values.reshape(ENSEMBLES, -1, values.shape[-1])
-        return np.stack([self.random.choice(draws, walkers, replace=len(draws) < walkers) for draws in own])
+        ensembles = values.reshape(ENSEMBLES, -1, values.shape[-1])
+        return np.stack(
+            [self.random.choice(draws, walkers, replace=len(draws) < walkers) for draws in ensembles]
+        )
 
     def advance(self, starts: Matrix, steps: int) -> Matrix:
         """So many steps of every walker."""
@@ -397,30 +399,30 @@ def sample_density(
         starts = run.start(few)
         if starts is None:
             values = np.tile(proposal.location, (ENSEMBLES, few, 8, 1))
-            found = _Grown(values, *diagnostics(judged(values)), False, False)
+            grown = _Grown(values, *diagnostics(judged(values)), False, False)
         else:
             values = run.burn_in(starts, ROUNDS)
             if walkers > few:
                 values = run.advance(run.spread(values, walkers), ROUND // 2)
-            found = run.grow(values[:, :, -1], ess, _PLAIN_STEPS, shown)
-            if not (found.enough and found.settled):
+            grown = run.grow(values[:, :, -1], ess, _PLAIN_STEPS, shown)
+            if not (grown.enough and grown.settled):
                 many = max(walkers, _MAPPED_WALKERS)
-                starts = run.spread(found.values, many)
-                run.refit(found.values, mapped=True)
+                starts = run.spread(grown.values, many)
+                run.refit(grown.values, mapped=True)
                 values = run.burn_in(starts, _MAPPED_ROUNDS)
                 left = BUDGET + _PER_ESS * ess - run.evaluations
                 limit = max(_FIRST_LOOK, int(left / (ENSEMBLES * many)))
-                found = run.grow(values[:, :, -1], ess, limit, shown)
+                grown = run.grow(values[:, :, -1], ess, limit, shown)
     looking = time.perf_counter() - began - run.seconds
     return Sampled(
-        values=found.values,
+        values=grown.values,
         acceptance=run.acceptance,
-        rhat=found.rhat,
-        ess_bulk=found.bulk,
+        rhat=grown.rhat,
+        ess_bulk=grown.bulk,
         seconds=run.seconds,
         looking=looking,
         evaluations=run.evaluations,
-        settled=found.settled,
+        settled=grown.settled,
     )
 
 

@@ -38,16 +38,16 @@ class TriangularMap:
             ends.append(len(terms.seen))
             terms.append(row)
         # One Gram matrix and one Cholesky factor serve all coordinates: the terms of each are the first few.
-        seen = terms.seen[: ends[-1]]
-        gram = seen @ seen.T + _RIDGE * seen.shape[1] * np.eye(len(seen))
+        products = terms.seen[: ends[-1]]
+        gram = products @ products.T + _RIDGE * products.shape[1] * np.eye(len(products))
         lower = np.linalg.cholesky(gram)
         inverse = np.linalg.inv(lower)
         self._coefficients = [
-            inverse[:end, :end].T @ (inverse[:end, :end] @ (seen[:end] @ row))
+            inverse[:end, :end].T @ (inverse[:end, :end] @ (products[:end] @ row))
             for end, row in zip(ends, straight, strict=True)
         ]
         self._left = [
-            max(float(np.std(row - c @ seen[: len(c)])), 1e-6)
+            max(float(np.std(row - c @ products[: len(c)])), 1e-6)
             for c, row in zip(self._coefficients, straight, strict=True)
         ]
 

@@ -272,8 +272,8 @@ class StatedTool(FileModel):
             if "shift_mm" not in self.sigma.model_fields_set:
                 # The default depends on the kind. It does not count as stated, so that it is not
                 # written out with the header.
-                own = StatedSigma.model_construct(_fields_set=set(), tilt_deg=3.0, shift_mm=50.0)
-                object.__setattr__(self, "sigma", own)
+                sigma = StatedSigma.model_construct(_fields_set=set(), tilt_deg=3.0, shift_mm=50.0)
+                object.__setattr__(self, "sigma", sigma)
         return self
 
 
@@ -457,21 +457,21 @@ def check_header(
     header: Header, robot: Robot, *, file: Path | None, line: Callable[[Place], int | None]
 ) -> None:
     """BadInput where the header's noise or geometry does not suit the robot."""
-    stated = header.noise
-    if stated.joint_mm is not None and all(joint.kind == "revolute" for joint in robot.joints):
+    noise = header.noise
+    if noise.joint_mm is not None and all(joint.kind == "revolute" for joint in robot.joints):
         raise BadInput(
             f"noise.joint_mm is stated, but {robot.name} has no prismatic joint",
-            found=f"joint_mm: {stated.joint_mm:g}",
+            found=f"joint_mm: {noise.joint_mm:g}",
             remedy="remove it",
             file=file,
             line=line(("noise", "joint_mm")),
         )
     checks: list[tuple[Place, Callable[[], object]]] = [
-        (("noise", "joint_deg"), lambda: stated.of_joints(robot))
+        (("noise", "joint_deg"), lambda: noise.of_joints(robot))
     ]
     if header.geometry is not None:
-        checks += [(("geometry", *place), check) for place, check in header.geometry.checks(robot)]
-    for place, check in checks:
+        checks += [(("geometry", *key), check) for key, check in header.geometry.checks(robot)]
+    for key, check in checks:
         try:
             check()
         except BadInput as error:
@@ -481,5 +481,5 @@ def check_header(
                 allowed=error.allowed,
                 remedy=error.remedy,
                 file=file,
-                line=line(place),
+                line=line(key),
             ) from None

@@ -170,17 +170,17 @@ class RunJournal(Closing):
         self._file.close()
 
 
-def _require_same(recorded: Header, wanted: Header, *, file: Path, line: int | None) -> None:
+def _require_same(recorded: Header, required: Header, *, file: Path, line: int | None) -> None:
     """BadInput for the first key in which a recorded header is not the wanted one."""
     difference = _first_difference(
         header_content(recorded, RUN_SCHEMA),
-        header_content(wanted, RUN_SCHEMA),
+        header_content(required, RUN_SCHEMA),
     )
     if difference:
-        key, found, allowed = difference
+        key, actual, allowed = difference
         raise BadInput(
             f"the recording was begun with another header: {key} differs",
-            found=found,
+            found=actual,
             allowed=allowed,
             remedy="go on with the plan, the cell and the seed that it was begun with, or start without"
             " --resume under another name",
@@ -197,6 +197,6 @@ def _first_difference(one: dict[str, Any], other: dict[str, Any]) -> tuple[str, 
             if inner := _first_difference(a, b):
                 return f"{key}.{inner[0]}", *inner[1:]
         elif json.dumps(a) != json.dumps(b):  # where 1, 1.0 and true are three values
-            found, wanted = ("not stated" if value is None else shown(value) for value in (a, b))
-            return key, found, wanted
+            actual, required = ("not stated" if value is None else shown(value) for value in (a, b))
+            return key, actual, required
     return None

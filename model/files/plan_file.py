@@ -150,11 +150,11 @@ class PlanFile(Header):
 
     @model_validator(mode="after")
     def _suit_the_tool(self) -> Self:
-        stated = [key for key in BEAM_ONLY if getattr(self.constraints, key) is not None]
-        if self.tool.kind == "probe" and stated:
+        beam_keys = [key for key in BEAM_ONLY if getattr(self.constraints, key) is not None]
+        if self.tool.kind == "probe" and beam_keys:
             raise refusal(
-                f"constraints.{stated[0]} is stated for a probe, which has no beam",
-                key=("constraints", stated[0]),
+                f"constraints.{beam_keys[0]} is stated for a probe, which has no beam",
+                key=("constraints", beam_keys[0]),
                 allowed="margin_deg, obstacles",
                 remedy="remove it, or state tool.kind: laser",
             )

@@ -167,11 +167,11 @@ class Document:
     sha256: str
     lines: Mapping[Place, int]
 
-    def line(self, place: Place) -> int | None:
+    def line(self, key: Place) -> int | None:
         """Line of a place, or of the nearest one around it (for a key that is missing)."""
-        for length in range(len(place), -1, -1):
-            if place[:length] in self.lines:
-                return self.lines[place[:length]]
+        for length in range(len(key), -1, -1):
+            if key[:length] in self.lines:
+                return self.lines[key[:length]]
         return None
 
 
@@ -237,10 +237,10 @@ TAGS = {f"tag:yaml.org,2002:{kind}" for kind in ("null", "bool", "int", "float",
 TEXT_TAGS = {f"tag:yaml.org,2002:{kind}" for kind in ("timestamp", "value", "merge")}
 
 
-def _plain(node: Node, place: Place, file: Path, lines: dict[Place, int]) -> Any:
+def _plain(node: Node, path: Place, file: Path, lines: dict[Place, int]) -> Any:
     """Plain values of a node by the core schema (YAML 1.2.2, section 10.3)."""
     line = node.start_mark.line + 1
-    if len(place) > DEEPEST:
+    if len(path) > DEEPEST:
         raise BadInput("the values are nested too deeply", file=file, line=line)
     if node.tag not in TAGS and not (isinstance(node, ScalarNode) and node.tag in TEXT_TAGS):
         raise BadInput("a YAML tag is not allowed here", found=node.tag, file=file, line=line)
@@ -249,12 +249,12 @@ def _plain(node: Node, place: Place, file: Path, lines: dict[Place, int]) -> Any
     if isinstance(node, SequenceNode):
         items = []
         for i, item in enumerate(node.value):
-            _at(item, (*place, i), file, lines)
-            items.append(_plain(item, (*place, i), file, lines))
+            _at(item, (*path, i), file, lines)
+            items.append(_plain(item, (*path, i), file, lines))
         return items
     mapping: dict[str, Any] = {}
     for key_node, value_node in node.value:
-        key = _plain(key_node, place, file, {}) if isinstance(key_node, ScalarNode) else None
+        key = _plain(key_node, path, file, {}) if isinstance(key_node, ScalarNode) else None
         line = key_node.start_mark.line + 1
         if not isinstance(key, str):
             raise BadInput(
@@ -267,22 +267,22 @@ def _plain(node: Node, place: Place, file: Path, lines: dict[Place, int]) -> Any
         if key in mapping:
             raise BadInput(
                 f"duplicate key {key!r}",
-                found=f"first on line {lines[(*place, key)]}",
+                found=f"first on line {lines[(*path, key)]}",
                 allowed="each key once",
                 remedy="remove one of them",
                 file=file,
                 line=line,
             )
-        _at(key_node, (*place, key), file, lines)
-        mapping[key] = _plain(value_node, (*place, key), file, lines)
+        _at(key_node, (*path, key), file, lines)
+        mapping[key] = _plain(value_node, (*path, key), file, lines)
     return mapping
 
 
-def _at(node: Node, place: Place, file: Path, lines: dict[Place, int]) -> None:
-    lines[place] = node.start_mark.line + 1
+def _at(node: Node, path: Place, file: Path, lines: dict[Place, int]) -> None:
+    lines[path] = node.start_mark.line + 1
     if len(lines) > MOST_VALUES:
         # Aliases of aliases grow without bound in a file of a few lines.
-        raise BadInput(f"the file holds more than {MOST_VALUES} values", file=file, line=lines[place])
+        raise BadInput(f"the file holds more than {MOST_VALUES} values", file=file, line=lines[path])
 
 
 def _scalar(node: ScalarNode, file: Path, line: int) -> Any:
@@ -366,14 +366,14 @@ def shown(value: object) -> str:
 
 def require_schema(data: object, schema: Schema, *, file: Path, line: int | None) -> None:
     """Say which kind of file is wanted before its keys are judged one by one."""
-    found = data.get("schema") if isinstance(data, dict) else None
-    if found != schema:
+    actual = data.get("schema") if isinstance(data, dict) else None
+    if actual != schema:
         kind = schema.split("/")[1]
         raise BadInput(
             f"this is not a {kind} file of this version",
-            found="no 'schema' key" if found is None else f"schema: {shown(found)}",
+            found="no 'schema' key" if actual is None else f"schema: {shown(actual)}",
             allowed=f"schema: {schema}",
-            remedy=f"give a {kind} file" if found is not None else f"if this is a {kind} file, add the key",
+            remedy=f"give a {kind} file" if actual is not None else f"if this is a {kind} file, add the key",
             file=file,
             line=line,
         )

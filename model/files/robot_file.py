@@ -104,26 +104,26 @@ class StatedJoint(FileModel):
 
     @model_validator(mode="after")
     def _agree(self) -> Self:
-        own, other = ("deg", "mm") if self.kind == "revolute" else ("mm", "deg")
+        unit, other = ("deg", "mm") if self.kind == "revolute" else ("mm", "deg")
         for key in (f"lower_{other}", f"upper_{other}", f"speed_{other}_s"):
             if getattr(self, key) is not None:
                 raise refusal(
                     f"{key} is stated for a {self.kind} joint",
                     key=(key,),
                     found=f"{key}: {shown(getattr(self, key))}",
-                    allowed=f"lower_{own}, upper_{own}, speed_{own}_s",
-                    remedy=f"state it in {own}",
+                    allowed=f"lower_{unit}, upper_{unit}, speed_{unit}_s",
+                    remedy=f"state it in {unit}",
                 )
-        lower, upper = getattr(self, f"lower_{own}"), getattr(self, f"upper_{own}")
-        for key, value in ((f"lower_{own}", lower), (f"upper_{own}", upper)):
+        lower, upper = getattr(self, f"lower_{unit}"), getattr(self, f"upper_{unit}")
+        for key, value in ((f"lower_{unit}", lower), (f"upper_{unit}", upper)):
             if value is None:
                 raise refusal(
                     f"the {self.kind} joint has no {key}", remedy=f"add {key}, the limit of the joint"
                 )
         if not lower < upper:
             raise refusal(
-                f"lower_{own} is not below upper_{own}",
-                key=(f"lower_{own}",),
+                f"lower_{unit} is not below upper_{unit}",
+                key=(f"lower_{unit}",),
                 found=f"{lower:g} and {upper:g}",
             )
         return self
@@ -203,8 +203,8 @@ class RobotFile(FileModel):
         second, third = self.joints[1:3]
         lower = (second.lower_deg or 0.0) + (third.lower_deg or 0.0)
         upper = (second.upper_deg or 0.0) + (third.upper_deg or 0.0)
-        stated = self.limits.joint3_to_link2_deg
-        return (lower, upper) if stated is None else (max(lower, stated[0]), min(upper, stated[1]))
+        limits = self.limits.joint3_to_link2_deg
+        return (lower, upper) if limits is None else (max(lower, limits[0]), min(upper, limits[1]))
 
     @model_validator(mode="after")
     def _agree(self) -> Self:
@@ -218,8 +218,8 @@ class RobotFile(FileModel):
         fixed, last = dh_chain([joint.row for joint in self.joints], self.convention)
         fixed[0] = self.base.matrix() @ fixed[0]
         joints = [
-            stated.joint(number, transform)
-            for number, (stated, transform) in enumerate(zip(self.joints, fixed, strict=True), start=1)
+            row.joint(number, transform)
+            for number, (row, transform) in enumerate(zip(self.joints, fixed, strict=True), start=1)
         ]
         range3 = None
         if self.pendant.joint3 == "ground":
@@ -325,14 +325,14 @@ def _named_file(path: Path, file: Path | None, line: int | None) -> Path:
 
 def read_robot(path: Path) -> Robot:
     """Robot of a robot file (`zerobeam/robot/1`); a DoubtfulRobot warning of each number that looks wrong."""
-    stated = read_rows(path)
-    warn_of(stated.name, doubts(stated))
-    return stated.robot()
+    rows = read_rows(path)
+    warn_of(rows.name, doubts(rows))
+    return rows.robot()
 
 
-def doubts(stated: RobotFile) -> tuple[str, ...]:
+def doubts(rows: RobotFile) -> tuple[str, ...]:
     """What looks wrong in a robot file, in sentences: metres, radians, twists, reach."""
-    joints = stated.joints
+    joints = rows.joints
     turning = [joint for joint in joints if joint.kind == "revolute"]
 
     def called(key: str) -> dict[str, float]:

@@ -139,16 +139,16 @@ class Run:
         >>> run.joints.shape, run.target_names
         ((2, 6), ('psd',))
         """
-        stated, arm = stated_header(robot, tool, noise, target_priors, {"schema": RUN_SCHEMA, **header})
+        parsed, arm = stated_header(robot, tool, noise, target_priors, {"schema": RUN_SCHEMA, **header})
         positions = joint_positions(joints, "joints", arm, unit)
         count, spots = len(positions), None
         if spots_mm is not None:
-            if stated.tool.kind == "probe":
+            if parsed.tool.kind == "probe":
                 raise BadInput("a probe has no spots", allowed="None", argument="spots_mm")
             spots = array(spots_mm, "spots_mm", columns=2, meaning="dx, dy of each measurement")
             require_count("spots_mm", len(spots), count, "joints")
         shots = []
-        for i, target in enumerate(target_of_each(targets, stated, count, "joints")):
+        for i, target in enumerate(target_of_each(targets, parsed, count, "joints")):
             content = {"shot": i, "target": target, "joints_deg": positions[i].tolist()}
             if spots is not None:
                 content["spot_mm"] = spots[i].tolist()
@@ -157,7 +157,7 @@ class Run:
             except BadInput as error:
                 raise error.of_argument("targets") from None  # all else is checked already
         try:
-            return cls.of_shots(stated, arm, shots, name)
+            return cls.of_shots(parsed, arm, shots, name)
         except BadInput as error:
             raise error.of_argument("joints") from None
 
@@ -262,8 +262,8 @@ def read_run(path: Path | str) -> Run:
     path = Path(path)
     run, torn = recorded(read_bytes(path, LARGEST_RECORDING), path)
     if not run.shots:
-        found = "a header only" if torn is None else "a header and a torn line"
-        raise BadInput("the run has no measurements", found=found, file=path, remedy="record some")
+        actual = "a header only" if torn is None else "a header and a torn line"
+        raise BadInput("the run has no measurements", found=actual, file=path, remedy="record some")
     return run
 
 
@@ -328,9 +328,9 @@ def shot_text(shot: Shot) -> str:
     """The line of a shot in a run file, which may have a million of them: what `json_line` would write."""
     spot = "" if shot.spot_mm is None else f',"spot_mm":{_numbers(shot.spot_mm)}'
     time = "" if shot.time_s is None else f',"time_s":{float.__repr__(shot.time_s)}'
-    said = "" if shot.comment is None else f',"comment":{_json_text(shot.comment)}'
+    comment = "" if shot.comment is None else f',"comment":{_json_text(shot.comment)}'
     target, joints = _json_text(shot.target), _numbers(shot.joints_deg)
-    return f'{{"shot":{shot.shot},"target":{target},"joints_deg":{joints}{spot}{time}{said}}}\n'
+    return f'{{"shot":{shot.shot},"target":{target},"joints_deg":{joints}{spot}{time}{comment}}}\n'
 
 
 def _numbers(values: Sequence[float]) -> str:

@@ -93,12 +93,12 @@ class Solver:
         turn = np.linalg.norm(poses[:, :3, :3] - pose[:3, :3], axis=(1, 2))
         near = np.argsort(shift + turn)[: _MANY if thorough else _FEW]
         joints, arrived = reach(self.robot, pose, sample[near])
-        found: list[Matrix] = []
+        solutions: list[Matrix] = []
         for row in joints[arrived]:
             whole = self.with_turns(row)
-            if len(whole) and not any(self.same(row, other) for other in found):
-                found.append(whole[0])
-        return np.array(found).reshape(-1, self.robot.n)
+            if len(whole) and not any(self.same(row, other) for other in solutions):
+                solutions.append(whole[0])
+        return np.array(solutions).reshape(-1, self.robot.n)
 
     def same(self, one: Matrix, other: Matrix) -> bool:
         """Whether two sets of joints (n,) are the same but for whole turns."""

@@ -201,17 +201,17 @@ class Robot:
             raise BadInput(
                 "there is no such unit", found=repr(unit), allowed="'deg' or 'rad'", argument="unit"
             )
-        wanted = f"finite numbers of shape (..., {self.n}): {self.name} has {self.n} joints"
+        allowed = f"finite numbers of shape (..., {self.n}): {self.name} has {self.n} joints"
         try:
             joints = np.asarray(q, dtype=float)
         except (TypeError, ValueError):
             raise BadInput(
-                "this is not an array of numbers", found=type(q).__name__, allowed=wanted, argument="q"
+                "this is not an array of numbers", found=type(q).__name__, allowed=allowed, argument="q"
             ) from None
         if joints.ndim == 0 or joints.shape[-1] != self.n:
-            raise BadInput("the array has the wrong shape", found=joints.shape, allowed=wanted, argument="q")
+            raise BadInput("the array has the wrong shape", found=joints.shape, allowed=allowed, argument="q")
         if not np.isfinite(joints).all():
-            raise BadInput("a joint position is not finite", allowed=wanted, argument="q")
+            raise BadInput("a joint position is not finite", allowed=allowed, argument="q")
         return joints / self.display if unit == "deg" else joints
 
     def pose_and_jacobian(self, joints: Matrix) -> tuple[Matrix, Matrix]:

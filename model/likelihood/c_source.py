@@ -79,8 +79,8 @@ def grid_source(function: ca.Function, hoisted: Collection[str], *, gram: bool =
                 )
             text = _TURNED[operation] + turns[angle]
         elif operation in _BINARY or operation in _UNARY:
-            names = [current[place][0] for place in places]
-            fixed = all(current[place][1] for place in places)
+            names = [current[slot][0] for slot in places]
+            fixed = all(current[slot][1] for slot in places)
             if operation in _BINARY:
                 text = f"{names[0]} {_BINARY[operation]} {names[1]}"
             else:
@@ -196,7 +196,7 @@ def per_both(values: Matrix, rows: NDArray[np.int64] | None = None) -> GridInput
 def columns(values: Matrix, *first: Offsets) -> list[GridInput]:
     """Inputs that stand in rows (outer, p), without a copy: each from the column first[i] on for shot i."""
     address, step = values.ctypes.data, values.shape[1]
-    return [GridInput(values, step, own, address, own.fixed) for own in first]
+    return [GridInput(values, step, offsets, address, offsets.fixed) for offsets in first]
 
 
 def constant(values: Matrix, inner: int) -> GridInput:

@@ -191,12 +191,12 @@ class _Shot:
         self.unknown = ca.SX.sym("tool", len(tool.free_axes))
         robot = geometry.moved(functions.robot, self.arm[n:])
         turns = turned(geometry.bent(functions.robot, self.arm, recorded))
-        seen, stations = robot.seen(turns, self.target)
+        target_in_flange, stations = robot.seen(turns, self.target)
         if tool.kind == "laser":
             point, _, across = tool.beam(self.unknown)
         else:
             point, across = tool.tip(self.unknown), ca.SX.eye(3)
-        self.residual = across.T @ (seen - point) - self.spot
+        self.residual = across.T @ (target_in_flange - point) - self.spot
         self.by_joints, by_target = robot.seen_jacobian(turns, stations, across)
         by_geometry = ca.jacobian(self.residual, self.arm)[:, n:]
         by_tool = ca.jacobian(self.residual, self.unknown)
@@ -238,8 +238,8 @@ class _Weighted(_Shot):
         if functions.log_det != "none":
             self.logdet = self.weight * _log_det(self.factor)
         if functions.log_det == "relative":
-            stated = _cholesky(sum(self._covariances(self.stated), ca.SX(0)))
-            self.logdet -= self.weight * _log_det(stated)
+            stated_factor = _cholesky(sum(self._covariances(self.stated), ca.SX(0)))
+            self.logdet -= self.weight * _log_det(stated_factor)
 
     def _covariances(self, variances: ca.SX) -> tuple[ca.SX, ca.SX]:
         """What the joints' noise and the spot's add to the covariance of the residual."""
@@ -271,8 +271,8 @@ def _slopes(functions: ShotFunctions) -> ca.Function:
         # By the logarithm of a factor f of the std: d/d ln f = 2 sum of variance d/d variance; the
         # information of a normal's covariance is tr(S^-1 dS S^-1 dS) / 2 (its share in x is left out).
         for k, value in enumerate((shot.quad, shot.logdet)):
-            own = 2 * shot.variances * ca.gradient(value, shot.variances)
-            gradients[k] = ca.vertcat(gradients[k], ca.sum1(own[:n]), own[n])
+            by_variances = 2 * shot.variances * ca.gradient(value, shot.variances)
+            gradients[k] = ca.vertcat(gradients[k], ca.sum1(by_variances[:n]), by_variances[n])
         halves = [_forward(shot.factor, _forward(shot.factor, 2 * part).T) for part in shot.by_noise]
         joint, spot = halves
         pairs = ((joint, joint), (spot, joint), (spot, spot))
@@ -290,8 +290,10 @@ def _slopes(functions: ShotFunctions) -> ca.Function:
 def _seen(functions: ShotFunctions) -> ca.Function:
     posture, target = _posture(functions), ca.SX.sym("target", 3)
     rotation, translation = posture.pose
-    seen = rotation.T @ (target - translation)
-    return ca.Function("seen", [posture.q, posture.arm, target], [seen], ["q", "arm", "target"], ["y"])
+    target_in_flange = rotation.T @ (target - translation)
+    return ca.Function(
+        "seen", [posture.q, posture.arm, target], [target_in_flange], ["q", "arm", "target"], ["y"]
+    )
 
 
 def _sighted(functions: ShotFunctions) -> ca.Function:

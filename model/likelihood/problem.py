@@ -46,9 +46,12 @@ def distances(header: Header, targets: Sequence[str]) -> tuple[Distance, ...]:
     check_distances(header, targets, file=None, line=None)
     return tuple(
         Distance(
-            targets.index(stated.between[0]), targets.index(stated.between[1]), stated.mm, stated.sigma_mm
+            targets.index(distance.between[0]),
+            targets.index(distance.between[1]),
+            distance.mm,
+            distance.sigma_mm,
         )
-        for stated in header.distances
+        for distance in header.distances
     )
 
 
@@ -174,7 +177,7 @@ class Problem:
     def without_targets(self, names: Collection[str]) -> Problem:
         """The same problem without some of its targets: their shots, coordinates and distances are gone."""
         kept = [k for k, name in enumerate(self.targets) if name not in names]
-        place = {k: i for i, k in enumerate(kept)}
+        new_index = {k: i for i, k in enumerate(kept)}
         rest = self.select(np.flatnonzero(np.isin(self.target_index, kept)))
         return replace(
             rest,
@@ -184,12 +187,12 @@ class Problem:
                 )
             ),
             targets=tuple(self.targets[k] for k in kept),
-            target_index=np.array([place[k] for k in rest.target_index.tolist()], dtype=np.int64),
+            target_index=np.array([new_index[k] for k in rest.target_index.tolist()], dtype=np.int64),
             guessed=self.guessed[kept],
             distances=tuple(
-                replace(d, first=place[d.first], second=place[d.second])
+                replace(d, first=new_index[d.first], second=new_index[d.second])
                 for d in self.distances
-                if d.first in place and d.second in place
+                if d.first in new_index and d.second in new_index
             ),
         )
 
@@ -255,8 +258,8 @@ class Problem:
     @cached_property
     def columns(self) -> Index:
         """(N, c): the places of the c columns of each shot's own Jacobian among the parameters."""
-        own = [self.parameters.of_shot(k, noise=False) for k in range(len(self.targets))]
-        return np.asarray(np.stack(own)[self.target_index])
+        by_target = [self.parameters.of_shot(k, noise=False) for k in range(len(self.targets))]
+        return np.asarray(np.stack(by_target)[self.target_index])
 
     def split(self, x: Matrix) -> Parts:
         """The parts of parameter vectors (..., p)."""
@@ -336,10 +339,10 @@ class Problem:
 
     def whiten(self, x: Matrix, factor: Matrix | None = None) -> Whitened:
         """Whitened residuals and their scaled Jacobian at x; `factor` keeps the weights of another x."""
-        residual, own = self.linearise(x)
-        factor = self.factors(x, own) if factor is None else factor
+        residual, shot_jacobians = self.linearise(x)
+        factor = self.factors(x, shot_jacobians) if factor is None else factor
         d, p = self.tool.miss_size, len(self.parameters)
-        scaled = own * self.parameters.prior_std[self.columns][:, None, :]
+        scaled = shot_jacobians * self.parameters.prior_std[self.columns][:, None, :]
         stacked = np.linalg.solve(factor, np.concatenate([residual[:, :, None], scaled], axis=2))
         stacked *= np.sqrt(self.weights)[:, None, None]
         rows = self.shots * d
@@ -355,13 +358,13 @@ class Problem:
         residual = np.zeros((len(x), len(self.distances)))
         jacobian = np.zeros((*residual.shape, len(self.parameters)))
         targets, block = self.split(x).targets, self.parameters.block
-        for row, stated in enumerate(self.distances):
-            between = targets[:, stated.second] - targets[:, stated.first]
+        for row, distance in enumerate(self.distances):
+            between = targets[:, distance.second] - targets[:, distance.first]
             length = np.maximum(np.linalg.norm(between, axis=1), 1e-9)
-            residual[:, row] = (length - stated.mm) / stated.sigma
-            along = between / length[:, None] / stated.sigma
-            jacobian[:, row, block("target", stated.second)] = along
-            jacobian[:, row, block("target", stated.first)] = -along
+            residual[:, row] = (length - distance.mm) / distance.sigma
+            along = between / length[:, None] / distance.sigma
+            jacobian[:, row, block("target", distance.second)] = along
+            jacobian[:, row, block("target", distance.first)] = -along
         return residual, jacobian
 
     def roots(self, whitened: Whitened) -> Matrix:
