@@ -134,7 +134,7 @@ def judged(
     start[[own.index(name) for name in carried]] = x[[other.index(name) for name in carried]]
     after = _settled(unseen, start, weight)
     whitened = unseen.whiten(after)
-    rows = unseen.shots * unseen.tool.miss_size
+    rows = unseen.shots * unseen.tool.residual_size
     scale = _row_scale(unseen, weight)
     residual, jacobian = whitened.residual * scale, whitened.jacobian * scale[:, None]
     by_place = jacobian[:, own.group("target") & own.free]
@@ -151,7 +151,7 @@ def judged(
     rank = int(np.linalg.matrix_rank(by_place))
     basis = np.linalg.svd(by_place, full_matrices=False)[0][:, :rank]
     noise = whitened.factor / np.sqrt(weight)
-    d = unseen.tool.miss_size
+    d = unseen.tool.residual_size
     placed = basis[:rows].reshape(unseen.shots, d, -1)
     squares = float((noise**2).sum() - ((noise @ placed) ** 2).sum())
     rest = (by_rest - basis @ (basis.T @ by_rest))[:rows] / scale[:rows, None]
@@ -182,7 +182,7 @@ def _chance(seen: Problem, chi2: float, dof: int) -> float:
 
 def _row_scale(problem: Problem, weight: float) -> Matrix:
     """(M,) what multiplies whitened rows: the noise scale is that of measurements, not of distances."""
-    rows = problem.shots * problem.tool.miss_size
+    rows = problem.shots * problem.tool.residual_size
     return np.append(np.full(rows, np.sqrt(weight)), np.ones(len(problem.distances)))
 
 

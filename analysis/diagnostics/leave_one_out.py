@@ -214,7 +214,7 @@ def _determined(solution: Solution, fits: Sequence[Without]) -> NDArray[np.bool_
     without prior is below the prior's. From the Jacobian of all data less the rows and columns of each."""
     problem, free = solution.problem, solution.problem.parameters.free
     _, jacobian, _ = information_root(problem, solution.fit.x, solution.fit.weight)
-    d, result = problem.tool.miss_size, np.zeros((len(fits), len(free)), dtype=bool)
+    d, result = problem.tool.residual_size, np.zeros((len(fits), len(free)), dtype=bool)
     for row, own in enumerate(fits):
         stay = ~problem.parameters.targets(own.placement.targets)[free]
         rows = np.delete(

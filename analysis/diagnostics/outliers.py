@@ -82,7 +82,7 @@ def robust_result(solution: Solution, loss: Loss) -> Robust:
         )
 
     dof = max(1, int(_MEDIAN_WORTH * numbers)) if problem.noise.estimated else None
-    off = outlying(found.whitened, problem.tool.miss_size, OUTLYING, dof)
+    off = outlying(found.whitened, problem.tool.residual_size, OUTLYING, dof)
     return Robust(
         loss=loss,
         tuning=found.tuning,

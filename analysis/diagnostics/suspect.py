@@ -28,7 +28,7 @@ def suspect(fit: LikelihoodFit, dof: int) -> Suspect | None:
 
     Only by a stated noise, and where the others leave numbers over (`dof` with it) to contradict it.
     """
-    problem, size = fit.problem, fit.problem.tool.miss_size
+    problem, size = fit.problem, fit.problem.tool.residual_size
     if not problem.noise.known or dof <= size:
         return None
     numbers = np.arange(problem.shots)

@@ -251,7 +251,7 @@ def _without_measurements(problem: Problem, x: Matrix, base: Left, slack: float)
 def _without_outlying(problem: Problem, x: Matrix, base: Left) -> list[Left]:
     """Of many measurements: without those that stand out, again and again until no more do."""
     density, gone = Density(problem), np.zeros(problem.shots, dtype=bool)
-    d, left = problem.tool.miss_size, None
+    d, left = problem.tool.residual_size, None
     for _ in range(_ROUNDS):
         quads = density.quads(x)
         # One far off pulls all: what stands out is judged by the rest, as long as that is too large.

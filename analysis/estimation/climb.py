@@ -20,7 +20,7 @@ from ...model.arrays import Index, Matrix
 from ...model.likelihood.c_source import GridInput, Offsets, columns
 from ...model.likelihood.density import Density
 from ...model.likelihood.kernel import compiled_library
-from .coordinates import SeenCoordinates, seen_coordinates
+from .coordinates import FlangeCoordinates, flange_coordinates
 from .levenberg_marquardt import (
     DAMPING,
     NO_LOWER,
@@ -43,7 +43,7 @@ class CompiledClimb:
     rounding the numbers are the same.
     """
 
-    def __init__(self, library: ctypes.CDLL, density: Density, coordinates: SeenCoordinates) -> None:
+    def __init__(self, library: ctypes.CDLL, density: Density, coordinates: FlangeCoordinates) -> None:
         self._library = library
         self._kept: list[Any] = [density, coordinates]
         problem = density.problem
@@ -68,7 +68,7 @@ class CompiledClimb:
                 continue
             first, moves, column, by, scale = moved
             inputs = [first, arm, GridInput(nothing, 3, first.offsets, 0)]
-            targets += [self._call(placed.address, inputs, nothing, 1, seen=True), placed.size_out]
+            targets += [self._call(placed.address, inputs, nothing, 1, in_flange=True), placed.size_out]
             targets += [parameters.block("target", k).start, len(moves), self._at(moves), self._at(column)]
             targets += [self._at(by), self._at(np.array([scale]))]
             wide += 3 * len(moves)
@@ -150,7 +150,7 @@ class CompiledClimb:
 
 
 def compiled_climb(
-    density: Density, coordinates: SeenCoordinates, *, compile: bool | None = None
+    density: Density, coordinates: FlangeCoordinates, *, compile: bool | None = None
 ) -> CompiledClimb | None:
     """That of a density; None where Python is to climb. It serves as soon as the kernel of the slopes is
     compiled, `compile` being as for that."""
@@ -162,7 +162,7 @@ def compiled_climb(
 
 
 @lru_cache(maxsize=8)
-def _made(density: Density, coordinates: SeenCoordinates) -> CompiledClimb | None:
+def _made(density: Density, coordinates: FlangeCoordinates) -> CompiledClimb | None:
     library = _library()
     kernels = [density.problem.functions.kernel(name, compile=True) for name in ("slopes", "placed")]
     ready = library is not None and all(kernel.compiled for kernel in kernels)
@@ -216,7 +216,7 @@ class Climb:
         self, density: Density, of: Index | None, rows: int, held: NDArray[np.bool_] | None = None
     ) -> None:
         self._density = density
-        self.coordinates = seen_coordinates(density)
+        self.coordinates = flange_coordinates(density)
         self.of = np.arange(rows) if of is None else of
         self._held = held
         self._compiled = compiled_climb(density, self.coordinates) if held is None else None

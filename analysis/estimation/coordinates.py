@@ -18,7 +18,7 @@ from ...model.likelihood.c_source import GridInput, per_both, per_inner
 from ...model.likelihood.density import Density, together
 
 
-class Place(NamedTuple):
+class MappedPoint(NamedTuple):
     """Parameter vectors x (W, p), and `jacobian` (W, f, f) of the scaled free parameters z by v."""
 
     x: Matrix
@@ -33,7 +33,7 @@ class Place(NamedTuple):
         return np.asarray(self.jacobian.transpose(0, 2, 1) @ by_z @ self.jacobian)
 
 
-class SeenCoordinates:
+class FlangeCoordinates:
     """v (f,): free parameters scaled by their priors, but targets as seen, over their prior std.
 
     Rows are those of the density: `of` (W,) names the data set of each.
@@ -57,7 +57,7 @@ class SeenCoordinates:
         # A product with one nonzero a column is exact, and dearer indexing is spared.
         self._to_x = (np.eye(len(parameters)) * parameters.prior_std)[self._free]
         own_scale = np.repeat(self._scale, 3)
-        self._to_seen = np.eye(len(parameters))[self._free][:, self._places.reshape(-1)] * own_scale
+        self._to_in_flange = np.eye(len(parameters))[self._free][:, self._places.reshape(-1)] * own_scale
         every = len(moved) == count
         self._where = parameters.block("target") if every else self._places.reshape(-1)
         at_v = parameters.among_free
@@ -81,7 +81,7 @@ class SeenCoordinates:
         parameters = self._problem.parameters
         z = (x - parameters.prior_mean) / parameters.prior_std
         if len(self._targets):
-            z[:, self._places] = self._seen(x, of) / self._scale[:, None]
+            z[:, self._places] = self._targets_in_flange(x, of) / self._scale[:, None]
         return z[:, self._free]
 
     def to_parameters(self, v: Matrix, of: Index | None = None) -> Matrix:
@@ -92,7 +92,7 @@ class SeenCoordinates:
             x[:, self._where] = placed.reshape(len(v), 3 * len(self._targets))
         return x
 
-    def at(self, v: Matrix, of: Index | None = None) -> Place:
+    def at(self, v: Matrix, of: Index | None = None) -> MappedPoint:
         """x (W, p) of coordinates v (W, f), and how it moves with v."""
         x, in_flange = self._spread_out(v)
         jacobian = np.zeros((len(v), self._size * self._size))
@@ -104,7 +104,7 @@ class SeenCoordinates:
             jacobian[:, self._where_by] = (by[..., self._moving] * self._by_scale).reshape(
                 len(v), len(self._where_by)
             )
-        return Place(x, jacobian.reshape(len(v), self._size, self._size))
+        return MappedPoint(x, jacobian.reshape(len(v), self._size, self._size))
 
     def jacobian(self, x: Matrix, of: Index | None = None) -> Matrix:
         """(W, f, f) of the scaled free parameters z by v, at x (W, p)."""
@@ -129,9 +129,9 @@ class SeenCoordinates:
     def _spread_out(self, v: Matrix) -> tuple[Matrix, Matrix]:
         """(W, p) x but for the moved targets, and (W, moved, 3) mm these as seen."""
         x = self._problem.parameters.prior_mean + v @ self._to_x
-        return x, (v @ self._to_seen).reshape(len(v), len(self._targets), 3)
+        return x, (v @ self._to_in_flange).reshape(len(v), len(self._targets), 3)
 
-    def _seen(self, x: Matrix, of: Index | None) -> Matrix:
+    def _targets_in_flange(self, x: Matrix, of: Index | None) -> Matrix:
         """(W, moved, 3) mm."""
         parts = self._problem.split(x)
         (in_flange,) = self._each("seen", of, parts.arm, parts.targets[:, self._targets])
@@ -152,6 +152,6 @@ class SeenCoordinates:
 
 
 @lru_cache(maxsize=8)
-def seen_coordinates(density: Density) -> SeenCoordinates:
+def flange_coordinates(density: Density) -> FlangeCoordinates:
     """Those of a density, made once."""
-    return SeenCoordinates(density)
+    return FlangeCoordinates(density)

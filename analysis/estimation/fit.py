@@ -19,7 +19,7 @@ from ...model.arrays import Index, Mask, Matrix
 from ...model.likelihood.density import Density, density_of
 from ...model.likelihood.problem import Problem, Whitened
 from .climb import MOST_STEPS, Climb, compiled_climb
-from .coordinates import seen_coordinates
+from .coordinates import flange_coordinates
 from .levenberg_marquardt import Minima, least_squares, levenberg_marquardt
 from .noise_factors import marginal_noise
 from .threads import threads
@@ -169,13 +169,13 @@ class LikelihoodFit:
         return np.sqrt(np.diag(self.covariance))
 
     @property
-    def chance(self) -> float | None:
+    def p_value(self) -> float | None:
         """That residuals and scaled parameters are as large together, where the noise is known: at the mode
         their squares have the chi-squared of as many degrees of freedom as there are numbers. Unlike
         `against_noise` it tells of a wrong basin even if no number is left over."""
         if not self.problem.noise.known:
             return None
-        return chance(self.problem, self.whitened.residual, self.z)
+        return fit_p_value(self.problem, self.whitened.residual, self.z)
 
     def against_noise(self, rank: int) -> AgainstNoise:
         """The residuals, and the geometry by its tolerances, against what is stated of both; `rank` numbers
@@ -187,7 +187,7 @@ class LikelihoodFit:
         return AgainstNoise(chi2, dof, float(scipy.special.chdtrc(dof, chi2)) if judged else None)
 
 
-def chance(problem: Problem, residual: Matrix, z: Matrix) -> float:
+def fit_p_value(problem: Problem, residual: Matrix, z: Matrix) -> float:
     """That whitened residuals (M,) and scaled parameters (f,) are as large at a mode, their noise known."""
     return float(scipy.special.chdtrc(problem.measured_size, float(residual @ residual + z @ z)))
 
@@ -210,7 +210,7 @@ def fit_likelihood(
     fits = fit_rows(density, start, np.zeros(len(z), dtype=np.int64))
     fit = _best_of(problem, fits, 0, len(z))
     doubtful = 0 < starts < MANY_STARTS and _has_few_numbers(problem)
-    if doubtful and fit.chance is not None and fit.chance < CONTRADICTED:
+    if doubtful and fit.p_value is not None and fit.p_value < CONTRADICTED:
         return fit_likelihood(problem, starts=MANY_STARTS, seed=seed, eliminate_targets=eliminate_targets)
     return _settled(fit)
 
@@ -235,7 +235,7 @@ def fit_alike(problems: Sequence[Problem], *, seed: int = 0) -> list[LikelihoodF
         np.array([getattr(problem, part) for problem in problems]) for part in ("joints", "spots")
     )
     density = Density(first, joints, spots)
-    if compiled_climb(density, seen_coordinates(density)) is None:
+    if compiled_climb(density, flange_coordinates(density)) is None:
         return [fit_likelihood(problem, seed=seed) for problem in problems]
     z = _start_points(density.size, STARTS, seed)
     start = np.concatenate([start_at(problem, z) for problem in problems])
@@ -243,7 +243,7 @@ def fit_alike(problems: Sequence[Problem], *, seed: int = 0) -> list[LikelihoodF
     fits = []
     for k, problem in enumerate(problems):
         fit = _best_of(problem, rows, k * len(z), len(z))
-        if _has_few_numbers(problem) and fit.chance is not None and fit.chance < CONTRADICTED:
+        if _has_few_numbers(problem) and fit.p_value is not None and fit.p_value < CONTRADICTED:
             fit = fit_likelihood(problem, seed=seed)  # from more starts
         fits.append(_settled(fit))
     return fits
@@ -292,7 +292,7 @@ def fit_each(problem: Problem, joints: Matrix, spots: Matrix, *, starts: int = S
     for row in range(count if doubtful or problem.noise.separate else 0):
         moved, more = problem.moved(joints[row], spots[row]), starts
         if doubtful:
-            if chance(moved, moved.whiten(x[row]).residual, scaled[row]) >= CONTRADICTED:
+            if fit_p_value(moved, moved.whiten(x[row]).residual, scaled[row]) >= CONTRADICTED:
                 continue
             more = MANY_STARTS
         again = fit_likelihood(moved, starts=more, seed=seed)

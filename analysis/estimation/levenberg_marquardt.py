@@ -28,7 +28,7 @@ class Quadratic(NamedTuple):
 
 
 # At points (W, f) of the minimisations of these numbers (W,).
-Model = Callable[[Matrix, Index], Quadratic]
+QuadraticModel = Callable[[Matrix, Index], Quadratic]
 
 
 class Minima(NamedTuple):
@@ -51,7 +51,7 @@ class Minima(NamedTuple):
         self.slope[rows], self.curvature[rows] = slope, curvature
 
 
-def least_squares(residual: Callable[[Matrix, Index], tuple[Matrix, Matrix]]) -> Model:
+def least_squares(residual: Callable[[Matrix, Index], tuple[Matrix, Matrix]]) -> QuadraticModel:
     """The model of |r|^2 / 2 from residuals (W, M) and their Jacobian (W, M, f): Gauss and Newton's."""
 
     def model(x: Matrix, rows: Index) -> Quadratic:
@@ -63,7 +63,7 @@ def least_squares(residual: Callable[[Matrix, Index], tuple[Matrix, Matrix]]) ->
 
 
 def levenberg_marquardt(
-    model: Model,
+    model: QuadraticModel,
     start: Matrix,
     *,
     max_iterations: int = 200,

@@ -53,7 +53,7 @@ def fit_robust(problem: Problem, fit: LikelihoodFit, loss: Loss) -> RobustFit:
     An estimated noise scale is taken from the median residual, which outliers hardly move; noise factors are
     kept as they were fitted, and x is without them.
     """
-    d = problem.tool.miss_size
+    d = problem.tool.residual_size
     known, x = problem.with_noise_of(fit.x)
     tuning = float(np.sqrt(scipy.special.chdtri(d, 1 - _HUBER_SHARE))) if loss == "huber" else STUDENT_NU
     density, weights = Density(known), np.ones(problem.shots)
@@ -122,7 +122,7 @@ def _sandwich(
     The bread is the curvature of the loss and not the weights': a far residual pulls less the farther it is,
     and Student's even less than before (Huber & Ronchetti 2009, section 7.6).
     """
-    d, rows = problem.tool.miss_size, problem.shots * problem.tool.miss_size
+    d, rows = problem.tool.residual_size, problem.shots * problem.tool.residual_size
     whitened = problem.whiten(x)
     jacobian = problem.roots(whitened) / scale
     residuals = whitened.residual[:rows].reshape(problem.shots, d) / scale

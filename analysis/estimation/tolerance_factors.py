@@ -70,7 +70,7 @@ class _Linear:
     def __init__(self, fit: LikelihoodFit, at: Matrix) -> None:
         problem, root = fit.problem, np.sqrt(fit.weight)
         free = problem.parameters.free
-        rows = problem.shots * problem.tool.miss_size
+        rows = problem.shots * problem.tool.residual_size
         jacobian, residual = fit.whitened.jacobian[:, free].copy(), fit.whitened.residual.copy()
         jacobian[:rows] *= root
         residual[:rows] *= root

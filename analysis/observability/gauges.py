@@ -111,7 +111,7 @@ def information_roots(
 def _root(aimed: Problem, x: Matrix, weight: float) -> Matrix:
     """A (M, f) for the free parameters, of shots that hit at x."""
     whitened = aimed.whiten(x)
-    rows = aimed.shots * aimed.tool.miss_size
+    rows = aimed.shots * aimed.tool.residual_size
     jacobian, parameters = whitened.jacobian, aimed.parameters
     jacobian[:rows] *= np.sqrt(weight)
     if aimed.noise.separate:
@@ -181,7 +181,7 @@ def _followed(aimed: Problem, x: Matrix, hit: NDArray[np.bool_], moving: NDArray
     """
     _, own = aimed.linearise(x)
     by_joints = (aimed.by_joints(own) * _joint_scale(aimed))[hit][:, :, moving]
-    if by_joints.shape[2] < aimed.tool.miss_size:
+    if by_joints.shape[2] < aimed.tool.residual_size:
         return len(by_joints) == 0
     singular = np.linalg.svd(by_joints, compute_uv=False)
     return bool((singular[:, -1] > _CANNOT_FOLLOW * singular[:, 0]).all())
@@ -223,7 +223,7 @@ def _near_special(
 ) -> list[_NearBy]:
     """At most `points` points beside x, with the target about `target_mm` off, at which all shots of `hit`
     (N,) can hit: they need not be the same. Joints fewer than a miss has coordinates reach no other point."""
-    if np.count_nonzero(moving_joints(problem.joints)) < problem.tool.miss_size:
+    if np.count_nonzero(moving_joints(problem.joints)) < problem.tool.residual_size:
         return []
     # Other directions at every distance.
     rng = np.random.default_rng([2014, int(10 * target_mm)])

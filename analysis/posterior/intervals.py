@@ -10,7 +10,7 @@ from ...model.arrays import NORMAL_95, Index, Matrix
 from ...model.likelihood.density import Density
 from ...model.likelihood.problem import Problem
 from ..estimation.climb import Climb
-from ..estimation.coordinates import SeenCoordinates
+from ..estimation.coordinates import FlangeCoordinates
 from ..estimation.fit import LikelihoodFit
 from ..solution import Solution
 from ..status import Status, require_no_more_than
@@ -36,7 +36,7 @@ def profile_intervals(problem: Problem, fit: LikelihoodFit, which: Index, half_w
     if (parameters.group("target") | ~parameters.free)[which].any():
         raise ValueError("profiles are of free offsets, tool and noise parameters")
     density = Density(problem)
-    coordinates = SeenCoordinates(density)
+    coordinates = FlangeCoordinates(density)
     column = np.repeat(parameters.among_free[which], 2)
     sign = np.tile([-1.0, 1.0], len(which))
     mode = coordinates.from_parameters(fit.x[None])[0]
@@ -134,6 +134,6 @@ def _profile_width(solution: Solution) -> float:
     gives Student's interval for a linear fit, whose log-density is -M log(1 + t^2 / dof) / 2."""
     problem, dof = solution.problem, solution.dof
     if problem.noise.estimated and dof:
-        numbers = float(problem.weights.sum()) * problem.tool.miss_size
+        numbers = float(problem.weights.sum()) * problem.tool.residual_size
         return float(np.sqrt(numbers * np.log1p(solution.quantile**2 / dof)))
     return NORMAL_95

@@ -17,7 +17,7 @@ from ...model.arrays import Matrix, ShareDone
 from ...model.likelihood.density import Density
 from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem
-from ..estimation.coordinates import SeenCoordinates
+from ..estimation.coordinates import FlangeCoordinates
 from ..estimation.fit import LikelihoodFit
 from ..estimation.threads import threads
 from ..solution import Solution
@@ -161,7 +161,7 @@ class Whitening:
         self.centre, self.factor = centre, factor
 
     @classmethod
-    def around(cls, fit: LikelihoodFit, coordinates: SeenCoordinates) -> Whitening:
+    def around(cls, fit: LikelihoodFit, coordinates: FlangeCoordinates) -> Whitening:
         """By the covariance of a fit."""
         covariance = coordinates.covariance(fit.x[None], fit.covariance[None])[0]
         factor = np.asarray(np.linalg.cholesky(covariance), dtype=float)
@@ -183,7 +183,7 @@ def sample_posterior(
     began = time.perf_counter()
     problem, fit = solution.problem, solution.fit
     density = Density(problem)
-    coordinates = SeenCoordinates(density)
+    coordinates = FlangeCoordinates(density)
     whitening = Whitening.around(fit, coordinates)
 
     def log_density(w: Matrix) -> Matrix:

@@ -222,7 +222,7 @@ class Moves:
         self.differential = DifferentialMove(random, groups)
         self._random, self._share = random, share
 
-    def walk(self, log_density: LogDensity, start: Matrix, steps: int, *, last: bool = False) -> Matrix:
+    def advance(self, log_density: LogDensity, start: Matrix, steps: int, *, last: bool = False) -> Matrix:
         """(walkers, steps, f) from `start` (walkers, f); only the `last` step if asked for."""
         moves = (self.independence, self.differential)
         self.independence.ahead = round((1 - self._share) * steps)
@@ -303,7 +303,7 @@ class _Run:
             start = transport.back(start)
         share = SHARE if transport is None else MAPPED_SHARE
         moves = Moves(self._proposal, self.random, share, groups=ENSEMBLES)
-        chain = moves.walk(lambda points: self._mapped(density, points), start, steps)
+        chain = moves.advance(lambda points: self._mapped(density, points), start, steps)
         if transport is not None:
             chain = self._mapped(transport.forth, chain.reshape(-1, size))
         both = (moves.independence, moves.differential)

@@ -17,7 +17,7 @@ from ..arrays import Matrix
 from ..errors import BadInput
 from ..kinematics.robot import Robot
 from .header import Header, StatedNoise, StatedTool, check_header
-from .reading import Place
+from .reading import KeyPath
 from .robot_file import load_robot
 from .validation import Model, validate
 
@@ -163,7 +163,7 @@ def checked(model: type[Model], content: object, arguments: Mapping[str, str] | 
     """
     argument: str | None = None
 
-    def no_line(key: Place) -> None:
+    def no_line(key: KeyPath) -> None:
         nonlocal argument
         names = [str(part) for part in key if part != "sigma"]  # its keys are arguments of their own
         argument = (arguments or {}).get(names[0], names[0]) if names else None
@@ -219,7 +219,7 @@ def stated_header(
         raise error.of_argument("robot") from None
     culprit = "noise"
 
-    def no_line(key: Place) -> None:
+    def no_line(key: KeyPath) -> None:
         nonlocal culprit
         culprit = str(key[0])
 

@@ -17,15 +17,15 @@ from ..arrays import Matrix
 from ..errors import BadInput
 from ..kinematics.robot import Robot
 from .conventions import StatedEncoder, StatedMounting, StatedPendant, UrdfLimits
-from .reading import Place, read_yaml, shown
+from .reading import KeyPath, read_yaml, shown
 from .validation import (
     FileModel,
     Name,
     NotNegative,
-    Point,
     Positive,
     PositiveOrList,
     TargetName,
+    Vector,
     as_tuple,
     positive_or_list,
     refusal,
@@ -107,7 +107,7 @@ class StatedGeometry(FileModel):
     masses_kg: Annotated[tuple[NotNegative, ...], BeforeValidator(as_tuple)] | None = Field(
         default=None, description="mass of each link, at its far end (default: equal masses)"
     )
-    up: Annotated[Point, BeforeValidator(_direction)] = Field(
+    up: Annotated[Vector, BeforeValidator(_direction)] = Field(
         default=(0.0, 0.0, 1.0), description="direction of up in the base frame, any length"
     )
 
@@ -134,7 +134,7 @@ class StatedGeometry(FileModel):
                 remedy="state harmonics: auto",
             )
 
-    def checks(self, robot: Robot) -> Iterator[tuple[Place, Callable[[], object]]]:
+    def checks(self, robot: Robot) -> Iterator[tuple[KeyPath, Callable[[], object]]]:
         """What must suit the robot: the place below `geometry`, and what raises BadInput if it does not."""
         yield ("tolerance", "length_mm"), lambda: self.tolerance.each("length_mm", robot)
         yield ("tolerance", "angle_deg"), lambda: self.tolerance.each("angle_deg", robot)
@@ -226,10 +226,10 @@ class StatedTool(FileModel):
         description="laser: a beam that must pass the target; probe: a tip that must meet it"
     )
     calibrated: bool = Field(default=True, description="false: the tool is estimated along with the offsets")
-    point_mm: Point = Field(
+    point_mm: Vector = Field(
         description="a point on the beam, or the tip of the probe, in the flange frame, millimetres"
     )
-    direction: Point | None = Field(
+    direction: Vector | None = Field(
         default=None,
         description="direction of the beam in the flange frame, any length; required for a laser",
     )
@@ -358,7 +358,7 @@ class StatedPrior(FileModel):
 class StatedTarget(FileModel):
     """What is known of a target before the shots."""
 
-    guess_mm: Point | None = Field(default=None, description="approximate position, base frame, millimetres")
+    guess_mm: Vector | None = Field(default=None, description="approximate position, base frame, millimetres")
     sigma_mm: Positive = Field(
         default=10_000.0, description="standard deviation of that, each direction, millimetres"
     )
@@ -454,7 +454,7 @@ def write_header(path: Path, header: Header) -> None:
 
 
 def check_header(
-    header: Header, robot: Robot, *, file: Path | None, line: Callable[[Place], int | None]
+    header: Header, robot: Robot, *, file: Path | None, line: Callable[[KeyPath], int | None]
 ) -> None:
     """BadInput where the header's noise or geometry does not suit the robot."""
     noise = header.noise
@@ -466,7 +466,7 @@ def check_header(
             file=file,
             line=line(("noise", "joint_mm")),
         )
-    checks: list[tuple[Place, Callable[[], object]]] = [
+    checks: list[tuple[KeyPath, Callable[[], object]]] = [
         (("noise", "joint_deg"), lambda: noise.of_joints(robot))
     ]
     if header.geometry is not None:

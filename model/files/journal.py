@@ -22,7 +22,7 @@ from .run import Run, header_text, recorded, shot_text
 from .shot import Shot, check_shot
 from .whole_file import Closing, lock, refuse_existing, sync_folder, write_whole
 
-Fits = Callable[[Run], None]  # raises BadInput for a recording that must not be gone on with
+RunCheck = Callable[[Run], None]  # raises BadInput for a recording that must not be gone on with
 
 
 class RunJournal(Closing):
@@ -45,7 +45,7 @@ class RunJournal(Closing):
         self._open(path, header)
 
     @classmethod
-    def resumed(cls, path: Path | str, header: Header, fits: Fits | None = None) -> Self:
+    def resumed(cls, path: Path | str, header: Header, fits: RunCheck | None = None) -> Self:
         """Go on with a run file that was begun with the same header, even if it has no shot yet.
 
         A torn last line is taken out, and `torn` is a sentence that says so. BadInput, and the file is
@@ -87,7 +87,7 @@ class RunJournal(Closing):
             self._file.seek(self._end)
         del self._shots[number], self._places[number]
 
-    def _open(self, path: Path, header: Header, fits: Fits | None = None) -> None:
+    def _open(self, path: Path, header: Header, fits: RunCheck | None = None) -> None:
         require_within(path)
         if not path.is_file():
             raise BadInput(

@@ -13,10 +13,10 @@ from .validation import (
     FileModel,
     Name,
     NotNegative,
-    Pair,
-    Point,
+    NumberPair,
     Positive,
     TargetName,
+    Vector,
     as_tuple,
     refusal,
     without_length,
@@ -27,8 +27,8 @@ class Box(FileModel):
     """A box along the axes of the base frame."""
 
     name: Name = Field(description="name of the obstacle")
-    min_mm: Point = Field(description="its lowest corner, base frame, millimetres")
-    max_mm: Point = Field(description="its highest corner, base frame, millimetres")
+    min_mm: Vector = Field(description="its lowest corner, base frame, millimetres")
+    max_mm: Vector = Field(description="its highest corner, base frame, millimetres")
 
     @model_validator(mode="after")
     def _ordered(self) -> Box:
@@ -64,13 +64,13 @@ BEAM_ONLY = ("facing", "acceptance_deg", "beam_mm")  # of a laser; a probe has n
 class StatedConstraints(FileModel):
     """The key `constraints` of a plan file; what is not stated is not judged."""
 
-    facing: Point | None = Field(
+    facing: Vector | None = Field(
         default=None, description="outward normal of the face of every target, base frame, any length"
     )
     acceptance_deg: Annotated[float, Field(gt=0, le=90)] | None = Field(
         default=None, description="largest angle between a beam and that normal, degrees (default 60)"
     )
-    beam_mm: Pair | None = Field(default=None, description="shortest and longest beam, millimetres")
+    beam_mm: NumberPair | None = Field(default=None, description="shortest and longest beam, millimetres")
     margin_deg: NotNegative | None = Field(
         default=None,
         description="distance kept from every joint limit, degrees (17.5 mm for each for a prismatic joint)",
@@ -130,7 +130,7 @@ def _posture_tag(value: object) -> str:
     return "<row>" if isinstance(value, dict | StatedPosture) else "<list>"
 
 
-Posture = Annotated[
+PostureRow = Annotated[
     Annotated[JointValues, Tag("<list>")] | Annotated[StatedPosture, Tag("<row>")],
     Discriminator(_posture_tag),
 ]
@@ -143,7 +143,7 @@ class PlanFile(Header):
     constraints: StatedConstraints = Field(
         default=UNCONSTRAINED, description="what every measurement must keep: `check` judges it"
     )
-    postures_deg: Annotated[tuple[Posture, ...], BeforeValidator(as_tuple), Field(min_length=1)] = Field(
+    postures_deg: Annotated[tuple[PostureRow, ...], BeforeValidator(as_tuple), Field(min_length=1)] = Field(
         description="one row a measurement: its joints, degrees (millimetres for a prismatic joint), "
         "or {joints_deg, target, via_deg}"
     )

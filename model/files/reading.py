@@ -26,7 +26,7 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ..errors import BadInput
 from .confinement import require_within
 
-Place = tuple[str | int, ...]
+KeyPath = tuple[str | int, ...]
 Schema = Literal[
     "zerobeam/run/1",
     "zerobeam/plan/1",
@@ -165,9 +165,9 @@ class Document:
     data: Any
     file: Path
     sha256: str
-    lines: Mapping[Place, int]
+    lines: Mapping[KeyPath, int]
 
-    def line(self, key: Place) -> int | None:
+    def line(self, key: KeyPath) -> int | None:
         """Line of a place, or of the nearest one around it (for a key that is missing)."""
         for length in range(len(key), -1, -1):
             if key[:length] in self.lines:
@@ -218,7 +218,7 @@ def read_yaml(path: Path) -> Document:
             file=path,
             line=None if node is None else node.start_mark.line + 1,
         )
-    lines: dict[Place, int] = {(): node.start_mark.line + 1}
+    lines: dict[KeyPath, int] = {(): node.start_mark.line + 1}
     return Document(_plain(node, (), path, lines), path, sha256, lines)
 
 
@@ -237,7 +237,7 @@ TAGS = {f"tag:yaml.org,2002:{kind}" for kind in ("null", "bool", "int", "float",
 TEXT_TAGS = {f"tag:yaml.org,2002:{kind}" for kind in ("timestamp", "value", "merge")}
 
 
-def _plain(node: Node, path: Place, file: Path, lines: dict[Place, int]) -> Any:
+def _plain(node: Node, path: KeyPath, file: Path, lines: dict[KeyPath, int]) -> Any:
     """Plain values of a node by the core schema (YAML 1.2.2, section 10.3)."""
     line = node.start_mark.line + 1
     if len(path) > DEEPEST:
@@ -278,7 +278,7 @@ def _plain(node: Node, path: Place, file: Path, lines: dict[Place, int]) -> Any:
     return mapping
 
 
-def _at(node: Node, path: Place, file: Path, lines: dict[Place, int]) -> None:
+def _at(node: Node, path: KeyPath, file: Path, lines: dict[KeyPath, int]) -> None:
     lines[path] = node.start_mark.line + 1
     if len(lines) > MOST_VALUES:
         # Aliases of aliases grow without bound in a file of a few lines.

@@ -29,7 +29,7 @@ from .conventions import (
 from .header import UrdfRef
 from .reading import did_you_mean, read_yaml, require_schema, shown
 from .urdf import read_urdf
-from .validation import FileModel, Name, Point, Positive, bad_input, refusal, validate
+from .validation import FileModel, Name, Positive, Vector, bad_input, refusal, validate
 
 MOST_JOINTS = 100  # more are a mistake, and would be computed for hours
 
@@ -59,8 +59,8 @@ Vendor = Literal[
 class StatedTransform(FileModel):
     """A fixed transform: a shift, then turns about the fixed axes x, y, z (roll, pitch, yaw)."""
 
-    xyz_mm: Point = Field(default=(0.0, 0.0, 0.0), description="shift, millimetres")
-    rpy_deg: Point = Field(
+    xyz_mm: Vector = Field(default=(0.0, 0.0, 0.0), description="shift, millimetres")
+    rpy_deg: Vector = Field(
         default=(0.0, 0.0, 0.0), description="turns about fixed x, then y, then z, degrees"
     )
 

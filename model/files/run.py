@@ -33,7 +33,15 @@ from .arguments import (
     target_of_each,
 )
 from .header import RUN_SCHEMA, Header, check_header, header_content
-from .reading import LARGEST_RECORDING, Place, did_you_mean, json_line, json_rows, read_bytes, require_schema
+from .reading import (
+    LARGEST_RECORDING,
+    KeyPath,
+    did_you_mean,
+    json_line,
+    json_rows,
+    read_bytes,
+    require_schema,
+)
 from .robot_file import load_robot
 from .shot import Shot, check_distances, check_shots
 from .validation import validate
@@ -305,7 +313,7 @@ def recorded(content: bytes, path: Path) -> tuple[Run, int | None]:
     return Run(header, robot, tuple(shots), tuple(lines), header_line, path, sha256, warnings), torn
 
 
-def _always(line: int | None) -> Callable[[Place], int | None]:
+def _always(line: int | None) -> Callable[[KeyPath], int | None]:
     """All places of one line of JSON are on that line."""
     return lambda _: line
 

@@ -23,7 +23,7 @@ from pydantic import (
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from ..errors import BadInput
-from .reading import Document, Place, Schema, did_you_mean, read_yaml, require_schema, shown
+from .reading import Document, KeyPath, Schema, did_you_mean, read_yaml, require_schema, shown
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -79,7 +79,7 @@ def _largest(name: str) -> tuple[float, str]:
 def refusal(
     what: str,
     *,
-    key: Place = (),
+    key: KeyPath = (),
     found: object = None,
     allowed: object = None,
     remedy: str | None = None,
@@ -131,7 +131,7 @@ def _target_name(value: object) -> object:
     return _name(value)
 
 
-def _not_vanishing(value: float, key: Place = ()) -> float:
+def _not_vanishing(value: float, key: KeyPath = ()) -> float:
     if 0 < value < SMALLEST:
         actual, least = f"{value:g}", f"at least {SMALLEST:g}"
         raise refusal(
@@ -160,7 +160,7 @@ def positive_or_list(what: str) -> BeforeValidator:
     return BeforeValidator(check)
 
 
-Point = Annotated[tuple[float, float, float], tuple_of(3, "[x, y, z]")]
+Vector = Annotated[tuple[float, float, float], tuple_of(3, "[x, y, z]")]
 
 
 def without_length(value: Any) -> bool:
@@ -176,9 +176,9 @@ Name = Annotated[str, BeforeValidator(_name)]
 TargetName = Annotated[str, BeforeValidator(_target_name)]
 PositiveOrList = Positive | tuple[Positive, ...]
 NotNegative = Annotated[float, Field(ge=0), AfterValidator(_not_vanishing)]
-Share = Annotated[float, Field(gt=0, le=1)]
+Fraction = Annotated[float, Field(gt=0, le=1)]
 Count = Annotated[int, Field(ge=1, le=MOST)]
-Pair = Annotated[tuple[float, float], tuple_of(2)]
+NumberPair = Annotated[tuple[float, float], tuple_of(2)]
 
 
 class SourcedModel(FileModel):
@@ -201,13 +201,13 @@ class SourcedModel(FileModel):
         """SHA-256 of the file's bytes; None for what was not read from a file."""
         return None if self._document is None else self._document.sha256
 
-    def line(self, key: Place) -> int | None:
+    def line(self, key: KeyPath) -> int | None:
         """The line of a key, None for what was not read from a file."""
         return None if self._document is None else self._document.line(key)
 
     def refuse(
         self,
-        key: Place,
+        key: KeyPath,
         what: str,
         *,
         found: object = None,
@@ -232,7 +232,7 @@ def read_model(model: type[Model], path: Path | str, schema: Schema | None = Non
 
 
 def validate(
-    model: type[Model], data: object, *, file: Path | None, line: Callable[[Place], int | None]
+    model: type[Model], data: object, *, file: Path | None, line: Callable[[KeyPath], int | None]
 ) -> Model:
     """`data` as the model, or BadInput of the most telling of the model's complaints.
 
@@ -263,7 +263,7 @@ def _bad_input(
     data: object,
     complaint: ErrorDetails,
     file: Path | None,
-    line: Callable[[Place], int | None],
+    line: Callable[[KeyPath], int | None],
 ) -> BadInput:
     """A pydantic complaint in our own words."""
     kind, facts = complaint["type"], complaint.get("ctx", {})
@@ -331,7 +331,7 @@ def _in_words(kind: str, facts: Mapping[str, Any], message: str) -> tuple[str, s
     return f"cannot be used: {message}", None
 
 
-def called(path: Place) -> str:
+def called(path: KeyPath) -> str:
     """A place in words: ('targets', 'psd', 'guess_mm', 1) is 'item 2 of targets.psd.guess_mm'."""
     if not path:
         return "the content"
@@ -341,11 +341,11 @@ def called(path: Place) -> str:
     return ".".join(names).replace(".[", "[")
 
 
-def _inside(path: Place) -> str:
+def _inside(path: KeyPath) -> str:
     return f" in {called(path)}" if path else ""
 
 
-def _place(data: object, loc: tuple[int | str, ...], kind: str) -> Place:
+def _place(data: object, loc: tuple[int | str, ...], kind: str) -> KeyPath:
     """pydantic's location without the names of the alternatives that it tried on the way."""
     path: list[str | int] = []
     for i, part in enumerate(loc):
@@ -358,7 +358,7 @@ def _place(data: object, loc: tuple[int | str, ...], kind: str) -> Place:
     return tuple(path)
 
 
-def _keys_at(model: type[BaseModel], path: Place) -> list[str]:
+def _keys_at(model: type[BaseModel], path: KeyPath) -> list[str]:
     """Names of the keys that the model allows at a place."""
     models: list[type[BaseModel]] = [model]
     for part in path:

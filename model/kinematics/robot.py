@@ -294,7 +294,7 @@ class Robot:
                 result.append((a + delta[i], ca.SX(0)))
         return result
 
-    def seen(self, turns: Sequence[Turn], point: ca.SX) -> tuple[ca.SX, list[ca.SX]]:
+    def in_flange(self, turns: Sequence[Turn], point: ca.SX) -> tuple[ca.SX, list[ca.SX]]:
         """A point (3, 1) of the base frame as seen from the flange, and from each joint before its motion."""
         stations: list[ca.SX] = []
         for joint, turn in zip(self.joints, turns, strict=True):
@@ -306,10 +306,10 @@ class Robot:
                 point = point - joint.axis * turn[0]
         return ca.sparsify(ca.SX(self.flange[:3, :3].T)) @ (point - self.flange[:3, 3]), stations
 
-    def seen_jacobian(
+    def in_flange_jacobian(
         self, turns: Sequence[Turn], stations: Sequence[ca.SX], vectors: ca.SX
     ) -> tuple[ca.SX, ca.SX]:
-        """Of the components of `seen` along `vectors` (3, d), fixed in the flange frame: their Jacobians by
+        """Of the components of `in_flange` along `vectors` (3, d), fixed in the flange frame: Jacobians by
         the joint positions (d, n) and by the point (d, 3).
 
         The vectors are carried back from joint to joint; there a turn moves the point by -axis x point.

@@ -186,18 +186,18 @@ class _Shot:
         self, functions: ShotFunctions, recorded: ca.SX, turned: Callable[[ca.SX], list[Turn]]
     ) -> None:
         tool, geometry, n = functions.tool, functions.geometry, functions.robot.n
-        self.spot, self.target = ca.SX.sym("spot", tool.miss_size), ca.SX.sym("target", 3)
+        self.spot, self.target = ca.SX.sym("spot", tool.residual_size), ca.SX.sym("target", 3)
         self.arm = ca.SX.sym("arm", n + len(geometry.names))
         self.unknown = ca.SX.sym("tool", len(tool.free_axes))
         robot = geometry.moved(functions.robot, self.arm[n:])
         turns = turned(geometry.bent(functions.robot, self.arm, recorded))
-        target_in_flange, stations = robot.seen(turns, self.target)
+        target_in_flange, stations = robot.in_flange(turns, self.target)
         if tool.kind == "laser":
             point, _, across = tool.beam(self.unknown)
         else:
             point, across = tool.tip(self.unknown), ca.SX.eye(3)
         self.residual = across.T @ (target_in_flange - point) - self.spot
-        self.by_joints, by_target = robot.seen_jacobian(turns, stations, across)
+        self.by_joints, by_target = robot.in_flange_jacobian(turns, stations, across)
         by_geometry = ca.jacobian(self.residual, self.arm)[:, n:]
         by_tool = ca.jacobian(self.residual, self.unknown)
         self.jacobian = ca.horzcat(self.by_joints, by_geometry, by_target, by_tool)
@@ -230,7 +230,7 @@ class _Weighted(_Shot):
             functions, self.recorded, lambda delta: robot.turns_with_offsets(self.recorded, delta)
         )
         self.weight = ca.SX.sym("weight")
-        self.variances, self.stated = ca.SX.sym("variances", n + 1), ca.SX.sym("stated", n + 1)
+        self.variances, self.stated_variances = ca.SX.sym("variances", n + 1), ca.SX.sym("stated", n + 1)
         self.by_noise = self._covariances(self.variances)
         self.factor = _cholesky(sum(self.by_noise, ca.SX(0)))
         self.quad = self.weight * ca.sumsqr(_forward(self.factor, self.residual))
@@ -238,7 +238,7 @@ class _Weighted(_Shot):
         if functions.log_det != "none":
             self.logdet = self.weight * _log_det(self.factor)
         if functions.log_det == "relative":
-            stated_factor = _cholesky(sum(self._covariances(self.stated), ca.SX(0)))
+            stated_factor = _cholesky(sum(self._covariances(self.stated_variances), ca.SX(0)))
             self.logdet -= self.weight * _log_det(stated_factor)
 
     def _covariances(self, variances: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -251,7 +251,7 @@ class _Weighted(_Shot):
     def inputs(self) -> tuple[list[ca.SX], list[str]]:
         symbols = [self.recorded, self.spot, self.weight, self.arm, self.target, self.unknown]
         names = ["turns", "spot", "weight", "arm", "target", "tool", "variances", "stated"]
-        return [*symbols, self.variances, self.stated], names
+        return [*symbols, self.variances, self.stated_variances], names
 
 
 def _terms(functions: ShotFunctions) -> ca.Function:

@@ -130,7 +130,7 @@ class Density:
 
     def numbers(self, of: Index | None = None) -> Matrix:
         """(W,) or (1,): how many residuals' components the data sets have, those left out not counted."""
-        count = self.weights.sum(axis=1) * self.problem.tool.miss_size
+        count = self.weights.sum(axis=1) * self.problem.tool.residual_size
         return np.asarray(count if of is None or len(count) == 1 else count[of])
 
     # Slopes

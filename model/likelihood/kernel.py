@@ -46,12 +46,12 @@ _FLAGS = (
 # that pays after 50,000 rows, or after fewer, since the next process finds it there. To look takes a while.
 _LOOK_AFTER, _COMPILE_AFTER = 1_000, 20_000  # rows
 _at_once = False
-_MOST_PLACES = 8  # numbers of rows for which the virtual machine's inputs and outputs are kept
+_MOST_BUFFERS = 8  # numbers of rows for which the virtual machine's inputs and outputs are kept
 _DIGEST = 32  # bytes of the sha256 that ends each cached library
 
 
 @dataclass(frozen=True, eq=False)
-class _Place:
+class _Buffers:
     """Where the virtual machine finds the inputs (rows, size) of a function and leaves its outputs."""
 
     inputs: list[Matrix]
@@ -60,7 +60,7 @@ class _Place:
     evaluate: Callable[[], None]
 
     @classmethod
-    def of(cls, function: ca.Function, rows: int) -> _Place:
+    def of(cls, function: ca.Function, rows: int) -> _Buffers:
         buffer, evaluate = function.map(rows).buffer()
         inputs = [np.zeros((rows, function.numel_in(k))) for k in range(function.n_in())]
         outputs = [np.zeros((rows, function.numel_out(k))) for k in range(function.n_out())]
@@ -104,7 +104,7 @@ class Kernel:
             self._out_shapes = [*self._out_shapes[:-2], (size * (size + 1) // 2, 1)]
         self._out = [rows * columns for rows, columns in self._out_shapes]
         self._packed = struct.Struct(f"{len(self._in)}q").pack
-        self._places: dict[int, _Place] = {}
+        self._buffers: dict[int, _Buffers] = {}
         self._alone = threading.Lock()  # the machine has one place for all threads
         packed, whole = ctypes.c_char_p, ctypes.c_longlong
         self._load = partial(
@@ -236,11 +236,11 @@ class Kernel:
             return self._by_machine(inputs, rows)
 
     def _by_machine(self, inputs: Sequence[Matrix], rows: int) -> Matrix:
-        if rows not in self._places:
-            if len(self._places) == _MOST_PLACES:
-                self._places.pop(next(iter(self._places)))
-            self._places[rows] = _Place.of(self.function, rows)
-        buffers = self._places[rows]
+        if rows not in self._buffers:
+            if len(self._buffers) == _MOST_BUFFERS:
+                self._buffers.pop(next(iter(self._buffers)))
+            self._buffers[rows] = _Buffers.of(self.function, rows)
+        buffers = self._buffers[rows]
         for array, values in zip(buffers.inputs, inputs, strict=True):
             array[...] = values
         buffers.evaluate()

@@ -56,7 +56,7 @@ def distances(header: Header, targets: Sequence[str]) -> tuple[Distance, ...]:
 
 
 @dataclass(frozen=True)
-class Parts:
+class ParameterParts:
     """Parameter vectors (..., p) taken apart: `arm` (..., a) what forward kinematics takes (offsets and
     geometry), `targets` (..., K, 3) mm, `tool` (..., k)."""
 
@@ -120,7 +120,7 @@ class Problem:
             parameters=Parameters.build(robot, tool, noise, geometry, header, names),
             functions=shot_functions(robot, tool, "relative" if noise.separate else "none", geometry),
             joints=np.asarray(joints, dtype=float),
-            spots=np.zeros((len(joints), tool.miss_size)) if spots is None else spots,
+            spots=np.zeros((len(joints), tool.residual_size)) if spots is None else spots,
             shot_numbers=tuple(range(len(joints)) if shot_numbers is None else shot_numbers),
             targets=names,
             target_index=np.array([names.index(t) for t in targets], dtype=np.int64),
@@ -230,7 +230,7 @@ class Problem:
     @property
     def measured_size(self) -> int:
         """Number of residuals: d for each shot (as often as it counts), one for each distance."""
-        return round(float(self.weights.sum()) * self.tool.miss_size) + len(self.distances)
+        return round(float(self.weights.sum()) * self.tool.residual_size) + len(self.distances)
 
     @property
     def data_size(self) -> int:
@@ -261,11 +261,11 @@ class Problem:
         by_target = [self.parameters.of_shot(k, noise=False) for k in range(len(self.targets))]
         return np.asarray(np.stack(by_target)[self.target_index])
 
-    def split(self, x: Matrix) -> Parts:
+    def split(self, x: Matrix) -> ParameterParts:
         """The parts of parameter vectors (..., p)."""
         parameters = self.parameters
         targets = x[..., parameters.block("target")].reshape(*x.shape[:-1], len(self.targets), 3)
-        return Parts(x[..., parameters.arm], targets, x[..., parameters.block("tool")])
+        return ParameterParts(x[..., parameters.arm], targets, x[..., parameters.block("tool")])
 
     def variances(self, x: Matrix) -> Matrix:
         """(..., n + 1) of joints and spot at parameter vectors (..., p), or (n + 1,) as stated."""
@@ -286,7 +286,7 @@ class Problem:
         by_joints = self.by_joints(jacobian)
         halves = []
         joint = (by_joints * variances[:-1]) @ by_joints.transpose(0, 2, 1)
-        spot = np.broadcast_to(variances[-1] * np.eye(self.tool.miss_size), joint.shape)
+        spot = np.broadcast_to(variances[-1] * np.eye(self.tool.residual_size), joint.shape)
         for part in (joint, spot):
             half = np.linalg.solve(factor, 2 * part)
             halves.append(np.linalg.solve(factor, half.transpose(0, 2, 1)))
@@ -326,7 +326,7 @@ class Problem:
         by_joints = self.by_joints(jacobian)
         variances = self.variances(x)
         covariance = (by_joints * variances[:-1]) @ by_joints.transpose(0, 2, 1)
-        covariance += variances[-1] * np.eye(self.tool.miss_size)
+        covariance += variances[-1] * np.eye(self.tool.residual_size)
         try:
             return np.asarray(np.linalg.cholesky(covariance), dtype=float)
         except np.linalg.LinAlgError as error:
@@ -341,7 +341,7 @@ class Problem:
         """Whitened residuals and their scaled Jacobian at x; `factor` keeps the weights of another x."""
         residual, shot_jacobians = self.linearise(x)
         factor = self.factors(x, shot_jacobians) if factor is None else factor
-        d, p = self.tool.miss_size, len(self.parameters)
+        d, p = self.tool.residual_size, len(self.parameters)
         scaled = shot_jacobians * self.parameters.prior_std[self.columns][:, None, :]
         stacked = np.linalg.solve(factor, np.concatenate([residual[:, :, None], scaled], axis=2))
         stacked *= np.sqrt(self.weights)[:, None, None]
@@ -369,7 +369,7 @@ class Problem:
 
     def roots(self, whitened: Whitened) -> Matrix:
         """(N, d, f) each shot's whitened Jacobian by the free parameters: its information is their square."""
-        d = self.tool.miss_size
+        d = self.tool.residual_size
         jacobian = whitened.jacobian[: self.shots * d, self.parameters.free]
         return np.asarray(jacobian.reshape(self.shots, d, -1))
 

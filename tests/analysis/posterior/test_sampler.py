@@ -55,7 +55,7 @@ def test_a_walk_that_is_stopped_prints_nothing(capfd):
 
     moves = sampler.Moves(t_at_zero(2), np.random.default_rng(2), 0.5)
     with pytest.raises(KeyboardInterrupt):
-        moves.walk(stopped, points, 20)
+        moves.advance(stopped, points, 20)
     assert capfd.readouterr() == ("", "")
 
 
