@@ -65,6 +65,14 @@ DEGENERATE = [
 ]
 
 
+def test_the_eigenvalues_are_those_of_lapack():
+    spectra = [*np.random.default_rng(3).exponential(size=(20, 3)), *DEGENERATE]
+    matrices = covariances(spectra)
+    exact, found = np.linalg.eigvalsh(matrices).T, error_radius._eigenvalues(matrices)
+    assert (np.diff(found, axis=0) >= -1e-15 * found[2]).all()
+    assert (np.abs(found - exact) <= 1e-7 * exact[2]).all()
+
+
 @pytest.mark.parametrize("dof", [None, 5])
 def test_the_radius_is_that_by_lapack(dof):
     """Where eigenvalues are equal or nothing, too: a ratio beyond 1 would be far off, as polynomials are."""
