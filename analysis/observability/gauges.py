@@ -107,7 +107,7 @@ def information_roots(problem: Problem, xs: Matrix, weight: float) -> list[tuple
 def _root(aimed: Problem, x: Matrix, weight: float) -> Matrix:
     """A (M, f) for the free parameters, of shots that hit at x."""
     whitened = aimed.whiten(x)
-    rows = aimed.shots * aimed.tool.miss_size
+    rows = aimed.shots * aimed.tool.residual_size
     jacobian, parameters = whitened.jacobian, aimed.parameters
     jacobian[:rows] *= np.sqrt(weight)
     if aimed.noise.separate:
@@ -197,7 +197,7 @@ def _followed(aimed: Problem, x: Matrix, hit: Mask, moving: Mask) -> bool:
     """
     _, jacobian_mm = aimed.linearise(x)
     by_joints = (aimed.by_joints(jacobian_mm) * _joint_scale(aimed))[hit][:, :, moving]
-    if by_joints.shape[2] < aimed.tool.miss_size:
+    if by_joints.shape[2] < aimed.tool.residual_size:
         return len(by_joints) == 0
     singular = np.linalg.svd(by_joints, compute_uv=False)
     return bool((singular[:, -1] > _CANNOT_FOLLOW * singular[:, 0]).all())
@@ -237,7 +237,7 @@ def _near_by(problem: Problem, x: Matrix, aimed: Problem, hit: Mask) -> list[_Ne
 def _near_special(problem: Problem, x: Matrix, hit: Mask, target_mm: float, points: int) -> list[_NearBy]:
     """At most `points` points beside x, with the target about `target_mm` off, at which all shots of `hit`
     (N,) can hit: they need not be the same. Joints fewer than a miss has coordinates reach no other point."""
-    if np.count_nonzero(moving_joints(problem.joints)) < problem.tool.miss_size:
+    if np.count_nonzero(moving_joints(problem.joints)) < problem.tool.residual_size:
         return []
     # Other directions at every distance.
     rng = np.random.default_rng([2014, int(10 * target_mm)])

@@ -12,7 +12,7 @@ from ...analysis.observability.check import Condition
 from ...model.arrays import Mask, Matrix
 from ...model.errors import BadInput
 from ...model.files.header import Header
-from ...model.files.stated_plan.obstacles import Obstacles
+from ...model.files.plan_file import Obstacles
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
 from .constraints import Conditions, View

@@ -14,7 +14,7 @@ from ...analysis.observability.check import check as check_observability
 from ...model.arrays import Index, Mask, Matrix
 from ...model.errors import BadInput
 from ...model.files.plan import Plan
-from ...model.files.stated_plan.constraints import StatedConstraints
+from ...model.files.plan_file import StatedConstraints
 from ...model.kinematics.pendant import beyond_limits
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem

@@ -26,9 +26,8 @@ from zerobeam.analysis.recordings.steps import steps
 from zerobeam.analysis.solution import Solution, judge
 from zerobeam.analysis.solved import solved
 from zerobeam.model.errors import BadInput
-from zerobeam.model.files.header import StatedNoise
+from zerobeam.model.files.header import StatedGeometry, StatedNoise
 from zerobeam.model.files.run import Run, read_run
-from zerobeam.model.files.stated_geometry import StatedGeometry
 from zerobeam.model.likelihood.problem import Problem
 
 NOISE = StatedNoise(joint_deg=0.01, spot_mm=0.1, scale="estimated")
