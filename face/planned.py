@@ -18,9 +18,8 @@ from ..model.files.arrays import checked, plain
 from ..model.files.header import Header, read_header
 from ..model.files.plan import Plan
 from ..model.files.stated_plan.obstacles import Obstacles
-from ..reports.output.cards import card, text
-from ..reports.plan.plan_page import plan_turnable, verdict_on
-from ..reports.plan.plan_scene import postures_of
+from ..reports.output.html import card, text
+from ..reports.plan.plan_page import plan_turnable, postures_of, verdict_on
 from ..reports.run.geometry import check_lines
 from ..reports.run.parameters import unit_of, worth_column
 from ..reports.style.blocks import Cell, Page, Row, Table, row_of, table_of

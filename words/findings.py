@@ -25,8 +25,8 @@ from ..analysis.posterior.posterior import PosteriorSummary
 from ..analysis.result import LikelihoodSummary, Result
 from ..analysis.so_far import SoFar
 from ..analysis.solution import ParameterTable, Solution
-from .causes import reason
 from .misfit import criterion_sentence, misfit_headline
+from .observability import reason
 from .verdict import verdict_sentence
 from .wording import Namer, listed
 

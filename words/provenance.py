@@ -1,4 +1,4 @@
-"""What a run's provenance says of its origin: by which keys a person may state it."""
+"""What a run's provenance says of its origin, by which keys, and the true values of a simulated run."""
 
 from __future__ import annotations
 
@@ -49,3 +49,19 @@ def instrument(provenance: Mapping[str, object], tool: str) -> str:
     """The instruments of a laser or a probe, their makers and serial numbers; "" where none is stated."""
     rows = [keys for name, keys in INSTRUMENTS[tool] if "serial" in name]
     return ", ".join(text for text in (stated(provenance, keys) for keys in rows) if text)
+
+
+SIMULATED = "simulated"  # of the provenance key `origin`
+_TRUE = re.compile(r"true (\S+) \((?:deg|mm|1)\)")
+
+
+def true_values(provenance: Mapping[str, object]) -> dict[str, float]:
+    """The true values by parameter (deg, mm) that the provenance of a simulated run states; else none."""
+    if provenance.get("origin") != SIMULATED:
+        return {}
+    found = ((_TRUE.fullmatch(key), value) for key, value in provenance.items())
+    return {
+        match.group(1): float(value)
+        for match, value in found
+        if match is not None and isinstance(value, int | float) and not isinstance(value, bool)
+    }

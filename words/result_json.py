@@ -27,8 +27,6 @@ from ..analysis.observability.identifiability import Identifiability
 from ..analysis.result import RESULT_SCHEMA, LikelihoodSummary, MidpointSummary, Result
 from ..analysis.solution import ParameterResult
 from ..analysis.status import UnsoundResult
-from .causes import reason, remedy
-from .diagnosis import explanation_sentence
 from .findings import (
     accuracy_reason,
     headline,
@@ -39,8 +37,9 @@ from .findings import (
     posterior_message,
     robust_message,
 )
-from .misfit import criterion_sentence
+from .misfit import criterion_sentence, explanation_sentence
 from .next_steps import next_steps
+from .observability import reason, remedy
 from .verdict import check_headline, check_notes
 
 CHECK_SCHEMA = "zerobeam/check/1"

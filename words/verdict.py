@@ -11,7 +11,7 @@ from ..analysis.observability.verdict import worst_direction
 from ..analysis.observability.violations import Condition, PlanVerdict, Violation
 from ..analysis.status import Status, Verdict
 from . import numbers
-from .causes import reason
+from .observability import reason
 from .wording import Namer, counted, listed
 
 VERDICT_WORDS: dict[PlanVerdict, str] = {

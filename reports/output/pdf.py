@@ -14,7 +14,7 @@ from ..style.blocks import Page
 from ..style.canvas import Picture
 from ..style.palette import PALETTE
 from ..style.typeface import FAMILY, FOLDER, in_font
-from .template import TEMPLATES
+from .html import TEMPLATES
 
 _DOCUMENT, _PARTS = "document.typ", "parts.typ"
 

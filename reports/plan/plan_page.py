@@ -3,28 +3,35 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
 
+import numpy as np
 from markupsafe import Markup
+from numpy.typing import NDArray
 
+from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.aim import AimedPlan
 from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.check import Check, CheckedParameter
 from ...analysis.observability.geometry import GeometryResult
+from ...model.arrays import Matrix
+from ...model.errors import BadInput
 from ...model.files.plan import Plan
+from ...model.files.whole_file import write_whole
 from ...words import numbers
 from ...words.observability import advice_sentence, over_target_sentence, rank_facts
 from ...words.verdict import VERDICT_WORDS, check_headline, check_notes, tone_of
 from ...words.wording import clipped, counted, label, listed, person, sentence, shown
-from ..output.html import Turnable
-from ..output.template import TEMPLATES, style, template
+from ..output.html import TEMPLATES, Turnable, style, template
 from ..run.geometry import check_lines
 from ..run.parameters import legend, reasons, unit_of, worth_column
 from ..run.unobservable import beside_tolerances, direction_words, tolerance_only
-from ..scenes.drawing import MOST_DRAWN
-from ..scenes.scene import Scene3D
-from ..scenes.turnable import SceneWords, turnable
+from ..scenes.scene import Placed, Posed, Scene3D, floor_of
+from ..scenes.turnable import MOST_DRAWN, SceneWords, turnable
 from ..style.blocks import (
     Cell,
     Directions,
@@ -36,7 +43,62 @@ from ..style.blocks import (
     row_of,
     table_of,
 )
-from .plan_scene import Postures, plan_scene, postures_of
+
+
+class Postures(NamedTuple):
+    """The postures of a plan as places in the base frame, where the servo can turn them onto their targets.
+
+    `joints` (N, n) rad or mm, as planned where `hit` (N,) is False; `arm` (N, n + 2, 3), `origin` (N, 3) and
+    `end` (N, 3) of the beam (the tip of a probe), `targets` (K, 3) mm; `length` (N,) mm along the beam to the
+    point nearest to the target, negative where the laser points away from it; `reaches` (N,) whether beam or
+    probe comes to the target: a laser shines one way only.
+    """
+
+    joints: Matrix
+    hit: NDArray[np.bool_]
+    arm: Matrix
+    origin: Matrix
+    end: Matrix
+    targets: Matrix
+    length: Matrix
+    reaches: NDArray[np.bool_]
+
+
+def postures_of(aimed_plan: AimedPlan) -> Postures:
+    """What `check` judges: no offsets, targets at their nominal places. A beam that does not reach its target
+    is as long as that is far."""
+    problem, x, aimed = aimed_plan.problem, aimed_plan.x, aimed_plan.aimed
+    joints = np.where(aimed.hit[:, None], aimed.problem.joints, problem.joints)
+    with one_blas_thread():
+        parts = problem.split(x)
+        (points,) = problem.functions.kernel("skeleton")(joints, parts.arm)
+        origin, direction = problem.moved(joints).beams(x)
+    between = parts.targets[problem.target_index] - origin
+    along = (between * direction).sum(axis=1)
+    reaches = aimed.hit & aimed.ahead
+    length = np.where(reaches, along, np.linalg.norm(between, axis=1))
+    end = origin + length[:, None] * direction
+    return Postures(joints, aimed.hit, points.transpose(0, 2, 1), origin, end, parts.targets, along, reaches)
+
+
+def plan_scene(plan: Plan, seen: Postures) -> Scene3D:
+    """The scene of a plan; there is no beam for a probe."""
+    laser, count = plan.header.tool.kind == "laser", len(plan.postures)
+    return Scene3D(
+        [
+            Posed(
+                name=f"posture {i} (of 0 to {count - 1})",
+                arm=seen.arm[i],
+                tool=seen.origin[i],
+                end=seen.end[i] if laser else None,
+                reaches=bool(seen.reaches[i]),
+            )
+            for i in range(count)
+        ],
+        [Placed(name, at, "nominal") for name, at in zip(plan.target_names, seen.targets, strict=True)],
+        floor_of(plan.robot),
+    )
+
 
 NOT_DETERMINED = "unidentifiable from these measurements"
 MARK = '<meta name="generator" content="zerobeam plan page">'
@@ -241,3 +303,47 @@ def _joints_to_copy(plan: Plan, seen: Postures) -> str:
             f"  - {{joints_deg: {values}, target: {json.dumps(name)}}}" if several else f"  - {values}"
         )
     return "\n".join(lines)
+
+
+_HEAD = 1000  # bytes: where the mark is, before anything that comes from a plan
+
+
+def write_plan_page(path: Path | str, aimed: AimedPlan, check: Check) -> None:
+    """Write the page of a plan (`plan_page`) to `path`, replacing nothing but such a page.
+
+    BadInput if something else is there or the folder does not exist, NotWritten where it cannot be written.
+    """
+    path = Path(path)
+    target = Path(os.path.realpath(path))
+    _check_target(path, target)
+    text = plan_page(aimed, check)
+    write_whole(target, text, force=True)
+
+
+def _check_target(path: Path, target: Path) -> None:
+    allowed = "a file that does not exist, or a picture of a plan that zerobeam wrote"
+    if not target.parent.is_dir():
+        raise BadInput(
+            "the folder to write the picture into does not exist",
+            found=path.parent,
+            remedy="make it first",
+            file=path,
+        )
+    if target.is_dir():
+        raise BadInput("there is a folder of this name", allowed=allowed, file=path)
+    if target.exists() and not _is_plan_page(target):
+        raise BadInput(
+            "the file exists already and is no picture of a plan; it would be lost",
+            allowed=allowed,
+            remedy="choose another name, or move it away first",
+            file=path,
+        )
+
+
+def _is_plan_page(path: Path) -> bool:
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD)
+    except OSError:
+        return False
+    return head.startswith(b"<!doctype html>") and MARK.encode() in head

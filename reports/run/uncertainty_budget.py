@@ -11,7 +11,7 @@ from ...analysis.solution import ParameterResult
 from ...words import numbers
 from ...words.wording import label, listed
 from ..style.blocks import Block, Cell, Legend, Paragraph, Section, Table, row_of, section_of, table_of
-from .diagnostics.fit_quality import misfit_factor
+from .fit import misfit_factor
 from .parameters import reasons
 
 MINOR = 0.01  # share of every variance in a table below which a source is summed with others

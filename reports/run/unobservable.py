@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.identifiability import Identifiability
 from ...analysis.status import known
-from ...words.causes import reason, remedy
-from ...words.observability import combination_words, direction_kind, rank_facts
+from ...words.observability import combination_words, direction_kind, rank_facts, reason, remedy
 from ...words.wording import NOT_DETERMINED, counted, label, listed, person, sentence
 from ..style.blocks import Direction, Directions, Facts, Paragraph, Section, section_of
 from .parameters import Judged

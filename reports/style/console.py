@@ -1,15 +1,17 @@
-"""Marks, colours and tables of the terminal: one place for all that is printed."""
+"""The console that everything is printed to: its marks, colours and tables."""
 
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Iterable
 
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.markup import escape
+from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
-from ...words.wording import NOT_DETERMINED, clipped
+from ...words.wording import NOT_DETERMINED, clipped, visible
 from . import blocks
 
 STYLE = {
@@ -84,3 +86,14 @@ def print_block(out: Console, block: blocks.Block) -> None:
         case blocks.Table():
             out.print(Text(block.caption, style="italic"))
             out.print(rich_table(block, LONGEST_NAME))
+
+
+class Terminal(Console):
+    """A console to which no text gets that a terminal would obey or a person not see: it is escaped.
+
+    Its own colours and movements of the cursor are not text, and pass.
+    """
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        for text, style, control in super().render(renderable, options):
+            yield Segment(text if control else visible(text), style, control)

@@ -18,21 +18,20 @@ from ...words.findings import headline
 from ...words.geometry import worth_sentence
 from ...words.verdict import check_headline
 from ...words.wording import counted, ended, label, listed, person, sentence, shown
-from ..run.diagnostics.diagnosis import diagnosis_section
-from ..run.diagnostics.placements import placements_lines
-from ..run.diagnostics.second_opinions import hold_out_section, intervals_section, robust_section
-from ..run.first_page.next_steps import next_steps_section
-from ..run.first_page.rehearsal import rehearsal_section, truth_table
+from ..run.fit import diagnosis_section, hold_out_section, intervals_section, robust_section
 from ..run.geometry import geometry_lines
 from ..run.parameters import (
     offsets_caption,
     offsets_table,
     offsets_worth,
     other_tables,
+    rehearsal_section,
+    truth_table,
     worth_column,
 )
+from ..run.placements import placements_lines
 from ..run.posterior_summary import posterior_sentence
-from ..run.report_page import report_notes
+from ..run.report import next_steps_section, report_notes
 from ..style import blocks
 from ..style.console import MARK, STYLE, VERDICT_STYLE, marked, rich_table
 from .check import print_directions, print_notes, print_verdict

@@ -23,7 +23,7 @@ from ....model.files.plan import Plan, plan_of, write_plan
 from ....model.files.reading import Document, Place, read_yaml, require_schema
 from ....model.files.stated_plan.obstacles import Obstacles
 from ....model.files.validation import FileModel, as_tuple
-from ....reports.plan.plan_scene import Postures, postures_of
+from ....reports.plan.plan_page import Postures, postures_of
 from ....reports.run.geometry import check_lines
 from ....reports.run.parameters import unit_of, worth_column
 from ....words.observability import advice_sentence, over_target_sentence

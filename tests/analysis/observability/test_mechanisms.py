@@ -3,7 +3,7 @@ from cells import AXIS_LASER, OPEN_LASER, OPEN_PROBE, good_plan, header, pattern
 
 from zerobeam.analysis.observability.mechanisms import mechanisms, too_few_measurements
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.causes import reason, remedy
+from zerobeam.words.observability import reason, remedy
 
 
 def told(plan):

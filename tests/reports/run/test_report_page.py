@@ -30,7 +30,7 @@ from zerobeam.analysis.misfit import LackOfFit
 from zerobeam.analysis.posterior.intervals import Intervals
 from zerobeam.analysis.result import Result
 from zerobeam.analysis.status import UnsoundResult
-from zerobeam.reports.run.report_page import report_page
+from zerobeam.reports.run.report import report_page
 from zerobeam.reports.style.blocks import Directions, Facts, Legend, Paragraph, Section, Table
 from zerobeam.words.wording import NOT_DETERMINED, label
 

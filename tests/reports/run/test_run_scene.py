@@ -33,7 +33,7 @@ from zerobeam.analysis.diagnostics.scene import MOST_SHOTS, Scene, scene
 from zerobeam.analysis.solution import ParameterResult, Solution, solve
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.reports.output.template import style, template
+from zerobeam.reports.output.html import style, template
 from zerobeam.reports.run.run_scene import half_axes, run_scene, run_turnable, scene_section
 from zerobeam.reports.scenes.scene import Placed, Posed, Scene3D
 

@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ....analysis.diagnostics.leave_one_out import Jackknife, LeaveOneOut
-from ....analysis.misfit import LACK_OF_FIT
-from ....analysis.recordings.effective import Effective
-from ....analysis.recordings.steps import Step, Steps
-from ....analysis.result import Result
-from ....words import numbers
-from ....words.wording import clipped, counted, label, listed, shown
-from ...style.blocks import FigureBlock, Paragraph, Section, Table, row_of, section_of, table_of
-from ...style.canvas import Picture, new_figure, style, to_svg
-from ...style.palette import light
-from ...style.typeface import in_font
+from ...analysis.diagnostics.leave_one_out import Jackknife, LeaveOneOut
+from ...analysis.misfit import LACK_OF_FIT
+from ...analysis.recordings.effective import Effective
+from ...analysis.recordings.steps import Step, Steps
+from ...analysis.result import Result
+from ...words import numbers
+from ...words.wording import clipped, counted, label, listed, shown
+from ..style.blocks import FigureBlock, Paragraph, Section, Table, row_of, section_of, table_of
+from ..style.canvas import Picture, new_figure, style, to_svg
+from ..style.palette import light
+from ..style.typeface import in_font
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....analysis.diagnostics.influence import ShotResult
-from ....analysis.result import Result
-from ....words import numbers
-from ....words.wording import clipped, shown
-from ...style.blocks import Cell, FigureBlock, Paragraph, Section, row_of, section_of, table_of
-from ...style.canvas import Picture, new_figure, style, to_svg
-from ...style.palette import light
-from ...style.typeface import in_font
+from ...analysis.diagnostics.influence import ShotResult
+from ...analysis.result import Result
+from ...words import numbers
+from ...words.wording import clipped, shown
+from ..style.blocks import Cell, FigureBlock, Paragraph, Section, row_of, section_of, table_of
+from ..style.canvas import Picture, new_figure, style, to_svg
+from ..style.palette import light
+from ..style.typeface import in_font
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
