@@ -16,11 +16,12 @@ from ..model.arrays import Progress
 from ..model.errors import BadInput
 from ..model.files.run import Run
 from ..reports.output.html import card, text
-from ..reports.run.parameters import NO_NUMBER, offsets_caption, offsets_worth, unit_of, worth_column
+from ..reports.run.parameters import NO_NUMBER, offsets_caption, offsets_worth, worth_column
 from ..reports.run.report import ReportPaths, report_notes, write_report
 from ..reports.style.blocks import Cell, Page, Row, Table, Verdict, row_of, table_of
 from ..words import numbers
 from ..words.findings import headline
+from ..words.numbers import unit_of
 from ..words.result_json import to_json
 from ..words.verdict import VERDICT_WORDS
 from ..words.wording import NOT_DETERMINED, clipped, counted, label, person, sentence

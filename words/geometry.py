@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from ..analysis.observability.causes import Cause, NotResolvable
+from ..analysis.observability.check import Check
 from ..analysis.observability.geometry import Confounded, GeometryResult, Rung, RungName, Tolerance
 from . import numbers
-from .wording import Namer, listed
+from .wording import Namer, listed, person
 
 IF_IT_DEVIATES = "u if the arm deviates"
 SET_BY_TOLERANCES = "set by tolerances"
@@ -148,3 +149,22 @@ def rung_reason(ladder: Sequence[Rung], i: int) -> str:
     against = [] if predicts else ["predicts no better"]
     against += [] if evidence else ["evidence falls"]
     return ", ".join(against)
+
+
+def check_lines(check: Check) -> list[str]:
+    """What a check says of the geometry, a line each."""
+    offsets = [row for row in check.parameters if row.group == "offset"]
+    said = worth_sentence(check.geometry, offsets)
+    lines = [] if said is None else [said]
+    known = [row for row in offsets if row.std is not None]
+    worst = max(known, key=lambda row: row.std or 0.0, default=None)
+    if worst is not None:
+        why = confounded_sentence(check.geometry, worst.name, worst.tolerance_share, person)
+        lines += [] if why is None else [why]
+    rows = [row for row in check.parameters if row.group == "geometry" and not row.held]
+    if rows:
+        determined = sum(row.std is not None for row in rows)
+        lines.append(
+            f"Geometry: {determined} of {len(rows)} parameters will be determined, the others prior only."
+        )
+    return lines

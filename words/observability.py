@@ -27,6 +27,7 @@ from ..analysis.observability.causes import (
     Unconverged,
     Unexplained,
 )
+from ..analysis.observability.check import Check
 from ..analysis.observability.identifiability import Identifiability
 from ..analysis.observability.outlook import Advice, OverTarget
 from ..model.likelihood.tool import ToolKind
@@ -272,3 +273,12 @@ def over_target_sentence(over: OverTarget, units: Mapping[str, str]) -> str:
         f" measurements hit, and the largest standard uncertainty is that of {label(name)}:"
         f" {numbers.spread(worst, units[name])}."
     )
+
+
+def outlook_lines(check: Check) -> list[str]:
+    """The change of a plan that helps most, and what becomes of the plan if the target is elsewhere."""
+    lines = [] if check.advice is None else [advice_sentence(check.advice)]
+    if check.over_target is not None:
+        units = {row.name: numbers.unit_of(row.unit) for row in check.parameters}
+        lines.append(over_target_sentence(check.over_target, units))
+    return lines

@@ -10,9 +10,10 @@ from ...analysis.status import known
 from ...experiments.history.signing import grouped
 from ...words import numbers
 from ...words.geometry import IF_IT_DEVIATES, tolerance_words
+from ...words.numbers import unit_of
 from ...words.verdict import VERDICT_WORDS
 from ...words.wording import NOT_DETERMINED, clipped, ended, label, listed, sentence, shown
-from ..run.parameters import NO_NUMBER, OFFSETS, legend, unit_of
+from ..run.parameters import NO_NUMBER, OFFSETS, legend
 from ..style.blocks import (
     Block,
     Cell,

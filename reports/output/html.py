@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import functools
+import hashlib
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,7 +20,6 @@ from ..style.typeface import FAMILY, Cut, font_file
 
 if TYPE_CHECKING:
     from jinja2 import Template
-    from markupsafe import Markup
 
 TEMPLATES = Path(__file__).parent / "templates"
 _WEIGHTS: dict[Cut, str] = {
@@ -41,7 +41,16 @@ def template(name: str) -> Template:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    script = template_text("scene.js")
+    environment.globals["scene_js"] = Markup(script)
+    environment.globals["scene_hash"] = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     return environment.get_template(name)
+
+
+@functools.cache
+def template_text(name: str) -> str:
+    """A file of `templates` as it is."""
+    return (TEMPLATES / name).read_text(encoding="utf-8")
 
 
 @functools.cache
@@ -53,8 +62,11 @@ def style() -> str:
 
 def sheet() -> str:
     """The same without the typeface."""
-    text = (TEMPLATES / "page.css").read_text(encoding="utf-8")
-    return text.replace("/* LIGHT */", css_variables("light")).replace("/* DARK */", css_variables("dark"))
+    return _coloured(template_text("page.css"))
+
+
+def _coloured(sheet: str) -> str:
+    return sheet.replace("/* LIGHT */", css_variables("light")).replace("/* DARK */", css_variables("dark"))
 
 
 def font_face(cut: Cut) -> str:
@@ -66,31 +78,28 @@ def font_face(cut: Cut) -> str:
     )
 
 
-PageKind = Literal["report", "study"]
+PageKind = Literal["report", "study", "plan"]
 LARGEST_ATTACHMENT = 200_000
 
 
 @dataclass(frozen=True)
 class Turnable:
-    """What a page needs for its scene: what is said about it (`one` is what a posture is called), how many
-    postures it has (`count`), what its key explains, the still drawing, the style, the data and the script,
-    and the script's hash for the page's policy, which then runs no other."""
+    """A scene made ready for a page: what is said about it (`one` is what a posture is called), how many
+    postures it has (`count`), what its key explains, by how much ellipsoids are exaggerated at first
+    (`factor`), the still drawing, and the data for `scene.js`."""
 
     alt: str
     caption: str
     paper: str
     one: str
-    laser: bool
     count: int
-    misses: bool
-    placed: bool
+    beams: bool
+    unreached: bool
+    located: bool
     undetermined: bool
     factor: int | None
     drawing: Markup
-    style: Markup
     data: Markup
-    script: Markup
-    script_hash: str
 
 
 def html(
@@ -104,8 +113,6 @@ def html(
 
     `turnable` is shown where a block `scene` is; its script is the only one that the page allows.
     """
-    from markupsafe import Markup
-
     data = attached.encode()
     return template("page.html.j2").render(
         view=page,
@@ -114,8 +121,7 @@ def html(
             name: {"picture": picture, "svg": Markup(themed(picture.svg))}
             for name, picture in pictures.items()
         },
-        # Our own text, with nothing of a run in it.
-        css=Markup(style()) + (turnable.style if turnable else ""),
+        css=_css(turnable),
         turnable=turnable,
         attachment=base64.b64encode(data).decode() if 0 < len(data) < LARGEST_ATTACHMENT else None,
     )
@@ -123,10 +129,12 @@ def html(
 
 def scene_html(title: str, turnable: Turnable) -> str:
     """A scene alone as an HTML page: one self-contained file."""
-    from markupsafe import Markup
+    return template("scene_page.html.j2").render(title=title, turnable=turnable, css=_css(turnable))
 
-    css = Markup(style()) + turnable.style
-    return template("scene_page.html.j2").render(title=title, turnable=turnable, css=css)
+
+def _css(turnable: Turnable | None) -> Markup:
+    """Our own text, with nothing of a run in it."""
+    return Markup(style() + ("" if turnable is None else template_text("scene.css")))
 
 
 _WIDTH = 96
@@ -136,7 +144,9 @@ _MOST_LINES = 3  # of a headline
 
 def card(page: Page, tables: Sequence[Table]) -> str:
     """The heading, verdict and notes of a page with some tables, as HTML for another page."""
-    return template("card.html.j2").render(view=page, tables=tables, css=Markup(_style()))
+    return template("card.html.j2").render(
+        view=page, tables=tables, css=Markup(_coloured(template_text("card.css")))
+    )
 
 
 def text(page: Page, table: Table) -> str:
@@ -155,9 +165,3 @@ def text(page: Page, table: Table) -> str:
         for row in cells
     )
     return "\n".join([f"{page.title}, {page.subtitle}", *(f"  {line}" for line in (*said, *lines))])
-
-
-@functools.cache
-def _style() -> str:
-    sheet = (TEMPLATES / "card.css").read_text(encoding="utf-8")
-    return sheet.replace("/* LIGHT */", css_variables("light")).replace("/* DARK */", css_variables("dark"))

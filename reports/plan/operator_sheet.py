@@ -14,8 +14,8 @@ from ...model.kinematics.robot import J3
 from ...words import numbers
 from ...words.wording import clipped, counted, listed, sentence, shown
 from ..output.pdf import pdf
-from ..scenes.scene import Placed, Posed, Scene3D, floor_of
-from ..scenes.turnable import SceneWords, still_picture, turnable
+from ..scenes.scene import Placed, Scene3D, floor_of
+from ..scenes.turnable import still_picture, turnable
 from ..style.blocks import (
     Facts,
     FigureBlock,
@@ -29,7 +29,7 @@ from ..style.blocks import (
     table_of,
 )
 from ..style.canvas import Picture
-from .plan_page import Postures, postures_of, verdict_on
+from .plan_page import Postures, posture_in_scene, postures_of, verdict_on
 
 _DIGITS = {"deg": 3, "mm": 3, "rad": 5, "pulse": 0}  # decimals, as pendants show them
 _FIELD = "\u2009".join(["_"] * 9)
@@ -134,22 +134,15 @@ def _place(point: np.ndarray) -> str:
 
 def _picture(plan: Plan, seen: Postures, i: int, laser: bool) -> Picture:
     """One posture, drawn as the first one of a page is."""
-    posed = Posed(
-        name=f"posture {i}",
-        arm=seen.arm[i],
-        tool=seen.origin[i],
-        end=seen.end[i] if laser else None,
-        reaches=bool(seen.reaches[i]),
-    )
+    posed = posture_in_scene(plan, seen, i, f"posture {i}")
     target = plan.target_index[i]
     placed = Placed(plan.target_names[target], seen.targets[target], "nominal")
     scene = Scene3D([posed], [placed], floor_of(plan.robot))
-    words = SceneWords(
-        f"The arm in posture {i}{' and its beam to the target' if laser else ', the probe at the target'}.",
-        f"Posture {i}. {scene.grid_words}; x, y, z: the base frame.",
-        "",
-        "posture",
-        laser,
+    what = " and its beam to the target" if laser else ", the probe at the target"
+    view = turnable(
+        scene,
+        alt=f"The arm in posture {i}{what}.",
+        caption=f"Posture {i}. {scene.grid_words}; x, y, z: the base frame.",
+        paper="",
     )
-    drawn = still_picture(turnable(scene, words))
-    return Picture(f"posture-{i}", drawn.title, drawn.alt, drawn.svg)
+    return still_picture(view, f"posture-{i}")

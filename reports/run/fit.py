@@ -16,10 +16,10 @@ from ...analysis.solution import ParameterResult
 from ...words import numbers
 from ...words.findings import hold_out_message, likelihood_message
 from ...words.misfit import CAUSES, changed, criterion_sentence, diagnosis_said, explanation_sentence
-from ...words.numbers import times
+from ...words.numbers import times, unit_of
 from ...words.wording import NOT_DETERMINED, clipped, label, listed, person, sentence
 from ..style.blocks import Cell, Facts, Paragraph, Section, Table, row_of, section_of, table_of
-from .parameters import noise_factors, other_tables, unit_of
+from .parameters import noise_factors, other_tables
 
 _NO_COST = "—"  # not defined for this cost
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from ...analysis.observability.check import Check
 from ...analysis.observability.geometry import Rung
 from ...analysis.result import Result
 from ...words import numbers
@@ -17,13 +16,13 @@ from ...words.geometry import (
     factors_sentence,
     percent,
     rung_reason,
-    worth_sentence,
 )
+from ...words.numbers import unit_of
 from ...words.wording import counted, label, listed, person
 from ..style.blocks import FigureBlock, Legend, Paragraph, Section, Table, row_of, section_of, table_of
 from ..style.canvas import Picture, bare_y, new_figure, style, to_svg
 from ..style.palette import light
-from .parameters import NO_NUMBER, reasons, unit_of
+from .parameters import NO_NUMBER, reasons
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -202,25 +201,6 @@ def geometry_lines(result: Result) -> list[str]:
     said += f"; kept: {listed(kept)}" if kept else ""
     said += f"; not kept: {listed(left)}" if left else ""
     return [*lines, f"{said}."]
-
-
-def check_lines(check: Check) -> list[str]:
-    """What a check says of the geometry, a line each."""
-    offsets = [row for row in check.parameters if row.group == "offset"]
-    said = worth_sentence(check.geometry, offsets)
-    lines = [] if said is None else [said]
-    known = [row for row in offsets if row.std is not None]
-    worst = max(known, key=lambda row: row.std or 0.0, default=None)
-    if worst is not None:
-        why = confounded_sentence(check.geometry, worst.name, worst.tolerance_share, person)
-        lines += [] if why is None else [why]
-    rows = [row for row in check.parameters if row.group == "geometry" and not row.held]
-    if rows:
-        determined = sum(row.std is not None for row in rows)
-        lines.append(
-            f"Geometry: {determined} of {len(rows)} parameters will be determined, the others prior only."
-        )
-    return lines
 
 
 def ladder_picture(result: Result) -> Picture | None:

@@ -23,6 +23,7 @@ from ...words.geometry import (
     percent,
     worth_sentence,
 )
+from ...words.numbers import unit_of
 from ...words.observability import reason
 from ...words.provenance import true_values
 from ...words.wording import NOT_DETERMINED, label, listed, person, sentence
@@ -80,11 +81,6 @@ class Judged(Protocol):
 def offsets_caption(statuses: Iterable[Status]) -> str:
     """What stands above a table of offsets with these statuses."""
     return UNVALIDATED_OFFSETS if "unvalidated" in statuses else OFFSETS
-
-
-def unit_of(unit: str) -> str:
-    """What follows a number in this unit; a noise factor is so many times the stated noise."""
-    return "times" if unit == "1" else unit
 
 
 def noise_factors(parameters: Sequence[Judged]) -> bool:

@@ -14,12 +14,12 @@ from ...analysis.solution import ParameterResult
 from ...model.arrays import Matrix
 from ...words import numbers
 from ...words.findings import posterior_message
+from ...words.numbers import unit_of
 from ...words.wording import counted, ended, label, sentence
 from ..style.blocks import Cell, Facts, FigureBlock, Paragraph, Section, Table, row_of, section_of, table_of
 from ..style.canvas import WIDTH, Picture, new_figure, style, to_svg
 from ..style.palette import light
 from ..style.typeface import in_font
-from .parameters import unit_of
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -14,7 +14,7 @@ from ...words import numbers
 from ...words.wording import NOT_DETERMINED, clipped, counted, label, listed
 from ..output.html import Turnable
 from ..scenes.scene import Placed, Posed, Scene3D
-from ..scenes.turnable import SceneWords, exaggerated, turnable
+from ..scenes.turnable import exaggerated, turnable
 from ..style.blocks import Paragraph, SceneBlock, Section, section_of
 
 _MOST_TOLD = 6  # targets in the words next to the picture: more are in the report's tables
@@ -67,7 +67,8 @@ def run_turnable(result: Result) -> Turnable | None:
     seen, scene = result.scene, run_scene(result)
     if seen is None or scene is None:
         return None
-    return turnable(scene, _words(scene, seen, _places(seen), result))
+    alt, caption, paper = _words(scene, seen, _places(seen), result)
+    return turnable(scene, alt=alt, caption=caption, paper=paper, one="measurement")
 
 
 def scene_section(result: Result) -> Section | None:
@@ -109,7 +110,7 @@ def _place_in_words(target: SceneTarget, radius2: float) -> str:
     return f"{name} at {at}, half axes of its 95\u00a0% ellipsoid {axes}"
 
 
-def _words(scene: Scene3D, seen: Scene, places: list[str], result: Result) -> SceneWords:
+def _words(scene: Scene3D, seen: Scene, places: list[str], result: Result) -> tuple[str, str, str]:
     """What is said about the picture."""
     shots = scene.postures
     count, all_shots = len(shots), len(result.shots)
@@ -134,11 +135,8 @@ def _words(scene: Scene3D, seen: Scene, places: list[str], result: Result) -> Sc
     paper = f"On paper: measurement {seen.shots[0].shot} in black, the others in grey"
     if scene.factor is not None:
         paper += f"; an ellipsoid is drawn {exaggerated(scene.factor)}"
-    return SceneWords(
-        alt=f"The arm as a line through its joints in {counted(count, 'measurement')}, {what}, above a floor"
-        f" grid. Targets (x, y, z in the base frame): {'; '.join(places[:_MOST_TOLD])}{more}.",
-        caption=caption,
-        paper=f"{paper}.",
-        one="measurement",
-        laser=laser,
+    alt = (
+        f"The arm as a line through its joints in {counted(count, 'measurement')}, {what}, above a floor"
+        f" grid. Targets (x, y, z in the base frame): {'; '.join(places[:_MOST_TOLD])}{more}."
     )
+    return alt, caption, f"{paper}."

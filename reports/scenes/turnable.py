@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import base64
-import functools
-import hashlib
 import json
 import math
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import casadi as ca
@@ -20,7 +16,7 @@ from ...model.arrays import Matrix
 from ...model.files.whole_file import refuse_existing, write_whole
 from ...model.kinematics.robot import Robot
 from ...words.wording import clipped, counted
-from ..output.html import TEMPLATES, Turnable, scene_html
+from ..output.html import Turnable, scene_html, template_text
 from ..style.canvas import Picture
 from ..style.palette import light
 from ..style.typeface import in_font
@@ -29,55 +25,35 @@ from .scene import AZIMUTH, ELEVATION, Placed, Posed, Scene3D, floor_of, scene_j
 STILL = "postures"  # name of the still drawing among the figures
 
 
-@dataclass(frozen=True)
-class SceneWords:
-    """What is said about a scene: `alt` instead of it, `caption` below it, `paper` on paper; `one` is what a
-    posture is called. Whether a `laser` made the beams."""
-
-    alt: str
-    caption: str
-    paper: str
-    one: str
-    laser: bool
-
-
-def turnable(scene: Scene3D, words: SceneWords) -> Turnable:
-    """The scene made ready for a page."""
+def turnable(scene: Scene3D, *, alt: str, caption: str, paper: str, one: str = "posture") -> Turnable:
+    """The scene made ready for a page: `alt` is said instead of it, `caption` below it, `paper` on paper;
+    `one` is what a posture is called."""
     states = {target.state for target in scene.targets}
-    # Our own text, with nothing of a plan or run in it.
-    script, style = _file("scene.js"), _file("scene.css")
+    beams = any(posed.end is not None for posed in scene.postures)
     return Turnable(
-        alt=words.alt,
-        caption=words.caption,
-        paper=words.paper,
-        one=words.one,
-        laser=words.laser,
+        alt=alt,
+        caption=caption,
+        paper=paper,
+        one=one,
         count=len(scene.postures),
-        misses=words.laser and not all(posed.reaches for posed in scene.postures),
-        placed=bool(states - {"undetermined"}),
+        beams=beams,
+        unreached=beams and not all(posed.reaches for posed in scene.postures),
+        located=bool(states - {"undetermined"}),
         undetermined="undetermined" in states,
         factor=scene.factor,
-        drawing=still(scene, words.alt),
-        style=Markup(style),
+        drawing=still(scene, alt),
         data=_script_json(scene),
-        script=Markup(script),
-        script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
     )
 
 
-def still_picture(shown: Turnable) -> Picture:
+def still_picture(shown: Turnable, name: str = STILL) -> Picture:
     """The still drawing as a figure of its own, for a PDF: its style within it, in the light palette."""
-    rules = re.findall(r"^[^{}@\n]*\.still[^{}\n]*\{[^}]*\}", _file("scene.css"), flags=re.MULTILINE)
+    rules = re.findall(r"^[^{}@\n]*\.still[^{}\n]*\{[^}]*\}", template_text("scene.css"), flags=re.MULTILINE)
     css = re.sub(r"var\(--(\w+)\)", lambda found: light(found.group(1)), "\n".join(rules))
     _, _, width, height = re.findall(r'viewBox="(\S+) (\S+) (\S+) (\S+)"', shown.drawing)[0]
     head = f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
     svg = in_font(str(shown.drawing)).replace("<svg ", head, 1).replace(">", f"><style>{css}</style>", 1)
-    return Picture(STILL, f"{shown.caption} {shown.paper}", shown.alt, svg)
-
-
-@functools.cache
-def _file(name: str) -> str:
-    return (TEMPLATES / name).read_text(encoding="utf-8")
+    return Picture(name, f"{shown.caption} {shown.paper}", shown.alt, svg)
 
 
 def exaggerated(factor: float) -> str:
@@ -235,12 +211,11 @@ def arm_page(robot: Robot, postures: Sequence[Matrix]) -> str:
         posed.append(Posed(f"posture {i}", arm, arm[-1], None, True))
     scene = Scene3D(posed, [], floor_of(robot))
     name = clipped(robot.name, 40)
-    words = SceneWords(
+    page = turnable(
+        scene,
         alt=f"{name}: the arm as a line through its joints in {counted(len(posed), 'posture')}, above a floor"
         " grid.",
         caption=f"{scene.grid_words}; x, y and z are the base frame. The line ends at the flange.",
         paper="On paper: posture 0 in black, the others in grey.",
-        one="posture",
-        laser=False,
     )
-    return scene_html(f"Robot {name}", turnable(scene, words))
+    return scene_html(f"Robot {name}", page)

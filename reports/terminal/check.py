@@ -13,11 +13,12 @@ from ...analysis.observability.causes import NullDirection
 from ...analysis.observability.check import Check
 from ...analysis.observability.violations import PlanVerdict
 from ...words import numbers
-from ...words.observability import advice_sentence, over_target_sentence
+from ...words.geometry import check_lines
+from ...words.numbers import unit_of
+from ...words.observability import outlook_lines
 from ...words.verdict import VERDICT_WORDS, check_headline, check_notes
 from ...words.wording import ended, label, person, sentence
-from ..run.geometry import check_lines
-from ..run.parameters import Judged, unit_of, worth_column
+from ..run.parameters import Judged, worth_column
 from ..run.unobservable import beside_tolerances, direction_words
 from ..style.console import VERDICT_STYLE, marked, note
 
@@ -49,16 +50,8 @@ def print_check(console: Console, check: Check) -> None:
     for line in check_lines(check):
         console.print(Text(line))
     print_directions(console, check.identifiability.null_space, check.parameters)
-    if check.advice is not None:
-        console.print(Text(advice_sentence(check.advice)))
-    if check.over_target is not None:
-        console.print(
-            Text(
-                over_target_sentence(
-                    check.over_target, {row.name: unit_of(row.unit) for row in check.parameters}
-                )
-            )
-        )
+    for line in outlook_lines(check):
+        console.print(Text(line))
     off = max(posture.off_mm for posture in check.postures)
     if off > 0.05:
         console.print(

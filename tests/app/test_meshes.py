@@ -24,8 +24,8 @@ DAE = """<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11/COL
 <accessor source="#a" count="4" stride="3"><param name="X"/><param name="Y"/><param name="Z"/></accessor>
 </technique_common></source>
 <source id="n"><float_array id="b" count="24">0 0 1 0 0 1 0 0 1 0 0 1 0 0 1 0 0 1 0 0 1 0 0 1</float_array>
-<technique_common><accessor source="#b" count="8" stride="3"><param name="X"/><param name="Y"/><param name="Z"/>
-</accessor></technique_common></source>
+<technique_common><accessor source="#b" count="8" stride="3"><param name="X"/><param name="Y"/>
+<param name="Z"/></accessor></technique_common></source>
 <vertices id="v"><input semantic="POSITION" source="#s"/></vertices>
 {group}</mesh></geometry></library_geometries>
 <library_visual_scenes><visual_scene id="w"><node><translate>100 0 0</translate><rotate>0 0 1 90</rotate>
@@ -106,6 +106,6 @@ def test_a_solid_is_closed_of_its_extent_and_faces_outwards(kind: Any, volume: f
     edges = [(face[i], face[(i + 1) % 3]) for face in mesh.faces.tolist() for i in range(3)]
     assert len(edges) == len(set(edges))
     assert {(b, a) for a, b in edges} == set(edges)
-    # By the divergence theorem; flat sides cut off less than 3 %.
+    # By the divergence theorem; flat sides cut off less than 4 %.
     found = np.linalg.det(mesh.vertices[mesh.faces]).sum() / 6
-    assert 0.97 * volume < found <= volume * (1 + 1e-9)
+    assert 0.96 * volume < found <= volume * (1 + 1e-9)

@@ -78,7 +78,7 @@ def solid(kind: Literal["box", "cylinder", "sphere"]) -> Mesh:
         return _mesh(creation.box())
     if kind == "cylinder":
         return _mesh(creation.cylinder(radius=0.5, height=1.0, sections=_SIDES))
-    return _mesh(creation.icosphere(subdivisions=3, radius=0.5))
+    return _mesh(creation.icosphere(subdivisions=2, radius=0.5))
 
 
 def _mesh(made: Trimesh, unit: str | None = None) -> Mesh:

@@ -24,8 +24,9 @@ from ....model.files.reading import Document, Place, read_yaml, require_schema
 from ....model.files.stated_plan.obstacles import Obstacles
 from ....model.files.validation import FileModel, as_tuple
 from ....reports.plan.plan_page import Postures, postures_of
-from ....reports.run.geometry import check_lines
-from ....reports.run.parameters import unit_of, worth_column
+from ....reports.run.parameters import worth_column
+from ....words.geometry import check_lines
+from ....words.numbers import unit_of
 from ....words.observability import advice_sentence, over_target_sentence
 from ....words.result_json import check_json
 from ....words.verdict import violation_words
