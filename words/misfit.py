@@ -50,7 +50,10 @@ def criterion_sentence(criterion: Criterion, name: Namer = str) -> str:
                 " measurements, or the stated noise is wrong"
             )
         case BeyondPrior(parameters, limit):
-            named, one = listed([_off(own, name) for own in parameters], _MOST_NAMED), len(parameters) == 1
+            named, one = (
+                listed([_off(parameter, name) for parameter in parameters], _MOST_NAMED),
+                len(parameters) == 1,
+            )
             return (
                 f"{named} {'is' if one else 'are'} beyond {limit:g} prior standard deviations: the model does"
                 f" not describe this arm, or {'this prior is' if one else 'these priors are'} too narrow"
@@ -73,11 +76,11 @@ def misfit_headline(misfit: Misfit, name: Namer = str) -> str:
     return f"{first[0].upper()}{first[1:]}.{also} {UNVALIDATED[0].upper()}{UNVALIDATED[1:]}."
 
 
-def _off(own: OffPrior, name: Namer) -> str:
+def _off(parameter: OffPrior, name: Namer) -> str:
     return (
-        name(own.name)
-        if own.stds is None
-        else f"{name(own.name)} ({own.stds:+.1f})".replace("(-", f"({numbers.MINUS}")
+        name(parameter.name)
+        if parameter.stds is None
+        else f"{name(parameter.name)} ({parameter.stds:+.1f})".replace("(-", f"({numbers.MINUS}")
     )
 
 
@@ -102,37 +105,41 @@ CAUSES = {
 }
 
 
-def explanation_sentence(found: Explanation) -> str:
+def explanation_sentence(tried: Explanation) -> str:
     """What is changed, and what that leaves: without a full stop."""
-    left = f"{times(found.factor)} times the noise instead of {times(found.before)}"
-    if found.factor > _LESS * found.before:
+    left = f"{times(tried.factor)} times the noise instead of {times(tried.before)}"
+    if tried.factor > _LESS * tried.before:
         left = (
-            f"the estimates are within {numbers.significant(found.farthest, 2)} prior standard deviations"
-            f" instead of {times(found.farthest_before)}; residuals {times(found.factor)} times the noise"
+            f"the estimates are within {numbers.significant(tried.farthest, 2)} prior standard deviations"
+            f" instead of {times(tried.farthest_before)}; residuals {times(tried.factor)} times the noise"
         )
-    return f"{changed(found)}: {left}"
+    return f"{changed(tried)}: {left}"
 
 
-def changed(found: Explanation) -> str:
+def changed(explanation: Explanation) -> str:
     """What is different under this explanation."""
-    joints = [f"J{joint}" for joint in found.joints]
-    targets = [clipped(name) for name in found.targets]
-    match found.cause:
+    joints = [f"J{joint}" for joint in explanation.joints]
+    targets = [clipped(name) for name in explanation.targets]
+    match explanation.cause:
         case "swapped_joints":
             return f"with {listed(joints)} exchanged"
         case "sign":
             return f"with the sign of {joints[0]} reversed"
         case "zero":
-            how = "added to" if found.amount > 0 else "subtracted from"
-            quarter = found.amount % 90 == 0
-            by = numbers.exact(abs(found.amount)) if quarter else numbers.significant(abs(found.amount))
+            how = "added to" if explanation.amount > 0 else "subtracted from"
+            quarter = explanation.amount % 90 == 0
+            by = (
+                numbers.exact(abs(explanation.amount))
+                if quarter
+                else numbers.significant(abs(explanation.amount))
+            )
             return f"with {numbers.with_unit(by, 'deg')} {how} {joints[0]}"
         case "units":
-            if found.amount > 1:
+            if explanation.amount > 1:
                 return "with the joint angles read as radians"
             return "with the joint angles divided by 57.3 (converted from radians to degrees twice)"
         case "coupling":
-            how = "added to" if found.amount > 0 else "subtracted from"
+            how = "added to" if explanation.amount > 0 else "subtracted from"
             return f"with {joints[0]} {how} {joints[1]} (coupled joints)"
         case "twist":
             if len(joints) == 1:
@@ -141,21 +148,21 @@ def changed(found: Explanation) -> str:
         case "placement":
             return f"without the measurements at {listed(targets)}"
         case "measurements":
-            noun = "measurement" if len(found.measurements) == 1 else "measurements"
-            return f"without {noun} {listed([str(n) for n in found.measurements], _MOST_NAMED)}"
+            noun = "measurement" if len(explanation.measurements) == 1 else "measurements"
+            return f"without {noun} {listed([str(n) for n in explanation.measurements], _MOST_NAMED)}"
         case "moved_target":
             return (
-                f"with {targets[0]} moved between measurements {found.measurements[0]} and"
-                f" {found.measurements[1]}"
+                f"with {targets[0]} moved between measurements {explanation.measurements[0]} and"
+                f" {explanation.measurements[1]}"
             )
         case "geometry":
             return "with link geometry estimated"
 
 
-def diagnosis_said(found: tuple[Explanation, ...]) -> str:
+def diagnosis_said(explanations: tuple[Explanation, ...]) -> str:
     """How far to trust the explanations of a result; there is at least one."""
-    if not found[0].agrees:
+    if not explanations[0].agrees:
         return "None of these alone explains the residuals to the noise: something else is wrong too."
-    if len(found) > 1:
+    if len(explanations) > 1:
         return "The measurements do not decide between these: check each. Nothing was applied."
     return "No other cause that was tried explains the residuals as well. Nothing was applied."

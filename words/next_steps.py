@@ -63,7 +63,7 @@ class NextSteps:
 
 def next_steps(result: Result) -> NextSteps:
     """What to do with an answer, whatever its verdict."""
-    against = [_AGAINST[type(own)] for own in result.findings if type(own) in _AGAINST]
+    against = [_AGAINST[type(finding)] for finding in result.findings if type(finding) in _AGAINST]
     if against:
         return NextSteps((), (Step(against[0]),))
     if result.verdict != "pass":
@@ -91,7 +91,7 @@ def _not_yet(result: Result) -> tuple[Step, ...]:
     known = any(row.status == "identified" for row in offsets)
     named = open_ or [row.name for row in result.parameters if row.status in ("unidentifiable", "weak")]
     which = listed([label(name) for name in named]) if named else "the parameters together"
-    said = [
+    steps = [
         Step(
             f"Enter nothing yet: {which}"
             f" {'is' if len(named) == 1 else 'are'} not determined well enough. Record more measurements, in"
@@ -105,13 +105,13 @@ def _not_yet(result: Result) -> tuple[Step, ...]:
     if known and open_:
         command, file = _command(result)
         without = " ".join(f"--without {name}" for name in open_)
-        said.append(
+        steps.append(
             Step(
                 "If the identified offsets are to be applied alone, at your decision:",
                 (f"zerobeam {command} {_run(result)} {without} -o {file}",),
             )
         )
-    return tuple(said)
+    return tuple(steps)
 
 
 def _entered(result: Result) -> list[ParameterResult]:

@@ -33,9 +33,9 @@ from .findings import (
     hold_out_message,
     likelihood_message,
     notes,
-    place,
     posterior_message,
     robust_message,
+    tcp_words,
 )
 from .misfit import criterion_sentence, explanation_sentence
 from .next_steps import next_steps
@@ -190,7 +190,7 @@ def _posterior(result: Result) -> dict[str, Any]:
 
 def _accuracy(accuracy: Accuracy) -> dict[str, Any]:
     own = _without(accuracy, "accuracy", "held", "causes", "joints", "converged")
-    return {**own, "place": place(accuracy), "reason": accuracy_reason(accuracy)}
+    return {**own, "place": tcp_words(accuracy), "reason": accuracy_reason(accuracy)}
 
 
 def _misfit(misfit: Misfit | None) -> dict[str, Any] | None:

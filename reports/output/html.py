@@ -151,7 +151,7 @@ def card(page: Page, tables: Sequence[Table]) -> str:
 
 def text(page: Page, table: Table) -> str:
     """The same as text of at most 14 lines: title, verdict, one table; long ones are cut short."""
-    said = textwrap.wrap(
+    headline = textwrap.wrap(
         f"{page.verdict.word}. {page.verdict.sentence}", _WIDTH, max_lines=_MOST_LINES, placeholder=" …"
     )
     rows = [[cell.text for cell in row.cells] for row in table.rows]
@@ -164,4 +164,4 @@ def text(page: Page, table: Table) -> str:
         "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=False)).rstrip()
         for row in cells
     )
-    return "\n".join([f"{page.title}, {page.subtitle}", *(f"  {line}" for line in (*said, *lines))])
+    return "\n".join([f"{page.title}, {page.subtitle}", *(f"  {line}" for line in (*headline, *lines))])

@@ -56,15 +56,15 @@ def write_folder(folder: Path | str, kind: Kind, fill: Callable[[Path], Made]) -
         remove_abandoned(target.parent, _TAKEN_AWAY, remove=_put_back)
         remove_abandoned(target.parent, _UNFINISHED, remove=shutil.rmtree)
         try:
-            aside = _folder_beside(target, "new", kind)
+            new = _folder_beside(target, "new", kind)
             try:
                 with interruptible():
-                    filled = fill(aside)
-                _swap(aside, target, kind)
+                    filled = fill(new)
+                _swap(new, target, kind)
             except OSError as error:
                 raise _cannot_write(target, kind, error) from error
             finally:
-                shutil.rmtree(aside, ignore_errors=True)
+                shutil.rmtree(new, ignore_errors=True)
         except BaseException:
             for parent in made:
                 _remove_if_empty(parent)
@@ -144,9 +144,9 @@ def _folder_beside(target: Path, purpose: str, kind: Kind) -> Path:
 def _put_back(left: Path) -> None:
     """What a process that was killed amid `_swap` had taken away: back in its place, unless that is taken."""
     for before in left.iterdir():
-        place = left.parent / before.name
-        if not place.exists():
-            before.rename(place)
+        target = left.parent / before.name
+        if not target.exists():
+            before.rename(target)
     shutil.rmtree(left)
 
 

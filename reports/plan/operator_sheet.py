@@ -43,10 +43,10 @@ _TO_DO = (
 def operator_sheet(aimed: AimedPlan, check: Check, j3: J3 | None = None) -> bytes:
     """The PDF of a plan; `check` is the judgement of the same aimed plan. Joints are those of the pendant, by
     the robot file or `j3`. BadInput where neither says what joint 3 is counted from."""
-    plan, seen = aimed.plan, postures_of(aimed)
+    plan, postures = aimed.plan, postures_of(aimed)
     pendant = pendant_of(plan.robot, j3)
     laser = plan.header.tool.kind == "laser"
-    pictures = {f"posture-{i}": _picture(plan, seen, i, laser) for i in range(len(plan.postures))}
+    pictures = {f"posture-{i}": _picture(plan, postures, i, laser) for i in range(len(plan.postures))}
     targets = listed([clipped(name, 24) for name in plan.target_names])
     page = Page(
         title=f"Operator's sheet: {clipped(check.inputs.plan, 60)}",
@@ -60,8 +60,8 @@ def operator_sheet(aimed: AimedPlan, check: Check, j3: J3 | None = None) -> byte
             *([] if pendant.sentence is None else [sentence(f"As on the pendant, {pendant.sentence}.")]),
         ],
         sections=[
-            section_of("In their order", _overview(plan, seen, pendant)),
-            *(_posture(plan, seen, i, laser, pendant) for i in range(len(plan.postures))),
+            section_of("In their order", _overview(plan, postures, pendant)),
+            *(_posture(plan, postures, i, laser, pendant) for i in range(len(plan.postures))),
         ],
         facts=[
             ("Robot, serial number", _FIELD),
@@ -85,9 +85,11 @@ def _names(pendant: Pendant) -> list[tuple[str, str]]:
     return [(pendant.names[i], "right") for i in pendant.order]
 
 
-def _overview(plan: Plan, seen: Postures, pendant: Pendant) -> Table:
+def _overview(plan: Plan, postures: Postures, pendant: Pendant) -> Table:
     rows = [
-        row_of(str(i), clipped(target, 24), *_joints(pendant, plan.postures[i]), _millimetres(seen.length[i]))
+        row_of(
+            str(i), clipped(target, 24), *_joints(pendant, plan.postures[i]), _millimetres(postures.length[i])
+        )
         for i, target in enumerate(plan.targets)
     ]
     columns = [("posture", "right"), ("target", "left"), *_names(pendant), ("beam", "right")]
@@ -98,14 +100,14 @@ def _millimetres(value: float) -> str:
     return numbers.with_unit(numbers.fixed(float(value), 0), "mm")
 
 
-def _posture(plan: Plan, seen: Postures, i: int, laser: bool, pendant: Pendant) -> Section:
-    reach = float(np.linalg.norm(seen.origin[i][:2]))
+def _posture(plan: Plan, postures: Postures, i: int, laser: bool, pendant: Pendant) -> Section:
+    reach = float(np.linalg.norm(postures.origin[i][:2]))
     where = [
-        ("Laser at" if laser else "Probe at", _place(seen.origin[i])),
+        ("Laser at" if laser else "Probe at", _coordinates(postures.origin[i])),
         ("Distance from axis z", _millimetres(reach)),
     ]
     if laser:
-        where.append(("Beam to the target", _millimetres(seen.length[i])))
+        where.append(("Beam to the target", _millimetres(postures.length[i])))
     rows: list[Row] = [
         row_of(f"by way of {k}", *_joints(pendant, between))
         for k, between in enumerate(plan.via_of(i), start=1)
@@ -120,23 +122,23 @@ def _posture(plan: Plan, seen: Postures, i: int, laser: bool, pendant: Pendant) 
         ("Time, remarks", _FIELD),
     ]
     note = None
-    if not seen.reaches[i]:
+    if not postures.reaches[i]:
         note = Paragraph("By the model this posture does not reach its target: see zerobeam check.")
     title = f"Posture {i}, target {clipped(plan.targets[i], 24)}"
     blocks = (note, FigureBlock(f"posture-{i}"), Facts(where), table, Facts(filled))
     return section_of(title, *blocks, new_page=True)
 
 
-def _place(point: np.ndarray) -> str:
-    said = ", ".join(numbers.fixed(float(value), 0) for value in point)
-    return f"{said}\u00a0mm (x, y, z of the base)"
+def _coordinates(point: np.ndarray) -> str:
+    coordinates = ", ".join(numbers.fixed(float(value), 0) for value in point)
+    return f"{coordinates}\u00a0mm (x, y, z of the base)"
 
 
-def _picture(plan: Plan, seen: Postures, i: int, laser: bool) -> Picture:
+def _picture(plan: Plan, postures: Postures, i: int, laser: bool) -> Picture:
     """One posture, drawn as the first one of a page is."""
-    posed = posture_in_scene(plan, seen, i, f"posture {i}")
+    posed = posture_in_scene(plan, postures, i, f"posture {i}")
     target = plan.target_index[i]
-    placed = Placed(plan.target_names[target], seen.targets[target], "nominal")
+    placed = Placed(plan.target_names[target], postures.targets[target], "nominal")
     scene = Scene3D([posed], [placed], floor_of(plan.robot))
     what = " and its beam to the target" if laser else ", the probe at the target"
     view = turnable(

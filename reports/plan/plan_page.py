@@ -239,16 +239,16 @@ def _undetermined(check: Check, directions: Sequence[NullDirection]) -> str:
 
 def _about_postures(check: Check, postures: Postures) -> str:
     off_mm = max(posture.off_mm for posture in check.postures)
-    said = (
+    text = (
         "The joints are those of the aimed postures: the servo turns the arm until the beam hits the target."
     )
     if off_mm > 0.05:
-        said += f" As planned, they miss it by up to {numbers.significant(off_mm, 2, 'mm')}."
+        text += f" As planned, they miss it by up to {numbers.significant(off_mm, 2, 'mm')}."
     if not postures.hit.all():
-        said += (
+        text += (
             " Where the target cannot be hit the joints are the planned ones, and no measurement is counted."
         )
-    return said
+    return text
 
 
 def _postures(plan: Plan, check: Check, postures: Postures) -> Table:

@@ -37,16 +37,16 @@ def fit_section(result: Result) -> Section:
         ("midpoint cost (eq. 8)", "right"),
     ]
     rows = [row_of(name, *(side.get(name, _NO_COST) for side in sides)) for name in sides[0]]
-    said = _verdict(result, "fitted" if separate else "stated")
+    sentences = _verdict(result, "fitted" if separate else "stated")
     if (message := likelihood_message(likelihood)) is not None:
-        said.append(f"{message[0].upper()}{message[1:]}.")
+        sentences.append(f"{message[0].upper()}{message[1:]}.")
     if not midpoint.available:
-        said.append(f"The paper’s midpoint fit (eq. 8) is not available: {sentence(midpoint.reason)}.")
+        sentences.append(f"The paper’s midpoint fit (eq. 8) is not available: {sentence(midpoint.reason)}.")
     if midpoint.message:
-        said.append(f"Midpoint fit: {sentence(midpoint.message)}.")
+        sentences.append(f"Midpoint fit: {sentence(midpoint.message)}.")
     return section_of(
         "Fit quality",
-        *map(Paragraph, said),
+        *map(Paragraph, sentences),
         table_of("Quality of the fit", columns[: 1 + len(sides)], rows),
         _both_estimates(result.parameters),
         _distances(result.distances),
@@ -117,24 +117,30 @@ def misfit_factor(result: Result) -> str | None:
 def _verdict(result: Result, noise: str) -> list[str]:
     """The goodness of fit in plain words, the gravest first; against the `stated` or the `fitted` noise."""
     fit = result.likelihood
-    said = not_converged(fit)
+    sentences = not_converged(fit)
     others = () if result.misfit is None else result.misfit.criteria
-    beside = [f"{criterion_sentence(own, person)}." for own in others if not isinstance(own, LackOfFit)]
+    beside = [
+        f"{criterion_sentence(criterion, person)}."
+        for criterion in others
+        if not isinstance(criterion, LackOfFit)
+    ]
     if fit.p_value is None or not fit.dof:
-        return said + beside
+        return sentences + beside
     measure = (
         f"χ²\u00a0{numbers.significant(fit.chi2)}, {fit.dof}\u00a0dof, p\u00a0{numbers.p_value(fit.p_value)}"
     )
     if (times := misfit_factor(result)) is not None:
-        said.append(
+        sentences.append(
             f"Lack of fit: residuals are {times} times the {noise} noise ({measure}). The geometry, the"
             " noise or single measurements are not as stated, and the intervals do not cover that error."
         )
     elif fit.p_value > 1 - LACK_OF_FIT:
-        said.append(f"The residuals are smaller than the {noise} noise ({measure}): it may be overstated.")
+        sentences.append(
+            f"The residuals are smaller than the {noise} noise ({measure}): it may be overstated."
+        )
     else:
-        said.append(f"The residuals agree with the {noise} noise ({measure}).")
-    return said + beside
+        sentences.append(f"The residuals agree with the {noise} noise ({measure}).")
+    return sentences + beside
 
 
 def not_converged(fit: LikelihoodSummary) -> list[str]:
@@ -158,12 +164,12 @@ def _distances(rows: Sequence[DistanceResult]) -> Table | None:
     shown_rows = []
     for row in rows:
         names = f"{clipped(row.between[0], 24)} and {clipped(row.between[1], 24)}"
-        stated = (numbers.exact(row.mm, "mm"), numbers.exact(row.sigma_mm, "mm"))
+        as_stated = (numbers.exact(row.mm, "mm"), numbers.exact(row.sigma_mm, "mm"))
         if row.estimate is None or row.std is None:
-            shown_rows.append(row_of(names, *stated, Cell(NOT_DETERMINED, span=2), tone="unidentifiable"))
+            shown_rows.append(row_of(names, *as_stated, Cell(NOT_DETERMINED, span=2), tone="unidentifiable"))
         else:
-            found = numbers.estimate(row.estimate, row.std, "mm")
-            shown_rows.append(row_of(names, *stated, found, numbers.spread(row.std, "mm")))
+            estimate = numbers.estimate(row.estimate, row.std, "mm")
+            shown_rows.append(row_of(names, *as_stated, estimate, numbers.spread(row.std, "mm")))
     return table_of("Distances between targets", columns, shown_rows) if rows else None
 
 
@@ -180,13 +186,13 @@ def diagnosis_section(result: Result) -> Section | None:
     ]
     rows = [
         row_of(
-            CAUSES[found.cause],
-            sentence(changed(found)),
-            times(found.factor),
-            times(found.farthest),
-            f"{round(found.freed, 1):g}",
+            CAUSES[explanation.cause],
+            sentence(changed(explanation)),
+            times(explanation.factor),
+            times(explanation.farthest),
+            f"{round(explanation.freed, 1):g}",
         )
-        for found in result.diagnosis
+        for explanation in result.diagnosis
     ]
     before = times(result.diagnosis[0].before)
     caption = (
@@ -194,8 +200,8 @@ def diagnosis_section(result: Result) -> Section | None:
         " prior standard deviations, parameters freed"
     )
     first = sentence(explanation_sentence(result.diagnosis[0]))
-    said = f"{first[0].upper()}{first[1:]}. {diagnosis_said(result.diagnosis)}"
-    return section_of("What could be wrong", Paragraph(said), table_of(caption, columns, rows))
+    text = f"{first[0].upper()}{first[1:]}. {diagnosis_said(result.diagnosis)}"
+    return section_of("What could be wrong", Paragraph(text), table_of(caption, columns, rows))
 
 
 def robust_section(result: Result) -> Section | None:
@@ -213,21 +219,25 @@ def robust_sentence(result: Result, robust: Robust) -> str:
         return f"The robust fit did not converge ({sentence(robust.reason)}) and is not shown."
     if robust.loss == "huber":
         threshold = numbers.significant(robust.tuning)
-        said = [f"Huber’s loss: a normalised residual beyond {threshold} weighs less, the larger the less."]
+        sentences = [
+            f"Huber’s loss: a normalised residual beyond {threshold} weighs less, the larger the less."
+        ]
     else:
         nu = numbers.exact(robust.tuning)
-        said = [f"Student’s loss with {nu} degrees of freedom: the larger a residual, the less it weighs."]
-    said.append("A measurement of weight 1 counts as in the likelihood fit.")
-    said.append(_outliers(result, robust))
+        sentences = [
+            f"Student’s loss with {nu} degrees of freedom: the larger a residual, the less it weighs."
+        ]
+    sentences.append("A measurement of weight 1 counts as in the likelihood fit.")
+    sentences.append(_outliers(result, robust))
     if robust.noise_scale is not None:
-        said.append(f"The noise is {numbers.significant(robust.noise_scale)} times the stated.")
+        sentences.append(f"The noise is {numbers.significant(robust.noise_scale)} times the stated.")
     if robust.with_uncertainty:
-        said.append("Its intervals follow from the residuals as they are, not from the stated noise.")
+        sentences.append("Its intervals follow from the residuals as they are, not from the stated noise.")
     else:
-        said.append(
+        sentences.append(
             "It has no uncertainty: a measurement has leverage 1, or there are no more numbers than unknowns."
         )
-    return " ".join(said)
+    return " ".join(sentences)
 
 
 def _outliers(result: Result, robust: Robust) -> str:
@@ -248,21 +258,21 @@ def _robust_table(result: Result, robust: Robust) -> Table:
     ]
     rows = []
     for row in robust.parameters:
-        own, unit = result.parameters.named(row.name), unit_of(row.unit)
-        if own.group in ("target", "geometry"):
+        parameter, unit = result.parameters.named(row.name), unit_of(row.unit)
+        if parameter.group in ("target", "geometry"):
             continue
         name = label(row.name)
-        if own.estimate is None or own.std is None or row.estimate is None:
+        if parameter.estimate is None or parameter.std is None or row.estimate is None:
             rows.append(row_of(name, Cell(NOT_DETERMINED, span=4), tone="unidentifiable"))
             continue
-        std = row.std or own.std
+        std = row.std or parameter.std
         rows.append(
             row_of(
                 name,
-                numbers.estimate(own.estimate, own.std, unit),
+                numbers.estimate(parameter.estimate, parameter.std, unit),
                 numbers.estimate(row.estimate, std, unit),
                 "none" if row.interval95 is None else numbers.interval(row.interval95, std, unit),
-                numbers.significant((row.estimate - own.estimate) / own.std, 2),
+                numbers.significant((row.estimate - parameter.estimate) / parameter.std, 2),
             )
         )
     return table_of("Offsets and tool by both fits", columns, rows)
@@ -287,14 +297,14 @@ def hold_out_section(result: Result) -> Section | None:
         ("Degrees of freedom", missing if held_out.dof is None else str(held_out.dof)),
         ("p-value", missing if held_out.p_value is None else numbers.p_value(held_out.p_value)),
     ]
-    said = (
+    about = (
         "Offsets and tool are fitted without these placements, each taken whole. Then only the position of"
         " each target is fitted, to its own measurements; what is left of the residuals shows whether"
         " the offsets hold there."
     )
     return section_of(
         "Held-out targets",
-        Paragraph(said),
+        Paragraph(about),
         *map(Paragraph, hold_out_sentences(result, held_out)),
         Facts(rows),
     )
@@ -302,18 +312,18 @@ def hold_out_section(result: Result) -> Section | None:
 
 def hold_out_sentences(result: Result, held_out: HoldOut) -> list[str]:
     """How it went."""
-    said = []
+    sentences = []
     misfit = next((finding for finding in result.findings if isinstance(finding, HeldOutMisfit)), None)
     if misfit is not None:
-        said.append(
+        sentences.append(
             f"The residuals are {numbers.significant(misfit.factor, 2)} times what noise and fit explain: the"
             " offsets do not carry over to these targets as stated."
         )
     elif held_out.p_value is not None:
-        said.append("The residuals agree with noise and fit: they do not contradict the offsets.")
+        sentences.append("The residuals agree with noise and fit: they do not contradict the offsets.")
     if (message := hold_out_message(held_out)) is not None:
-        said.append(f"No judgement: {sentence(message)}.")
-    return said
+        sentences.append(f"No judgement: {sentence(message)}.")
+    return sentences
 
 
 def intervals_section(result: Result) -> Section | None:
@@ -321,8 +331,8 @@ def intervals_section(result: Result) -> Section | None:
     such."""
     if not _of_people(result):
         return None
-    table, said = intervals_table(result)
-    return section_of("Intervals by three methods", Paragraph(said), table)
+    table, text = intervals_table(result)
+    return section_of("Intervals by three methods", Paragraph(text), table)
 
 
 def _of_people(result: Result) -> list[Intervals]:
@@ -350,15 +360,15 @@ def intervals_table(result: Result) -> tuple[Table, str]:
         )
         for row in chosen
     ]
-    said = (
+    text = (
         "By the curvature at the estimate, by the profile likelihood and by the quantiles of the posterior’s"
         " draws."
     )
     if differing := [label(row.name) for row in chosen if row.differ]:
-        said += (
+        text += (
             f" They differ by a tenth of their width or more for {listed(differing)}: do not rely on one"
             " alone there, the widest is the safe one."
         )
     else:
-        said += " They agree."
-    return table_of("95 % intervals by three methods", columns, rows), said
+        text += " They agree."
+    return table_of("95 % intervals by three methods", columns, rows), text

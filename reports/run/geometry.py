@@ -40,14 +40,14 @@ def geometry_section(result: Result) -> Section | None:
         return None
     rows = [row for row in result.parameters if row.group == "geometry"]
     held = [row for row in rows if row.held]
-    said = [
+    sentences = [
         *confounded_lines(result)[:_MOST_SAID],
         factors_sentence(result.geometry),
     ]
     unknown = prior_only(rows)
     return section_of(
         "Geometry",
-        *(Paragraph(text) for text in said if text),
+        *(Paragraph(text) for text in sentences if text),
         _offsets(result),
         _links(rows),
         None if unknown is None else Paragraph(unknown),
@@ -62,17 +62,17 @@ def confounded_lines(result: Result) -> list[str]:
     if result.misfit is not None:
         return []
     offsets = [row for row in result.parameters if row.group == "offset" and row.std is not None]
-    said = (
+    sentences = (
         confounded_sentence(result.geometry, row.name, row.tolerance_share, person)
         for row in sorted(offsets, key=lambda row: -(row.std or 0.0))
     )
-    return [text for text in said if text]
+    return [text for text in sentences if text]
 
 
 def _offsets(result: Result) -> Table | None:
     """What the tolerances do to each offset."""
-    own = result.geometry
-    if result.misfit is not None or not any(value is not None for value in own.at_half.values()):
+    geometry = result.geometry
+    if result.misfit is not None or not any(value is not None for value in geometry.at_half.values()):
         return None
     columns = [
         ("name", "left"),
@@ -87,9 +87,9 @@ def _offsets(result: Result) -> Table | None:
     for row in result.parameters:
         if row.group != "offset" or row.std is None or row.tolerance_share is None:
             continue
-        rivals = [rival for rival in own.confounded if rival.offset == row.name]
+        rivals = [rival for rival in geometry.confounded if rival.offset == row.name]
         most = max(rivals, key=lambda rival: abs(rival.correlation), default=None)
-        others = (own.at_half, own.at_twice, own.consider)
+        others = (geometry.at_half, geometry.at_twice, geometry.consider)
         rows.append(
             row_of(
                 label(row.name),
@@ -148,11 +148,11 @@ def prior_only(rows: Sequence[ParameterResult]) -> str | None:
             )
     if not by_body:
         return None
-    said = listed([f"{body} ({', '.join(axes)})" for body, axes in by_body.items()], 99)
+    names = listed([f"{body} ({', '.join(axes)})" for body, axes in by_body.items()], 99)
     count = sum(map(len, by_body.values()))
     return (
         f"Prior only, without an estimate: {counted(count, 'geometry parameter')} of which these measurements"
-        f" say no more than the tolerances: {said}."
+        f" say no more than the tolerances: {names}."
     )
 
 
@@ -183,24 +183,24 @@ def ladder_table(result: Result) -> Table | None:
 
 def geometry_lines(result: Result) -> list[str]:
     """What the terminal says of the geometry, a line each."""
-    own = result.geometry
-    if not own.stated or result.misfit is not None or not result.likelihood.converged:
+    geometry = result.geometry
+    if not geometry.stated or result.misfit is not None or not result.likelihood.converged:
         return []
     lines = confounded_lines(result)[:1]
-    if own.factors is not None:
-        lines.append(factors_sentence(own) or "")
+    if geometry.factors is not None:
+        lines.append(factors_sentence(geometry) or "")
     determined = sum(row.group == "geometry" and row.std is not None for row in result.parameters)
     free = sum(row.group == "geometry" and not row.held for row in result.parameters)
-    kept = [RUNGS[rung.rung].removeprefix("+ ") for rung in own.ladder if rung.kept]
+    kept = [RUNGS[rung.rung].removeprefix("+ ") for rung in geometry.ladder if rung.kept]
     left = [
-        f"{RUNGS[rung.rung].removeprefix('+ ')} ({rung_reason(own.ladder, i)})"
-        for i, rung in enumerate(own.ladder)
+        f"{RUNGS[rung.rung].removeprefix('+ ')} ({rung_reason(geometry.ladder, i)})"
+        for i, rung in enumerate(geometry.ladder)
         if not rung.kept and rung.rung != "offsets"
     ]
-    said = f"Geometry: {determined} of {free} parameters determined, the others prior only"
-    said += f"; kept: {listed(kept)}" if kept else ""
-    said += f"; not kept: {listed(left)}" if left else ""
-    return [*lines, f"{said}."]
+    text = f"Geometry: {determined} of {free} parameters determined, the others prior only"
+    text += f"; kept: {listed(kept)}" if kept else ""
+    text += f"; not kept: {listed(left)}" if left else ""
+    return [*lines, f"{text}."]
 
 
 def ladder_picture(result: Result) -> Picture | None:
@@ -217,10 +217,10 @@ def ladder_picture(result: Result) -> Picture | None:
     with style():
         figure = new_figure(0.27 * len(ladder) + 0.75)
         axes = figure.subplots(1, len(panels), squeeze=False)[0]
-        for k, (own, (values, title, unit)) in enumerate(zip(axes, panels, strict=True)):
-            _panel(own, ladder, values, unit, "identified" if result.misfit is None else "unvalidated")
-            own.set_xlabel(title)
-            own.tick_params(axis="y", labelleft=k == 0)
+        for k, (panel, (values, title, unit)) in enumerate(zip(axes, panels, strict=True)):
+            _panel(panel, ladder, values, unit, "identified" if result.misfit is None else "unvalidated")
+            panel.set_xlabel(title)
+            panel.tick_params(axis="y", labelleft=k == 0)
         axes[0].tick_params(axis="y", labelcolor=light("ink"), labelsize=9.5)
         svg = to_svg(figure, LADDER)
     return Picture(LADDER, "The model ladder: filled dots are kept", _alt(ladder), svg)
@@ -246,12 +246,12 @@ def _panel(axes: Axes, ladder: Sequence[Rung], values: Sequence[float | None], u
 
 
 def _alt(ladder: Sequence[Rung]) -> str:
-    said = []
+    parts = []
     for rung in ladder:
-        found = numbers.or_words(rung.held_out_rms_mm, "no", "mm")
+        residual = numbers.or_words(rung.held_out_rms_mm, "no", "mm")
         kept = "kept" if rung.kept else "not kept"
-        said.append(
-            f"{RUNGS[rung.rung]}: {found} held-out residual,"
+        parts.append(
+            f"{RUNGS[rung.rung]}: {residual} held-out residual,"
             f" log evidence {numbers.fixed(rung.log_evidence, 1)}, {kept}"
         )
-    return f"Model ladder. {'; '.join(said)}."
+    return f"Model ladder. {'; '.join(parts)}."

@@ -170,12 +170,12 @@ def _parameter_row(row: ParameterResult) -> Row:
 def legend(statuses: Iterable[Status], header: Mapping[str, object]) -> list[LegendEntry]:
     """What each status that occurs means, in words."""
     tolerance = header.get("tolerance")
-    stated = []
+    tolerances = []
     if isinstance(tolerance, dict):
         for key, unit in (("offset_deg", "deg"), ("length_mm", "mm")):
             if isinstance(tolerance.get(key), int | float):
-                stated.append(numbers.exact(float(tolerance[key]), unit))
-    within = f"the tolerance ({', '.join(stated)})" if stated else "the tolerance"
+                tolerances.append(numbers.exact(float(tolerance[key]), unit))
+    within = f"the tolerance ({', '.join(tolerances)})" if tolerances else "the tolerance"
     meaning: dict[Status, str] = {
         "identified": f"determined by the data without prior, standard uncertainty within {within}",
         "weak": f"weakly observable: determined by the data, standard uncertainty beyond {within}",
@@ -195,8 +195,8 @@ def reasons(parameters: Sequence[Judged]) -> list[Reason]:
     grouped: dict[tuple[Status, str], list[str]] = {}
     for row in parameters:
         if row.cause is not None:
-            own = by_tolerances(row.cause, row.tolerance_share) or reason(row.cause, person)
-            grouped.setdefault((row.status, own), []).append(label(row.name))
+            why = by_tolerances(row.cause, row.tolerance_share) or reason(row.cause, person)
+            grouped.setdefault((row.status, why), []).append(label(row.name))
     return [Reason(f"{listed(names)}:", status, sentence(text)) for (status, text), names in grouped.items()]
 
 

@@ -46,10 +46,10 @@ def posterior_section(result: Result) -> Section:
 
 def posterior_sentence(result: Result) -> str:
     """How the sampling went."""
-    said = sentence(posterior_message(result.posterior))
+    message = sentence(posterior_message(result.posterior))
     if result.posterior.converged and result.misfit is not None:
-        return f"Of a model that does not describe the measurements, and not validated: {said}"
-    return said if result.posterior.converged else f"No posterior is shown: {said}"
+        return f"Of a model that does not describe the measurements, and not validated: {message}"
+    return message if result.posterior.converged else f"No posterior is shown: {message}"
 
 
 def _table(result: Result) -> Table | None:

@@ -86,8 +86,10 @@ def report_page(result: Result) -> Page:
 
 def report_notes(result: Result) -> list[str]:
     """What a reader must see, the gravest first; what the headline has said is not said again."""
-    told = None if result.misfit is None else result.misfit.criteria[0]
-    notes = [ended(sentence(finding_sentence(own, person))) for own in result.findings if own != told]
+    first = None if result.misfit is None else result.misfit.criteria[0]
+    notes = [
+        ended(sentence(finding_sentence(finding, person))) for finding in result.findings if finding != first
+    ]
     return not_converged(result.likelihood) + notes
 
 
@@ -196,9 +198,9 @@ def _write_files(folder: Path, result: Result, draws: Draws | None) -> list[str]
 
 def next_steps_section(result: Result) -> Section:
     """The section of the report, of any answer."""
-    found = next_steps(result)
-    blocks: list[Block] = [] if not found.enter else [_values(found.enter)]
-    for step in found.steps:
+    advice = next_steps(result)
+    blocks: list[Block] = [] if not advice.enter else [_values(advice.enter)]
+    for step in advice.steps:
         blocks.append(Paragraph(step.text))
         if step.commands:
             blocks.append(Commands(step.commands))
@@ -207,5 +209,5 @@ def next_steps_section(result: Result) -> Section:
 
 def _values(entries: Sequence[Entry]) -> Table:
     columns = [("joint", "left"), ("add to the recorded position", "right"), ("expanded U (k = 2)", "right")]
-    rows = [row_of(label(own.name).partition(" ")[0], own.value, own.expanded_u) for own in entries]
+    rows = [row_of(label(entry.name).partition(" ")[0], entry.value, entry.expanded_u) for entry in entries]
     return table_of("Values to enter: true position = recorded position + value", columns, rows)

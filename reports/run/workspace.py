@@ -11,7 +11,7 @@ import numpy as np
 from ...analysis.diagnostics.accuracy import Accuracy, Grid, Level, LevelMap, Map, Region
 from ...analysis.result import Result
 from ...words import numbers
-from ...words.findings import accuracy_reason, place
+from ...words.findings import accuracy_reason, tcp_words
 from ...words.wording import label, listed, person, sentence
 from ..style.blocks import FigureBlock, Paragraph, Section, Table, row_of, section_of, table_of
 from ..style.canvas import WIDTH, Picture, new_figure, style, to_svg
@@ -30,11 +30,11 @@ def workspace_section(result: Result) -> Section:
     accuracy = result.accuracy
     workspace, near = accuracy.workspace, accuracy.near_shots
     if workspace is None or near is None:
-        said = sentence(accuracy_reason(accuracy, person) or "")
-        return section_of(TITLE, Paragraph(f"No accuracy is claimed: {said}. {_where(accuracy)}"))
+        why = sentence(accuracy_reason(accuracy, person) or "")
+        return section_of(TITLE, Paragraph(f"No accuracy is claimed: {why}. {_where(accuracy)}"))
     if result.misfit is not None:
-        said = "the model does not describe the measurements, and what it misses moves the TCP as well"
-        return section_of(TITLE, Paragraph(f"No accuracy is claimed: {said}. {_where(accuracy)}"))
+        why = "the model does not describe the measurements, and what it misses moves the TCP as well"
+        return section_of(TITLE, Paragraph(f"No accuracy is claimed: {why}. {_where(accuracy)}"))
     return section_of(
         TITLE,
         Paragraph(_summary(workspace)),
@@ -57,22 +57,22 @@ def _summary(region: Region) -> str:
 
 def _doubts(result: Result) -> list[str]:
     """Why the truth may be worse than the numbers."""
-    said, weak = [], result.accuracy.weak
+    sentences, weak = [], result.accuracy.weak
     if weak:
         names = listed([label(name) for name in weak])
         one = len(weak) == 1
-        said.append(
+        sentences.append(
             f"{names} {'is' if one else 'are'} only weakly determined and {'enters' if one else 'enter'} with"
             f" {'its' if one else 'their'} large standard uncertainty."
         )
-    return said
+    return sentences
 
 
 def _where(accuracy: Accuracy) -> str:
     at = numbers.with_unit(", ".join(numbers.exact(round(v, 6)) for v in accuracy.point_mm), "mm")
     return (
-        f"The TCP is {sentence(place(accuracy, person))} ({at} in the flange frame), in the base frame that"
-        " the encoder of joint 1 defines: δ1 is a choice of frame and does not enter."
+        f"The TCP is {sentence(tcp_words(accuracy, person))} ({at} in the flange frame), in the base frame"
+        " that the encoder of joint 1 defines: δ1 is a choice of frame and does not enter."
     )
 
 
@@ -140,18 +140,18 @@ def workspace_picture(result: Result) -> Picture | None:
     maps = accuracy.maps
     # One scale of length for both planes. Panels are placed by hand: a fitted layout takes a second.
     width = (WIDTH - _LEFT - _BETWEEN - _RIGHT) / len(_SIDES)
-    inch = max(len(own.postures[0]) * own.cell_mm for own in maps) / width
-    heights = [len(own.postures) * own.cell_mm / inch for own in maps]
+    inch = max(len(plane.postures[0]) * plane.cell_mm for plane in maps) / width
+    heights = [len(plane.postures) * plane.cell_mm / inch for plane in maps]
     whole = _KEY + sum(heights) + _BELOW * len(maps) + 0.1 * (len(maps) - 1)
     with style():
         figure = new_figure(whole, fitted=False)
         for column, (of, words) in enumerate(_SIDES):
-            edges = _edges([value for own in maps for value in _numbers(of(own).median)])
+            edges = _edges([value for plane in maps for value in _numbers(of(plane).median)])
             left, top = (_LEFT + column * (width + _BETWEEN)) / WIDTH, whole - _KEY
-            for own, height in zip(maps, heights, strict=True):
-                across = len(own.postures[0]) * own.cell_mm / inch
+            for plane, height in zip(maps, heights, strict=True):
+                across = len(plane.postures[0]) * plane.cell_mm / inch
                 axes = figure.add_axes((left, (top - height) / whole, across / WIDTH, height / whole))
-                _panel(axes, own, of(own).median, edges)
+                _panel(axes, plane, of(plane).median, edges)
                 if column:
                     axes.set_ylabel("")
                     axes.tick_params(axis="y", labelleft=False)
@@ -183,10 +183,10 @@ def _share(which: int, classes: int) -> float:
     return _DARKEST if classes == 1 else _LIGHTEST + which / (classes - 1) * (_DARKEST - _LIGHTEST)
 
 
-def _panel(axes: Axes, own: Map, grid: Grid, edges: list[float]) -> None:
+def _panel(axes: Axes, plane: Map, grid: Grid, edges: list[float]) -> None:
     from matplotlib.patches import PathPatch
 
-    size, (left, low) = own.cell_mm, own.corner_mm
+    size, (left, low) = plane.cell_mm, plane.corner_mm
     classes = len(edges) - 1
     for which in range(classes):
         # All cells of a class are one shape: no seams between them, and a small file.
@@ -198,7 +198,7 @@ def _panel(axes: Axes, own: Map, grid: Grid, edges: list[float]) -> None:
     shots = [
         (left + (j + 0.5) * size, low + (i + 0.5) * size)
         for i, j in itertools.product(range(rows), range(columns))
-        if own.shots[i][j]
+        if plane.shots[i][j]
     ]
     rim: dict[str, Any] = {
         "markerfacecolor": light("ground"),
@@ -209,29 +209,29 @@ def _panel(axes: Axes, own: Map, grid: Grid, edges: list[float]) -> None:
     axes.set_xlim(left, left + columns * size)
     axes.set_ylim(low, low + rows * size)
     axes.grid(visible=False)
-    axes.set_xlabel(f"{own.axes[0]}, mm")
-    axes.set_ylabel(f"{own.axes[1]}, mm")
+    axes.set_xlabel(f"{plane.axes[0]}, mm")
+    axes.set_ylabel(f"{plane.axes[1]}, mm")
     axes.locator_params(axis="x", nbins=3)
     axes.locator_params(axis="y", nbins=4)
-    _base(axes, own.plane)
+    _base(axes, plane.plane)
 
 
 def _shape(grid: Grid, which: int, edges: list[float], size: float, left: float, low: float) -> Path | None:
     """The outline of all cells of a class, runs of neighbours in a row put together."""
     from matplotlib.path import Path
 
-    found = []
+    rectangles = []
     for i, row in enumerate(grid):
-        own = [value is not None and class_of(value, edges) == which for value in row]
+        inside_of = [value is not None and class_of(value, edges) == which for value in row]
         at = 0
-        for inside, run in itertools.groupby(own):
+        for inside, run in itertools.groupby(inside_of):
             count = len(list(run))
             if inside:
                 x0, x1 = left + at * size, left + (at + count) * size
                 y0, y1 = low + i * size, low + (i + 1) * size
-                found.append(Path([(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)], closed=True))
+                rectangles.append(Path([(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)], closed=True))
             at += count
-    return Path.make_compound_path(*found) if found else None
+    return Path.make_compound_path(*rectangles) if rectangles else None
 
 
 def _base(axes: Axes, plane: str) -> None:
@@ -280,7 +280,7 @@ def _legend(figure: Figure, left: float, words: str, edges: list[float]) -> None
 
 
 def _title(maps: Sequence[Map]) -> str:
-    planes = " and ".join("from the side" if own.plane == "vertical" else "from above" for own in maps)
+    planes = " and ".join("from the side" if plane.plane == "vertical" else "from above" for plane in maps)
     return f"How far the TCP is off, {planes}: the median posture of each place; rings: the measurements"
 
 
@@ -288,11 +288,11 @@ def _alt(accuracy: Accuracy) -> str:
     region = accuracy.workspace
     assert region is not None
 
-    def said(level: Level) -> str:
+    def levels(level: Level) -> str:
         median, worst = (numbers.significant(value, 2, "mm") for value in (level.median, level.worst))
         return f"{median} in the median posture, {worst} in the worst"
 
     return (
         "Maps of the workspace, from the side and from above. Without the offsets the TCP is off"
-        f" by {said(region.before_mm)}; with them 95 % of the error is within {said(region.after95_mm)}."
+        f" by {levels(region.before_mm)}; with them 95 % of the error is within {levels(region.after95_mm)}."
     )

@@ -55,15 +55,15 @@ class Posed:
     @property
     def labels(self) -> list[JointLabel]:
         """Joint numbers where the joints are; joints at one place share a label (a wrist: 4, 5, 6)."""
-        places: list[tuple[Matrix, list[str]]] = []
+        labels: list[tuple[Matrix, list[str]]] = []
         for joint, point in enumerate(self.arm[1:-1], start=1):
-            for place, names in places:
-                if np.linalg.norm(place - point) < _ONE_PLACE:
+            for at, names in labels:
+                if np.linalg.norm(at - point) < _ONE_PLACE:
                     names.append(str(joint))
                     break
             else:
-                places.append((point, [str(joint)]))
-        return [JointLabel(place, ", ".join(names)) for place, names in places]
+                labels.append((point, [str(joint)]))
+        return [JointLabel(at, ", ".join(names)) for at, names in labels]
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,7 +191,7 @@ def scene_json(scene: Scene3D) -> dict[str, Any]:
                 "tool": _rounded(posed.tool_line),
                 "beam": None if posed.beam is None else _rounded(posed.beam),
                 "reaches": bool(posed.reaches),
-                "numbers": [{"at": _rounded(own.at), "text": own.text} for own in posed.labels],
+                "numbers": [{"at": _rounded(label.at), "text": label.text} for label in posed.labels],
             }
             for posed in scene.postures
         ],

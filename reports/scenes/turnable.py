@@ -49,7 +49,7 @@ def turnable(scene: Scene3D, *, alt: str, caption: str, paper: str, one: str = "
 def still_picture(shown: Turnable, name: str = STILL) -> Picture:
     """The still drawing as a figure of its own, for a PDF: its style within it, in the light palette."""
     rules = re.findall(r"^[^{}@\n]*\.still[^{}\n]*\{[^}]*\}", template_text("scene.css"), flags=re.MULTILINE)
-    css = re.sub(r"var\(--(\w+)\)", lambda found: light(found.group(1)), "\n".join(rules))
+    css = re.sub(r"var\(--(\w+)\)", lambda match: light(match.group(1)), "\n".join(rules))
     _, _, width, height = re.findall(r'viewBox="(\S+) (\S+) (\S+) (\S+)"', shown.drawing)[0]
     head = f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
     svg = in_font(str(shown.drawing)).replace("<svg ", head, 1).replace(">", f"><style>{css}</style>", 1)
@@ -88,9 +88,9 @@ def still(scene: Scene3D, alt: str) -> Markup:
         parts.append(flat.line(posture.tool_line, f"{kind} tool"))
         parts.append(flat.line(posture.arm, kind))
         if selected:
-            for own in posture.labels:
-                parts.append(flat.dot(own.at, 4, "joint"))
-                parts.append(flat.text(own.at, own.text, 9, -7))
+            for label in posture.labels:
+                parts.append(flat.dot(label.at, 4, "joint"))
+                parts.append(flat.text(label.at, label.text, 9, -7))
     for target in scene.targets:
         parts += _target(target, scene.factor, flat)
     return Markup('<svg class="still" viewBox="0 0 {} {}" role="img" aria-label="{}">{}</svg>').format(
@@ -135,8 +135,8 @@ class _Flat:
                 points += [
                     target.at + by * axis for axis in target.axes for by in (-scene.factor, scene.factor)
                 ]
-        seen = np.array(points) @ self._turn.T
-        low, high = seen.min(axis=0), seen.max(axis=0)
+        flat = np.array(points) @ self._turn.T
+        low, high = flat.min(axis=0), flat.max(axis=0)
         room = np.array([width - 100, height - 60])
         self._scale = float((room / np.maximum(high - low, 1e-6)).min())
         self._shift = np.array([width, height]) / 2 - self._scale * (low + high) / 2
@@ -161,8 +161,8 @@ class _Flat:
 
     def ellipsoid(self, centre: Matrix, axes: Matrix, factor: float) -> Markup:
         """Its outline, A'u over all unit u seen from one side: the ellipse of the matrix P A' A P'."""
-        seen = self._scale * factor * self._turn @ axes.T
-        size, across = np.linalg.eigh(seen @ seen.T)
+        flat = self._scale * factor * self._turn @ axes.T
+        size, across = np.linalg.eigh(flat @ flat.T)
         half = np.sqrt(np.maximum(size, 0.0))
         x, y = self._at(centre)
         turn = math.degrees(math.atan2(across[1, 1], across[0, 1]))

@@ -183,12 +183,12 @@ class Page:
     @property
     def chapters(self) -> list[list[Section]]:
         """The sections of level 1, each with those of level 2 below it."""
-        found: list[list[Section]] = []
+        chapters: list[list[Section]] = []
         for section in self.sections:
-            if section.level == 1 or not found:
-                found.append([])
-            found[-1].append(section)
-        return found
+            if section.level == 1 or not chapters:
+                chapters.append([])
+            chapters[-1].append(section)
+        return chapters
 
 
 def table_of(caption: str, columns: Sequence[tuple[str, str]], rows: Sequence[Row]) -> Table:
@@ -202,9 +202,9 @@ def row_of(*cells: str | Cell, tone: str = "") -> Row:
 
 def section_of(title: str, *blocks: Block | None, level: int = 1, new_page: bool = False) -> Section:
     """A section; None is left out. What leads up to its first figure stays with it, unless a table does."""
-    found = tuple(block for block in blocks if block is not None)
-    kinds = [block.kind for block in found]
+    present = tuple(block for block in blocks if block is not None)
+    kinds = [block.kind for block in present]
     end = kinds.index("figure") + 1 if "figure" in kinds else 0
     if "table" in kinds[:end]:
         end = 0
-    return Section(title, found[:end], found[end:], level, new_page)
+    return Section(title, present[:end], present[end:], level, new_page)

@@ -147,9 +147,9 @@ def to_svg(figure: Figure, name: str) -> str:
         if f"{{{_XLINK}}}href" in element.attrib
     }
     for element in root.iter():
-        own = element.attrib.pop("id", None)
-        if own in used:
-            element.set("id", f"{name}-{own}")
+        name_of = element.attrib.pop("id", None)
+        if name_of in used:
+            element.set("id", f"{name}-{name_of}")
         for key, value in element.attrib.items():
             if key == f"{{{_XLINK}}}href":
                 element.set(key, f"#{name}-{value.removeprefix('#')}")

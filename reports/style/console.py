@@ -45,9 +45,9 @@ def note(text: str) -> Text:
     return Text("! ", style="bold yellow") + Text(text)
 
 
-def _over_numbers(head: str, stated: blocks.Table, k: int) -> str:
+def _over_numbers(head: str, table: blocks.Table, k: int) -> str:
     """The head of column `k` in lines hardly longer than its cells: numbers do not give way to a head."""
-    widths = [len(row.cells[k].text) for row in stated.rows if all(cell.span == 1 for cell in row.cells)]
+    widths = [len(row.cells[k].text) for row in table.rows if all(cell.span == 1 for cell in row.cells)]
     return "\n".join(textwrap.wrap(head, max(_HEAD, *widths))) if widths else head
 
 

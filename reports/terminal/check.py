@@ -62,9 +62,11 @@ def print_check(console: Console, check: Check) -> None:
         )
 
 
-def print_verdict(console: Console, verdict: PlanVerdict, said: str) -> None:
+def print_verdict(console: Console, verdict: PlanVerdict, headline: str) -> None:
     """A verdict with its sentence."""
-    console.print(Text(f"{VERDICT_WORDS[verdict]}. ", style=VERDICT_STYLE[verdict]) + Text(sentence(said)))
+    console.print(
+        Text(f"{VERDICT_WORDS[verdict]}. ", style=VERDICT_STYLE[verdict]) + Text(sentence(headline))
+    )
 
 
 def print_notes(console: Console, notes: Iterable[str]) -> None:

@@ -36,7 +36,7 @@ from .answers import contradicted
 
 _REDRAWN = 8  # times a second
 _STEPS = 4
-_NOT_TOLD = "—"
+_NONE = "—"
 _CELL = 9  # letters of an offset's std, so that the columns do not move
 _CLOCK = {"simulated": "simulated", "replay": "as recorded"}
 
@@ -113,11 +113,11 @@ class UnderWay:
                 return replace(now, phase=event.phase)
             case SpotSeen():
                 return replace(now, off_mm=(*now.off_mm, event.off_mm)[-_STEPS:])
-            case Retried(attempt, shot, reason, found):
-                trouble = f"measurement {shot}, attempt {attempt} refused ({reason}): {found}"
+            case Retried(attempt, shot, reason, what):
+                trouble = f"measurement {shot}, attempt {attempt} refused ({reason}): {what}"
                 return replace(now, trouble=trouble)
-            case GivenUp(shot, reason, found):
-                trouble = f"measurement {shot} given up ({reason}): {found}"
+            case GivenUp(shot, reason, what):
+                trouble = f"measurement {shot} given up ({reason}): {what}"
                 return replace(now, shot=None, refused=now.refused + 1, trouble=trouble)
             case Recorded():
                 return replace(
@@ -170,7 +170,7 @@ def drawn(now: UnderWay) -> RenderableType:
 
 def _now(now: UnderWay) -> Text:
     if now.shot is None:
-        return Text(_NOT_TOLD)
+        return Text(_NONE)
     # A measurement has its posture's number, from 0, in whatever order they come.
     text = Text(f"measurement {now.shot} ({now.recorded + now.refused + 1} of {now.postures})")
     if now.attempt > 1:
@@ -180,13 +180,13 @@ def _now(now: UnderWay) -> Text:
 
 def _steps(off_mm: tuple[float, ...]) -> str:
     if not off_mm:
-        return _NOT_TOLD
+        return _NONE
     return numbers.with_unit(" → ".join(numbers.significant(off, 2) for off in off_mm), "mm")
 
 
 def _time(now: UnderWay) -> str:
     clock = _CLOCK.get(now.rig, "")
-    passed = _NOT_TOLD if now.time_s is None else f"{_duration(now.time_s)} {clock}".rstrip()
+    passed = _NONE if now.time_s is None else f"{_duration(now.time_s)} {clock}".rstrip()
     left = "?" if now.seconds_left is None else _duration(now.seconds_left)
     # An adaptive run may need less.
     return f"{passed}, {'left' if now.tolerance is None else 'left at most'} {left}"
@@ -206,7 +206,7 @@ def _stds(std: Mapping[str, float | None]) -> RenderableType:
 
 def _std(name: str, value: float | None) -> Text:
     if value is None:
-        return Text(f"{label(name, 8)} {_NOT_TOLD}".ljust(_CELL), style=STYLE["unidentifiable"])
+        return Text(f"{label(name, 8)} {_NONE}".ljust(_CELL), style=STYLE["unidentifiable"])
     return Text(f"{label(name, 8)} {numbers.spread(value)}".ljust(_CELL))
 
 
@@ -227,10 +227,10 @@ def led_view(console: Console) -> Told:
         nonlocal before
         match event:
             case Begun():
-                _say(console, _begun(event))
+                _say(console, _beginning(event))
             case Asked():
                 console.print()
-                _say(console, _asked(event), "bold")
+                _say(console, _request(event), "bold")
                 _say(console, _joints(event.pendant))
             case Doubted(kind="help"):
                 _say(console, sentence(event.found))
@@ -261,7 +261,7 @@ def _say(console: Console, text: str, style: str = "") -> None:
     console.print(Text(text, style=style), soft_wrap=True)
 
 
-def _begun(event: Begun) -> str:
+def _beginning(event: Begun) -> str:
     done = len(event.recorded)
     so_far = f" {counted(done, 'measurement')} recorded already." if done else ""
     return (
@@ -269,7 +269,7 @@ def _begun(event: Begun) -> str:
     )
 
 
-def _asked(event: Asked) -> str:
+def _request(event: Asked) -> str:
     again = ", closing" if event.shot >= event.postures else ""
     of = f"{event.done + 1} of {event.postures}" if not again else f"{event.done + 1}"
     return (
@@ -280,10 +280,11 @@ def _asked(event: Asked) -> str:
 
 def _joints(readings: Sequence[Mapping[str, str | float]]) -> str:
     """Names and values as the pendant has them."""
-    return "  " + ", ".join(
-        f"{shown(str(own['name']))} {numbers.fixed(float(own['value']), _DIGITS.get(str(own['unit']), 2))}"
-        for own in readings
-    )
+    texts = []
+    for reading in readings:
+        digits = _DIGITS.get(str(reading["unit"]), 2)
+        texts.append(f"{shown(str(reading['name']))} {numbers.fixed(float(reading['value']), digits)}")
+    return f"  {', '.join(texts)}"
 
 
 def _choices(event: Doubted) -> str:
