@@ -23,7 +23,7 @@ _MOSTLY = 0.5  # a share of the variance, or a correlation, from which it is wor
 _UNKNOWN = "unknown"  # where the curvature at the mode does not say
 
 
-class Offset(Protocol):
+class OffsetRow(Protocol):
     """An offset of a result, of a check, of a run that has ended."""
 
     @property
@@ -51,7 +51,7 @@ def tolerance_words(tolerance: Tolerance, unit: str) -> str:
     return f"{numbers.exact(low, unit)} to {numbers.exact(high, unit)}"
 
 
-def worth_sentence(geometry: GeometryResult, offsets: Sequence[Offset]) -> str | None:
+def worth_sentence(geometry: GeometryResult, offsets: Sequence[OffsetRow]) -> str | None:
     """What u is, and what it would be with the geometry taken otherwise; None where no offset has a u."""
     std = {row.name: row.std for row in offsets if row.std is not None}
     units = {row.name: row.unit for row in offsets}

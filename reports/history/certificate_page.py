@@ -20,9 +20,9 @@ from ..style.blocks import (
     Commands,
     Facts,
     Legend,
+    LegendEntry,
     Page,
     Paragraph,
-    Reason,
     Row,
     Table,
     Verdict,
@@ -108,7 +108,9 @@ def _offsets(own: Mapping[str, Any]) -> Iterator[Block]:
     for row in rows:
         if row["reason"]:
             grouped_by.setdefault((row["status"], row["reason"]), []).append(label(row["name"]))
-    reasons = [Reason(f"{listed(names)}:", key, _named(text)) for (key, text), names in grouped_by.items()]
+    reasons = [
+        LegendEntry(key, f"{listed(names)}:", _named(text)) for (key, text), names in grouped_by.items()
+    ]
     tolerance = {"tolerance": assumed["tolerance"]}
     yield Legend(legend((row["status"] for row in rows), tolerance), reasons)
 

@@ -18,7 +18,7 @@ from ...words.findings import hold_out_message, likelihood_message
 from ...words.misfit import CAUSES, changed, criterion_sentence, diagnosis_said, explanation_sentence
 from ...words.numbers import times, unit_of
 from ...words.wording import NOT_DETERMINED, clipped, label, listed, person, sentence
-from ..style.blocks import Cell, Facts, Paragraph, Section, Table, row_of, section_of, table_of
+from ..style.blocks import Cell, Facts, Head, Paragraph, Section, Table, row_of, section_of, table_of
 from .parameters import noise_factors, other_tables
 
 _NO_COST = "—"  # not defined for this cost
@@ -31,11 +31,7 @@ def fit_section(result: Result) -> Section:
     sides = [_likelihood_facts(likelihood, separate)]
     if midpoint.available:
         sides.append(_midpoint_facts(midpoint))
-    columns = [
-        ("quantity", "left"),
-        ("beam-residual likelihood", "right"),
-        ("midpoint cost (eq. 8)", "right"),
-    ]
+    columns = ["quantity", "beam-residual likelihood", "midpoint cost (eq. 8)"]
     rows = [row_of(name, *(side.get(name, _NO_COST) for side in sides)) for name in sides[0]]
     sentences = _verdict(result, "fitted" if separate else "stated")
     if (message := likelihood_message(likelihood)) is not None:
@@ -84,12 +80,7 @@ def _converged(fit: LikelihoodSummary | MidpointSummary) -> str:
 
 def _both_estimates(parameters: Sequence[ParameterResult]) -> Table | None:
     """The offsets by both costs, where both have an estimate."""
-    columns = [
-        ("name", "left"),
-        ("beam-residual likelihood", "right"),
-        ("midpoint cost (eq. 8)", "right"),
-        ("difference over u", "right"),
-    ]
+    columns = ["name", "beam-residual likelihood", "midpoint cost (eq. 8)", "difference over u"]
     rows = [
         row_of(
             label(row.name),
@@ -154,13 +145,7 @@ def not_converged(fit: LikelihoodSummary) -> list[str]:
 
 
 def _distances(rows: Sequence[DistanceResult]) -> Table | None:
-    columns = [
-        ("between", "left"),
-        ("stated", "right"),
-        ("its u", "right"),
-        ("after the fit", "right"),
-        ("its u", "right"),
-    ]
+    columns = ["between", "stated", "its u", "after the fit", "its u"]
     shown_rows = []
     for row in rows:
         names = f"{clipped(row.between[0], 24)} and {clipped(row.between[1], 24)}"
@@ -177,13 +162,7 @@ def diagnosis_section(result: Result) -> Section | None:
     """The explanations, the best first; None where there is none."""
     if not result.diagnosis:
         return None
-    columns = [
-        ("cause", "left"),
-        ("tried", "left"),
-        ("residuals", "right"),
-        ("estimates", "right"),
-        ("freed", "right"),
-    ]
+    columns: list[Head] = ["cause", ("tried", "left"), "residuals", "estimates", "freed"]
     rows = [
         row_of(
             CAUSES[explanation.cause],
@@ -249,13 +228,7 @@ def _outliers(result: Result, robust: Robust) -> str:
 
 
 def _robust_table(result: Result, robust: Robust) -> Table:
-    columns = [
-        ("name", "left"),
-        ("likelihood", "right"),
-        ("robust", "right"),
-        ("its 95 % interval", "right"),
-        ("difference over u", "right"),
-    ]
+    columns = ["name", "likelihood", "robust", "its 95 % interval", "difference over u"]
     rows = []
     for row in robust.parameters:
         parameter, unit = result.parameters.named(row.name), unit_of(row.unit)
@@ -350,7 +323,7 @@ def intervals_table(result: Result) -> tuple[Table, str]:
     # The fit is at the marginal mode of noise factors, where no profile starts.
     chosen = _of_people(result)
     no_profile = "not defined" if noise_factors(result.parameters) else "no end found"
-    columns = [("name", "left"), ("curvature", "right"), ("profile", "right"), ("posterior", "right")]
+    columns = ["name", "curvature", "profile", "posterior"]
     rows = [
         row_of(
             label(row.name),

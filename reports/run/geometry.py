@@ -19,8 +19,8 @@ from ...words.geometry import (
 )
 from ...words.numbers import unit_of
 from ...words.wording import counted, label, listed, person
-from ..style.blocks import FigureBlock, Legend, Paragraph, Section, Table, row_of, section_of, table_of
-from ..style.canvas import Picture, bare_y, new_figure, style, to_svg
+from ..style.blocks import FigureBlock, Head, Legend, Paragraph, Section, Table, row_of, section_of, table_of
+from ..style.canvas import Picture, bare_y, beside, new_figure, style, to_svg
 from ..style.palette import light
 from .parameters import NO_NUMBER, reasons
 
@@ -74,7 +74,7 @@ def _offsets(result: Result) -> Table | None:
     geometry = result.geometry
     if result.misfit is not None or not any(value is not None for value in geometry.at_half.values()):
         return None
-    columns = [
+    columns: list[Head] = [
         ("name", "left"),
         ("u", "right"),
         (SET_BY_TOLERANCES, "right"),
@@ -111,13 +111,7 @@ def _spread(value: float | None, unit: str) -> str:
 
 def _links(rows: Sequence[ParameterResult]) -> Table | None:
     """The parameters that the measurements determine, as deviations from nominal."""
-    columns = [
-        ("name", "left"),
-        ("estimate", "right"),
-        ("u", "right"),
-        ("tolerance", "right"),
-        ("reduced by", "right"),
-    ]
+    columns = ["name", "estimate", "u", "tolerance", "reduced by"]
     shown = [
         row_of(
             label(row.name),
@@ -161,13 +155,7 @@ def ladder_table(result: Result) -> Table | None:
     ladder = result.geometry.ladder
     if not ladder:
         return None
-    columns = [
-        ("model", "left"),
-        ("parameters", "right"),
-        ("held-out, rms", "right"),
-        ("log evidence", "right"),
-        ("kept", "left"),
-    ]
+    columns: list[Head] = ["model", "parameters", "held-out, rms", "log evidence", ("kept", "left")]
     rows = [
         row_of(
             RUNGS[rung.rung],
@@ -237,7 +225,7 @@ def _panel(axes: Axes, ladder: Sequence[Rung], values: Sequence[float | None], u
         face = colour if rung.kept else light("ground")
         axes.plot([value], [y], "o", markersize=6, markerfacecolor=face, color=colour)
         text = numbers.significant(value) if unit else numbers.fixed(value, 1)
-        axes.annotate(text, (value, y), xytext=(8, 0), textcoords="offset points", va="center", fontsize=9)
+        beside(axes, value, y, text, xytext=(8, 0))
     shown = [value for value in values if value is not None]
     low, high = min(shown), max(shown)
     room = (high - low) or abs(high) or 1.0

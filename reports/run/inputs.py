@@ -20,7 +20,7 @@ from ...words.provenance import (
     provenance_entry,
 )
 from ...words.wording import clipped, listed, shown
-from ..style.blocks import Facts, Paragraph, Section, row_of, section_of, table_of
+from ..style.blocks import Facts, Head, Paragraph, Section, row_of, section_of, table_of
 
 
 def head_facts(result: Result) -> list[tuple[str, str]]:
@@ -84,7 +84,7 @@ def traceability_section(result: Result) -> Section:
     about = "To be completed by hand. Entries that are there were stated in the run’s provenance."
     if provenance.get("origin") == "simulated":
         about += " These measurements were simulated: no instrument took part, and nothing here is traceable."
-    columns = [("field", "left"), ("entry", "left")]
+    columns: list[Head] = ["field", ("entry", "left")]
     return section_of("Traceability", Paragraph(about), table_of("For a person", columns, rows))
 
 

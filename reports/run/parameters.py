@@ -18,7 +18,7 @@ from ...words import numbers
 from ...words.geometry import (
     IF_IT_DEVIATES,
     SET_BY_TOLERANCES,
-    Offset,
+    OffsetRow,
     by_tolerances,
     percent,
     worth_sentence,
@@ -31,10 +31,10 @@ from ..style.blocks import (
     Cell,
     Column,
     FigureBlock,
+    Head,
     Legend,
     LegendEntry,
     Paragraph,
-    Reason,
     Row,
     Section,
     Table,
@@ -42,7 +42,7 @@ from ..style.blocks import (
     section_of,
     table_of,
 )
-from ..style.canvas import Picture, bare_y, hatched, new_figure, style, to_svg
+from ..style.canvas import Picture, bare_y, beside, hatched, new_figure, style, to_svg
 from ..style.palette import SHAPES, light
 from ..style.typeface import in_font
 
@@ -59,7 +59,7 @@ UNVALIDATED_OFFSETS = (
 )
 
 
-class Judged(Protocol):
+class ParameterRow(Protocol):
     """A parameter of a result or of a check."""
 
     @property
@@ -83,7 +83,7 @@ def offsets_caption(statuses: Iterable[Status]) -> str:
     return UNVALIDATED_OFFSETS if "unvalidated" in statuses else OFFSETS
 
 
-def noise_factors(parameters: Sequence[Judged]) -> bool:
+def noise_factors(parameters: Sequence[ParameterRow]) -> bool:
     """Whether joints and spot have factors of their own, that are estimated."""
     return any(row.group == "noise" and not row.held for row in parameters)
 
@@ -123,19 +123,19 @@ def offsets_table(result: Result) -> Table:
     return Table(table.caption, columns, rows)
 
 
-def worth_column(geometry: GeometryResult) -> tuple[str, Callable[[Offset], str]]:
+def worth_column(geometry: GeometryResult) -> tuple[str, Callable[[OffsetRow], str]]:
     """The head of the column beside u, and what it says of an offset."""
     if geometry.stated:
         return SET_BY_TOLERANCES, _share
 
-    def considered(row: Offset) -> str:
+    def considered(row: OffsetRow) -> str:
         value = None if row.std is None else geometry.consider.get(row.name)
         return NO_NUMBER if value is None else numbers.spread(value, unit_of(row.unit))
 
     return IF_IT_DEVIATES, considered
 
 
-def _share(row: Offset) -> str:
+def _share(row: OffsetRow) -> str:
     return NO_NUMBER if row.tolerance_share is None else percent(row.tolerance_share)
 
 
@@ -151,7 +151,7 @@ def other_tables(parameters: Sequence[ParameterResult]) -> list[Table]:
 
 
 def parameter_table(caption: str, rows: Sequence[ParameterResult]) -> Table:
-    columns = [("name", "left"), ("estimate", "right"), ("95 % interval", "right"), ("status", "left")]
+    columns: list[Head] = ["name", "estimate", "95 % interval", ("status", "left")]
     return table_of(caption, columns, [_parameter_row(row) for row in rows])
 
 
@@ -190,17 +190,16 @@ def legend(statuses: Iterable[Status], header: Mapping[str, object]) -> list[Leg
     return [LegendEntry(key, key, text) for key, text in meaning.items() if key in present]
 
 
-def reasons(parameters: Sequence[Judged]) -> list[Reason]:
+def reasons(parameters: Sequence[ParameterRow]) -> list[LegendEntry]:
     """Why parameters are held, weak or without an answer; one reason once."""
     grouped: dict[tuple[Status, str], list[str]] = {}
     for row in parameters:
         if row.cause is not None:
             why = by_tolerances(row.cause, row.tolerance_share) or reason(row.cause, person)
             grouped.setdefault((row.status, why), []).append(label(row.name))
-    return [Reason(f"{listed(names)}:", status, sentence(text)) for (status, text), names in grouped.items()]
-
-
-_UNIT = {"deg": "°"}
+    return [
+        LegendEntry(status, f"{listed(names)}:", sentence(text)) for (status, text), names in grouped.items()
+    ]
 
 
 def offsets_picture(result: Result) -> Picture:
@@ -222,8 +221,8 @@ def offsets_picture(result: Result) -> Picture:
             width_ratios=[1.55, 1],
         )
         for (left, right), rows, unit in zip(panels, groups, units, strict=True):
-            _estimates(left, rows, _UNIT.get(unit, unit))
-            _widths(right, rows, _UNIT.get(unit, unit))
+            _estimates(left, rows, numbers.symbol(unit))
+            _widths(right, rows, numbers.symbol(unit))
         svg = to_svg(figure, "offsets")
     return Picture("offsets", "Offsets with their 95 % intervals", _alt(offsets), svg)
 
@@ -243,15 +242,7 @@ def _estimates(axes: Axes, rows: Sequence[ParameterResult], unit: str) -> None:
             hatched(axes, y, NOT_DETERMINED)
         elif row.interval95 is None:
             axes.plot([row.estimate], [y], shape, markersize=5.5, markerfacecolor="none", color=colour)
-            axes.annotate(
-                "held",
-                (row.estimate, y),
-                xytext=(7, 0),
-                textcoords="offset points",
-                va="center",
-                color=colour,
-                fontsize=9,
-            )
+            beside(axes, row.estimate, y, "held", color=colour)
         else:
             axes.plot(row.interval95, [y, y], "-", linewidth=2, color=colour, solid_capstyle="round")
             axes.plot([row.estimate], [y], shape, markersize=5, color=colour)
@@ -274,14 +265,7 @@ def _widths(axes: Axes, rows: Sequence[ParameterResult], unit: str) -> None:
         half = (high - low) / 2
         halves.append(half)
         axes.plot([half], [y], SHAPES[row.status], markersize=5, color=light(row.status))
-        axes.annotate(
-            numbers.spread(half, row.unit),
-            (half, y),
-            xytext=(7, 0),
-            textcoords="offset points",
-            va="center",
-            fontsize=9,
-        )
+        beside(axes, half, y, numbers.spread(half, row.unit))
     if halves:
         # Whole decades, and room for the number next to the last dot.
         lowest = 10.0 ** math.floor(math.log10(min(halves)))
@@ -341,7 +325,7 @@ def truth_table(true: Mapping[str, float], rows: Iterable[Estimated]) -> Table |
     ]
     if not known:
         return None
-    columns = [(head, "right") for head in ("true value", "estimate", "error", "error in u")]
+    columns: list[Head] = [(head, "right") for head in ("true value", "estimate", "error", "error in u")]
     return table_of("True values of the simulated arm", [("name", "left"), *columns], known)
 
 

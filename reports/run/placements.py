@@ -13,7 +13,7 @@ from ...analysis.recordings.steps import Step, Steps
 from ...analysis.result import Result
 from ...words import numbers
 from ...words.wording import clipped, counted, label, listed, shown
-from ..style.blocks import FigureBlock, Paragraph, Section, Table, row_of, section_of, table_of
+from ..style.blocks import FigureBlock, Head, Paragraph, Section, Table, row_of, section_of, table_of
 from ..style.canvas import Picture, new_figure, style, to_svg
 from ..style.palette import light
 from ..style.typeface import in_font
@@ -86,14 +86,7 @@ def _left_out_sentences(held_out: LeaveOneOut | None) -> list[str]:
 
 
 def _left_out_table(held_out: LeaveOneOut) -> Table:
-    columns = [
-        ("placement", "left"),
-        ("measurements", "right"),
-        ("residual, rms", "right"),
-        ("expected", "right"),
-        ("factor", "right"),
-        ("p-value", "right"),
-    ]
+    columns = ["placement", "measurements", "residual, rms", "expected", "factor", "p-value"]
     missing = "not available"
     rows = [
         row_of(
@@ -128,12 +121,7 @@ def _jackknife_sentence(result: Result, jackknife: Jackknife | None) -> str:
 
 
 def _jackknife_table(result: Result, jackknife: Jackknife) -> Table | None:
-    columns = [
-        ("name", "left"),
-        ("u", "right"),
-        ("u by jackknife", "right"),
-        ("not determined without", "left"),
-    ]
+    columns: list[Head] = ["name", "u", "u by jackknife", ("not determined without", "left")]
     rows = []
     for row in jackknife.offsets:
         std = result.parameters.named(row.name).std

@@ -57,14 +57,7 @@ def _table(result: Result) -> Table | None:
         return None
     noise = any(row.group == "noise" for row in result.parameters)
     left = {row.name for row in result.parameters if row.group in ("target", "geometry")}
-    columns = [
-        ("name", "left"),
-        ("mean", "right"),
-        ("std", "right"),
-        ("2.5 % to 97.5 %", "right"),
-        ("ESS bulk, tail", "right"),
-        ("R-hat", "right"),
-    ]
+    columns = ["name", "mean", "std", "2.5 % to 97.5 %", "ESS bulk, tail", "R-hat"]
     rows = []
     for row in result.posterior.parameters:
         if row.name in left:
@@ -236,4 +229,4 @@ def _pair(axes: Axes, x: Matrix, y: Matrix, across: ParameterResult, up: Paramet
 
 
 def _named(row: ParameterResult) -> str:
-    return in_font(f"{label(row.name, 12)}, {'°' if row.unit == 'deg' else row.unit}")
+    return in_font(f"{label(row.name, 12)}, {numbers.symbol(row.unit)}")

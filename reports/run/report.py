@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ...analysis.posterior.posterior import Draws
 from ...analysis.result import RESULT_SCHEMA, Result
 from ...words.findings import finding_sentence, headline
-from ...words.next_steps import Entry, next_steps
+from ...words.next_steps import next_steps
 from ...words.result_json import dumps, to_json
 from ...words.verdict import VERDICT_WORDS
 from ...words.wording import clipped, counted, ended, label, person, sentence
@@ -21,7 +20,6 @@ from ..style.blocks import (
     Page,
     Paragraph,
     Section,
-    Table,
     Verdict,
     row_of,
     section_of,
@@ -199,15 +197,14 @@ def _write_files(folder: Path, result: Result, draws: Draws | None) -> list[str]
 def next_steps_section(result: Result) -> Section:
     """The section of the report, of any answer."""
     advice = next_steps(result)
-    blocks: list[Block] = [] if not advice.enter else [_values(advice.enter)]
+    blocks: list[Block] = []
+    if advice.enter:
+        columns = ["joint", "add to the recorded position", "expanded U (k = 2)"]
+        rows = [row_of(label(row.name).partition(" ")[0], row.value, row.expanded_u) for row in advice.enter]
+        caption = "Values to enter: true position = recorded position + value"
+        blocks.append(table_of(caption, columns, rows))
     for step in advice.steps:
         blocks.append(Paragraph(step.text))
         if step.commands:
             blocks.append(Commands(step.commands))
     return section_of("What to do", *blocks)
-
-
-def _values(entries: Sequence[Entry]) -> Table:
-    columns = [("joint", "left"), ("add to the recorded position", "right"), ("expanded U (k = 2)", "right")]
-    rows = [row_of(label(entry.name).partition(" ")[0], entry.value, entry.expanded_u) for entry in entries]
-    return table_of("Values to enter: true position = recorded position + value", columns, rows)

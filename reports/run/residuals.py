@@ -13,7 +13,7 @@ from ...analysis.diagnostics.influence import ShotResult
 from ...analysis.result import Result
 from ...words import numbers
 from ...words.wording import clipped, shown
-from ..style.blocks import Cell, FigureBlock, Paragraph, Section, row_of, section_of, table_of
+from ..style.blocks import Cell, FigureBlock, Head, Paragraph, Section, row_of, section_of, table_of
 from ..style.canvas import Picture, new_figure, style, to_svg
 from ..style.palette import light
 from ..style.typeface import in_font
@@ -28,13 +28,13 @@ WORST_SHOTS = 20
 
 def residuals_section(result: Result) -> Section:
     """The section of a report; of many measurements the table has the worst."""
-    columns = [
+    columns: list[Head] = [
         ("measurement", "right"),
         ("target", "left"),
-        ("residual", "right"),
-        ("normalised", "right"),
-        ("leave-one-out", "right"),
-        ("Cook’s distance", "right"),
+        "residual",
+        "normalised",
+        "leave-one-out",
+        "Cook’s distance",
     ]
     shots, robust = result.shots, result.robust
     weights = robust.weights if robust is not None and robust.converged else None

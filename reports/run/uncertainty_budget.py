@@ -10,14 +10,13 @@ from ...analysis.result import Result
 from ...analysis.solution import ParameterResult
 from ...words import numbers
 from ...words.wording import label, listed
-from ..style.blocks import Block, Cell, Legend, Paragraph, Section, Table, row_of, section_of, table_of
+from ..style.blocks import Block, Cell, Head, Legend, Paragraph, Section, Table, row_of, section_of, table_of
 from .fit import misfit_factor
 from .parameters import reasons
 
 MINOR = 0.01  # share of every variance in a table below which a source is summed with others
 MOST_SOURCES = 12
 MOST_COLUMNS = 6
-_DEGREE = {"deg": "°"}
 _NAME = 20
 _SAME = 1.02  # by less no two significant digits differ
 
@@ -109,7 +108,7 @@ def _tables(result: Result, what: str, budgets: Sequence[Budget]) -> list[Block 
         kept = set(ranked)
     others = [i for i in ranked if i not in kept]
     tool = result.inputs.tool
-    heads = [(f"{label(budget.name)} ({_unit(budget.unit)})", "right") for budget in budgets]
+    heads = [(f"{label(budget.name)} ({numbers.symbol(budget.unit)})", "right") for budget in budgets]
     shown = []
     for i in sorted(kept):
         source = rows[0][i]
@@ -133,7 +132,7 @@ def _tables(result: Result, what: str, budgets: Sequence[Budget]) -> list[Block 
         row_of("expanded U = k u", "", *(numbers.spread(b.expanded) for b in budgets)),
         row_of("result", "", *(_result(result, b) for b in budgets)),
     ]
-    columns = [("source", "left"), ("its u, type", "right"), *heads]
+    columns: list[Head] = [("source", "left"), ("its u, type", "right"), *heads]
     of = "the offsets" if what == "offsets" else "the tool"
     return [
         table_of(f"Contributions to the uncertainty of {of}", columns, shown),
@@ -148,13 +147,13 @@ def _sensitivities(
     shown = [
         row_of(
             source_words(rows[0][i], tool),
-            f"per {_unit(rows[0][i].unit)}",
+            f"per {numbers.symbol(rows[0][i].unit or '')}",
             *(numbers.or_words(column[i].sensitivity, "", digits=2) for column in rows),
         )
         for i in kept
         if rows[0][i].sensitivity is not None
     ]
-    columns = [("source", "left"), ("sensitivity", "left"), *heads]
+    columns: list[Head] = [("source", "left"), ("sensitivity", "left"), *heads]
     caption = f"Sensitivities of {of}: contribution per unit of the source’s u, all its readings together"
     return table_of(caption, columns, shown) if shown else None
 
@@ -165,10 +164,6 @@ def _std(source: BudgetRow) -> str:
     type_b = source.dof is None
     std = (numbers.exact if type_b else numbers.spread)(source.std, source.unit or "")
     return f"{std}, {source.type}"
-
-
-def _unit(unit: str | None) -> str:
-    return _DEGREE.get(unit or "", unit or "")
 
 
 def _contribution(contribution: float, share: float, budget: Budget) -> str:
@@ -226,12 +221,12 @@ def _check(result: Result) -> list[Block | None]:
                 tone=mark,
             )
         )
-    columns = [
-        ("name", "left"),
-        ("lower ends apart", "right"),
-        ("upper ends apart", "right"),
-        ("tolerance δ", "right"),
-        ("Monte Carlo error of the ends", "right"),
+    columns: list[Head] = [
+        "name",
+        "lower ends apart",
+        "upper ends apart",
+        "tolerance δ",
+        "Monte Carlo error of the ends",
         ("validated", "left"),
     ]
     about = (

@@ -10,12 +10,12 @@ from ...analysis.status import known
 from ...words.observability import combination_words, direction_kind, rank_facts, reason, remedy
 from ...words.wording import NOT_DETERMINED, counted, label, listed, person, sentence
 from ..style.blocks import Direction, Directions, Facts, Paragraph, Section, section_of
-from .parameters import Judged
+from .parameters import ParameterRow
 
 LISTED = "They are listed under Geometry."
 
 
-def unobservable_section(parameters: Sequence[Judged], facts: Identifiability) -> Section:
+def unobservable_section(parameters: Sequence[ParameterRow], facts: Identifiability) -> Section:
     """The section of a report."""
     geometry = {row.name for row in parameters if row.group == "geometry"}
     others = [row for row in parameters if row.group != "geometry"]
@@ -34,7 +34,7 @@ def beside_tolerances(directions: Sequence[NullDirection], geometry: set[str]) -
     return [direction for direction in directions if not geometry.issuperset(direction.combination)]
 
 
-def tolerance_only(parameters: Sequence[Judged]) -> str | None:
+def tolerance_only(parameters: Sequence[ParameterRow]) -> str | None:
     """How many geometry parameters only their tolerances tell of; None where there is none."""
     free = [row for row in parameters if row.group == "geometry" and not row.held]
     count = sum(not known(row.status) for row in free)
@@ -44,7 +44,7 @@ def tolerance_only(parameters: Sequence[Judged]) -> str | None:
     return f"{count} of {counted(len(free), 'geometry parameter')} {verb} known by {its} tolerances only."
 
 
-def _sentence(parameters: Sequence[Judged], directions: Sequence[NullDirection], what: str) -> str:
+def _sentence(parameters: Sequence[ParameterRow], directions: Sequence[NullDirection], what: str) -> str:
     lost = [label(row.name) for row in parameters if row.status == "unidentifiable"]
     weak = [label(row.name) for row in parameters if row.status == "weak"]
     if lost:

@@ -86,13 +86,7 @@ def _postures(workspace: Region, near: Region) -> str:
 
 
 def _table(workspace: Region, near: Region) -> Table:
-    columns = [
-        ("TCP", "left"),
-        ("workspace, median", "right"),
-        ("worst", "right"),
-        ("near the measurements, median", "right"),
-        ("worst", "right"),
-    ]
+    columns = ["TCP", "workspace, median", "worst", "near the measurements, median", "worst"]
     regions = (workspace, near)
     stds = [
         level for region in regions for level in (region.before_std_mm.median, region.before_std_mm.worst)

@@ -88,9 +88,8 @@ def still(scene: Scene3D, alt: str) -> Markup:
         parts.append(flat.line(posture.tool_line, f"{kind} tool"))
         parts.append(flat.line(posture.arm, kind))
         if selected:
-            for label in posture.labels:
-                parts.append(flat.dot(label.at, 4, "joint"))
-                parts.append(flat.text(label.at, label.text, 9, -7))
+            for at, text in posture.labels:
+                parts += [flat.dot(at, 4, "joint"), flat.text(at, text, 9, -7)]
     for target in scene.targets:
         parts += _target(target, scene.factor, flat)
     return Markup('<svg class="still" viewBox="0 0 {} {}" role="img" aria-label="{}">{}</svg>').format(

@@ -78,19 +78,10 @@ class Facts:
 
 @dataclass(frozen=True)
 class LegendEntry:
-    """What the mark of a status means."""
+    """The mark of a status with a word and what it means; or with names and a sentence about them."""
 
     status: str
     word: str
-    text: str
-
-
-@dataclass(frozen=True)
-class Reason:
-    """A sentence about the things of these names, headed by the mark of their status."""
-
-    names: str
-    status: str
     text: str
 
 
@@ -99,7 +90,7 @@ class Legend:
     """What the marks mean, then sentences that are headed by one."""
 
     entries: Sequence[LegendEntry]
-    reasons: Sequence[Reason]
+    reasons: Sequence[LegendEntry]
     kind: ClassVar[str] = "legend"
 
 
@@ -191,9 +182,18 @@ class Page:
         return chapters
 
 
-def table_of(caption: str, columns: Sequence[tuple[str, str]], rows: Sequence[Row]) -> Table:
-    """A table; each column is given by its head and `left` or `right`."""
-    return Table(caption, tuple(Column(*column) for column in columns), tuple(rows))
+Head = str | tuple[str, str]  # of a column, with `left` or `right` where it is not as usual
+
+
+def table_of(caption: str, columns: Sequence[Head], rows: Sequence[Row]) -> Table:
+    """A table; a column is stated by its head, with `left` or `right` where it is not as usual: names to the
+    left in the first column, numbers to the right in the others."""
+    usual = ["left", *["right"] * len(columns)]
+    pairs = [
+        (column, align) if isinstance(column, str) else column
+        for column, align in zip(columns, usual, strict=False)
+    ]
+    return Table(caption, tuple(Column(*pair) for pair in pairs), tuple(rows))
 
 
 def row_of(*cells: str | Cell, tone: str = "") -> Row:

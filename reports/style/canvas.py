@@ -111,6 +111,17 @@ def bare_y(axes: Axes) -> None:
     axes.spines["left"].set_visible(False)
 
 
+def beside(axes: Axes, x: float, y: float, words: str, **look: Any) -> None:
+    """Words to the right of a dot."""
+    settings: dict[str, Any] = {
+        "xytext": (7, 0),
+        "textcoords": "offset points",
+        "va": "center",
+        "fontsize": 9,
+    }
+    axes.annotate(words, (x, y), **(settings | look))
+
+
 def hatched(axes: Axes, y: float, words: str, *, half: float = 0.36, size: float = 9.0) -> None:
     """The hatched strip of what has no number, `y` ± `half`, with `words` that say so."""
     axes.axhspan(y - half, y + half, facecolor="none", edgecolor=light("line"), hatch="/////", linewidth=0)

@@ -81,7 +81,7 @@ def print_block(out: Console, block: blocks.Block) -> None:
         case blocks.Legend(reasons=reasons):
             # What the marks mean is said on the page.
             for entry in reasons:
-                mark = Text(f"{MARK[entry.status]} {entry.names} ", style=STYLE[entry.status])
+                mark = Text(f"{MARK[entry.status]} {entry.word} ", style=STYLE[entry.status])
                 out.print(mark + Text(entry.text))
         case blocks.Table():
             out.print(Text(block.caption, style="italic"))

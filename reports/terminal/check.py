@@ -18,7 +18,7 @@ from ...words.numbers import unit_of
 from ...words.observability import outlook_lines
 from ...words.verdict import VERDICT_WORDS, check_headline, check_notes
 from ...words.wording import ended, label, person, sentence
-from ..run.parameters import Judged, worth_column
+from ..run.parameters import ParameterRow, worth_column
 from ..run.unobservable import beside_tolerances, direction_words
 from ..style.console import VERDICT_STYLE, marked, note
 
@@ -76,7 +76,7 @@ def print_notes(console: Console, notes: Iterable[str]) -> None:
 
 
 def print_directions(
-    console: Console, directions: Sequence[NullDirection], parameters: Iterable[Judged]
+    console: Console, directions: Sequence[NullDirection], parameters: Iterable[ParameterRow]
 ) -> None:
     """What cannot be determined, why, and what to do."""
     geometry = {row.name for row in parameters if row.group == "geometry"}
