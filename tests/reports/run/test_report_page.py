@@ -102,7 +102,7 @@ def test_a_held_offset_says_where_and_why() -> None:
     own = section(good(), "Offsets")
     assert row_of(table(own), "J1 (δ1)") == ["J1 (δ1)", "held at 0°", "held", "—", "—"]
     (legend,) = [block for block in own.all if isinstance(block, Legend)]
-    reasons = {entry.names: entry.text for entry in legend.reasons}
+    reasons = {entry.word: entry.text for entry in legend.reasons}
     assert reasons["J1 (δ1):"].startswith("joint 1 defines the base frame")
 
 
