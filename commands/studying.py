@@ -72,7 +72,7 @@ def study_geometry(
     scheduler: Scheduler = None,
 ) -> None:
     """Coverage for arms that deviate from nominal geometry: taken as nominal against estimated."""
-    from ..experiments.studies.geometry.study import geometry_study
+    from ..experiments.studies.geometry import geometry_study
 
     store, within = _store(folder), asked_cluster(workers, scheduler)
     _study(folder, as_json, lambda tell: geometry_study(arms, seed, tell, store=store), store, within)

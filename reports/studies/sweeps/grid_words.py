@@ -8,8 +8,8 @@ from collections.abc import Collection, Iterable
 from typing import Literal
 
 from ....analysis.status import Verdict
-from ....experiments.studies.sweeps.case_settings import overlap
 from ....experiments.studies.sweeps.grid_answer import CaseParameter, GridAxis, GridCase, GridStudy, RunErrors
+from ....experiments.studies.sweeps.study_file import overlap
 from ....words import numbers
 from ....words.wording import clipped
 

@@ -12,7 +12,7 @@ from ....words.wording import clipped, label
 from ...style.canvas import WIDTH, Picture, new_figure, style, to_svg
 from ...style.palette import SHAPES, light
 from ...style.typeface import in_font
-from ..phrases import NOT_DETERMINED
+from ..study_blocks import NOT_DETERMINED
 from .grid_words import NO_PLAN, axis_title, by_place, place_name, standing, value_text
 from .marks import UNCERTAINTY, gap_handles, hatching, in_font_within, legend_above, write_gap
 

@@ -11,7 +11,7 @@ from ....words import numbers
 from ....words.wording import clipped
 from ...style.palette import light
 from ...style.typeface import in_font
-from ..phrases import NOT_DETERMINED
+from ..study_blocks import NOT_DETERMINED
 from .grid_words import NO_PLAN, rmse_interval, shown_unit, tolerance
 
 if TYPE_CHECKING:

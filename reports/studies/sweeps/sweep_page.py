@@ -36,8 +36,18 @@ from ...style.blocks import (
     table_of,
 )
 from ...style.canvas import Picture
-from ..phrases import LONGEST_NAME, NOT_DETERMINED, NOT_GIVEN, about_study, files_block, view_of
-from ..shares import BY_CHANCE, PlainRow, percent, share_text
+from ..study_blocks import (
+    BY_CHANCE,
+    LONGEST_NAME,
+    NOT_DETERMINED,
+    NOT_GIVEN,
+    PlainRow,
+    about_study,
+    files_block,
+    percent,
+    share_text,
+    view_of,
+)
 from .dots import dots_pictures
 from .grid_words import (
     STANDING,
@@ -62,7 +72,7 @@ _MOST_REASONS, _MOST_NAMED = 8, 4
 def sweep_page(study: GridStudy) -> Page:
     """The display strings of a study over settings."""
     over = listed([clipped(axis.label) for axis in study.axes])
-    settings = study.settings.stated()
+    settings = study.settings.as_in_file()
     facts = [(clipped(name, LONGEST_NAME), text) for name, text in _settings(study, settings)]
     sections = [
         section_of(
