@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -48,10 +48,11 @@ def name_rows(axes: Axes, names: Sequence[tuple[int, str]], size: float) -> None
 
 
 def head_rows(
-    axes: Axes, y: float, text: str, size: float, *, x: float = 0.0, pad: float | None = None
+    axes: Axes, y: float, text: str, size: float, *, x: float = 0.0, pad: float | None = None, **options: Any
 ) -> None:
     """Write the heading of some rows, `x` as a share of the width; with a `pad` on the ground's colour."""
-    ground = None if pad is None else {"facecolor": light("ground"), "edgecolor": "none", "pad": pad}
+    if pad is not None:
+        options["bbox"] = {"facecolor": light("ground"), "edgecolor": "none", "pad": pad}
     axes.text(
         x,
         y,
@@ -60,7 +61,7 @@ def head_rows(
         va="center_baseline",
         fontsize=size,
         fontweight="bold",
-        **({} if ground is None else {"bbox": ground}),
+        **options,
     )
 
 
