@@ -18,8 +18,7 @@ from .options import Camera, J3Origin, Json, NewRunFile, PlanFile, Seed
 
 if TYPE_CHECKING:
     from ..experiments.recording import Controller
-    from ..experiments.rigs.abb.access import Access
-    from ..experiments.rigs.abb.caution import Caution
+    from ..experiments.rigs.abb.access import Access, Caution
     from ..model.files.plan import Plan
 
 
@@ -247,9 +246,9 @@ def controller(
     """A simulated ABB IRC5 to learn and to test with: Robot Web Services and EGM. Ctrl-C ends it."""
     import threading
 
-    from ..experiments.controller.egm_server import PacketFaults
-    from ..experiments.controller.sensor_server import CellSensors
-    from ..experiments.controller.service import SimulatedController, own_plan
+    from ..controller.egm_server import PacketFaults
+    from ..controller.sensor_server import CellSensors
+    from ..controller.service import SimulatedController, own_plan
     from ..experiments.rigs.simulated.cell_file import Cell, read_cell
     from ..experiments.sensors.stand_in import stand_ins
     from ..model.files.plan import read_plan
@@ -299,7 +298,7 @@ def _access(host: str | None, port: int, user: str | None, password: str | None)
 
 def _caution(speed: float, egm_port: int, laser: str, confirm: Callable[[str], bool]) -> Caution:
     """`confirm` asks a person before the first motion."""
-    from ..experiments.rigs.abb.caution import Caution, Signal
+    from ..experiments.rigs.abb.access import Caution, Signal
 
     return Caution(confirm, speed, egm_port, Signal.stated(laser))
 
@@ -308,9 +307,9 @@ def _controller(
     opened: ExitStack, plan: Plan, access: Access, sensors: Path | None, sensor_port: int, caution: Caution
 ) -> Controller:
     """How the controller is reached, and which sensors belong to it: closed with `opened`."""
-    from ..experiments.controller.sensor_server import RemoteSensors
     from ..experiments.recording import Controller
     from ..experiments.sensors.attached import read_sensors
+    from ..experiments.sensors.interface import RemoteSensors
 
     if sensors is None:
         remote = RemoteSensors(access.address, sensor_port)

@@ -18,18 +18,17 @@ from ..model.files.robot_file import rebased
 from ..model.files.run import read_run
 from ..model.files.shot import Shot
 from ..model.kinematics.pendant import pendant_of
-from ..model.kinematics.robot import J3, PendantUnit
+from ..model.kinematics.robot import J3, PendantUnit, same_arm
 from ..words.findings import finding_sentence, headline
 from ..words.rehearsal import SIMULATED, true_values
 from ..words.verdict import violation_words
 from ..words.wording import listed, person
-from .corrected_arm import corrected_arm
+from .exporters.verification import offsets_to_enter
 from .plans.constraints import require_constraints, violations
 from .procedure.events import Begun, Ended, KnownOffset, Told
 from .procedure.order import Adaptive, Closing, InTurn, Order
 from .procedure.session import Carried, Procedure, recorded_event, told_by
-from .rigs.abb.access import Access
-from .rigs.abb.caution import Caution
+from .rigs.abb.access import Access, Caution
 from .rigs.abb.driver import AbbRig
 from .rigs.manual.lines import Lines
 from .rigs.manual.session import Manual
@@ -38,6 +37,60 @@ from .rigs.simulated.cell_file import Cell, read_cell
 from .rigs.simulated.simulator import SimulatedRig
 from .sensors.interface import Sensors
 from .simulate import Truth, simulated_shots
+
+
+@dataclass(frozen=True)
+class CorrectedArm:
+    """`values` are true values by parameter (deg, mm): the offsets less those that were entered, the tool and
+    the geometry as they were. `run` and `sha256` are of the run's file."""
+
+    run: str
+    sha256: str
+    values: Mapping[str, float]
+
+    def provenance(self) -> dict[str, str]:
+        """For the header of a run of this arm."""
+        return {"arm": self.run, "arm sha256": self.sha256}
+
+
+def corrected_arm(path: Path, plan: Plan, cell: Cell | None) -> CorrectedArm:
+    """The arm of the simulated run at `path`, for a plan of the same robot in the same cell.
+
+    BadInput for a run that is not simulated, of another robot, from another cell (which has the arm's
+    backlash, geometry and encoders), or that does not determine all its offsets: nothing would be entered.
+    """
+    run = read_run(path)
+    true = true_values(run.header.provenance)
+    if not true:
+        raise BadInput(
+            "the run is not simulated: what its arm truly is, nobody knows",
+            allowed="a run of zerobeam run --rig simulated",
+            remedy="run the plan on the robot",
+            file=path,
+            line=run.header_line,
+        )
+    if not same_arm(run.robot, plan.robot):
+        raise BadInput(
+            "the plan is for another robot than the run's",
+            found=f"the plan's {plan.robot.name}",
+            allowed=run.robot.name,
+            file=path,
+            line=run.header_line,
+        )
+    stated, given = run.header.provenance.get("cell sha256"), None if cell is None else cell.sha256
+    if stated != given:
+        raise BadInput(
+            "the arm of the run belongs to another cell",
+            found="no --cell" if given is None else f"a cell with SHA-256 {given[:12]}",
+            allowed="no --cell" if stated is None else f"the cell with SHA-256 {str(stated)[:12]}",
+            remedy="state the cell that the run was simulated in, and no other",
+            file=path,
+            line=run.header_line,
+        )
+    entered = offsets_to_enter(run)
+    values = {name: value - entered.get(name, 0.0) for name, value in true.items()}
+    return CorrectedArm(path.name, run.sha256, values)
+
 
 RigName = Literal["simulated", "replay", "abb", "manual"]
 

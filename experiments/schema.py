@@ -14,8 +14,7 @@ from ..model.files.shot import Shot
 from ..model.files.stated_plan.obstacles import Obstacles
 from ..model.files.stated_plan.plan_file import PlanFile
 from .rigs.simulated.cell_file import Cell
-from .sensors.counts import PsdCalibration
-from .sensors.sensors_file import SensorsFile
+from .sensors.sensors_file import PsdCalibration, SensorsFile
 from .studies.sweeps.study_file import StudyFile
 
 _MODELS: dict[str, type[BaseModel]] = {

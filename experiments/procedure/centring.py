@@ -15,8 +15,7 @@ import numpy as np
 from ...model.arrays import Matrix
 from ..sensors.psd import BRIGHTEST, LIT, Psd
 from .readings import Spot, read_spot
-from .refusal import MeasurementRefused, Reason
-from .rig import Rig
+from .rig import MeasurementRefused, Reason, Rig
 from .steering import Belief, come_to, step
 
 ENOUGH_MM = 0.005  # far below what the joints' own noise makes of the beam

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 from ...analysis.observability.geometry import GeometryResult
 from ...analysis.status import Status, Verdict, require_no_more_than
 from ...words.result_json import geometry_json
-from .refusal import Reason, RefusedPosture
+from .rig import Reason, RefusedPosture
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,7 @@ import numpy as np
 
 from ...model.arrays import Matrix
 from ..sensors.psd import Psd
-from .refusal import MeasurementRefused, Reason
-from .rig import Rig
+from .rig import MeasurementRefused, Reason, Rig
 
 _PATIENCE = 8  # readings of which most is lost before the link counts as down
 _BETWEEN = 0.25  # s, while waiting for it

@@ -18,8 +18,7 @@ from ..sensors.camera import Camera, Image
 from ..sensors.markers import NoPair, Pair, blobs, is_black, marker_pair, spot_between
 from ..sensors.psd import LIT, Psd
 from .readings import read_spot
-from .refusal import MeasurementRefused, Reason
-from .rig import Rig
+from .rig import MeasurementRefused, Reason, Rig
 from .steering import Belief, step
 
 _SAMPLES = 8

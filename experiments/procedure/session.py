@@ -7,7 +7,9 @@ stopped.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import base64
+import time
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Protocol
@@ -25,16 +27,107 @@ from ...model.files.shot import Shot
 from ...model.kinematics.pendant import beyond_limits
 from ...model.likelihood.parameters import Parameters
 from ...model.likelihood.problem import Problem
-from ..sensors.psd import WEAKEST
+from ..sensors.camera import Camera, Image
+from ..sensors.psd import WEAKEST, Psd
 from .centring import centre
-from .events import Attempted, GivenUp, PhaseBegun, Recorded, Retried, SpotSeen, Stopped, Told
+from .events import (
+    ArmSent,
+    Attempted,
+    GivenUp,
+    PhaseBegun,
+    PictureTaken,
+    Recorded,
+    Retried,
+    SpotSeen,
+    Stopped,
+    Told,
+)
 from .order import Order
 from .readings import Spot, read_dark, read_joints, read_spot
-from .refusal import MeasurementRefused, Reason, RefusedPosture
-from .rig import Rig
+from .rig import MeasurementRefused, Reason, RefusedPosture, Rig
 from .search import Search
 from .steering import Belief, come_to
-from .watched import WatchedRig
+
+_WIDEST = 320  # px of a picture that is told
+_BETWEEN_S = 0.25  # from one picture to the next
+
+
+class WatchedRig:
+    """The same rig. `belief` is what is believed during the measurement under way, to be set before each."""
+
+    def __init__(self, rig: Rig, told: Told) -> None:
+        self._rig, self._told = rig, told
+        self.psds: Mapping[str, Psd] = rig.psds
+        self.camera: Camera | None = rig.camera
+        self.steerable = rig.steerable
+        self.belief: Belief | None = None
+        self._shot, self._lit, self._taken = 0, False, -np.inf
+
+    def now(self) -> float:
+        return self._rig.now()
+
+    def wait(self, seconds: float) -> None:
+        self._rig.wait(seconds)
+
+    def begin(self, shot: int, target: str, last: Shot | None) -> None:
+        self._shot, self._lit = shot, False
+        self._rig.begin(shot, target, last)
+
+    def move(self, joints: Matrix) -> None:
+        if self.belief is not None:
+            self._told(arm_sent(self.belief, self._shot, joints, lit=self._lit))
+        self._rig.move(joints)
+
+    def joints(self) -> Matrix:
+        return self._rig.joints()
+
+    def currents(self, samples: int) -> Matrix:
+        return self._rig.currents(samples)
+
+    def image(self) -> Image:
+        seen = self._rig.image()
+        if time.monotonic() - self._taken >= _BETWEEN_S:
+            self._taken = time.monotonic()
+            self._told(picture_taken(self._shot, seen))
+        return seen
+
+    def laser(self, on: bool) -> None:
+        self._rig.laser(on)
+        self._lit = on
+
+    def stop(self) -> None:
+        self._rig.stop()
+
+
+def arm_sent(belief: Belief, shot: int, joints: Matrix, *, lit: bool) -> ArmSent:
+    """The event for an arm at `joints` (n,) rad or mm."""
+    (points,) = belief.call("skeleton", joints)
+    origin, direction = belief.beam(joints)
+    along = float((belief.target - origin) @ direction)
+    laser = belief.problem.tool.kind == "laser"
+    beam = [origin, origin + max(along, 0.0) * direction] if laser else [origin]
+    return ArmSent(
+        shot=shot,
+        joints_deg=_rounded(joints * belief.problem.robot.display, 6),
+        arm=tuple(_rounded(point, 2) for point in points.T),
+        beam=tuple(_rounded(point, 2) for point in beam),
+        target=_rounded(belief.target, 2),
+        lit=lit,
+    )
+
+
+def picture_taken(shot: int, image: Image) -> PictureTaken:
+    """The event for a picture (height, width), reduced so that the LEDs remain the brightest."""
+    by = -(-image.shape[1] // _WIDEST)
+    height, width = (size // by for size in image.shape)
+    blocks = image[: height * by, : width * by].reshape(height, by, width, by)
+    grey = np.ascontiguousarray(blocks.max(axis=(1, 3)), dtype=np.uint8)
+    return PictureTaken(shot, width, height, by, base64.b64encode(grey.tobytes()).decode())
+
+
+def _rounded(values: Matrix, digits: int) -> tuple[float, ...]:
+    return tuple((np.round(values, digits) + 0.0).tolist())
+
 
 PHASES = ("move", "search", "servo", "settle")
 ATTEMPTS = 3

@@ -11,8 +11,7 @@ from ...interruption import obey
 from ...model.arrays import Matrix
 from ...model.kinematics.pendant import beyond_limits
 from ...model.likelihood.problem import Problem
-from .refusal import MeasurementRefused, Reason
-from .rig import Rig
+from .rig import MeasurementRefused, Reason, Rig
 
 FROM_BELOW = 0.05  # deg (mm): more than the the backlash of sound gears
 _DAMPING = 1e-6  # of the largest eigenvalue: keeps a step across a singular direction short

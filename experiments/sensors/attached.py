@@ -14,13 +14,18 @@ from ...model.files.plan import Plan
 from ...model.files.reading import did_you_mean
 from ...model.kinematics.orientation import roll_pitch_yaw
 from ...model.kinematics.robot import shift
-from .amplifier import Amplifier
+from .amplifier import MOST_SAMPLES, REQUESTS, Amplifier, Sample, read_sample, sealed
 from .camera import Camera, Image
-from .counts import PsdCalibration, read_calibration
-from .line import MOST_SAMPLES, REQUESTS, Sample, read_sample, sealed
 from .pictures import open_camera
 from .psd import BRIGHTEST, PAIR_LIGHT, Psd
-from .sensors_file import CameraBeside, PsdBeside, SensorsFile, read_sensors_file
+from .sensors_file import (
+    CameraBeside,
+    PsdBeside,
+    PsdCalibration,
+    SensorsFile,
+    read_calibration,
+    read_sensors_file,
+)
 
 _BITS_A_BYTE = 10  # 8N1
 

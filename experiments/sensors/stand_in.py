@@ -17,9 +17,9 @@ import numpy as np
 
 from ...model.arrays import Matrix
 from ...model.files.whole_file import Closing
-from .counts import read_calibration
+from .amplifier import IDENTITY, LONGEST, MOST_SAMPLES, Sample, asked, read_sample, sealed
 from .interface import Sensors
-from .line import IDENTITY, LONGEST, MOST_SAMPLES, Sample, asked, read_sample, sealed
+from .sensors_file import read_calibration
 
 _POLL_S = 0.02
 

@@ -20,7 +20,7 @@ from ...model.files.plan import Plan
 from ...model.files.shot import Shot
 from ..procedure.events import Event
 from ..procedure.order import Adaptive, InTurn, Order
-from ..procedure.refusal import RefusedPosture
+from ..procedure.rig import RefusedPosture
 from ..procedure.session import Procedure
 from ..processes import side_by_side
 from ..rigs.simulated.cell_file import Cell

@@ -10,8 +10,7 @@ import pytest
 from zerobeam.analysis.status import versions
 from zerobeam.experiments import cluster as clusters
 from zerobeam.experiments import cluster_pieces
-from zerobeam.experiments.cluster import cluster
-from zerobeam.experiments.cluster_pieces import about
+from zerobeam.experiments.cluster import about, cluster
 from zerobeam.experiments.processes import AHEAD, side_by_side
 from zerobeam.experiments.studies.coverage import studied_plans
 from zerobeam.model.errors import BadInput, WorkersLost

@@ -7,7 +7,7 @@ from typing import Any
 
 from zerobeam.experiments.procedure import events
 from zerobeam.experiments.procedure.events import Event, event_json
-from zerobeam.experiments.procedure.refusal import Reason, RefusedPosture
+from zerobeam.experiments.procedure.rig import Reason, RefusedPosture
 
 Json = dict[str, Any]
 _KINDS: dict[str, Any] = {kind.event: kind for kind in Event.__subclasses__()}

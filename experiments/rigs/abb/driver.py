@@ -21,8 +21,7 @@ from ....model.files.plan import Plan
 from ....model.files.shot import Shot
 from ...sensors.camera import Image
 from ...sensors.interface import Sensors
-from .access import Access
-from .caution import Caution, require_six_axes
+from .access import Access, Caution, require_six_axes
 from .egm_client import Guidance
 from .rws_client import Session
 

@@ -25,10 +25,9 @@ from ....model.likelihood.problem import Problem
 from ...importers.typed import labelled, typed_joints
 from ...procedure.events import Asked, Doubted, GivenUp, Suspected, Told, Withdrawn
 from ...procedure.order import Order
-from ...procedure.refusal import Reason, RefusedPosture
-from ...procedure.session import Carried, recorded_event, told_by
+from ...procedure.rig import Reason, RefusedPosture
+from ...procedure.session import Carried, arm_sent, recorded_event, told_by
 from ...procedure.steering import Belief
-from ...procedure.watched import arm_sent
 from .doubts import Doubt, Judge
 from .lines import Lines
 

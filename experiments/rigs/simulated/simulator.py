@@ -20,10 +20,17 @@ from ....model.kinematics.pendant import beyond_limits
 from ...sensors.camera import Camera, Image
 from ...sensors.psd import Psd
 from .assembly import assemble, turned
-from .cell_file import Cell
-from .faults import CameraBlack, EncoderGlitch, Faults, LedOccluded, PsdDropout, Reflection, RobotStop
-from .photocurrents import SimulatedPsd, caught
-from .rendering import Scene, render
+from .cell_file import (
+    CameraBlack,
+    Cell,
+    EncoderGlitch,
+    Faults,
+    LedOccluded,
+    PsdDropout,
+    Reflection,
+    RobotStop,
+)
+from .sensing import Scene, SimulatedPsd, caught, render
 
 _LED_MM = 2.5
 _SWITCHING = 0.05  # s

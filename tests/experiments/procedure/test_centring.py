@@ -12,7 +12,7 @@ from scipy import stats
 from servo_shots import Start, plan, start
 
 from zerobeam.experiments.procedure import centring
-from zerobeam.experiments.procedure.refusal import MeasurementRefused, Reason
+from zerobeam.experiments.procedure.rig import MeasurementRefused, Reason
 from zerobeam.experiments.procedure.steering import FROM_BELOW, Belief
 from zerobeam.model.arrays import Matrix
 

@@ -10,8 +10,8 @@ import pytest
 from scipy import stats
 
 from zerobeam.experiments.procedure.readings import read_dark, read_joints, read_spot
-from zerobeam.experiments.procedure.refusal import MeasurementRefused, Reason
-from zerobeam.experiments.rigs.simulated.photocurrents import SimulatedPsd
+from zerobeam.experiments.procedure.rig import MeasurementRefused, Reason
+from zerobeam.experiments.rigs.simulated.sensing import SimulatedPsd
 from zerobeam.experiments.sensors.psd import Psd
 
 PSD = Psd(20.0, "duo-lateral", 200.0, 0.01, 2.0, np.zeros((2, 3)), None, 0.0)

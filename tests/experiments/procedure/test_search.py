@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from servo_shots import Start, start
 
-from zerobeam.experiments.procedure.refusal import MeasurementRefused, Reason
+from zerobeam.experiments.procedure.rig import MeasurementRefused, Reason
 from zerobeam.experiments.procedure.search import Search
 from zerobeam.experiments.sensors.markers import blobs
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from servo_shots import WatchedRig, plan, start
 
-from zerobeam.experiments.procedure.refusal import MeasurementRefused, Reason
+from zerobeam.experiments.procedure.rig import MeasurementRefused, Reason
 from zerobeam.experiments.procedure.steering import FROM_BELOW, Belief, come_to, step
 from zerobeam.model.arrays import Matrix
 

@@ -11,9 +11,8 @@ from cells import PROBE, good_plan
 
 from zerobeam.experiments.procedure.events import ArmSent, Event, PictureTaken, Recorded, SpotSeen
 from zerobeam.experiments.procedure.order import InTurn
-from zerobeam.experiments.procedure.session import Procedure
+from zerobeam.experiments.procedure.session import Procedure, arm_sent, picture_taken
 from zerobeam.experiments.procedure.steering import Belief
-from zerobeam.experiments.procedure.watched import arm_sent, picture_taken
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.experiments.studies.campaign import MemoryJournal

@@ -14,7 +14,7 @@ from cells import good_plan
 from zerobeam.experiments.procedure import session
 from zerobeam.experiments.procedure.order import InTurn
 from zerobeam.experiments.procedure.readings import read_dark, read_spot
-from zerobeam.experiments.procedure.refusal import Reason
+from zerobeam.experiments.procedure.rig import Reason
 from zerobeam.experiments.procedure.search import LIT
 from zerobeam.experiments.procedure.session import Carried, Procedure
 from zerobeam.experiments.rigs.simulated.cell_file import Cell

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from zerobeam.experiments.sensors.line import (
+from zerobeam.experiments.sensors.amplifier import (
     LONGEST,
     Sample,
     asked,

@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 
 from zerobeam.experiments.rigs.simulated import rendering
-from zerobeam.experiments.rigs.simulated.rendering import ELECTRONS, Scene, render
+from zerobeam.experiments.rigs.simulated.sensing import ELECTRONS, Scene, render
 from zerobeam.experiments.sensors import markers
 from zerobeam.experiments.sensors.camera import Camera
 from zerobeam.experiments.sensors.markers import (

@@ -13,10 +13,14 @@ import pytest
 from beside import CAMERA, MOUNT, calibration, psd, sensors, write
 from cells import good_plan, header, plan_of
 
+from zerobeam.experiments.sensors.amplifier import heard, sample_of
 from zerobeam.experiments.sensors.attached import read_sensors
-from zerobeam.experiments.sensors.counts import read_calibration
-from zerobeam.experiments.sensors.line import heard, sample_of
-from zerobeam.experiments.sensors.sensors_file import CameraBeside, PsdBeside, read_sensors_file
+from zerobeam.experiments.sensors.sensors_file import (
+    CameraBeside,
+    PsdBeside,
+    read_calibration,
+    read_sensors_file,
+)
 from zerobeam.experiments.sensors.stand_in import AmplifierStandIn
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput, RigFault

@@ -23,17 +23,27 @@ from cells import good_plan
 from command_line import plan_file, zerobeam
 from controllers import Watched, quick, unhurried
 
-from zerobeam.experiments.controller import irc5, resources
-from zerobeam.experiments.controller.egm_server import PacketFaults
-from zerobeam.experiments.controller.rapid_data import RapidData
-from zerobeam.experiments.controller.sensor_server import CellSensors
-from zerobeam.experiments.controller.service import SimulatedController
+from zerobeam.controller import irc5
+from zerobeam.controller import rws_server as resources
+from zerobeam.controller.egm_server import PacketFaults
+from zerobeam.controller.irc5 import RapidData
+from zerobeam.controller.sensor_server import CellSensors
+from zerobeam.controller.service import SimulatedController
 from zerobeam.experiments.procedure.order import InTurn
 from zerobeam.experiments.procedure.session import Procedure
 from zerobeam.experiments.rigs.abb import egm_client as abb_egm
 from zerobeam.experiments.rigs.abb import rws_client as abb_rws
-from zerobeam.experiments.rigs.abb.access import HOST, PASSWORD, SERVICE, USER, Access, Secret, find_access
-from zerobeam.experiments.rigs.abb.caution import Caution, Signal
+from zerobeam.experiments.rigs.abb.access import (
+    HOST,
+    PASSWORD,
+    SERVICE,
+    USER,
+    Access,
+    Caution,
+    Secret,
+    Signal,
+    find_access,
+)
 from zerobeam.experiments.rigs.abb.driver import MODULE, AbbRig
 from zerobeam.experiments.rigs.abb.egm_client import DEAD_MAN_S, Guidance, duration
 from zerobeam.experiments.rigs.abb.rws_client import Session

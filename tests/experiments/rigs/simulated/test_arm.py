@@ -11,7 +11,7 @@ from cells import irb1600
 from plain_model import MODIFIED, arm
 from scipy import stats
 
-from zerobeam.experiments.rigs.simulated.arm import SimulatedArm, geometry_errors
+from zerobeam.experiments.rigs.simulated.assembly import SimulatedArm, geometry_errors
 from zerobeam.model.kinematics.denavit_hartenberg import DHRow, dh_chain
 from zerobeam.model.kinematics.robot import Robot, rotation_about, shift
 

@@ -12,8 +12,7 @@ import pytest
 from cells import good_plan
 
 from zerobeam.experiments.procedure.steering import Belief
-from zerobeam.experiments.rigs.simulated.cell_file import Cell, read_cell
-from zerobeam.experiments.rigs.simulated.faults import FAULT_KINDS
+from zerobeam.experiments.rigs.simulated.cell_file import FAULT_KINDS, Cell, read_cell
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput, RigFault

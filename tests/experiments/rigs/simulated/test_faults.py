@@ -24,9 +24,9 @@ from zerobeam.analysis.diagnostics.displacement import displacement
 from zerobeam.experiments.procedure.events import Event
 from zerobeam.experiments.procedure.order import InTurn
 from zerobeam.experiments.procedure.session import Carried, Procedure
-from zerobeam.experiments.rigs.simulated.cell_file import Cell
-from zerobeam.experiments.rigs.simulated.faults import (
+from zerobeam.experiments.rigs.simulated.cell_file import (
     FAULT_KINDS,
+    Cell,
     EncoderGlitch,
     Faults,
     ProcessKilled,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from zerobeam.experiments.rigs.simulated.rendering import ELECTRONS, SLOPE, Scene, render
+from zerobeam.experiments.rigs.simulated.sensing import ELECTRONS, SLOPE, Scene, render
 from zerobeam.experiments.sensors.camera import Camera
 
 DARK: dict[str, Any] = {"exposure": 1.0, "ambient": 0.0, "noise": 0.0, "psf": 1.2}

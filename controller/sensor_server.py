@@ -1,22 +1,14 @@
 """The sensors of the simulated cell: what the PSD's amplifier and the camera see at the arm's real state.
 
-They are not the controller's, and a real cell has them elsewhere; they are here because the simulated beam
-does. In the same process `CellSensors` reads them, from another one `RemoteSensors` by TCP: one JSON object a
-line, each answered by one line.
-
-    {"ask": "sheets"} → {"psds": {NAME: {…}}, "camera": {…} or null}
-    {"ask": "currents", "target": NAME, "samples": N} → {"currents": [[x+, x-, y+, y-], …]}, null: lost
-    {"ask": "image", "target": NAME} → {"width": W, "height": H, "grey": base64, row by row}
-
-What cannot be answered is {"error": "…"}. Currents take N / rate seconds before they are answered, an image
-none. The fields of the sheets are those of `Psd` and `Camera` (mm, rad, pixels).
+They are not the controller's, and a real cell has them elsewhere; they are here because the simulated
+beam is. In the same process `CellSensors` reads them, from another one `RemoteSensors` by TCP (the protocol:
+experiments/sensors/interface.py).
 """
 
 from __future__ import annotations
 
 import base64
 import json
-import socket
 import time
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -25,17 +17,16 @@ from typing import Any
 
 import numpy as np
 
-from ...model.arrays import Matrix
-from ...model.errors import RigFault, ZerobeamError
-from ..rigs.simulated.simulator import SimulatedRig
-from ..sensors.camera import Camera, Image
-from ..sensors.psd import Psd
+from ..experiments.rigs.simulated.simulator import SimulatedRig
+from ..experiments.sensors.camera import Image
+from ..experiments.sensors.psd import Psd
+from ..model.arrays import Matrix
+from ..model.errors import ZerobeamError
 from .irc5 import Irc5
-from .unruffled import Unruffled
+from .rws_server import QuietServer
 
 _LONGEST_LINE = 1000
 _MOST_SAMPLES = 10_000
-_ANSWER_S = 5.0
 
 
 class CellSensors:
@@ -61,7 +52,7 @@ class CellSensors:
             return self._controller.cell.before(target)
 
 
-class SensorServer(Unruffled, ThreadingTCPServer):
+class SensorServer(QuietServer, ThreadingTCPServer):
     """Answers for the sensors of a controller's cell."""
 
     daemon_threads = True
@@ -89,43 +80,6 @@ class SensorServer(Unruffled, ThreadingTCPServer):
         return {"error": f"ask for sheets, currents or image, not {what}"}
 
 
-class RemoteSensors:
-    """The same sensors by TCP; RigFault where they do not answer."""
-
-    def __init__(self, host: str, port: int) -> None:
-        try:
-            self._socket = socket.create_connection((host, port), timeout=_ANSWER_S)
-        except OSError as error:
-            raise RigFault(f"no sensors at {host}, port {port}: {error.strerror or error}") from None
-        self._lines = self._socket.makefile("rwb")
-        sheets = self._ask(ask="sheets")
-        self.psds: Mapping[str, Psd] = {name: Psd(**_arrays(psd)) for name, psd in sheets["psds"].items()}
-        self.camera = None if sheets["camera"] is None else Camera(**_arrays(sheets["camera"]))
-
-    def currents(self, target: str, samples: int) -> Matrix:
-        return np.array(self._ask(ask="currents", target=target, samples=samples)["currents"], dtype=float)
-
-    def image(self, target: str) -> Image:
-        reply = self._ask(ask="image", target=target)
-        grey = np.frombuffer(base64.b64decode(reply["grey"]), dtype=np.uint8)
-        return grey.reshape(reply["height"], reply["width"])
-
-    def close(self) -> None:
-        self._lines.close()
-        self._socket.close()
-
-    def _ask(self, **what: Any) -> dict[str, Any]:
-        try:
-            self._lines.write(json.dumps(what).encode() + b"\n")
-            self._lines.flush()
-            reply = json.loads(self._lines.readline())
-        except (OSError, ValueError):
-            raise RigFault("the sensors do not answer: is the simulated controller still there?") from None
-        if "error" in reply:
-            raise RigFault(f"the sensors refuse: {reply['error']}")
-        return dict(reply)
-
-
 class _Handler(StreamRequestHandler):
     server: SensorServer
     disable_nagle_algorithm = True
@@ -140,8 +94,3 @@ class _Handler(StreamRequestHandler):
             except ZerobeamError as error:
                 reply = {"error": str(error)}
             self.wfile.write(json.dumps(reply, default=np.ndarray.tolist).encode() + b"\n")
-
-
-def _arrays(sheet: dict[str, Any]) -> dict[str, Any]:
-    """Vectors and matrices of a data sheet, as they were before they became JSON."""
-    return {key: np.array(value) if isinstance(value, list) else value for key, value in sheet.items()}
