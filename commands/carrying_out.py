@@ -18,7 +18,7 @@ from .options import Camera, J3Origin, Json, NewRunFile, PlanFile, Seed
 
 if TYPE_CHECKING:
     from ..experiments.recording import Controller
-    from ..experiments.rigs.abb.access import Access, Caution
+    from ..experiments.rigs.abb.access import Caution, ControllerAccess
     from ..model.files.plan import Plan
 
 
@@ -131,7 +131,7 @@ def run(
 ) -> None:
     """Carry a plan out: bring the beam to the target from each posture, record, identify."""
     from ..experiments.plans.constraints import require_constraints
-    from ..experiments.procedure.events import ConfirmationAsked, Event, event_json
+    from ..experiments.procedure.events import ConfirmationAsked, RunEvent, event_json
     from ..experiments.recording import Answers, RunRequest, record
     from ..experiments.rigs.manual.lines import TypedLines, WatchedLines
     from ..model.files.plan import read_plan
@@ -150,9 +150,9 @@ def run(
     planned = read_plan(plan)
     enough = tolerance if tolerance is not None else planned.header.tolerance.offset_deg
     with ExitStack() as opened:
-        seen: Callable[[Event], None] = led_view(err)
+        seen: Callable[[RunEvent], None] = led_view(err)
 
-        def told(event: Event) -> None:
+        def told(event: RunEvent) -> None:
             seen(event)
             if json_lines:
                 try:
@@ -286,7 +286,7 @@ def controller(
             raise typer.Exit(0) from None
 
 
-def _access(host: str | None, port: int, user: str | None, password: str | None) -> Access:
+def _access(host: str | None, port: int, user: str | None, password: str | None) -> ControllerAccess:
     import os
 
     from ..experiments.rigs.abb.access import find_access
@@ -300,11 +300,16 @@ def _caution(speed: float, egm_port: int, laser: str, confirm: Callable[[str], b
     """`confirm` asks a person before the first motion."""
     from ..experiments.rigs.abb.access import Caution, Signal
 
-    return Caution(confirm, speed, egm_port, Signal.stated(laser))
+    return Caution(confirm, speed, egm_port, Signal.parse(laser))
 
 
 def _controller(
-    opened: ExitStack, plan: Plan, access: Access, sensors: Path | None, sensor_port: int, caution: Caution
+    opened: ExitStack,
+    plan: Plan,
+    access: ControllerAccess,
+    sensors: Path | None,
+    sensor_port: int,
+    caution: Caution,
 ) -> Controller:
     """How the controller is reached, and which sensors belong to it: closed with `opened`."""
     from ..experiments.recording import Controller

@@ -200,12 +200,12 @@ class Drive:
         change = np.maximum(acceleration * step, 1e-300)  # a joint that has no way to go has none
         way = self.goal - self.at
         steps = np.sqrt(0.25 + 2 * np.abs(way) / (change * step)) - 0.5
-        wanted = np.sign(way) * np.minimum(np.minimum(speed, steps * change), np.abs(way) / step)
+        ideal = np.sign(way) * np.minimum(np.minimum(speed, steps * change), np.abs(way) / step)
         if held or self._resting:
-            wanted = np.zeros_like(way)
-        reached = np.abs(wanted - self._velocity) <= change
-        velocity = np.where(reached, wanted, self._velocity + np.sign(wanted - self._velocity) * change)
-        landed = reached & (wanted == way / step)
+            ideal = np.zeros_like(way)
+        reached = np.abs(ideal - self._velocity) <= change
+        velocity = np.where(reached, ideal, self._velocity + np.sign(ideal - self._velocity) * change)
+        landed = reached & (ideal == way / step)
         self.at = np.where(landed, self.goal, self.at + velocity * step)
         self._velocity = np.where(landed, 0.0, velocity)
 
@@ -315,16 +315,16 @@ class Irc5:
 
     # What a client asks for
 
-    def set_state(self, wanted: str) -> None:
+    def set_state(self, state: str) -> None:
         """Motors on or off."""
-        if wanted not in ("motoron", "motoroff"):
-            raise RequestRefused(INVALID_ARGUMENT, f"ctrl-state={wanted}")
+        if state not in ("motoron", "motoroff"):
+            raise RequestRefused(INVALID_ARGUMENT, f"ctrl-state={state}")
         self._require_automatic()
         if self.state == "emergencystop":
             raise RequestRefused(REJECTED, "emergency stop")
-        if wanted == "motoroff":
+        if state == "motoroff":
             self.running = False
-        self.state = "motoron" if wanted == "motoron" else "motoroff"
+        self.state = "motoron" if state == "motoron" else "motoroff"
 
     def set_speed_ratio(self, text: str) -> None:
         self._require_automatic()

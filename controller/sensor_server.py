@@ -60,15 +60,15 @@ class SensorServer(QuietServer, ThreadingTCPServer):
 
     def __init__(self, address: tuple[str, int], controller: Irc5) -> None:
         self._sensors = CellSensors(controller)
-        super().__init__(address, _Handler)
+        super().__init__(address, _SensorHandler)
 
-    def reply(self, asked: dict[str, Any]) -> dict[str, Any]:
-        sensors, what, target = self._sensors, asked.get("ask"), str(asked.get("target"))
+    def reply(self, request: dict[str, Any]) -> dict[str, Any]:
+        sensors, what, target = self._sensors, request.get("ask"), str(request.get("target"))
         if what == "sheets":
             camera = None if sensors.camera is None else asdict(sensors.camera)
             return {"psds": {name: asdict(psd) for name, psd in sensors.psds.items()}, "camera": camera}
         if what == "currents":
-            samples = asked.get("samples")
+            samples = request.get("samples")
             if not isinstance(samples, int) or not 1 <= samples <= _MOST_SAMPLES:
                 return {"error": f"samples: 1 to {_MOST_SAMPLES} are given at a time, not {samples}"}
             rows = sensors.currents(target, samples).tolist()
@@ -80,15 +80,17 @@ class SensorServer(QuietServer, ThreadingTCPServer):
         return {"error": f"ask for sheets, currents or image, not {what}"}
 
 
-class _Handler(StreamRequestHandler):
+class _SensorHandler(StreamRequestHandler):
     server: SensorServer
     disable_nagle_algorithm = True
 
     def handle(self) -> None:
         while line := self.rfile.readline(_LONGEST_LINE):
             try:
-                asked = json.loads(line)
-                reply = self.server.reply(asked) if isinstance(asked, dict) else {"error": "no JSON object"}
+                request = json.loads(line)
+                reply = (
+                    self.server.reply(request) if isinstance(request, dict) else {"error": "no JSON object"}
+                )
             except (ValueError, RecursionError):  # nested too deeply
                 reply = {"error": "no JSON"}
             except ZerobeamError as error:

@@ -85,29 +85,29 @@ def by_workers(
     to replace workers that have gone. WorkersLost where the scheduler has gone, or a piece ends every worker
     that takes it.
     """
-    given = _Given(client, traffic, require_alike, whole, pickle.dumps(work))
+    dispatch = _Dispatch(client, traffic, require_alike, whole, pickle.dumps(work))
     left = len(jobs) if isinstance(jobs, Sized) else None
     waiting = enumerate(jobs)
     try:
         while True:
             parcels: list[_Parcel] = []
-            for _ in range(given.wanted()):
-                if not (pieces := given.together(waiting, left)):
+            for _ in range(dispatch.missing_parcels()):
+                if not (pieces := dispatch.together(waiting, left)):
                     break
                 parcels.append(_Parcel(pieces))
                 left = None if left is None else left - len(pieces)
-            given.give(parcels)
-            if not given.under_way:
+            dispatch.give(parcels)
+            if not dispatch.under_way:
                 return
-            for number, sound, value in given.answers():
+            for number, sound, value in dispatch.answers():
                 if not sound:
                     raise value
                 yield number, value
     finally:
-        given.cancel()
+        dispatch.cancel()
 
 
-class _Given:
+class _Dispatch:
     """What the workers have at hand."""
 
     def __init__(
@@ -124,20 +124,20 @@ class _Given:
         self._done: SimpleQueue[tuple[_Parcel, Any]] = SimpleQueue()
         self._spent: deque[float] = deque(maxlen=200)  # seconds from giving a parcel to its answer
         self._piece_s: float | None = None  # that a piece takes a worker, on average
-        self._workers, self._counted, self._seen = 1, -_COUNT_S, time.monotonic()
+        self._workers, self._counted, self._worker_at = 1, -_COUNT_S, time.monotonic()
         # No other client of this scheduler has the same names.
         self._names = (f"zerobeam-{secrets.token_hex(8)}-{number}" for number in count())
 
-    def wanted(self) -> int:
+    def missing_parcels(self) -> int:
         """How many more parcels the workers should have."""
         now = time.monotonic()
         if now - self._counted > _COUNT_S:
-            self._counted, found = now, len(self._client.nthreads())
-            self._workers = max(found, 1)
+            self._counted, workers = now, len(self._client.nthreads())
+            self._workers = max(workers, 1)
             self._whole()
-            if found:
-                self._seen = now
-            elif now - self._seen > _NO_WORKER_S:
+            if workers:
+                self._worker_at = now
+            elif now - self._worker_at > _NO_WORKER_S:
                 raise WorkersLost(f"the scheduler has had no worker for {_NO_WORKER_S / 60:.0f} minutes")
         return min(AHEAD * self._workers, self._workers + _AT_HAND) - len(self.under_way)
 
@@ -145,8 +145,8 @@ class _Given:
         """The pieces of the next parcel; one until it is known how long they take."""
         most = 1
         if self._piece_s is not None:
-            wanted = max(_PARCEL_S, self._workers / PARCELS_A_SECOND)
-            most = min(max(int(wanted / max(self._piece_s, 1e-6)), 1), _PARCEL_PIECES)
+            missing_parcels = max(_PARCEL_S, self._workers / PARCELS_A_SECOND)
+            most = min(max(int(missing_parcels / max(self._piece_s, 1e-6)), 1), _PARCEL_PIECES)
         if left is not None:  # all workers end at about the same time
             most = min(most, -(-left // (2 * self._workers)))
         pieces: dict[int, bytes] = {}
@@ -162,7 +162,7 @@ class _Given:
         """Give these parcels to the workers."""
         if not parcels:
             return
-        contents = [pickle.dumps((about(1), self._work, [*own.pieces.values()])) for own in parcels]
+        contents = [pickle.dumps((about(1), self._work, [*parcel.pieces.values()])) for parcel in parcels]
         names = list(islice(self._names, len(parcels)))
         futures = self._client.map(_carried, contents, key=names, pure=False, retries=0, **where)
         for parcel, content, future in zip(parcels, contents, futures, strict=True):
@@ -187,8 +187,8 @@ class _Given:
                 ended.append(self._done.get_nowait())
         contents: dict[int, bytes] = {}
         with suppress(Exception):  # the scheduler may have gone
-            asked = {k: own for k, (parcel, own) in enumerate(ended) if parcel in self.under_way}
-            contents = self._client.gather(asked, errors="skip")
+            futures = {k: future for k, (parcel, future) in enumerate(ended) if parcel in self.under_way}
+            contents = self._client.gather(futures, errors="skip")
         for k, (parcel, future) in enumerate(ended):
             if parcel not in self.under_way:
                 continue  # another attempt was first
@@ -209,7 +209,7 @@ class _Given:
         answers = pickle.loads(content)
         if answers is None:
             self._refuse("a worker has other versions than this process")
-        if others := [own for own in parcel.futures if own is not future]:
+        if others := [each for each in parcel.futures if each is not future]:
             self._client.cancel(others, force=True)
         self.under_way.remove(parcel)
         self._traffic.pieces += len(answers)
@@ -258,7 +258,7 @@ class _Given:
         for parcel in self.under_way:
             if len(parcel.futures) == 1 and time.monotonic() - parcel.since > limit:
                 busy = {worker for worker, keys in self._client.processing().items() if keys}
-                if free := [own for own in self._client.nthreads() if own not in busy]:
+                if free := [worker for worker in self._client.nthreads() if worker not in busy]:
                     self.give([parcel], workers=free, allow_other_workers=False)
                     self._traffic.again += 1
 
@@ -336,8 +336,8 @@ def cluster(workers: int | None = None, scheduler: str | None = None) -> Iterato
         stack.enter_context(dask.config.set(_SETTINGS))
         stack.enter_context(_quiet())
         if scheduler is None:
-            place = tempfile.mkdtemp(prefix="zerobeam-dask-")
-            stack.callback(shutil.rmtree, place, ignore_errors=True)
+            folder = tempfile.mkdtemp(prefix="zerobeam-dask-")
+            stack.callback(shutil.rmtree, folder, ignore_errors=True)
             if hasattr(signal, "pthread_sigmask"):
                 resource_tracker.ensure_running()  # else its start would end the block of the next line
             with interruptions_put_off():  # their threads and processes must not hear Ctrl-C
@@ -347,7 +347,7 @@ def cluster(workers: int | None = None, scheduler: str | None = None) -> Iterato
                     processes=True,
                     dashboard_address="127.0.0.1:0",  # else a port that may be taken, for all to see
                     silence_logs=logging.CRITICAL,
-                    local_directory=place,
+                    local_directory=folder,
                     security=True,  # certificates for this cluster alone: nobody else can give it work
                 )
             stack.callback(_closed, local)
@@ -364,8 +364,8 @@ def _replace(local: Any, workers: int) -> None:
     """Start workers anew that Dask has given up, since they took long to start again or ended as they did."""
 
     async def replaced() -> None:
-        for name, own in list(local.workers.items()):
-            if own.status.name in ("failed", "closed"):
+        for name, worker in list(local.workers.items()):
+            if worker.status.name in ("failed", "closed"):
                 del local.workers[name]
         local.scale(workers)
 
@@ -398,12 +398,12 @@ def _client(distributed: Any, address: str | None, local: Any) -> Any:
 def _require_alike(client: Any) -> None:
     """BadInput where a worker would give other bytes than this process."""
 
-    for address, found in client.run(_about, on_error="return").items():
-        if isinstance(found, ImportError):
-            found = {"missing": str(found)}
-        elif isinstance(found, Exception):
+    for address, facts in client.run(_about, on_error="return").items():
+        if isinstance(facts, ImportError):
+            facts = {"missing": str(facts)}
+        elif isinstance(facts, Exception):
             continue  # it has just gone
-        differs = _difference(found)
+        differs = _difference(facts)
         if differs is not None:
             raise BadInput(
                 "a worker of this cluster cannot be used: it would not give the same answer",
@@ -419,21 +419,21 @@ def _about(dask_worker: Any) -> dict[str, Any]:
     return about(dask_worker.state.nthreads)
 
 
-def _difference(found: dict[str, Any]) -> str | None:
-    if "missing" in found:
-        return f"zerobeam cannot be loaded ({found['missing']})"
-    own = versions()
+def _difference(facts: dict[str, Any]) -> str | None:
+    if "missing" in facts:
+        return f"zerobeam cannot be loaded ({facts['missing']})"
+    installed = versions()
     differing = [
-        f"{name} {found['versions'].get(name, 'is missing')}, here {at}"
-        for name, at in own.items()
-        if found["versions"].get(name) != at
+        f"{name} {facts['versions'].get(name, 'is missing')}, here {at}"
+        for name, at in installed.items()
+        if facts["versions"].get(name) != at
     ]
     if differing:
         return "; ".join(differing)
-    if found["source"] != source_hash():
-        theirs, ours = found["source"][:12], source_hash()[:12]
-        return f"zerobeam {own['zerobeam']} with other sources ({theirs}, here {ours})"
-    return None if found["threads"] == 1 else f"{found['threads']} threads"
+    if facts["source"] != source_hash():
+        theirs, ours = facts["source"][:12], source_hash()[:12]
+        return f"zerobeam {installed['zerobeam']} with other sources ({theirs}, here {ours})"
+    return None if facts["threads"] == 1 else f"{facts['threads']} threads"
 
 
 def _closed(closing: Any) -> None:

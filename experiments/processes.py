@@ -47,8 +47,8 @@ def on_cluster(work: Callable[[Job], Answer], jobs: Sequence[Job]) -> Iterable[A
     other. For what takes no longer than processes take to start."""
     if _engine.get() is None:
         return map(work, jobs)
-    with closing(side_by_side(work, jobs)) as found:
-        answers = dict(found)
+    with closing(side_by_side(work, jobs)) as results:
+        answers = dict(results)
     return [answers[number] for number in range(len(jobs))]
 
 

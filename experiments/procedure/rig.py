@@ -13,7 +13,7 @@ from ..sensors.camera import Camera, Image
 from ..sensors.psd import Psd
 
 
-class Reason(StrEnum):
+class RefusalReason(StrEnum):
     """What can keep a measurement from being recorded."""
 
     OUT_OF_VIEW = "marker out of view"
@@ -34,10 +34,10 @@ class Reason(StrEnum):
 class MeasurementRefused(Exception):
     """A measurement cannot be made from here; the next attempt, or the next posture, may do better."""
 
-    def __init__(self, reason: Reason, found: str) -> None:
+    def __init__(self, reason: RefusalReason, why: str) -> None:
         self.reason = reason
-        self.found = found
-        super().__init__(f"{reason}: {found}")
+        self.why = why
+        super().__init__(f"{reason}: {why}")
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class RefusedPosture:
     """A posture from which no measurement was recorded, and why."""
 
     shot: int
-    reason: Reason
+    reason: RefusalReason
     found: str
 
 

@@ -33,11 +33,11 @@ MOST_SAMPLES = 10_000  # in one request
 
 IDENTITY = b"I\n"
 _DATA = re.compile(r"D (\d{1,5}) (\d{1,5})" + r" (-?\d{1,8})" * 4)
-_ASKED = re.compile(rb"R (\d{1,5}) (\d{1,5})")
+_REQUEST = re.compile(rb"R (\d{1,5}) (\d{1,5})")
 
 
 @dataclass(frozen=True)
-class Sample:
+class PsdSample:
     """Sample `index` of a request: counts in the order x+, x-, y+, y-."""
 
     request: int
@@ -45,13 +45,13 @@ class Sample:
     counts: tuple[int, ...]
 
 
-def sealed(body: str) -> bytes:
+def with_checksum(body: str) -> bytes:
     """A line of the amplifier."""
     checksum = binascii.crc_hqx(body.encode("ascii"), 0xFFFF)
     return f"{body}*{checksum:04X}\n".encode("ascii")
 
 
-def heard(line: bytes) -> str | None:
+def verified_body(line: bytes) -> str | None:
     """What a line of the amplifier says, its end (LF, or CR LF) left out; None if it is torn or changed."""
     body, asterisk, digits = line.rstrip(b"\r\n").rpartition(b"*")
     if not asterisk or re.fullmatch(rb"[0-9A-Fa-f]{4}", digits) is None:
@@ -61,29 +61,29 @@ def heard(line: bytes) -> str | None:
     return body.decode("ascii") if body.isascii() else None
 
 
-def sample_of(body: str) -> Sample | None:
+def parse_sample(body: str) -> PsdSample | None:
     """The sample of a line; None for another line, and for one with a number too many or too few."""
     data = _DATA.fullmatch(body)
     if data is None:
         return None
     request, index, *counts = (int(number) for number in data.groups())
-    return Sample(request, index, tuple(counts))
+    return PsdSample(request, index, tuple(counts))
 
 
-def read_sample(sample: Sample) -> str:
+def sample_line(sample: PsdSample) -> str:
     """The line of a sample, without its checksum."""
     return f"D {sample.request} {sample.index} {' '.join(str(count) for count in sample.counts)}"
 
 
-def asking(request: int, samples: int) -> bytes:
+def request_line(request: int, samples: int) -> bytes:
     """The computer's request for so many samples."""
     return f"R {request} {samples}\n".encode("ascii")
 
 
-def asked(line: bytes) -> tuple[int, int] | None:
+def parse_request(line: bytes) -> tuple[int, int] | None:
     """Request and number of samples that a line of the computer asks for; None for another line."""
-    found = _ASKED.fullmatch(line.rstrip(b"\r\n"))
-    return None if found is None else (int(found[1]), int(found[2]))
+    match = _REQUEST.fullmatch(line.rstrip(b"\r\n"))
+    return None if match is None else (int(match[1]), int(match[2]))
 
 
 T = TypeVar("T")
@@ -121,10 +121,10 @@ class Amplifier:
     def counts(self, samples: int, rate: float) -> Matrix:
         """(samples, 4) counts, taken from now on at `rate` Hz; NaN in the row of one that did not arrive."""
         self._request = (self._request + 1) % REQUESTS
-        self._send(asking(self._request, samples))
+        self._send(request_line(self._request, samples))
         rows = np.full((samples, 4), np.nan)
         for body in self._bodies(samples / rate + _GRACE_S):
-            sample = sample_of(body)
+            sample = parse_sample(body)
             # What an earlier request is still answered is older than the motion before this one.
             if sample is None or sample.request != self._request or sample.index >= samples:
                 continue
@@ -158,7 +158,7 @@ class Amplifier:
             *lines, self._rest = self._rest.split(b"\n")
             self._rest = self._rest[-LONGEST:]
             for line in lines:
-                body = heard(line)
+                body = verified_body(line)
                 if body is not None:
                     yield body
 

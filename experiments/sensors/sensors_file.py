@@ -170,11 +170,11 @@ class CameraBeside(FileModel):
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:
-        stated = [source for source in _SOURCES if getattr(self, source) is not None]
-        if len(stated) != 1:
+        sources = [source for source in _SOURCES if getattr(self, source) is not None]
+        if len(sources) != 1:
             raise refusal(
                 "where the camera's pictures come from is not clear",
-                found=" and ".join(stated) or "none of them",
+                found=" and ".join(sources) or "none of them",
                 allowed=f"one of {', '.join(_SOURCES)}",
             )
         for i, focal in enumerate(self.focal_px):

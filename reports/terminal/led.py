@@ -8,14 +8,14 @@ from rich.console import Console
 from rich.text import Text
 
 from ...experiments.procedure.events import (
-    Asked,
-    Begun,
     Doubted,
-    Event,
     GivenUp,
-    Recorded,
+    Listener,
+    MeasurementRecorded,
+    PostureRequested,
+    RunEvent,
+    RunOpened,
     Suspected,
-    Told,
     Withdrawn,
 )
 from ...words import numbers
@@ -25,16 +25,16 @@ _DIGITS = {"rad": 4, "pulse": 0}  # decimals; of degrees and millimetres 2
 _ANSWERS = {"yes": "'yes' records it all the same", "rad": "'rad' takes them as radians"}
 
 
-def led_view(console: Console) -> Told:
+def led_view(console: Console) -> Listener:
     """Takes the events of a run by hand and prints them, line by line."""
     before: Mapping[str, float | None] = {}
 
-    def hear(event: Event) -> None:
+    def hear(event: RunEvent) -> None:
         nonlocal before
         match event:
-            case Begun():
+            case RunOpened():
                 _say(console, _begun(event))
-            case Asked():
+            case PostureRequested():
                 console.print()
                 _say(console, _asked(event), "bold")
                 _say(console, _joints(event.pendant))
@@ -42,7 +42,7 @@ def led_view(console: Console) -> Told:
                 _say(console, sentence(event.found))
             case Doubted():
                 _say(console, f"! Not recorded: {ended(shown(event.found))}{_choices(event)}", "yellow")
-            case Recorded():
+            case MeasurementRecorded():
                 _say(
                     console,
                     f"Measurement {event.shot} is recorded, {counted(event.recorded, 'measurement')}.",
@@ -67,7 +67,7 @@ def _say(console: Console, text: str, style: str = "") -> None:
     console.print(Text(text, style=style), soft_wrap=True)
 
 
-def _begun(event: Begun) -> str:
+def _begun(event: RunOpened) -> str:
     done = len(event.recorded)
     so_far = f" {counted(done, 'measurement')} recorded already." if done else ""
     return (
@@ -75,7 +75,7 @@ def _begun(event: Begun) -> str:
     )
 
 
-def _asked(event: Asked) -> str:
+def _asked(event: PostureRequested) -> str:
     again = ", closing" if event.shot >= event.postures else ""
     of = f"{event.done + 1} of {event.postures}" if not again else f"{event.done + 1}"
     return (

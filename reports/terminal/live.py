@@ -15,15 +15,15 @@ from rich.text import Text
 
 from ...experiments.procedure.events import (
     Attempted,
-    Begun,
-    Event,
     GivenUp,
+    Listener,
+    MeasurementRecorded,
     PhaseBegun,
-    Recorded,
     Retried,
+    RunEvent,
+    RunOpened,
     SpotSeen,
     Stopped,
-    Told,
 )
 from ...words import numbers
 from ...words.wording import clipped, label, sentence, shown
@@ -38,7 +38,7 @@ _CLOCK = {"simulated": "simulated", "replay": "as recorded"}
 
 
 @contextmanager
-def live_view(console: Console) -> Iterator[Told]:
+def live_view(console: Console) -> Iterator[Listener]:
     """Takes the events of a run (docs/files.md) and shows its progress; nothing remains on the screen.
 
     Nothing is written where `console` is no terminal on which a line can be drawn anew.
@@ -48,7 +48,7 @@ def live_view(console: Console) -> Iterator[Told]:
         return
     now = UnderWay()
 
-    def hear(event: Event) -> None:
+    def hear(event: RunEvent) -> None:
         nonlocal now
         now = now.after(event)
 
@@ -87,14 +87,14 @@ class UnderWay:
     consistent: bool = True
     trouble: str = ""
 
-    def after(self, event: Event) -> UnderWay:
+    def after(self, event: RunEvent) -> UnderWay:
         """The same run after one more event; the last one changes nothing."""
         now = self
         match event:
-            case Attempted() | PhaseBegun() | SpotSeen() | Recorded():
+            case Attempted() | PhaseBegun() | SpotSeen() | MeasurementRecorded():
                 now = self if event.time_s is None else replace(self, time_s=event.time_s)
         match event:
-            case Begun():
+            case RunOpened():
                 return replace(
                     now,
                     file=event.file,
@@ -115,7 +115,7 @@ class UnderWay:
             case GivenUp(shot, reason, found):
                 trouble = f"measurement {shot} given up ({reason}): {found}"
                 return replace(now, shot=None, refused=now.refused + 1, trouble=trouble)
-            case Recorded():
+            case MeasurementRecorded():
                 return replace(
                     now,
                     shot=None,

@@ -38,7 +38,7 @@ class Secret:
 
 
 @dataclass(frozen=True)
-class Access:
+class ControllerAccess:
     """`address` is the IPv4 address that `host` was resolved to, once: nothing else is ever talked to."""
 
     address: str
@@ -68,7 +68,7 @@ def find_access(
     port: int = 80,
     user: str | None = None,
     password: str | None = None,
-) -> Access:
+) -> ControllerAccess:
     """From what was stated, else the environment, else (the password) the keyring; BadInput without."""
     host = host or environment.get(HOST)
     if not host:
@@ -78,10 +78,10 @@ def find_access(
     if not 0 < port < 65536:
         raise BadInput("--port is a TCP port", found=port, allowed="1 to 65535")
     user = user or environment.get(USER) or _USER
-    stated = password or environment.get(PASSWORD)
-    if not stated:
-        stated, why = _from_keyring(user)
-        if not stated:
+    secret = password or environment.get(PASSWORD)
+    if not secret:
+        secret, why = _from_keyring(user)
+        if not secret:
             raise BadInput(
                 "the controller asks for a password, and none is stated",
                 found=f"{PASSWORD} is not set; {why}",
@@ -93,7 +93,7 @@ def find_access(
         raise BadInput(
             "the controller's host name has no IPv4 address", remedy="state its address: --host 192.168.125.1"
         ) from None
-    return Access(str(address), port, user, Secret(stated))
+    return ControllerAccess(str(address), port, user, Secret(secret))
 
 
 def _from_keyring(user: str) -> tuple[str | None, str]:
@@ -131,7 +131,7 @@ class Signal:
             )
 
     @classmethod
-    def stated(cls, text: str) -> Signal:
+    def parse(cls, text: str) -> Signal:
         """From NETWORK/UNIT/NAME."""
         network, _, rest = text.partition("/")
         unit, _, name = rest.partition("/")

@@ -82,7 +82,7 @@ class Doubt:
     """What speaks against a reading, and in a sentence. A `limit` cannot be overruled."""
 
     kind: Kind
-    found: str
+    sentence: str
 
 
 class Judge:
@@ -136,11 +136,11 @@ class Judge:
         i = int(outside[0])
         limit, unit = nearest_limit(robot, joints / robot.display, i), robot.joints[i].unit
         counting = limit.counting and f" ({limit.counting})"
-        said = (
+        sentence = (
             f"joint {i + 1} is at {limit.value:.6g} {unit}{counting}, beyond its limits {limit.lower:.6g} to"
             f" {limit.upper:.6g}"
         )
-        return Doubt("limit", said)
+        return Doubt("limit", sentence)
 
     def _repeated(self, joints: Matrix, shots: Sequence[Shot]) -> Doubt | None:
         for shot in shots:
@@ -158,25 +158,25 @@ class Judge:
         unit = self._plan.robot.joints[i].unit
         at = float(self._pendant.counted(joints)[i])
         planned = float(self._pendant.counted(self._planned[number % len(self._planned)])[i])
-        said = f"joint {i + 1} is at {at:.6g} {unit} and the plan has {planned:.6g}"
-        return Doubt("far", said)
+        sentence = f"joint {i + 1} is at {at:.6g} {unit} and the plan has {planned:.6g}"
+        return Doubt("far", sentence)
 
     def _beyond_aiming(self, number: int, joints: Matrix) -> Doubt | None:
         """Whether a joint that aims has turned farther than that needs."""
         if self._aiming is None:
             return None
-        place = number % len(self._planned)
-        lower, upper = self._aiming.bounds(place, joints)
+        posture = number % len(self._planned)
+        lower, upper = self._aiming.bounds(posture, joints)
         excess = np.where(self._aiming.joints, np.maximum(lower - joints, joints - upper), -np.inf)
         i = int(np.argmax(excess))
         if excess[i] <= 0:
             return None
         unit = self._plan.robot.joints[i].unit
         # What the pendant counts joint 3 with (joint 2) is the same at both ends.
-        at, planned = (float(self._pendant.counted(row)[i]) for row in (joints, self._planned[place]))
+        at, planned = (float(self._pendant.counted(row)[i]) for row in (joints, self._planned[posture]))
         low, high = (float(end[i] + at - joints[i]) for end in (lower, upper))
-        said = (
+        sentence = (
             f"joint {i + 1} is at {at:.6g} {unit} and the plan has {planned:.6g}: to aim the laser it"
             f" would be at {low:.0f} to {high:.0f} {unit}"
         )
-        return Doubt("far", said)
+        return Doubt("far", sentence)

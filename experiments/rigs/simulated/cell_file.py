@@ -136,13 +136,13 @@ def _of_a_kind(value: object) -> object:
             remedy=did_you_mean(str(kind), FAULT_KINDS),
         )
     for key in value:
-        if key not in (own := _FAULTS[kind].model_fields):
+        if key not in (keys := _FAULTS[kind].model_fields):
             raise refusal(
                 f"unknown key {key!r} of a {kind}",
                 key=(key,),
                 found=f"{key}: {shown(value[key])}",
-                allowed=", ".join(own),
-                remedy=did_you_mean(key, own) or "remove it",
+                allowed=", ".join(keys),
+                remedy=did_you_mean(key, keys) or "remove it",
             )
     return value
 
@@ -397,7 +397,7 @@ class Cell(SourcedModel):
         """Pose of the PSD that is this target."""
         return self.psd.placed.get(target, PlacedPsd())
 
-    def own_robot(self) -> Robot | None:
+    def named_robot(self) -> Robot | None:
         """The robot that the file names, a path taken relative to the file."""
         if self.robot is None:
             return None

@@ -116,7 +116,7 @@ _METRE = 1000.0
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class PictureScene:
     """Lights before a camera.
 
     `points` (K, 3) mm in the camera frame, `brightness` (K,) the sum of grey values that each one makes at
@@ -130,7 +130,7 @@ class Scene:
 
 def render(
     camera: Camera,
-    scene: Scene,
+    scene: PictureScene,
     *,
     exposure: float,
     ambient: float,

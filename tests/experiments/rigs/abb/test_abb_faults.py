@@ -25,7 +25,7 @@ from run_events import as_json
 from zerobeam.controller.egm_server import PacketFaults
 from zerobeam.controller.sensor_server import CellSensors
 from zerobeam.controller.service import SimulatedController
-from zerobeam.experiments.procedure.events import Event
+from zerobeam.experiments.procedure.events import RunEvent
 from zerobeam.experiments.recording import Controller, RunRequest, record
 from zerobeam.experiments.rigs.abb import rws_client as abb_rws
 from zerobeam.experiments.rigs.abb.access import PASSWORD, Caution, find_access
@@ -106,7 +106,7 @@ class Session:
             self.stopped = str(fault)
         return self
 
-    def told(self, happened: Event) -> None:
+    def told(self, happened: RunEvent) -> None:
         event = as_json(happened)
         self.shot = event.get("shot", self.shot)
         self.phase = event.get("phase", self.phase)

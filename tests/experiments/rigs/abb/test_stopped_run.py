@@ -20,7 +20,7 @@ from controllers import UNLIMITED, Client, Watched, quick, unhurried
 
 from zerobeam.controller.sensor_server import CellSensors
 from zerobeam.controller.service import SimulatedController
-from zerobeam.experiments.procedure.events import Event, SpotSeen
+from zerobeam.experiments.procedure.events import RunEvent, SpotSeen
 from zerobeam.experiments.procedure.order import InTurn
 from zerobeam.experiments.procedure.session import Procedure
 from zerobeam.experiments.rigs.abb.access import PASSWORD, Caution, find_access
@@ -116,7 +116,7 @@ def test_a_request_that_is_lost_is_heard_before_the_next_step(
     unhurried(monkeypatch)
     goals, steps = begun_after(monkeypatch), []
 
-    def told(event: Event) -> None:
+    def told(event: RunEvent) -> None:
         if isinstance(event, SpotSeen):
             steps.append(event.off_mm)
             if len(steps) == 2:
