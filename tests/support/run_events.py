@@ -24,7 +24,7 @@ def event_of(content: Json) -> RunEvent:
     if "reason" in stated:
         stated["reason"] = RefusalReason(stated["reason"])
     if content["event"] == events.Ended.event:
-        stated["said"] = stated["headline"]
+        stated["person_headline"] = stated["headline"]
         stated["parameters"] = tuple(events.KnownOffset(**row) for row in stated["parameters"])
         stated["refused"] = tuple(
             RefusedPosture(**{**row, "reason": RefusalReason(row["reason"])}) for row in stated["refused"]
