@@ -55,7 +55,7 @@ def test_short_pieces_travel_together(one_worker):
 
 
 def test_a_parcel_is_of_so_many_seconds_and_bytes(monkeypatch):
-    given = clusters._Given(None, clusters.Traffic(), lambda client: None, bool, b"")
+    given = clusters._Dispatch(None, clusters.Traffic(), lambda client: None, bool, b"")
     assert len(given.together(enumerate(range(100)), None)) == 1  # nobody knows yet how long they take
     given._piece_s = 0.1
     assert len(given.together(enumerate(range(100)), None)) == 10

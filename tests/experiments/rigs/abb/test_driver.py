@@ -298,7 +298,7 @@ def test_other_motion_tasks_are_refused(
     """MultiMove: the library would deactivate them without a word."""
     told = resources._states_of
 
-    def two(there: irc5.Irc5, asked: resources.Asked) -> tuple[resources.State, ...]:
+    def two(there: irc5.Irc5, asked: resources.RwsRequest) -> tuple[resources.ResourceState, ...]:
         states = told(there, asked)
         if asked.path != "rw/rapid/tasks":
             return states
