@@ -32,7 +32,7 @@ from zerobeam.analysis.estimation.fit import fit_likelihood, fit_rows, start_at
 from zerobeam.analysis.solution import Solution, judge
 from zerobeam.model.kinematics.robot import DHRow, Joint, Robot, dh_chain
 from zerobeam.model.likelihood.density import Density
-from zerobeam.words.findings import accuracy_reason
+from zerobeam.words.findings import accuracy_reason, tcp_words
 
 CHANCE = 1e-3  # of a test that is right to fail: two sides together
 
