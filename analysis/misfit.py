@@ -15,7 +15,7 @@ cannot vanish into a noise that is estimated from the very residuals that it cau
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -122,6 +122,15 @@ class Misfit:
     def __post_init__(self) -> None:
         if not self.criteria:
             raise UnsoundResult("a misfit by no criterion")
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """P-values adjusted for being the least of so many (Holm, Scand. J. Statist. 6, 1979)."""
+    raised, adjusted = 0.0, [0.0] * len(p_values)
+    for k, i in enumerate(sorted(range(len(p_values)), key=p_values.__getitem__)):
+        raised = max(raised, min(1.0, (len(p_values) - k) * p_values[i]))
+        adjusted[i] = raised
+    return adjusted
 
 
 def misfit_of(fit: LikelihoodFit, identified: Identified) -> Misfit | None:

@@ -6,6 +6,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from ..analysis.answer.document import ResultDocument
 from ..model.errors import BadInput
 from ..model.files.header import RUN_SCHEMA, Header
 from ..model.files.reading import did_you_mean
@@ -29,6 +30,7 @@ _MODELS: dict[str, type[BaseModel]] = {
     "sensors": SensorsFile,
     "psd-calibration": PsdCalibration,
     "study-file": StudyFile,
+    "result": ResultDocument,
 }
 SCHEMA_NAMES = tuple(_MODELS)
 

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from ...model.arrays import Index, Matrix
 from ..estimation.fit import LikelihoodFit
-from ..holm import holm
-from ..solution import Solution
+from ..misfit import holm
 from .effective import CHANCE, LARGE, correlation, equalised, lags, rho_of
 from .recordings import Recording, covariance, drawn, drawn_by_covariance, recordings, traces, white_times
 
@@ -75,9 +74,9 @@ class Runs(NamedTuple):
     determined: NDArray[np.bool_]
 
 
-def steps(solution: Solution, rival: Matrix | None = None) -> Steps:
+def steps(fit: LikelihoodFit, rival: Matrix | None = None) -> Steps:
     """The significant steps inside the recordings at the mode; `rival` as of `recordings`."""
-    found, count = all_steps(solution.fit, rival) if solution.converged else ([], 0)
+    found, count = all_steps(fit, rival) if fit.converged else ([], 0)
     rows = tuple(sorted((step for step in found if step.p_value < CHANCE), key=lambda step: step.p_value))
     return Steps(rows, len(found), count)
 

@@ -11,10 +11,9 @@ from ...model.errors import BadInput
 from ...model.files.header import Header
 from ...model.files.run import Run
 from ...model.likelihood.problem import Problem
-from ..findings import FileWarning, OtherBasins, moved_target
-from ..optima import undecided_names
-from ..solution import Solution, require_noise_data
-from ..solved import solved
+from ..answer.findings import FileWarning, OtherBasins, moved_target
+from ..ladder import solve_run
+from ..solution import Solution, require_noise_data, undecided_names
 from .prior_free import without_prior
 from .repeat import Repeat, RunFinding, SharedDistances, SharedTolerances
 
@@ -61,7 +60,7 @@ def unfitted(run: Run, problem: Problem, name: str) -> Repeat:
 
 def fitted(repeat: Repeat, problem: Problem, header: Header, seed: int) -> Repeat:
     """The same run with what its measurements say, each number without any prior."""
-    solution = solved(problem, header, seed=seed).solution
+    solution = solve_run(problem, header, seed=seed)
     problem = solution.problem
     if not solution.converged:
         return replace(repeat, failure=solution.fit.reason)
@@ -97,7 +96,7 @@ def _on_the_fit(solution: Solution) -> Iterator[RunFinding]:
     if (moved := moved_target(solution)) is not None:
         yield moved
     if solution.fit.other_basins:
-        undecided = undecided_names(solution.identified.facts.null_space)
+        undecided = undecided_names(solution.null_space)
         yield OtherBasins(solution.fit.other_basins, undecided)
     if solution.problem.distances:
         yield SharedDistances()

@@ -22,7 +22,7 @@ from ..style.blocks import FigureBlock, Legend, Paragraph, Section, Table, row_o
 from .parameters import NO_NUMBER, reasons, unit_of
 
 if TYPE_CHECKING:
-    from ...analysis.result import Result
+    from ...analysis.answer.result import Result
     from ...analysis.solution import ParameterResult
 
 LADDER = "ladder"

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from ...analysis.answer.result import Result
 from ...analysis.observability.geometry import Rung
-from ...analysis.result import Result
 from ...words import numbers
 from ...words.geometry import RUNGS
 from ..style.canvas import Picture, bare_y, new_figure, style, to_svg

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from ...analysis.result import Result
+from ...analysis.answer.result import Result
 from ...analysis.solution import ParameterResult
 from ...words import numbers
 from ...words.wording import NOT_DETERMINED, label

@@ -37,7 +37,7 @@ from ..style.blocks import (
 )
 
 if TYPE_CHECKING:
-    from ...analysis.result import Result
+    from ...analysis.answer.result import Result
     from ...analysis.solution import ParameterResult
 
 OFFSETS = "Joint offsets, to be added to the recorded joint positions"

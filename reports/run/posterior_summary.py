@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ...analysis.answer.result import Result
 from ...analysis.posterior.posterior import Draws
-from ...analysis.result import Result
 from ...analysis.solution import ParameterResult
 from ...model.arrays import Matrix
 from ...words import numbers

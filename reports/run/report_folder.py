@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from ...analysis.answer.result import RESULT_SCHEMA, Result
 from ...analysis.posterior.posterior import Draws
-from ...analysis.result import RESULT_SCHEMA, Result
 from ...words.result_json import dumps, to_json
 from ..output import whole_folder
 from ..output.whole_folder import Kind, write_folder

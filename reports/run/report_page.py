@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from ...analysis.answer.result import Result
 from ...analysis.posterior.posterior import Draws
-from ...analysis.result import Result
 from ...words.findings import finding_sentence, headline
 from ...words.verdict import VERDICT_WORDS
 from ...words.wording import clipped, counted, ended, person, sentence

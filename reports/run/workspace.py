@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from ...analysis.answer.result import Result
 from ...analysis.diagnostics.accuracy import Accuracy, Region
-from ...analysis.result import Result
 from ...words import numbers
 from ...words.findings import accuracy_reason, place
 from ...words.wording import label, listed, person, sentence

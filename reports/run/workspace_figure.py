@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...analysis.answer.result import Result
 from ...analysis.diagnostics.accuracy import Accuracy, Grid, Level, LevelMap, Map
-from ...analysis.result import Result
 from ...words import numbers
 from ..style.canvas import WIDTH, Picture, new_figure, style, to_svg
 from ..style.palette import light

@@ -12,8 +12,8 @@ from threadpoolctl import threadpool_limits
 
 from ....analysis.estimation.fit import fit_likelihood
 from ....analysis.estimation.tolerance_factors import with_open_factors
+from ....analysis.ladder import solve_run
 from ....analysis.solution import Solution, judge, require_noise_data
-from ....analysis.solved import Solved, solved
 from ....analysis.status import known
 from ....model.errors import BadInput
 from ....model.files.run import Run, read_run
@@ -21,7 +21,7 @@ from ....model.files.validation import FileModel, as_tuple
 from ....model.likelihood.problem import Problem
 from ....words.findings import solution_headline
 from ....words.misfit import criterion_sentence
-from ....words.result_json import direction_json, parameter_json
+from ....words.result_json import direction_document, parameter_document
 from ..asked import Refused
 from ..end_point import EndPoint
 from ..folder import Folder
@@ -45,7 +45,7 @@ class FittedRun:
 
     run: Run
     problem: Problem
-    solved: Solved
+    solution: Solution
 
 
 _FITTED = Kept(4)
@@ -69,7 +69,7 @@ def _fitted(path: Path) -> FittedRun:
     problem = Problem.from_run(run)
     require_noise_data(problem)
     with threadpool_limits(limits=1, user_api="blas"):
-        return FittedRun(run, problem, solved(problem, run.header))
+        return FittedRun(run, problem, solve_run(problem, run.header))
 
 
 def refit(folder: Folder, wanted: AskedRefit) -> dict[str, Any]:
@@ -77,14 +77,14 @@ def refit(folder: Folder, wanted: AskedRefit) -> dict[str, Any]:
     their rows by all measurements), null-space directions, misfit; `lost` are the parameters that are
     unidentifiable without them, and were not."""
     own = fitted(folder.file(wanted.run))
-    whole = own.solved.solution
+    whole = own.solution
     solution = whole
     if wanted.without:
         with threadpool_limits(limits=1, user_api="blas"):
             solution = _without(own, wanted.without)
     before = {row.name: row for row in whole.parameters}
     offsets = [
-        parameter_json(row) | {"before": parameter_json(before[row.name])}
+        parameter_document(row).to_json() | {"before": parameter_document(before[row.name]).to_json()}
         for row in solution.parameters
         if row.group in ("offset", "tool")
     ]
@@ -102,7 +102,7 @@ def refit(folder: Folder, wanted: AskedRefit) -> dict[str, Any]:
         "headline": solution_headline(solution),
         "parameters": offsets,
         "lost": lost,
-        "null_space": [direction_json(one) for one in solution.identified.facts.null_space],
+        "null_space": [direction_document(one).to_json() for one in solution.null_space],
         "misfit": []
         if solution.misfit is None
         else [criterion_sentence(one) for one in solution.misfit.criteria],
@@ -127,11 +127,11 @@ def _without(own: FittedRun, without: tuple[int, ...]) -> Solution:
     if own.run.header.geometry is None:
         seen = _selected(own.problem, left)
         require_noise_data(seen)
-        return solved(seen, own.run.header).solution
+        return solve_run(seen, own.run.header)
     # To climb the ladder again takes seconds: it is the model that all measurements chose, and their weights.
-    seen = _selected(own.solved.solution.problem, left)
+    seen = _selected(own.solution.problem, left)
     require_noise_data(seen)
-    fit, factors = fit_likelihood(seen), own.solved.factors
+    fit, factors = fit_likelihood(seen), own.solution.factors
     return judge(fit if factors is None else with_open_factors(fit, factors))
 
 

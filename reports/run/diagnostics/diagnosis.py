@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ....analysis.result import Result
+from ....analysis.answer.result import Result
 from ....words.diagnosis import CAUSES, changed, diagnosis_said, explanation_sentence
 from ....words.numbers import times
 from ....words.wording import sentence

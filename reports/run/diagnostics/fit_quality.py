@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ....analysis.answer.result import DistanceResult, LikelihoodSummary, MidpointSummary, Result
 from ....analysis.misfit import LACK_OF_FIT, LackOfFit
-from ....analysis.result import DistanceResult, LikelihoodSummary, MidpointSummary, Result
 from ....analysis.solution import ParameterResult
 from ....words import numbers
 from ....words.findings import likelihood_message

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from ....analysis.answer.findings import HeldOutMisfit
+from ....analysis.answer.result import Result
 from ....analysis.diagnostics.hold_out import HoldOut
 from ....analysis.diagnostics.outliers import Robust
-from ....analysis.findings import HeldOutMisfit
 from ....analysis.posterior.intervals import Intervals
-from ....analysis.result import Result
 from ....words import numbers
 from ....words.findings import hold_out_message
 from ....words.wording import NOT_DETERMINED, clipped, label, listed, sentence

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Protocol
 
-from ....analysis.result import Result
+from ....analysis.answer.result import Result
 from ....words import numbers
 from ....words.rehearsal import true_values
 from ....words.wording import label
