@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from ..analysis.answer.document import ResultDocument
+from ..analysis.answer.document import CheckDocument, ResultDocument
 from ..model.errors import BadInput
 from ..model.files.header import RUN_SCHEMA, Header
 from ..model.files.reading import did_you_mean
@@ -31,6 +31,7 @@ _MODELS: dict[str, type[BaseModel]] = {
     "psd-calibration": PsdCalibration,
     "study-file": StudyFile,
     "result": ResultDocument,
+    "check": CheckDocument,
 }
 SCHEMA_NAMES = tuple(_MODELS)
 
