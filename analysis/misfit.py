@@ -206,8 +206,8 @@ def _disagreement(fit: LikelihoodFit) -> Iterator[PlacementsDisagree]:
     Analysis, 2003, section 4.3).
     """
     problem, whitened = fit.problem, fit.whitened
-    places = placements(problem)
-    if len(places) < 2:
+    groups = placements(problem)
+    if len(groups) < 2:
         return
     free, d = problem.parameters.free, problem.tool.miss_size
     residual, jacobian, numbers = whitened.residual, whitened.jacobian, float(problem.measured_size)
@@ -220,13 +220,13 @@ def _disagreement(fit: LikelihoodFit) -> Iterator[PlacementsDisagree]:
     basis = _range_of(jacobian[:, free])
     rest = residual - basis @ (basis.T @ residual)
     by_offsets = jacobian[:, free & problem.parameters.group("offset")]
-    own = []
-    for place in places:
-        rows = (place.rows[:, None] * d + np.arange(d)).ravel()
+    by_group = []
+    for group in groups:
+        rows = (group.rows[:, None] * d + np.arange(d)).ravel()
         columns = np.zeros_like(by_offsets)
         columns[rows] = by_offsets[rows]
-        own.append(columns - basis @ (basis.T @ columns))
-    explains = _range_of(np.hstack(own))
+        by_group.append(columns - basis @ (basis.T @ columns))
+    explains = _range_of(np.hstack(by_group))
     rank = explains.shape[1]
     dof = round(numbers) - basis.shape[1] - rank
     if rank == 0 or dof <= 0:
@@ -236,9 +236,9 @@ def _disagreement(fit: LikelihoodFit) -> Iterator[PlacementsDisagree]:
     ratio = drop / rank / within
     p_value = float(scipy.special.fdtrc(rank, dof, ratio))
     if p_value < LACK_OF_FIT and ratio > DISAGREES**2:
-        by_one = [float(((_range_of(columns).T @ rest) ** 2).sum()) for columns in own]
-        most = places[int(np.argmax(by_one))].name
-        names = tuple(place.name for place in places)
+        by_one = [float(((_range_of(columns).T @ rest) ** 2).sum()) for columns in by_group]
+        most = groups[int(np.argmax(by_one))].name
+        names = tuple(group.name for group in groups)
         yield PlacementsDisagree(names, most, float(np.sqrt(ratio)), rank, dof, p_value, _geometry(problem))
 
 

@@ -355,11 +355,11 @@ def require_noise_data(problem: Problem) -> None:
 def too_few_for_noise(problem: Problem) -> BadInput:
     """The error that residuals have no degree of freedom by which the noise scale could be estimated."""
     free = int(problem.parameters.free.sum())
-    said = f"{problem.measured_size:g} numbers from {problem.shots} measurements for {free} unknowns"
+    counts = f"{problem.measured_size:g} numbers from {problem.shots} measurements for {free} unknowns"
     links = f", {len(problem.tolerated)} of them of the geometry" if len(problem.tolerated) else ""
     return BadInput(
         "the noise scale cannot be estimated from so few measurements",
-        found=said + links,
+        found=counts + links,
         allowed="more numbers than unknowns",
         remedy="record more measurements, or state noise.scale: known",
     )

@@ -295,8 +295,8 @@ def _row(row: ParameterResult, k: float) -> Row:
     if row.estimate is None or row.u is None:
         return row_of(name, NOT_DETERMINED, word, tone=row.status)
     half = k * row.u
-    said = f"{numbers.estimate(row.estimate, half, unit)} ± {numbers.spread(half, unit)}"
-    return row_of(name, said, word, tone=row.status)
+    interval = f"{numbers.estimate(row.estimate, half, unit)} ± {numbers.spread(half, unit)}"
+    return row_of(name, interval, word, tone=row.status)
 
 
 def _u(row: ParameterResult) -> str:

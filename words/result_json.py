@@ -9,36 +9,7 @@ import json
 from collections.abc import Callable
 from typing import Any
 
-from ..analysis.answer.document import (
-    AccuracyDocument,
-    BeyondPriorDocument,
-    BudgetDocument,
-    CheckDocument,
-    CheckedParameterDocument,
-    DirectionDocument,
-    EffectiveDocument,
-    ExplanationDocument,
-    FitDocument,
-    FitsDocument,
-    GeometryDocument,
-    HoldOutDocument,
-    IdentifiabilityDocument,
-    ImplausibleNoiseDocument,
-    IntervalsDocument,
-    LackOfFitDocument,
-    LeftOutDocument,
-    MisfitDocument,
-    ParameterDocument,
-    PlacementsDisagreeDocument,
-    PlacementsDocument,
-    PosteriorDocument,
-    ResultDocument,
-    RobustDocument,
-    RobustParameterDocument,
-    Section,
-    ToleranceDocument,
-    WithoutPriorDocument,
-)
+from ..analysis.answer import document
 from ..analysis.answer.result import RESULT_SCHEMA, Result
 from ..analysis.diagnostics.placement_result import PlacementResult
 from ..analysis.misfit import BeyondPrior, ImplausibleNoise, LackOfFit, Misfit, PlacementsDisagree
@@ -64,11 +35,11 @@ from .next_steps import next_steps
 from .verdict import check_headline, check_notes
 
 CHECK_SCHEMA = "zerobeam/check/1"
-_CRITERIA: dict[type, type[Section]] = {
-    LackOfFit: LackOfFitDocument,
-    ImplausibleNoise: ImplausibleNoiseDocument,
-    BeyondPrior: BeyondPriorDocument,
-    PlacementsDisagree: PlacementsDisagreeDocument,
+_CRITERIA: dict[type, type[document.Section]] = {
+    LackOfFit: document.LackOfFitDocument,
+    ImplausibleNoise: document.ImplausibleNoiseDocument,
+    BeyondPrior: document.BeyondPriorDocument,
+    PlacementsDisagree: document.PlacementsDisagreeDocument,
 }
 
 
@@ -80,35 +51,38 @@ def to_json(result: Result) -> dict[str, Any]:
     return document_of(result).to_json()
 
 
-def document_of(result: Result) -> ResultDocument:
+def document_of(result: Result) -> document.ResultDocument:
     """The result with its sentences."""
     alone, robust, held_out = result.without_prior, result.robust, result.hold_out
-    return ResultDocument.filled(
+    return document.ResultDocument.filled(
         result,
         schema_=RESULT_SCHEMA,
         headline=headline(result),
         parameters=tuple(map(parameter_document, result.parameters)),
-        without_prior=alone and WithoutPriorDocument.filled(alone),
+        without_prior=alone and document.WithoutPriorDocument.filled(alone),
         identifiability=_identifiability(result.identifiability),
         fits=_fits(result),
         geometry=geometry_document(result.geometry),
-        posterior=PosteriorDocument.filled(result.posterior, message=posterior_message(result.posterior)),
-        intervals=tuple(IntervalsDocument.filled(row) for row in result.intervals),
-        accuracy=AccuracyDocument.filled(
+        posterior=document.PosteriorDocument.filled(
+            result.posterior, message=posterior_message(result.posterior)
+        ),
+        intervals=tuple(document.IntervalsDocument.filled(row) for row in result.intervals),
+        accuracy=document.AccuracyDocument.filled(
             result.accuracy, place=place(result.accuracy), reason=accuracy_reason(result.accuracy)
         ),
-        budget=tuple(BudgetDocument.filled(row) for row in result.budget),
+        budget=tuple(document.BudgetDocument.filled(row) for row in result.budget),
         robust=robust
-        and RobustDocument.filled(
+        and document.RobustDocument.filled(
             robust,
-            parameters=tuple(RobustParameterDocument.filled(row) for row in robust.parameters),
+            parameters=tuple(document.RobustParameterDocument.filled(row) for row in robust.parameters),
             message=robust_message(robust),
         ),
-        hold_out=held_out and HoldOutDocument.filled(held_out, message=hold_out_message(held_out)),
+        hold_out=held_out and document.HoldOutDocument.filled(held_out, message=hold_out_message(held_out)),
         placements=_placements(result.placements),
         misfit=_misfit(result.misfit),
         diagnosis=tuple(
-            ExplanationDocument.filled(one, sentence=explanation_sentence(one)) for one in result.diagnosis
+            document.ExplanationDocument.filled(one, sentence=explanation_sentence(one))
+            for one in result.diagnosis
         ),
         notes=notes(result),
         next_steps=next_steps(result),
@@ -117,19 +91,19 @@ def document_of(result: Result) -> ResultDocument:
 
 def check_json(check: Check) -> dict[str, Any]:
     """The answer of a check, null where there is no number."""
-    document = CheckDocument.filled(
+    answer = document.CheckDocument.filled(
         check,
         schema_=CHECK_SCHEMA,
         headline=check_headline(check),
         parameters=tuple(
-            CheckedParameterDocument.filled(row, reason=row.cause and reason(row.cause))
+            document.CheckedParameterDocument.filled(row, reason=row.cause and reason(row.cause))
             for row in check.parameters
         ),
         identifiability=_identifiability(check.identifiability),
         geometry=geometry_document(check.geometry),
         notes=check_notes(check),
     )
-    return document.to_json()
+    return answer.to_json()
 
 
 def dumps(answer: dict[str, Any]) -> str:
@@ -164,58 +138,62 @@ def _item_by_item(value: object, margin: str, write: Callable[[Any], str]) -> st
     return f"{ends[0]}{inner}{f',{inner}'.join(rows)}\n{margin}{ends[1]}"
 
 
-def parameter_document(row: ParameterResult) -> ParameterDocument:
+def parameter_document(row: ParameterResult) -> document.ParameterDocument:
     """A row of `parameters`."""
-    document = ParameterDocument.filled(row, reason=row.cause and reason(row.cause))
+    result = document.ParameterDocument.filled(row, reason=row.cause and reason(row.cause))
     if row.group != "offset":
-        document.model_fields_set.discard("tolerance_share")
-    return document
+        result.model_fields_set.discard("tolerance_share")
+    return result
 
 
-def geometry_document(geometry: GeometryResult) -> GeometryDocument:
+def geometry_document(geometry: GeometryResult) -> document.GeometryDocument:
     """What an answer says of the geometry."""
-    tolerance = ToleranceDocument.filled(geometry)
-    return GeometryDocument.filled(
+    tolerance = document.ToleranceDocument.filled(geometry)
+    return document.GeometryDocument.filled(
         geometry, tolerance=tolerance if geometry.stated else None, considered_tolerance=tolerance
     )
 
 
-def _identifiability(facts: Identifiability) -> IdentifiabilityDocument:
-    return IdentifiabilityDocument.filled(
+def _identifiability(facts: Identifiability) -> document.IdentifiabilityDocument:
+    return document.IdentifiabilityDocument.filled(
         facts, null_space=tuple(direction_document(one) for one in facts.null_space)
     )
 
 
-def direction_document(direction: NullDirection) -> DirectionDocument:
+def direction_document(direction: NullDirection) -> document.DirectionDocument:
     """A null-space direction in words."""
     cause = direction.cause
-    return DirectionDocument.filled(direction, reason=reason(cause), remedy=remedy(cause))
+    return document.DirectionDocument.filled(direction, reason=reason(cause), remedy=remedy(cause))
 
 
-def _fits(result: Result) -> FitsDocument:
+def _fits(result: Result) -> document.FitsDocument:
     likelihood, none = (
         result.likelihood,
         dict.fromkeys(("rms_before_mm", "chi2", "dof", "p_value", "noise_scale")),
     )
-    return FitsDocument.model_construct(
-        likelihood=FitDocument.filled(likelihood, available=True, message=likelihood_message(likelihood)),
-        midpoint=FitDocument.filled(result.midpoint, **none, other_basins=0),
+    return document.FitsDocument.model_construct(
+        likelihood=document.FitDocument.filled(
+            likelihood, available=True, message=likelihood_message(likelihood)
+        ),
+        midpoint=document.FitDocument.filled(result.midpoint, **none, other_basins=0),
     )
 
 
-def _misfit(misfit: Misfit | None) -> MisfitDocument | None:
+def _misfit(misfit: Misfit | None) -> document.MisfitDocument | None:
     if misfit is None:
         return None
     rows = (_CRITERIA[type(one)].filled(one, sentence=criterion_sentence(one)) for one in misfit.criteria)
-    return MisfitDocument.model_construct(criteria=tuple(rows))
+    return document.MisfitDocument.model_construct(criteria=tuple(rows))
 
 
-def _placements(result: PlacementResult) -> PlacementsDocument:
+def _placements(result: PlacementResult) -> document.PlacementsDocument:
     left_out, jackknife = result.leave_one_out, result.jackknife
-    return PlacementsDocument.filled(
+    return document.PlacementsDocument.filled(
         result,
         leave_one_out=tuple(
-            LeftOutDocument.filled(row, placement=", ".join(row.placements), message=hold_out_message(row))
+            document.LeftOutDocument.filled(
+                row, placement=", ".join(row.placements), message=hold_out_message(row)
+            )
             for row in (() if left_out is None else left_out.rows)
         ),
         leave_one_out_rms_mm=left_out and left_out.rms_mm,
@@ -223,7 +201,7 @@ def _placements(result: PlacementResult) -> PlacementsDocument:
         jackknife=jackknife and {row.name: row.u for row in jackknife.offsets},
         jackknife_dof=jackknife and jackknife.dof,
         jackknife_needs=jackknife and {row.name: row.needs for row in jackknife.offsets if row.needs},
-        effective=EffectiveDocument.filled(result.effective),
+        effective=document.EffectiveDocument.filled(result.effective),
         steps=result.steps.rows,
         steps_tested=result.steps.tested,
     )

@@ -49,8 +49,8 @@ class Kept:
             while len(self._made) > self._most:
                 self._made.popitem(last=False)
         self._made.move_to_end(key)
-        found: Value = self._made[key]
-        return found
+        value: Value = self._made[key]
+        return value
 
 
 _RESULTS, _SUMS = Kept(4), Kept(_MOST_KEPT)
@@ -109,14 +109,14 @@ def result(folder: Folder, name: str) -> dict[str, Any]:
 
 def report_files(result_file: Path) -> list[Path]:
     """The files of the report that a result belongs to: by the names that a report has, and no others."""
-    found = []
+    files = []
     for name in sorted(REPORT_NAMES):
         path = result_file.with_name(name)
         if path.is_symlink():
             continue
         inner = sorted(islice(path.iterdir(), _MOST_FIGURES)) if path.is_dir() else [path]
-        found += [own for own in inner if own.is_file() and not own.is_symlink()]
-    return found if result_file.name in REPORT_NAMES else [result_file]
+        files += [file for file in inner if file.is_file() and not file.is_symlink()]
+    return files if result_file.name in REPORT_NAMES else [result_file]
 
 
 def _called(folder: Folder, path: Path, beside: list[Path]) -> str | None:
@@ -125,7 +125,7 @@ def _called(folder: Folder, path: Path, beside: list[Path]) -> str | None:
 
 def run_of(folder: Folder, sha256: str, near: Path) -> Path | None:
     """The run file of the folder that has this SHA-256, the nearest first; None where there is none."""
-    for path in sorted(_runs(folder), key=lambda own: -len(_shared(own, near))):
+    for path in sorted(_runs(folder), key=lambda run: -len(_shared(run, near))):
         if sha256_of(path) == sha256:
             return path
     return None
