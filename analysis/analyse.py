@@ -18,10 +18,9 @@ from .answer.result import DistanceResult, Inputs, LikelihoodSummary, MidpointSu
 from .diagnostics.accuracy import accuracy
 from .diagnostics.budget import budget
 from .diagnostics.diagnosis import diagnose
-from .diagnostics.hold_out import hold_out
+from .diagnostics.hold_out import hold_out, placement_result
 from .diagnostics.influence import shot_results
 from .diagnostics.outliers import robust_result
-from .diagnostics.placement_result import placement_result
 from .diagnostics.scene import scene
 from .estimation.fit import LikelihoodFit, start_at
 from .estimation.midpoint import MidpointFit, fit_midpoint

@@ -19,10 +19,9 @@ from ..model.likelihood.geometry import NOMINAL, Geometry
 from ..model.likelihood.problem import Problem
 from .estimation.fit import LikelihoodFit, fit_from, fit_likelihood, reweighted
 from .estimation.tolerance_factors import Factors, with_factors, with_open_factors
-from .observability.consider import link_columns
-from .observability.geometry import Rung, RungName
+from .observability.geometry import Rung, RungName, link_columns
 from .placements import placements
-from .recordings.effective import Effective, effective
+from .recordings.recordings import Effective, effective
 from .solution import Solution, judge, too_few_for_noise
 
 
@@ -146,7 +145,7 @@ def held_out_rms(fit: LikelihoodFit) -> float | None:
     groups = placements(problem)
     if len(groups) < 2 or not fit.converged:
         return None
-    parameters, d = problem.parameters, problem.tool.miss_size
+    parameters, d = problem.parameters, problem.tool.residual_size
     free = parameters.free & ~parameters.group("noise")
     whitened = fit.whitened
     jacobian, residual = whitened.jacobian[:, free], whitened.residual.copy()

@@ -29,12 +29,10 @@ from .covariance import Covariance, Rows, frame
 from .estimation.fit import AgainstNoise, LikelihoodFit, Optimum, fit_likelihood
 from .estimation.tolerance_factors import Factors
 from .misfit import Misfit, misfit_of
-from .observability.causes import AtOptima, Cause, LocalOptima, NullDirection, Unconverged
-from .observability.consider import link_columns, tolerance_share
-from .observability.geometry import Rung
+from .observability.causes import AtOptima, Cause, LocalOptima, NullDirection, Unconverged, cause_for
+from .observability.geometry import Rung, link_columns, tolerance_share
 from .observability.identifiability import Identified, identify, no_better_than
-from .observability.verdict import cause_for
-from .recordings.effective import Effective
+from .recordings.recordings import Effective
 from .status import (
     Status,
     UnsoundResult,

@@ -14,10 +14,10 @@ from ..experiments.plans.constraints import check_plan
 from ..experiments.plans.make import MadePlan, PlanRequest, make_plan
 from ..experiments.plans.obstacles import read_obstacles
 from ..model.errors import BadInput
-from ..model.files.arrays import checked, plain
+from ..model.files.arguments import checked, plain
 from ..model.files.header import Header, read_header
 from ..model.files.plan import Plan
-from ..model.files.stated_plan.obstacles import Obstacles
+from ..model.files.plan_file import Obstacles
 from ..reports.output.cards import card, text
 from ..reports.plan.plan_page import plan_turnable, verdict_on
 from ..reports.plan.plan_scene import postures_of

@@ -11,7 +11,7 @@ from typing import Any
 
 from ..analysis.answer import document
 from ..analysis.answer.result import RESULT_SCHEMA, Result
-from ..analysis.diagnostics.placement_result import PlacementResult
+from ..analysis.diagnostics.hold_out import PlacementResult
 from ..analysis.misfit import BeyondPrior, ImplausibleNoise, LackOfFit, Misfit, PlacementsDisagree
 from ..analysis.observability.causes import NullDirection
 from ..analysis.observability.check import Check

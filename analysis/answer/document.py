@@ -19,17 +19,16 @@ from ..diagnostics.accuracy import Map, Region
 from ..diagnostics.budget import BudgetRow, LinearCheck
 from ..diagnostics.hypotheses import Cause
 from ..diagnostics.influence import ShotResult
-from ..diagnostics.scene import Scene
+from ..diagnostics.scene import RunScene
 from ..estimation.robust import Loss
 from ..estimation.tolerance_factors import Factors
 from ..misfit import Geometry, OffPrior
-from ..observability.check import CheckedPosture, PlanInputs
+from ..observability.check import CheckedPosture, PlanInputs, PlanVerdict
 from ..observability.geometry import Confounded, Rung, Tolerance
 from ..observability.outlook import Advice, CurvePoint, OverTarget
-from ..observability.violations import PlanVerdict
 from ..posterior.posterior import PosteriorParameter
-from ..recordings.effective import RecordingCorrelation
-from ..recordings.steps import Step
+from ..recordings.recordings import RecordingCorrelation
+from ..recordings.steps import RecordingStep
 from ..status import Status, UnsoundResult, Verdict, known
 from .result import RESULT_SCHEMA, DistanceResult, Inputs
 
@@ -327,7 +326,7 @@ class PlacementsDocument(Section):
     jackknife_dof: int | None
     jackknife_needs: dict[str, tuple[str, ...]] | None
     effective: EffectiveDocument
-    steps: tuple[Step, ...]
+    steps: tuple[RecordingStep, ...]
     steps_tested: int
 
 
@@ -451,7 +450,7 @@ class ResultDocument(Section):
     robust: RobustDocument | None
     hold_out: HoldOutDocument | None
     placements: PlacementsDocument
-    scene: Scene | None
+    scene: RunScene | None
     misfit: MisfitDocument | None
     diagnosis: tuple[ExplanationDocument, ...]
     notes: tuple[str, ...]

@@ -14,7 +14,7 @@ from ..diagnostics.influence import ShotResult
 from ..diagnostics.outliers import OUTLYING, Robust
 from ..misfit import LACK_OF_FIT, Criterion
 from ..posterior.posterior import PosteriorSummary
-from ..recordings.steps import Steps
+from ..recordings.steps import RecordingSteps
 from ..solution import Solution, undecided_names
 
 
@@ -123,7 +123,7 @@ def findings(
     shots: Sequence[ShotResult],
     robust: Robust | None,
     held_out: HoldOut | None,
-    steps: Steps,
+    steps: RecordingSteps,
     warnings: Sequence[str],
 ) -> tuple[Finding, ...]:
     """All of a result, the gravest first; `warnings` are those of the run's file. A target that was off for

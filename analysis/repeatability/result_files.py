@@ -14,6 +14,7 @@ from ..answer.document import ReadResult, from_json
 from ..answer.result import RESULT_SCHEMA
 from ..misfit import LACK_OF_FIT, LackOfFit
 from .repeat import (
+    WHEN,
     PriorInEstimate,
     Repeat,
     RepeatStatus,
@@ -21,7 +22,6 @@ from .repeat import (
     SharedTolerances,
     StatedMisfit,
 )
-from .run_files import WHEN
 
 _WITHOUT_PRIOR = 0.98  # std over the one without priors: from here on they have no part in an estimate
 

@@ -12,8 +12,7 @@ import numpy as np
 
 from ...analysis.analyse import Analysis, analyse
 from ...analysis.answer.result import Result
-from ...analysis.estimation.fit import LikelihoodFit
-from ...analysis.estimation.many_fits import fits_of
+from ...analysis.estimation.fit import LikelihoodFit, fits_of
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.solution import require_noise_data
 from ...experiments.batch.rows import BatchOffset, BatchRow, BatchSettings

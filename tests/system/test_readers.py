@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from ruamel.yaml import YAML
 from small_results import small_result
 
-from zerobeam.analysis.repeatability.offset_table import read_table
+from zerobeam.analysis.repeatability.repeats import read_table
 from zerobeam.analysis.repeatability.result_files import read_result
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.importers import table

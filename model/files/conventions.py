@@ -9,8 +9,8 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from ..kinematics.robot import J3, Conventions, JointKind, PendantUnit
-from .reading import Place, shown
-from .validation import FileModel, Name, Pair, as_tuple, refusal
+from .reading import KeyPath, shown
+from .validation import FileModel, Name, NumberPair, as_tuple, refusal
 
 _Integers = Annotated[tuple[int, ...], BeforeValidator(as_tuple)]
 _Numbers = Annotated[tuple[float, ...], BeforeValidator(as_tuple)]
@@ -77,7 +77,7 @@ class StatedEncoder(FileModel):
 class FileLimits(FileModel):
     """Further limits of a robot file's joints, besides those of its rows."""
 
-    joint3_to_link2_deg: Pair | None = Field(
+    joint3_to_link2_deg: NumberPair | None = Field(
         default=None,
         description="range of the angle between links 2 and 3, degrees, of an arm whose pendant counts joint"
         " 3 from the ground (its rows have the pendant's range)",
@@ -92,7 +92,7 @@ class FileLimits(FileModel):
 class UrdfLimits(FileModel):
     """Further limits of a URDF's joints, besides those in it."""
 
-    joint3_pendant_deg: Pair | None = Field(
+    joint3_pendant_deg: NumberPair | None = Field(
         default=None,
         description="range of joint 3 as the pendant counts it, degrees, where that is from the ground (the"
         " URDF has the range of the angle between links 2 and 3)",
@@ -118,7 +118,7 @@ def require_fitting(
 ) -> None:
     """A refusal of conventions that an arm with joints of these kinds cannot have."""
     n = len(kinds)
-    key: Place
+    key: KeyPath
     for key, values in (
         (("pendant", "names"), pendant.names),
         (("pendant", "order"), pendant.order),

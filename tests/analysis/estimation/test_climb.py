@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from cells import OPEN_LASER, OPEN_PROBE, good_plan, header, plan_of, random_robot
 
-from zerobeam.analysis.estimation.climb import Climb
-from zerobeam.analysis.estimation.compiled_climb import compiled_climb
-from zerobeam.analysis.estimation.coordinates import seen_coordinates
+from zerobeam.analysis.estimation.climb import Climb, compiled_climb
+from zerobeam.analysis.estimation.coordinates import flange_coordinates
 from zerobeam.analysis.estimation.fit import start_at
 from zerobeam.analysis.estimation.levenberg_marquardt import NOT_FINITE
 from zerobeam.model.likelihood import kernel
@@ -101,7 +100,7 @@ def test_too_few_steps_are_said():
 @pytest.mark.parametrize("scale", ["known", "estimated", "separate"])
 def test_what_is_not_plain_climbs_in_python(scale):
     density = Density(Problem.from_plan(plan_of(header(noise={"scale": scale}), good_plan(12).postures)))
-    made = compiled_climb(density, seen_coordinates(density), compile=True)
+    made = compiled_climb(density, flange_coordinates(density), compile=True)
     assert (made is not None) == (scale == "known")
     held = np.zeros((1, density.size), dtype=bool)
     assert Climb(density, None, 1, held)._compiled is None
@@ -109,7 +108,7 @@ def test_what_is_not_plain_climbs_in_python(scale):
 
 def test_without_compiled_kernels_it_climbs_in_python():
     density = Density(problems()["laser"])
-    assert compiled_climb(density, seen_coordinates(density), compile=False) is None
+    assert compiled_climb(density, flange_coordinates(density), compile=False) is None
 
 
 @needs_compiler

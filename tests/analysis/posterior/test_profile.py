@@ -4,9 +4,9 @@ from cells import TABLE_2, good_plan, header, irb1600, plan_of, simulated_proble
 from plain_posterior import PlainPosterior
 from scipy import optimize
 
-from zerobeam.analysis.estimation import profile
 from zerobeam.analysis.estimation.fit import fit_likelihood
-from zerobeam.analysis.estimation.profile import profile_intervals
+from zerobeam.analysis.posterior import intervals
+from zerobeam.analysis.posterior.intervals import profile_intervals
 from zerobeam.experiments.plans.patterns import pattern
 
 HALF = 1.959963984540054
@@ -124,7 +124,7 @@ def test_it_is_asymmetric_where_the_ridge_is_bent(weak):
 
 def test_an_end_that_is_not_found_is_nan(weak, monkeypatch):
     problem, fit, which = weak
-    monkeypatch.setattr(profile, "_ROUNDS", 1)
+    monkeypatch.setattr(intervals, "_ROUNDS", 1)
     ends = profile_intervals(problem, fit, which, HALF)
     assert np.isnan(ends).any()
 

@@ -1,8 +1,4 @@
-"""The C code of the climb: Levenberg and Marquardt's steps, Newton's, and the covariance at the top."""
-
-from __future__ import annotations
-
-SOURCE = """
+/* The climb: Levenberg and Marquardt's steps, Newton's, and the covariance at the top (climb.py calls it). */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -331,4 +327,3 @@ void zb_polish(const Head *h, const Target *targets, N rows, D *v, const N *of, 
   free(all);
   free(active);
 }
-"""

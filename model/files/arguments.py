@@ -17,7 +17,7 @@ from ..arrays import Matrix
 from ..errors import BadInput
 from ..kinematics.robot import Robot
 from .header import Header, StatedNoise, StatedTool, check_header
-from .reading import Place
+from .reading import KeyPath
 from .robot_file import load_robot
 from .validation import Model, validate
 
@@ -64,8 +64,8 @@ class Laser:
     def content(self) -> dict[str, Any]:
         """The header's key `tool`, plain."""
         sigma = _stated(tilt_deg=self.tilt_deg, shift_mm=self.shift_mm)
-        own = {"point_mm": self.point_mm, "direction": self.direction, "calibrated": self.calibrated}
-        return _tool("laser", own, sigma)
+        keys = {"point_mm": self.point_mm, "direction": self.direction, "calibrated": self.calibrated}
+        return _tool("laser", keys, sigma)
 
 
 @dataclass(frozen=True)
@@ -102,8 +102,8 @@ class Probe:
 
     def content(self) -> dict[str, Any]:
         """The header's key `tool`, plain."""
-        own = {"point_mm": self.point_mm, "calibrated": self.calibrated}
-        return _tool("probe", own, _stated(shift_mm=self.shift_mm))
+        keys = {"point_mm": self.point_mm, "calibrated": self.calibrated}
+        return _tool("probe", keys, _stated(shift_mm=self.shift_mm))
 
 
 @dataclass(frozen=True)
@@ -148,12 +148,12 @@ class Noise:
 
     def content(self) -> dict[str, Any]:
         """The header's key `noise`, plain."""
-        own = _stated(joint_deg=self.joint_deg, joint_mm=self.joint_mm, spot_mm=self.spot_mm)
+        keys = _stated(joint_deg=self.joint_deg, joint_mm=self.joint_mm, spot_mm=self.spot_mm)
         if self.scale != "known":
-            own["scale"] = plain(self.scale)
+            keys["scale"] = plain(self.scale)
         if self.plausible_factor != 3.0:
-            own["plausible_factor"] = plain(self.plausible_factor)
-        return own
+            keys["plausible_factor"] = plain(self.plausible_factor)
+        return keys
 
 
 def checked(model: type[Model], content: object, arguments: Mapping[str, str] | None = None) -> Model:
@@ -163,9 +163,9 @@ def checked(model: type[Model], content: object, arguments: Mapping[str, str] | 
     """
     argument: str | None = None
 
-    def no_line(place: Place) -> None:
+    def no_line(key: KeyPath) -> None:
         nonlocal argument
-        names = [str(part) for part in place if part != "sigma"]  # its keys are arguments of their own
+        names = [str(part) for part in key if part != "sigma"]  # its keys are arguments of their own
         argument = (arguments or {}).get(names[0], names[0]) if names else None
 
     try:
@@ -190,9 +190,9 @@ def _stated(**values: Any) -> dict[str, Any]:
     return {name: plain(value) for name, value in values.items() if value is not None}
 
 
-def _tool(kind: str, own: Mapping[str, Any], sigma: Mapping[str, Any]) -> dict[str, Any]:
+def _tool(kind: str, keys: Mapping[str, Any], sigma: Mapping[str, Any]) -> dict[str, Any]:
     """The header's key `tool`, which has no empty `sigma`."""
-    content: dict[str, Any] = plain({"kind": kind, **own, **({"sigma": sigma} if sigma else {})})
+    content: dict[str, Any] = plain({"kind": kind, **keys, **({"sigma": sigma} if sigma else {})})
     return content
 
 
@@ -204,24 +204,24 @@ def stated_header(
     others: Mapping[str, Any],
 ) -> tuple[Header, Robot]:
     """The header that the arguments of `from_arrays` state, and its robot; BadInput names the argument."""
-    own = {"tool": tool, "noise": noise, **others}
+    keys = {"tool": tool, "noise": noise, **others}
     if target_priors is not None:
-        own["targets"] = target_priors
+        keys["targets"] = target_priors
     ref = robot.name if isinstance(robot, Robot) else str(robot) if isinstance(robot, Path) else robot
     for argument, value, kinds in (("tool", tool, (Laser, Probe)), ("noise", noise, (Noise,))):
         if not isinstance(value, (*kinds, Mapping)):
-            wanted = " or ".join(f"zerobeam.{kind.__name__}(…)" for kind in kinds)
-            raise BadInput("this cannot be used", found=repr(value), allowed=wanted, argument=argument)
-    header = checked(Header, plain({"robot": ref, **own}), {"targets": "target_priors"})
+            allowed = " or ".join(f"zerobeam.{kind.__name__}(…)" for kind in kinds)
+            raise BadInput("this cannot be used", found=repr(value), allowed=allowed, argument=argument)
+    header = checked(Header, plain({"robot": ref, **keys}), {"targets": "target_priors"})
     try:
         arm = robot if isinstance(robot, Robot) else load_robot(header.robot)
     except BadInput as error:
         raise error.of_argument("robot") from None
     culprit = "noise"
 
-    def no_line(place: Place) -> None:
+    def no_line(key: KeyPath) -> None:
         nonlocal culprit
-        culprit = str(place[0])
+        culprit = str(key[0])
 
     try:
         check_header(header, arm, file=None, line=no_line)
@@ -261,28 +261,30 @@ def target_of_each(targets: str | Sequence[str] | None, header: Header, count: i
     return names
 
 
-def require_count(argument: str, found: int, count: int, rows: str) -> None:
+def require_count(argument: str, actual: int, count: int, rows: str) -> None:
     """BadInput where an argument has not as many rows as the argument `rows`."""
-    if found != count:
+    if actual != count:
         raise BadInput(
-            f"there are not as many rows as in {rows}", found=found, allowed=count, argument=argument
+            f"there are not as many rows as in {rows}", found=actual, allowed=count, argument=argument
         )
 
 
 def array(value: ArrayLike, argument: str, *, columns: int, meaning: str) -> Matrix:
     """`value` as (N, columns) finite numbers; BadInput names the argument."""
-    wanted = f"an array of shape (N, {columns}): {meaning}"
+    allowed = f"an array of shape (N, {columns}): {meaning}"
     try:
         result = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
         raise BadInput(
             "this is not an array of numbers",
             found=type(value).__name__,
-            allowed=wanted,
+            allowed=allowed,
             argument=argument,
         ) from None
     if result.ndim != 2 or result.shape[1] != columns:
-        raise BadInput("the array has the wrong shape", found=result.shape, allowed=wanted, argument=argument)
+        raise BadInput(
+            "the array has the wrong shape", found=result.shape, allowed=allowed, argument=argument
+        )
     if not np.isfinite(result).all():
         row, column = (int(i) for i in np.argwhere(~np.isfinite(result))[0])
         raise BadInput(
