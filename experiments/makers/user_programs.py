@@ -19,8 +19,8 @@ from ...model.arrays import Matrix
 from ...model.errors import BadInput
 from ...model.files.reading import read_bytes
 from ...model.files.robot_file import Vendor
+from ...model.kinematics.orientation import stated_numbers
 from ...model.kinematics.pendant import Pendant, pendant_of
-from ...model.kinematics.poses import stated_numbers
 from ...model.kinematics.robot import J3, Robot
 from ...words.wording import listed
 from .calibration import Calibration

@@ -18,8 +18,8 @@ from ....model.errors import BadInput
 from ....model.files.reading import shown
 from ....model.kinematics.branches import Branches, is_abb_configuration
 from ....model.kinematics.inverse import Solver
+from ....model.kinematics.orientation import from_quaternion, stated_numbers
 from ....model.kinematics.pendant import pendant_of
-from ....model.kinematics.poses import from_quaternion, stated_numbers
 from ....model.kinematics.robot import Robot
 from ..recordings import Imported, ImportJob, Point, import_points
 from ..solving import up_to_flange

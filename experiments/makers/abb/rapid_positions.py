@@ -12,8 +12,7 @@ from lark import Token, Tree
 
 from ....model.arrays import Matrix
 from ....model.kinematics.branches import Branch, abb_configuration, is_abb_configuration
-from ....model.kinematics.orientation import orientation
-from ....model.kinematics.poses import from_quaternion
+from ....model.kinematics.orientation import from_quaternion, orientation
 from ..program_parts import (
     NULL,
     Edit,

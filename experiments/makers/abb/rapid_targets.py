@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from lark import Token, Tree
 
-from ....model.kinematics.poses import from_quaternion
+from ....model.kinematics.orientation import from_quaternion
 from ..program_parts import Language, Motion, Parsed, Source, understood
 from .rapid_points import without_text
 from .rapid_positions import FRAMES, TARGETS, Node, Positions, span

@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 from ....words import spreadsheet
-from ....words.causes import reason
+from ....words.observability import reason
 from ..calibration import MEANING, SEED, Calibration, JointOffset
 from ..maker import one_line
 

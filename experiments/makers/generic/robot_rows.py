@@ -22,9 +22,8 @@ from ....model.files.header import UrdfRef
 from ....model.files.reading import shown
 from ....model.files.robot_file import RobotFile, StatedJoint, StatedTransform, stated_rows
 from ....model.files.run import Run
-from ....model.kinematics.denavit_hartenberg import DHRow
 from ....model.kinematics.orientation import angles_of
-from ....model.kinematics.robot import Robot, rotation_about, shift
+from ....model.kinematics.robot import DHRow, Robot, rotation_about, shift
 from ..calibration import Calibration
 from ..maker import one_line
 

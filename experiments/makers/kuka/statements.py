@@ -13,7 +13,7 @@ import numpy as np
 from lark import Token, Tree
 
 from ....model.arrays import Matrix
-from ....model.kinematics.poses import from_abc
+from ....model.kinematics.orientation import from_abc
 from ..program_parts import LiteralSpan, Parsed, Source, understood
 
 POSE = ("X", "Y", "Z", "A", "B", "C")

@@ -28,9 +28,8 @@ from ....model.files.reading import did_you_mean, read_text, read_yaml
 from ....model.files.robot_file import RobotFile, built_in_robots, load_robot, stated_rows
 from ....model.files.run import Run
 from ....model.files.urdf import MILLIMETRES
-from ....model.kinematics.denavit_hartenberg import DHRow, dh_chain
 from ....model.kinematics.orientation import angles_of, roll_pitch_yaw
-from ....model.kinematics.robot import Robot, shift
+from ....model.kinematics.robot import DHRow, Robot, dh_chain, shift
 from ..calibration import Calibration
 from ..generic.robot_rows import corrected_table, rows_text
 from ..maker import one_line, require_vendor

@@ -13,8 +13,7 @@ from lark import Token, Tree
 
 from ....model.arrays import Matrix
 from ....model.kinematics.branches import Branch
-from ....model.kinematics.orientation import orientation
-from ....model.kinematics.poses import from_rotation_vector
+from ....model.kinematics.orientation import from_rotation_vector, orientation
 from ..program_parts import (
     NULL,
     NUMBER,
