@@ -13,7 +13,7 @@ from .formats import Command, options_of, with_parameters
 from .options import Force, J3Origin, Json, PlanFile, RunFile
 
 if TYPE_CHECKING:
-    from ..experiments.makers.calibration import Calibration
+    from ..experiments.makers.calibration import RobotCalibration
     from ..model.files.plan import Plan
     from ..model.files.run import Run
 
@@ -85,7 +85,7 @@ def _offsets_command(kind: OffsetFile) -> Command:
         as_json: Json = False,
         **options: object,
     ) -> None:
-        def texts(recorded: "Run", calibration: "Calibration") -> Texts:
+        def texts(recorded: "Run", calibration: "RobotCalibration") -> Texts:
             return {file: kind.text(recorded, calibration, **options)}, ()
 
         allowed = Allowed(allow_weak, allow_displaced, unvalidated, without or (), kind.holds, kind.as_data)
@@ -102,7 +102,7 @@ def _export(
     allowed: Allowed,
     force: bool,
     as_json: bool,
-    texts: Callable[["Run", "Calibration"], Texts],
+    texts: Callable[["Run", "RobotCalibration"], Texts],
     read: Sequence[Path],
 ) -> None:
     """Judge a run, write what may be applied, say what was written; never over a file that is `read`."""
@@ -302,7 +302,7 @@ def _program_command() -> Command:
         paths = files_of(program)
         choices = ProgramOptions(tool or (), frame or (), leave or (), near, j3, call or ())
 
-        def texts(recorded: "Run", calibration: "Calibration") -> Texts:
+        def texts(recorded: "Run", calibration: "RobotCalibration") -> Texts:
             corrected = corrected_program(recorded.robot, calibration, program, file, choices)
             return corrected.files, corrected.notes
 

@@ -23,7 +23,7 @@ from ..model.files.plan import write_plan
 from ..model.files.robot_file import rebased, robot_path
 from ..model.files.run import Run, read_run
 from ..model.files.whole_file import refuse_existing
-from .makers.calibration import converged_solution, require_validated
+from .makers.calibration import converged_solution, errors_of, require_validated
 
 _RUN, _SHA, _ENTERED = "verifies", "verifies sha256", "entered"
 _DECIMALS = 6  # of degrees and mm in the plan
@@ -72,13 +72,9 @@ def accepted(path: Path, new: Path, tolerance: float | None) -> AcceptanceResult
         solution = _solution(run)
         entered = _entered(run, solution)
         targets = tuple(shot.target for shot in verified.shots)
-        targets_stated = {**run.header.targets, **verified.header.targets}
-        header = run.header.model_copy(
-            update={
-                "distances": (),
-                "targets": {name: targets_stated[name] for name in targets if name in targets_stated},
-            }
-        )
+        declared = {**run.header.targets, **verified.header.targets}
+        kept = {name: declared[name] for name in targets if name in declared}
+        header = run.header.model_copy(update={"distances": (), "targets": kept})
         laser = run.header.tool.kind == "laser"
         prediction = AcceptancePrediction(
             solution, header, verified.joints, targets, verified.spots if laser else None, entered
@@ -88,10 +84,8 @@ def accepted(path: Path, new: Path, tolerance: float | None) -> AcceptanceResult
 
 def _solution(run: Run) -> Solution:
     solution = converged_solution(run, "nothing was to be entered")
-    try:
+    with errors_of(run):
         require_validated(solution)
-    except BadInput as error:
-        raise error.at(run.path, run.header_line) from error
     return solution
 
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -70,6 +70,15 @@ class Correction:
     def applied(self) -> float:
         return (self.row.estimate or 0.0) if self.exported else 0.0
 
+    @property
+    def internal(self) -> float:
+        """`applied` in rad or mm."""
+        return float(np.radians(self.applied)) if self.row.unit == "deg" else self.applied
+
+    @property
+    def reason(self) -> str | None:
+        return None if self.row.cause is None else reason(self.row.cause)
+
 
 class GeometryValue(Correction):
     """One geometry parameter."""
@@ -80,16 +89,11 @@ class GeometryValue(Correction):
         return self.name.startswith("link")
 
     @property
-    def internal(self) -> float:
-        """`applied` in rad or mm."""
-        return float(np.radians(self.applied)) if self.row.unit == "deg" else self.applied
-
-    @property
     def sentence(self) -> str:
         """The line about it in a file."""
         row = self.row
         if row.estimate is None or row.std is None:
-            why = "" if row.cause is None else f": {reason(row.cause)}"
+            why = "" if self.reason is None else f": {self.reason}"
             kind = "HELD" if self.status == "held" else "UNIDENTIFIABLE"
             return f"{self.name}: {kind}, nominal{why}"
         words = STATUS_WORDS[self.status]
@@ -97,15 +101,8 @@ class GeometryValue(Correction):
         return f"{self.name}: {row.estimate:+.6f} {row.unit}, std {row.std:.2g} {row.unit}, {words}"
 
 
-class _Applied(Protocol):
-    """An offset or a geometry parameter, rad or mm."""
-
-    @property
-    def internal(self) -> float: ...
-
-
 def corrected_robot(
-    problem: Problem, offsets: Sequence[_Applied], geometry: Sequence[GeometryValue]
+    problem: Problem, offsets: Sequence[Correction], geometry: Sequence[GeometryValue]
 ) -> Robot:
     """The robot with its links as estimated, and the offsets in the transforms before its joints: at recorded
     positions it is where the arm was, but for what depends on the posture."""
@@ -169,39 +166,15 @@ class JointOffset(Correction):
     kind: JointKind
 
     @property
-    def unit(self) -> str:
-        return self.row.unit
-
-    @property
-    def estimate(self) -> float | None:
-        return self.row.estimate
-
-    @property
-    def std(self) -> float | None:
-        return self.row.std
-
-    @property
-    def interval95(self) -> tuple[float, float] | None:
-        return self.row.interval95
-
-    @property
-    def reason(self) -> str | None:
-        return None if self.row.cause is None else reason(self.row.cause)
-
-    @property
-    def internal(self) -> float:
-        """`applied` in rad or mm."""
-        return float(np.radians(self.applied)) if self.kind == "revolute" else self.applied
-
-    @property
     def sentence(self) -> str:
         """The line about it in a file, in ASCII."""
+        row = self.row
         if self.status == "held":
             words = f"HELD at 0, not estimated: {self.reason}"
-        elif self.estimate is None:
+        elif row.estimate is None:
             words = f"UNIDENTIFIABLE, excluded: {self.reason}"
         else:
-            words = f"{self.estimate:+.6f} {self.unit}, std {self.std:.2g} {self.unit}, "
+            words = f"{row.estimate:+.6f} {row.unit}, std {row.std:.2g} {row.unit}, "
             words += STATUS_WORDS[self.status]
             words += "" if self.exported or self.left_out else ", not applied"
             words += ", EXCLUDED on request" if self.left_out else ""
@@ -209,7 +182,7 @@ class JointOffset(Correction):
 
 
 @dataclass(frozen=True)
-class Calibration:
+class RobotCalibration:
     """All offsets of a robot in the order of its joints, and what they were made from.
 
     `geometry` has the geometry parameters, none where the header states none; `corrected` is the robot with
@@ -273,7 +246,7 @@ def calibration(
     as_data: bool = False,
     without: Sequence[str] = (),
     holds: Holds = "offsets",
-) -> Calibration:
+) -> RobotCalibration:
     """The offsets of a run, ready to be applied; `without` are names of offsets and geometry parameters to
     leave out, `holds` says what the kind of file has room for.
 
@@ -283,66 +256,59 @@ def calibration(
     asked for (`unvalidated`) or the file states the statuses (`as_data`), in which nothing is then applied.
     FitFailed where the fit did not converge.
     """
-    # One thread, as in `analyse`: the last bits depend on it.
-    with one_blas_thread():
-        try:
-            return _calibration(run, allow_weak, allow_displaced, unvalidated, as_data, without, holds)
-        except BadInput as error:
-            raise error.at(run.path, run.header_line) from error
-
-
-def _calibration(
-    run: Run,
-    allow_weak: bool,
-    allow_displaced: bool,
-    unvalidated: bool,
-    as_data: bool,
-    without: Sequence[str],
-    holds: Holds,
-) -> Calibration:
-    solution = converged_solution(run, "nothing can be exported")
-    if not (unvalidated or as_data):
-        require_validated(solution)
-    _require_one_basin(solution)
-    moved = _displaced(solution, allow_displaced or solution.misfit is not None)
-    rows = [row for row in solution.parameters if row.group in ("offset", "geometry")]
-    _check_without(without, rows)
-    offsets = [
-        JointOffset(
-            row=row,
-            left_out=row.name in without,
-            despite_misfit=unvalidated,
-            joint=joint.name,
-            kind=joint.kind,
+    with one_blas_thread(), errors_of(run):  # one thread, as in `analyse`: the last bits depend on it
+        solution = converged_solution(run, "nothing can be exported")
+        if not (unvalidated or as_data):
+            require_validated(solution)
+        _require_one_basin(solution)
+        moved = _displaced(solution, allow_displaced or solution.misfit is not None)
+        rows = [row for row in solution.parameters if row.group in ("offset", "geometry")]
+        _check_without(without, rows)
+        offsets = [
+            JointOffset(
+                row=row,
+                left_out=row.name in without,
+                despite_misfit=unvalidated,
+                joint=joint.name,
+                kind=joint.kind,
+            )
+            for row, joint in zip(solution.offsets, run.robot.joints, strict=True)
+        ]
+        _require_known(offsets, allow_weak, nothing_applied=as_data and solution.misfit is not None)
+        geometry = tuple(
+            GeometryValue(row=row, left_out=row.name in without, despite_misfit=unvalidated)
+            for row in rows
+            if row.group == "geometry"
         )
-        for row, joint in zip(solution.offsets, run.robot.joints, strict=True)
-    ]
-    _require_known(offsets, allow_weak, nothing_applied=as_data and solution.misfit is not None)
-    geometry = tuple(
-        GeometryValue(row=row, left_out=row.name in without, despite_misfit=unvalidated)
-        for row in rows
-        if row.group == "geometry"
-    )
-    left_out = left_out_of(geometry, holds)
-    gone = {value.name for value in left_out} | {offset.name for offset in offsets if offset.left_out}
-    misfit = () if solution.misfit is None else solution.misfit.criteria
-    return Calibration(
-        tuple(offsets),
-        geometry,
-        corrected_robot(solution.problem, offsets, geometry),
-        holds,
-        left_out,
-        (rms_without(solution, ()), rms_without(solution, gone)),
-        solution.parameters,
-        solution.covariance,
-        run.path.name,
-        run.sha256,
-        run.robot.name,
-        solution.problem.shots,
-        versions(),
-        solution.misfit is not None,
-        (*map(criterion_sentence, misfit), *moved, *run.warnings),
-    )
+        left_out = left_out_of(geometry, holds)
+        gone = {value.name for value in left_out} | {offset.name for offset in offsets if offset.left_out}
+        misfit = () if solution.misfit is None else solution.misfit.criteria
+        return RobotCalibration(
+            tuple(offsets),
+            geometry,
+            corrected_robot(solution.problem, offsets, geometry),
+            holds,
+            left_out,
+            (rms_without(solution, ()), rms_without(solution, gone)),
+            solution.parameters,
+            solution.covariance,
+            run.path.name,
+            run.sha256,
+            run.robot.name,
+            solution.problem.shots,
+            versions(),
+            solution.misfit is not None,
+            (*map(criterion_sentence, misfit), *moved, *run.warnings),
+        )
+
+
+@contextmanager
+def errors_of(run: Run) -> Iterator[None]:
+    """Within, a BadInput names the run's file and the line of its header."""
+    try:
+        yield
+    except BadInput as error:
+        raise error.at(run.path, run.header_line) from error
 
 
 def converged_solution(run: Run, so: str) -> Solution:
@@ -431,7 +397,8 @@ def _require_known(offsets: Sequence[JointOffset], allow_weak: bool, nothing_app
         raise BadInput(
             f"{listed([offset.name for offset in weak])} cannot be exported as known: weakly observable",
             found="; ".join(
-                f"{offset.name}: std {offset.std:.2g} {offset.unit} ({offset.reason})" for offset in weak
+                f"{offset.name}: std {offset.row.std:.2g} {offset.row.unit} ({offset.reason})"
+                for offset in weak
             ),
             allowed="identified offsets, and weak ones with --allow-weak",
             remedy=f"record more measurements; or --allow-weak; or exclude by name: {_leaving_out(weak)}",

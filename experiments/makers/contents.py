@@ -15,13 +15,14 @@ from ...model.arrays import Matrix
 from ...model.errors import BadInput
 from ...model.files.reading import LARGEST_TABLE, decode, read_bytes, require_regular, shown
 from ...model.kinematics.robot import Robot
-from .abb.rapid_points import DECLARED, rapid_positions, without_text
+from .abb.rapid_points import DECLARED, REMARK, rapid_positions
 from .fanuc.tp_points import REGISTERS, fanuc_positions, fanuc_registers
 from .generic.bags import is_bag
 from .generic.ros import Topic, messages, topics_of
 from .generic.tables import DELIMITERS, TextTable, found_delimiter, number, table_of
 from .joint_text import PROGRAM_LINE
 from .kuka.krl_points import AGGREGATE, DATA_LIST, kuka_positions
+from .maker import blanked
 from .recordings import Point
 
 HEAD = 4 * 10**6  # bytes of a table that are looked at while somebody waits
@@ -231,7 +232,7 @@ def _program(path: Path, text: str) -> Contents | None:
         return _points("fanuc", "its position registers ($POSREG)", registers)
     if re.search(r"^/POS\b", text, re.MULTILINE):
         return _points("fanuc", "its line /POS, as of a TP program", fanuc_positions(text, path))
-    declared = (match["kind"].lower() for match in DECLARED.finditer(without_text(text)))
+    declared = (match["kind"].lower() for match in DECLARED.finditer(blanked(text, REMARK)))
     if any(kind in ("jointtarget", "robtarget") for kind in declared):
         return _points("rapid", "its declarations of RAPID targets", rapid_positions(text, path))
     if AGGREGATE.search(text) or DATA_LIST.search(text):

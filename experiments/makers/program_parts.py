@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -30,6 +30,14 @@ from .plan_programs import decimal
 def _parser(language: str, rule: str) -> Lark:
     text = (Path(__file__).parent / f"{language}.lark").read_text("utf-8")
     return Lark(text, parser="lalr", start=rule, propagate_positions=True, maybe_placeholders=False)
+
+
+def span(part: Token | Tree[Token]) -> tuple[int, int]:
+    """Where a part of a statement that is not empty is in the text."""
+    if isinstance(part, Tree):
+        return part.meta.start_pos, part.meta.end_pos
+    assert part.start_pos is not None
+    return part.start_pos, part.start_pos + len(part)
 
 
 def understood(language: str, rule: str, text: str, start: int, end: int) -> Tree[Token] | None:
@@ -236,6 +244,13 @@ class Source:
         match = re.search(rf"(?<!\w){re.escape(word)}(?!\w)", self.text, re.IGNORECASE)
         return (word if match is None else match[0]) + brace + rest
 
+    def key_at(self, pos: int, keys: Container[str]) -> str:
+        """A name for the target of a motion that is written in the motion, none of `keys`."""
+        key = f"the target in line {self.line(pos)}"
+        while key in keys:
+            key += "'"
+        return key
+
     def line(self, pos: int) -> int:
         return self.text.count("\n", 0, pos) + 1
 
@@ -244,14 +259,15 @@ class Source:
 class Language:
     """What is particular to the programs of one maker.
 
-    `targets` reads a program, `head` says where remarks are put and what they begin with, `pose` is the pose
-    (4, 4) of numbers that are stated in the `form`. `literals` has the spans of all literals of poses and
-    joints, found without the grammar; `up` as of `Branches`.
+    `targets` reads a program; remarks are put behind `head`, a pattern, and begin with `remark`; `pose` is
+    the pose (4, 4) of numbers that are stated in the `form`. `literals` has the spans of all literals of
+    poses and joints, found without the grammar; `up` as of `Branches`.
     """
 
     name: str
     targets: Callable[[Source], Parsed]
-    head: Callable[[str], tuple[int, str]]
+    head: str
+    remark: str
     pose: Callable[[Sequence[float]], Matrix]
     form: str
     literals: Callable[[str], list[tuple[int, int]]]

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ...model.errors import BadInput
-from .calibration import Calibration
+from .calibration import RobotCalibration
 from .maker import one_line
 
 _CAUTION = (
@@ -21,7 +21,7 @@ _CAUTION = (
 )
 
 
-def sheet_text(calibration: Calibration, about: Sequence[str], table: Sequence[str]) -> str:
+def sheet_text(calibration: RobotCalibration, about: Sequence[str], table: Sequence[str]) -> str:
     sliding = [offset.name for offset in calibration.offsets if offset.kind == "prismatic"]
     if sliding:
         raise BadInput("the sheet is for revolute joints", found=f"prismatic: {', '.join(sliding)}")

@@ -23,7 +23,7 @@ from ...model.kinematics.orientation import stated_numbers
 from ...model.kinematics.pendant import Pendant, pendant_of
 from ...model.kinematics.robot import J3, Robot
 from ...words.wording import listed
-from .calibration import Calibration
+from .calibration import RobotCalibration
 from .maker import ProgramFiles, one_line, program_languages, require_vendor
 from .plan_programs import require_axes
 from .program_parts import Edit, Language, Parsed, ProgramFacts, Source
@@ -81,7 +81,11 @@ def files_of(path: Path) -> list[Path]:
 
 
 def corrected_program(
-    nominal: Robot, calibration: Calibration, path: Path, out: Path, choices: ProgramOptions | None = None
+    nominal: Robot,
+    calibration: RobotCalibration,
+    path: Path,
+    out: Path,
+    choices: ProgramOptions | None = None,
 ) -> CorrectedProgram:
     """The program `path` with corrected targets, for `out`.
 
@@ -219,7 +223,7 @@ def _not_understood(parsed: Parsed, texts: Sequence[str], paths: Sequence[Path])
 
 
 def _summary(
-    calibration: Calibration, parsed: Parsed, moved: Corrections, choices: ProgramOptions
+    calibration: RobotCalibration, parsed: Parsed, moved: Corrections, choices: ProgramOptions
 ) -> list[str]:
     gone = [offset.name for offset in calibration.offsets if not offset.exported]
     uses = Counter(literal.use for literal in parsed.literals)
@@ -247,9 +251,10 @@ def _applied(text: str, edits: Sequence[Edit]) -> str:
 
 
 def _with_head(
-    language: Language, text: str, calibration: Calibration, notes: Sequence[str], name: str
+    language: Language, text: str, calibration: RobotCalibration, notes: Sequence[str], name: str
 ) -> str:
-    start, begin = language.head(text)
+    head = re.search(language.head, text, re.MULTILINE | re.IGNORECASE)
+    start = 0 if head is None else head.end()
     newline = "\r\n" if "\r\n" in text else "\n"
     if language.name == "TP":
         lines = [
@@ -261,8 +266,8 @@ def _with_head(
                 for offset in calibration.offsets
             ),
         ]
-        rows = [f"{begin}{one_line(line).replace(';', ',')[:_REMARK]} ;" for line in lines]
+        rows = [f"{language.remark}{one_line(line).replace(';', ',')[:_REMARK]} ;" for line in lines]
     else:
         lines = [f"{MARK}: {name} with the offsets below", *notes, *calibration.head]
-        rows = [begin + one_line(line) for line in lines]
+        rows = [language.remark + one_line(line) for line in lines]
     return text[:start] + "".join(row + newline for row in rows) + text[start:]

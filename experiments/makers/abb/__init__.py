@@ -19,7 +19,7 @@ from ..maker import (
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ....model.files.run import Run
-    from ..calibration import Calibration
+    from ..calibration import RobotCalibration
     from ..generic.csv_file import CsvLayout
     from ..plan_programs import ProgramMotion
     from ..program_parts import Language
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 def _moc(
     run: "Run",
-    calibration: "Calibration",
+    calibration: "RobotCalibration",
     against: Annotated[Path | None, Option("The controller's MOC.cfg: write a diff against it.")] = None,
     motor_sign: Annotated[
         str | None,
@@ -49,7 +49,7 @@ def _moc(
     return moc_text(calibration, Gears.of_options(ratio, motor_sign, run.robot.n), against, unit)
 
 
-def _rapid_offsets(run: "Run", calibration: "Calibration") -> str:
+def _rapid_offsets(run: "Run", calibration: "RobotCalibration") -> str:
     """ABB: a RAPID module with functions that correct a jointtarget by the offsets."""
     from .rapid_program import rapid_text
 

@@ -23,7 +23,7 @@ from typing import Literal, NamedTuple
 from ....model.errors import BadInput
 from ....model.files.reading import did_you_mean, read_text, shown
 from ....model.kinematics.pendant import require_link_encoder
-from ..calibration import Calibration, JointOffset
+from ..calibration import JointOffset, RobotCalibration
 from ..maker import one_line, require_vendor
 
 Sign = Literal[1, -1]
@@ -89,7 +89,9 @@ class _Change:
     reading: float
 
 
-def moc_text(calibration: Calibration, gears: Gears, against: Path | None = None, unit: str = "rob1") -> str:
+def moc_text(
+    calibration: RobotCalibration, gears: Gears, against: Path | None = None, unit: str = "rob1"
+) -> str:
     """A table of the changes; with `against`, the controller's MOC.cfg, a unified diff of that file.
 
     The motors of mechanical unit `unit` are those called `<unit>_1` and so on.
@@ -123,7 +125,7 @@ def moc_text(calibration: Calibration, gears: Gears, against: Path | None = None
     return "".join(f"# {line}".rstrip() + "\n" for line in head) + _diff(text, new, one_line(against.name))
 
 
-def _require_turning(calibration: Calibration) -> None:
+def _require_turning(calibration: RobotCalibration) -> None:
     sliding = [o.name for o in calibration.offsets if o.exported and o.kind == "prismatic"]
     if sliding:
         raise BadInput(
@@ -240,7 +242,7 @@ def _number(text: str, path: Path, section: str, name: str, key: str) -> _Value:
     return _Value(float(value.group(1)), start + value.start(1), start + value.end(1))
 
 
-def _head(calibration: Calibration) -> list[str]:
+def _head(calibration: RobotCalibration) -> list[str]:
     return [
         *calibration.head,
         "",
@@ -275,7 +277,7 @@ def _instructions(changes: dict[str, tuple[JointOffset, _Value, _Change]]) -> li
     return lines
 
 
-def _table(calibration: Calibration, gears: Gears) -> str:
+def _table(calibration: RobotCalibration, gears: Gears) -> str:
     """Without the controller's file: by how much, at the joint and, as far as it is stated, at the motor."""
     lines = [*_head(calibration), "", "joint; offset deg; offset rad; change of cal_offset, rad at the motor"]
     for i, offset in enumerate(calibration.offsets):

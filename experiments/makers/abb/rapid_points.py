@@ -21,6 +21,7 @@ from ....model.kinematics.inverse import Solver
 from ....model.kinematics.orientation import from_quaternion, stated_numbers
 from ....model.kinematics.pendant import pendant_of
 from ....model.kinematics.robot import Robot
+from ..maker import blanked
 from ..recordings import Imported, ImportJob, Point, import_points
 from ..solving import up_to_flange
 
@@ -86,7 +87,7 @@ DECLARED = re.compile(
     r"(?P<sizes>\{[\d\s,]*\})?\s*:=(?P<value>[^;]*);",
     re.IGNORECASE,
 )
-_TEXT = re.compile(r'"[^"\n]*"|![^\n]*')  # strings and comments
+REMARK = r"![^\n]*"
 _NUMBERS = re.compile(r"[\[\]\s,0-9eE+.\-]*")
 _AXES = 6
 _LARGEST = 1e10  # mm, deg: 9E9 stands for an axis that there is not
@@ -149,7 +150,7 @@ def rapid_positions(
             return None
         return posed(_robtarget(value, name, path, line), name, path, line)
 
-    bare = without_text(text)
+    bare = blanked(text, REMARK)
     points: list[Point] = []
     for match in DECLARED.finditer(bare):
         if match["kind"].lower() not in ("jointtarget", "robtarget"):
@@ -166,11 +167,6 @@ def rapid_positions(
             element_name = f"{name}{{{i}}}"
             points.append(Point(element_name, joints(element, element_name, line), line))
     return points
-
-
-def without_text(text: str) -> str:
-    """The program with blanks for its strings and comments."""
-    return _TEXT.sub(lambda match: " " * len(match[0]), text)
 
 
 def _values(text: str, name: str, path: Path, line: int) -> object:

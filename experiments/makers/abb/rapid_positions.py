@@ -22,6 +22,7 @@ from ..program_parts import (
     PoseTarget,
     Source,
     number_edits,
+    span,
     understood,
 )
 from .rapid_statements import rapid_literals, tokens, trees
@@ -42,14 +43,6 @@ class _Literal(NamedTuple):
     line: int
     spans: list[tuple[int, int]]
     values: list[float]
-
-
-def span(node: Node) -> tuple[int, int]:
-    """Where a part of a statement is in the text."""
-    if isinstance(node, Tree):
-        return node.meta.start_pos, node.meta.end_pos
-    assert node.start_pos is not None
-    return node.start_pos, node.start_pos + len(node)
 
 
 class Positions:
@@ -169,11 +162,8 @@ class Positions:
         if isinstance(target, Tree) and target.data == "aggregate":
             literals = self._written(kind, target)
             if literals is not None and len(literals) == 1 and span(literals[0]) == (start, end):
-                line = self.source.line(start)
-                key = f"the target in line {line}"
-                while key in self._literals:
-                    key += "'"
-                self._enter(key, kind, key, line, literals[0])
+                key = self.source.key_at(start, self._literals)
+                self._enter(key, kind, key, self.source.line(start), literals[0])
                 return [key]
         elif isinstance(target, Tree) and target.data == "reference":
             return self._referred(target, kind)

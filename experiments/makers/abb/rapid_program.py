@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
-from ..calibration import Calibration
+from ..calibration import RobotCalibration
 from ..maker import one_line, require_vendor
 from ..plan_programs import (
     LOG,
@@ -31,7 +31,7 @@ AXES = 6  # rax_1 to rax_6 of a robjoint
 MODULE = "zb_offsets"
 
 
-def rapid_text(calibration: Calibration) -> str:
+def rapid_text(calibration: RobotCalibration) -> str:
     """Text of the module: ASCII, degrees. RAPID's num holds some seven digits, so six decimals are written.
 
     BadInput for a robot that is not ABB's, or that a RAPID robjoint (six axes in degrees) cannot hold.

@@ -8,9 +8,10 @@ from typing import NamedTuple
 
 from lark import Token, Tree
 
+from ..maker import blanked
 from ..program_parts import understood
+from .rapid_points import REMARK
 
-_TEXT = re.compile(r'"[^"\n]*"|![^\n]*')  # a string, a comment
 _TOKEN = re.compile(r'"[^"\n]*"|[^\W\d]\w*|:=|\S')
 # What backups begin with.
 _HEAD = re.compile(r"\s*(?:%%%\s*(?:VERSION\s*:\s*\d+)?\s*(?:LANGUAGE\s*:\s*\w+)?\s*%%%)?", re.IGNORECASE)
@@ -49,11 +50,6 @@ class RapidStatement(NamedTuple):
     start: int
     end: int
     tree: Tree[Token] | None
-
-
-def without_comments(text: str) -> str:
-    """The program with blanks for its comments."""
-    return _TEXT.sub(lambda match: match[0] if match[0][0] == '"' else " " * len(match[0]), text)
 
 
 def statements(bare: str) -> Iterator[RapidStatement]:
@@ -148,7 +144,7 @@ def rapid_literals(text: str) -> list[tuple[int, int]]:
     """The places of all values with the shape of a pose, a jointtarget or a robtarget outside comments and
     strings, whatever statement they are in."""
     literals, open_brackets = [], [_Bracket("", 0)]
-    bare = _TEXT.sub(lambda text: " " * len(text[0]), text)
+    bare = blanked(text, REMARK)
     for mark in re.finditer(r"[\[\](){},;]", bare):
         sign, inner = mark[0], open_brackets[-1]
         if sign in "[({":

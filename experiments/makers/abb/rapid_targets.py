@@ -9,9 +9,10 @@ from collections.abc import Callable
 from lark import Token, Tree
 
 from ....model.kinematics.orientation import from_quaternion
-from ..program_parts import Language, Motion, Parsed, Source, understood
-from .rapid_points import without_text
-from .rapid_positions import FRAMES, TARGETS, Node, Positions, span
+from ..maker import blanked
+from ..program_parts import Language, Motion, Parsed, Source, span, understood
+from .rapid_points import REMARK
+from .rapid_positions import FRAMES, TARGETS, Node, Positions
 from .rapid_statements import (
     Blocks,
     RapidStatement,
@@ -20,7 +21,6 @@ from .rapid_statements import (
     statements,
     tokens,
     trees,
-    without_comments,
 )
 
 # Types of data that hold no position, tool or frame; those of the second list have components.
@@ -51,14 +51,6 @@ _BREAKING = {
 _BOOLEAN = {"=", "<>", "<", ">", "<=", ">=", "AND", "OR", "XOR"}
 
 
-def rapid_head(text: str) -> tuple[int, str]:
-    """Where comments at the head of a module are put, and what they begin with."""
-    match = re.search(
-        r"^[ \t]*(?:LOCAL\s+)?MODULE\b[^\n]*\n", without_text(text), re.MULTILINE | re.IGNORECASE
-    )
-    return (0 if match is None else match.end()), "  ! "
-
-
 def rapid_targets(source: Source) -> Parsed:
     """What is to be corrected in a module; a problem of each statement that is not understood."""
     return _RapidModule(source).read()
@@ -66,7 +58,7 @@ def rapid_targets(source: Source) -> Parsed:
 
 class _RapidModule:
     def __init__(self, source: Source) -> None:
-        self.source, self.bare, self.parsed = source, without_comments(source.text), Parsed()
+        self.source, self.bare, self.parsed = source, blanked(source.text, REMARK, strings=False), Parsed()
         self.positions = Positions(source, self.bare, self.parsed)
         self.records = set(_RECORDS)  # types with components that hold no position
         self.plain = set(_PLAIN)
@@ -375,4 +367,12 @@ def _is_built_in(name: str) -> bool:
     return False
 
 
-RAPID = Language("RAPID", rapid_targets, rapid_head, from_quaternion, "X,Y,Z,Q1,Q2,Q3,Q4", rapid_literals)
+RAPID = Language(
+    "RAPID",
+    rapid_targets,
+    r"^[ \t]*(?:LOCAL\s+)?MODULE\b[^\n]*\n",
+    "  ! ",
+    from_quaternion,
+    "X,Y,Z,Q1,Q2,Q3,Q4",
+    rapid_literals,
+)

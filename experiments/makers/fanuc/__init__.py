@@ -19,7 +19,7 @@ from ..maker import (
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ....model.files.run import Run
-    from ..calibration import Calibration
+    from ..calibration import RobotCalibration
     from ..plan_programs import ProgramMotion
     from ..program_parts import Language
     from ..recordings import Imported, ImportJob
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 def _sheet(
     run: "Run",
-    calibration: "Calibration",
+    calibration: "RobotCalibration",
     j3: Annotated[
         Literal["ground", "link"] | None,
         Option("What the pendant counts joint 3 from, if not as the robot file states."),

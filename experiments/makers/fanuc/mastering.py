@@ -10,7 +10,7 @@ import numpy as np
 from ....model.errors import BadInput
 from ....model.kinematics.pendant import encoder3_of, pendant_of
 from ....model.kinematics.robot import J3, Robot
-from ..calibration import Calibration
+from ..calibration import RobotCalibration
 from ..maker import require_vendor
 from ..sheets import sheet_text
 
@@ -66,7 +66,7 @@ class FanucCounts:
 
 
 def fanuc_text(
-    robot: Robot, calibration: Calibration, counts: FanucCounts | None, j3: J3 | None = None
+    robot: Robot, calibration: RobotCalibration, counts: FanucCounts | None, j3: J3 | None = None
 ) -> str:
     """FANUC: master counts. What changes the count of joint 3 is decided by what its encoder measures; `j3`
     says what the pendant counts it from, if not as the robot file states. BadInput where neither is
@@ -101,7 +101,7 @@ def fanuc_text(
     )
 
 
-def _as_fanuc(calibration: Calibration, encoder: J3) -> list[float | None]:
+def _as_fanuc(calibration: RobotCalibration, encoder: J3) -> list[float | None]:
     """The offsets of the controller's encoders: None where nothing is to be changed."""
     values: list[float | None] = [
         offset.applied if offset.exported else None for offset in calibration.offsets

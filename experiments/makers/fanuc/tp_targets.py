@@ -24,6 +24,7 @@ from ..program_parts import (
     Parsed,
     PoseTarget,
     Source,
+    span,
     understood,
 )
 
@@ -165,29 +166,10 @@ _AXES = 3  # entries of a literal with the shape of a pose or of joints, at leas
 _POSE = "XYZWPR"
 
 
-def fanuc_head(text: str) -> tuple[int, str]:
-    """Where remarks at the head of a program are put, and what they begin with."""
-    match = re.search(r"^/MN[^\n]*\n", text, re.MULTILINE)
-    return (0 if match is None else match.end()), "    :  !"
-
-
 def fanuc_literals(text: str) -> list[tuple[int, int]]:
     """The places of all entries `X = 1.000 mm, Y = …` of poses and joints."""
     bare = _REMARK_OR_TEXT.sub(lambda match: " " * len(match[0]), text)
     return [match.span() for match in _LITERAL.finditer(bare) if match[0].count("=") >= _AXES]
-
-
-def _start(token: Token) -> int:
-    assert token.start_pos is not None
-    return token.start_pos
-
-
-def _end(token: Token) -> int:
-    return _start(token) + len(token)
-
-
-def _replaced(token: Token, text: str) -> Edit:
-    return Edit(_start(token), _end(token), text)
 
 
 def fanuc_targets(source: Source) -> Parsed:
@@ -338,7 +320,7 @@ class _Listing:
             if branch is None or is_fanuc_configuration(letters, turns, branch, joints):
                 return edits
             word, now = fanuc_configuration(branch, joints)
-            return [*edits, _replaced(written, word), _replaced(stated_turns, ", ".join(map(str, now)))]
+            return [*edits, Edit(*span(written), word), Edit(*span(stated_turns), ", ".join(map(str, now)))]
 
         self.parsed.targets[name] = PoseTarget(
             name,
@@ -354,11 +336,20 @@ class _Listing:
     def _edit(self, shown: Token, value: float) -> Edit:
         """A number in the room of the old one and of the blanks before it."""
         if abs(float(shown) - value) <= 0.5 * 10.0**-_DECIMALS:
-            return _replaced(shown, str(shown))
-        end, text = _end(shown), f"{value + 0.0:.{_DECIMALS}f}"
-        blank = re.search(r"[ \t]*\Z", self.source.text[max(0, _start(shown) - _ROOM) : _start(shown)])
-        start = _start(shown) - (0 if blank is None else len(blank[0]))
+            return Edit(*span(shown), str(shown))
+        end, text = span(shown)[1], f"{value + 0.0:.{_DECIMALS}f}"
+        blank = re.search(r"[ \t]*\Z", self.source.text[max(0, span(shown)[0] - _ROOM) : span(shown)[0]])
+        start = span(shown)[0] - (0 if blank is None else len(blank[0]))
         return Edit(start, end, text.rjust(end - start))
 
 
-TP = Language("TP", fanuc_targets, fanuc_head, from_rpy, "X,Y,Z,W,P,R", fanuc_literals, case_sensitive=True)
+TP = Language(
+    "TP",
+    fanuc_targets,
+    r"^/MN[^\n]*\n",
+    "    :  !",
+    from_rpy,
+    "X,Y,Z,W,P,R",
+    fanuc_literals,
+    case_sensitive=True,
+)

@@ -24,34 +24,34 @@ from ..maker import (
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ....model.files.run import Run
-    from ..calibration import Calibration
+    from ..calibration import RobotCalibration
     from ..plan_programs import ProgramMotion
     from ..recordings import Imported, ImportJob
     from .csv_file import CsvLayout
 
 
-def _robot(run: "Run", calibration: "Calibration") -> str:
+def _robot(run: "Run", calibration: "RobotCalibration") -> str:
     """A corrected robot file: offsets, link lengths and angles in its Denavit-Hartenberg rows."""
     from .robot_rows import robot_text
 
     return robot_text(run, calibration)
 
 
-def _urdf(run: "Run", calibration: "Calibration") -> str:
+def _urdf(run: "Run", calibration: "RobotCalibration") -> str:
     """A corrected URDF: offsets, link lengths and angles in the origins of its joints."""
     from .urdf import urdf_text
 
     return urdf_text(run, calibration)
 
 
-def _json(run: "Run", calibration: "Calibration") -> str:
+def _json(run: "Run", calibration: "RobotCalibration") -> str:
     """All parameters with uncertainty and covariance as JSON, for programs."""
     from .offsets_data import json_text
 
     return json_text(calibration)
 
 
-def _csv(run: "Run", calibration: "Calibration") -> str:
+def _csv(run: "Run", calibration: "RobotCalibration") -> str:
     """The offsets with their uncertainty as a table, for spreadsheets."""
     from .offsets_data import csv_text
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from ....words import spreadsheet
 from ....words.observability import reason
-from ..calibration import MEANING, SEED, Calibration, JointOffset
+from ..calibration import MEANING, SEED, JointOffset, RobotCalibration
 from ..maker import one_line
 
 SCHEMA = "zerobeam/offsets/1"
@@ -27,26 +27,27 @@ _KEYS = (
     "applied",
 )
 
+_OF_ROW = {"unit", "estimate", "std", "interval95"}
 _PARAMETER_KEYS = ("name", "unit", "group", "status", "estimate", "std", "interval95", "tolerance_share")
 
 
-def csv_text(calibration: Calibration) -> str:
+def csv_text(calibration: RobotCalibration) -> str:
     """One row a joint, every row with its provenance. A field is empty where the data cannot determine it."""
     return spreadsheet.csv_text(_row(offset, calibration) for offset in calibration.offsets)
 
 
-def _row(offset: JointOffset, calibration: Calibration) -> dict[str, object]:
-    low, high = offset.interval95 or (None, None)
+def _row(offset: JointOffset, calibration: RobotCalibration) -> dict[str, object]:
+    low, high = offset.row.interval95 or (None, None)
     return {
         "offset": offset.name,
         "joint": one_line(offset.joint),
         "kind": offset.kind,
-        "unit": offset.unit,
+        "unit": offset.row.unit,
         "status": offset.status,
         "exported": "yes" if offset.exported else "no",
         "applied": offset.applied,
-        "estimate": offset.estimate,
-        "std": offset.std,
+        "estimate": offset.row.estimate,
+        "std": offset.row.std,
         "low95": low,
         "high95": high,
         "reason": one_line(offset.reason or ""),
@@ -58,7 +59,7 @@ def _row(offset: JointOffset, calibration: Calibration) -> dict[str, object]:
     }
 
 
-def document(calibration: Calibration) -> dict[str, Any]:
+def document(calibration: RobotCalibration) -> dict[str, Any]:
     """The offsets as plain values. What the data cannot determine is null; `applied` is to be added.
 
     `covariance` is of all parameters that the data determine, in the products of their units.
@@ -69,7 +70,10 @@ def document(calibration: Calibration) -> dict[str, Any]:
     return {
         "schema": SCHEMA,
         "meaning": MEANING,
-        "offsets": [{key: getattr(offset, key) for key in _KEYS} for offset in calibration.offsets],
+        "offsets": [
+            {key: getattr(offset.row if key in _OF_ROW else offset, key) for key in _KEYS}
+            for offset in calibration.offsets
+        ],
         "parameters": [
             {
                 **{key: getattr(row, key) for key in _PARAMETER_KEYS},
@@ -96,6 +100,6 @@ def document(calibration: Calibration) -> dict[str, Any]:
     }
 
 
-def json_text(calibration: Calibration) -> str:
+def json_text(calibration: RobotCalibration) -> str:
     """Text of the JSON file: ASCII, so that a name cannot break it."""
     return json.dumps(document(calibration), indent=1, allow_nan=False) + "\n"

@@ -24,7 +24,7 @@ from ....model.files.robot_file import RobotFile, StatedJoint, StatedTransform, 
 from ....model.files.run import Run
 from ....model.kinematics.orientation import angles_of
 from ....model.kinematics.robot import DHRow, Robot, rotation_about, shift
-from ..calibration import Calibration
+from ..calibration import RobotCalibration
 from ..maker import one_line
 
 _NEARLY_PARALLEL = float(np.sin(np.radians(5.0)))  # as of the geometry's parameters
@@ -150,7 +150,7 @@ def _clean(row: DHRow, nominal: DHRow) -> DHRow:
     )
 
 
-def robot_text(run: Run, calibration: Calibration) -> str:
+def robot_text(run: Run, calibration: RobotCalibration) -> str:
     """The text of the file; BadInput where the run's robot has no rows, as it comes from a URDF file."""
     ref = run.header.robot
     if isinstance(ref, UrdfRef):

@@ -23,7 +23,7 @@ from ....model.files.run import Run
 from ....model.files.urdf import MILLIMETRES, last_joint
 from ....model.kinematics.orientation import angles_of, roll_pitch_yaw
 from ....model.kinematics.robot import Joint, Robot, axis_rotation
-from ..calibration import Calibration, GeometryValue, JointOffset
+from ..calibration import GeometryValue, JointOffset, RobotCalibration
 
 BASE, FLANGE = "base", "flange"
 _ESCAPED = {"\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
@@ -112,7 +112,7 @@ class _UrdfElements:
     joints: list[tuple[_Element, list[_Element]]] = field(default_factory=list)
 
 
-def urdf_text(run: Run, calibration: Calibration) -> str:
+def urdf_text(run: Run, calibration: RobotCalibration) -> str:
     """The text of the corrected URDF; of a robot that does not come from a URDF file, of a new one."""
     ref = run.header.robot
     if not isinstance(ref, UrdfRef):
@@ -151,7 +151,7 @@ def urdf_text(run: Run, calibration: Calibration) -> str:
     return bom + content.decode()
 
 
-def _of_last(calibration: Calibration, n: int) -> list[GeometryValue]:
+def _of_last(calibration: RobotCalibration, n: int) -> list[GeometryValue]:
     return [value for value in calibration.geometry if value.exported and value.name.startswith(f"link{n}.")]
 
 
@@ -196,7 +196,7 @@ def _tag(content: bytes, element: _Element) -> bytes:
     return tag.group()
 
 
-def _comment(content: bytes, robot: _Element, calibration: Calibration, newline: bytes) -> _Edit:
+def _comment(content: bytes, robot: _Element, calibration: RobotCalibration, newline: bytes) -> _Edit:
     """What the file is, just inside its top element. `--` is not allowed in a comment of XML."""
     lines = [*calibration.head, *_NOTES]
     safe = [re.sub("-(?=-)", "- ", line).encode() for line in lines]

@@ -9,7 +9,7 @@ from ..maker import Maker, OffsetFile, PlanProgram, PointNames, ProgramFiles, Re
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ....model.files.run import Run
-    from ..calibration import Calibration
+    from ..calibration import RobotCalibration
     from ..plan_programs import ProgramMotion
     from ..program_parts import Language
     from ..recordings import Imported, ImportJob
@@ -25,7 +25,7 @@ _ABOUT = [
 ]
 
 
-def _sheet(run: "Run", calibration: "Calibration") -> str:
+def _sheet(run: "Run", calibration: "RobotCalibration") -> str:
     """KUKA: a sheet for a person, the mastering offsets of the axes. Nothing is applied."""
     from ....model.kinematics.pendant import require_link_encoder
     from ..sheets import sheet_text

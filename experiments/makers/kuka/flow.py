@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 from lark import Token, Tree
 
 from ....model.arrays import Matrix
-from .statements import KrlNames, pose_of, span, whole
+from ..program_parts import span
+from .statements import KrlNames, pose_of, whole
 
 Value = tuple[str, object]  # kind, which
 Values = frozenset[Value]

@@ -8,10 +8,12 @@ from pathlib import Path
 
 from ....model.errors import BadInput
 from ....model.files.reading import shown
+from ..maker import blanked
 from ..recordings import Imported, ImportJob, Point, import_points
 
 # KUKA: DECL E6AXIS XP1={A1 -90.0,A2 …,E6 0.0}, or P[1]={E6AXIS: A1 …} of an array: an aggregate of KRL that
 # begins with an axis is an axis position, one that begins with X is Cartesian.
+REMARK = r";[^\n]*"
 AGGREGATE = re.compile(
     r"(?P<name>\w+(?:\[\d+\])?)\s*=\s*\{\s*(?:\w+\s*:)?(?P<fields>\s*(?:A\d|X)\s[^{}]*)(?P<closed>\}?)",
     re.IGNORECASE,
@@ -42,14 +44,9 @@ def import_kuka(
     )
 
 
-def without_comments(text: str) -> str:
-    """A KRL file with blanks for its strings and comments (;)."""
-    return re.sub(r'"[^"\n]*"|;[^\n]*', lambda match: " " * len(match[0]), text)
-
-
 def kuka_positions(text: str, path: Path) -> list[Point]:
     """All positions of a data list, in its order; comments (;) are skipped."""
-    bare = without_comments(text)
+    bare = blanked(text, REMARK)
     if DATA_LIST.search(bare) and not _END_OF_LIST.search(bare):
         raise BadInput("the data list is incomplete: its last line, ENDDAT, is missing", file=path)
     points = []
@@ -65,7 +62,7 @@ def _positions(text: str, path: Path) -> list[Point]:
     points = kuka_positions(text, path)
     if not _MEASURED_NAME.search(text):
         return points
-    done = {match[1] for match in _DONE.finditer(without_comments(text))}
+    done = {match[1] for match in _DONE.finditer(blanked(text, REMARK))}
     named = [(point, _MEASURED_NAME.fullmatch(point.name)) for point in points]
     return [
         point._replace(number=int(match[1]))

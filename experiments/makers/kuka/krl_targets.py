@@ -11,7 +11,7 @@ import re
 from functools import cached_property
 
 import numpy as np
-from lark import Token, Tree
+from lark import Token
 
 from ....model.arrays import Matrix
 from ....model.kinematics.branches import Branch, Branches, is_kuka_turn, kuka_status, kuka_turn
@@ -27,6 +27,7 @@ from ..program_parts import (
     PoseTarget,
     Source,
     number_edits,
+    span,
 )
 from .flow import Flow, State, Value, Values, nothing_known, values
 from .routines import Routines
@@ -35,10 +36,8 @@ from .statements import (
     KrlNames,
     Position,
     fields,
-    krl_head,
     krl_literals,
     number,
-    span,
     statements,
     whole,
 )
@@ -96,9 +95,7 @@ class _KrlModule:
                 self._require_same_frames(at)
             return
         if part.data == "aggregate":
-            key = f"the target in line {self.source.line(move.pos)}"
-            while key in self.names.positions:
-                key += "'"
+            key = self.source.key_at(move.pos, self.names.positions)
             self.names.positions[key] = Position(key, part, fields(part) or {})
         else:
             key = "".join(str(each).lower() for each in part.children[:1])
@@ -184,7 +181,7 @@ class _KrlModule:
                 self.moves[uses[0]].pos, f"{written} states axes, which a linear motion cannot have"
             )
             return
-        spans = [_span(position.fields[axis]) for axis in axes]
+        spans = [span(position.fields[axis]) for axis in axes]
 
         def write(commanded: Matrix) -> list[Edit]:
             return number_edits(spans, self.source.text, commanded.tolist(), [6] * n)
@@ -214,7 +211,7 @@ class _KrlModule:
         own_status, turn = self._status_of(position.key), turn if self._turns(uses) else None
         if frames[0] is None or frames[1] is None:
             return
-        spans = [_span(parts[name]) for name in POSE]
+        spans = [span(parts[name]) for name in POSE]
 
         def matches(branch: Branch, joints: Matrix) -> bool:
             return own_status == kuka_status(branch) and (turn is None or is_kuka_turn(turn, joints))
@@ -223,9 +220,9 @@ class _KrlModule:
             new = [*new_pose[:3, 3].tolist(), *orientation(new_pose[:3, :3]).abc]
             edits = number_edits(spans, self.source.text, new, [6] * 6)
             if branch is not None and status is not None and status & 7 != kuka_status(branch):
-                edits.append(Edit(*_span(parts["S"]), str(status & ~7 | kuka_status(branch))))
+                edits.append(Edit(*span(parts["S"]), str(status & ~7 | kuka_status(branch))))
             if turn is not None and not is_kuka_turn(turn, joints):
-                edits.append(Edit(*_span(parts["T"]), str(turn & ~63 | kuka_turn(joints))))
+                edits.append(Edit(*span(parts["T"]), str(turn & ~63 | kuka_turn(joints))))
             return edits
 
         self.names.claim(position.aggregate, "target")
@@ -384,12 +381,13 @@ class _KrlModule:
                 self.parsed.motions.append(Motion(key, line, linear, before is None, unchecked=True))
 
 
-def _span(part: Token | Tree[Token]) -> tuple[int, int]:
-    if isinstance(part, Tree):
-        return span(part)
-    assert part.start_pos is not None
-    assert part.end_pos is not None
-    return part.start_pos, part.end_pos
-
-
-KRL = Language("KRL", krl_targets, krl_head, from_abc, "X,Y,Z,A,B,C", krl_literals, up=-1)
+KRL = Language(
+    "KRL",
+    krl_targets,
+    r"^[ \t]*(?:GLOBAL\s+)?DEF(?:FCT|DAT)?\b[^\n]*\n",
+    "; ",
+    from_abc,
+    "X,Y,Z,A,B,C",
+    krl_literals,
+    up=-1,
+)

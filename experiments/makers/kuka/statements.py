@@ -14,7 +14,7 @@ from lark import Token, Tree
 
 from ....model.arrays import Matrix
 from ....model.kinematics.orientation import from_abc
-from ..program_parts import LiteralSpan, Parsed, Source, understood
+from ..program_parts import LiteralSpan, Parsed, Source, span, understood
 
 POSE = ("X", "Y", "Z", "A", "B", "C")
 SCALARS = {"INT", "REAL", "BOOL", "CHAR"}
@@ -52,12 +52,6 @@ def bare(text: str) -> str:
         return '"' + "_" * inner + '"' if match[0][0] == '"' else " " * len(match[0])
 
     return _BLANKED.sub(blanked, text).translate(_CAPITALS)
-
-
-def krl_head(text: str) -> tuple[int, str]:
-    """Where comments at the head of a file are put, and what they begin with."""
-    match = re.search(r"^[ \t]*(?:GLOBAL\s+)?DEF(?:FCT|DAT)?\b[^\n]*\n", text, re.MULTILINE | re.IGNORECASE)
-    return (0 if match is None else match.end()), "; "
 
 
 def krl_literals(text: str) -> list[tuple[int, int]]:
@@ -118,11 +112,6 @@ def fields(aggregate: Tree[Token]) -> Fields | None:
                 return None
             result[name] = component.children[1]
     return result
-
-
-def span(part: Tree[Token]) -> tuple[int, int]:
-    """Of a derivation that is not empty."""
-    return part.meta.start_pos, part.meta.end_pos
 
 
 def number(value: Token | Tree[Token] | None) -> float | None:

@@ -22,7 +22,7 @@ from ..maker import (
 if TYPE_CHECKING:
     from ....model.files.plan import Plan
     from ....model.files.run import Run
-    from ..calibration import Calibration
+    from ..calibration import RobotCalibration
     from ..generic.csv_file import CsvLayout
     from ..plan_programs import ProgramMotion
     from ..program_parts import Language
@@ -36,7 +36,7 @@ _ABOUT = [
 ]
 
 
-def _sheet(run: "Run", calibration: "Calibration") -> str:
+def _sheet(run: "Run", calibration: "RobotCalibration") -> str:
     """Universal Robots: a sheet for a person, how to set the zero of each joint. Nothing is applied."""
     from ....model.kinematics.pendant import require_link_encoder
     from ..sheets import sheet_text
@@ -54,7 +54,7 @@ def _sheet(run: "Run", calibration: "Calibration") -> str:
 
 def _calibration(
     run: "Run",
-    calibration: "Calibration",
+    calibration: "RobotCalibration",
     against: Annotated[
         Path | None,
         Option("The arm's present calibration.yaml: its hash is kept, which ROS compares with the robot's."),

@@ -30,7 +30,7 @@ from ....model.files.run import Run
 from ....model.files.urdf import MILLIMETRES
 from ....model.kinematics.orientation import angles_of, roll_pitch_yaw
 from ....model.kinematics.robot import DHRow, Robot, dh_chain, shift
-from ..calibration import Calibration
+from ..calibration import RobotCalibration
 from ..generic.robot_rows import corrected_table, rows_text
 from ..maker import one_line, require_vendor
 
@@ -172,7 +172,7 @@ _SAME_ARM = 0.01  # mm at the flange
 _OWN_HASH = "zerobeam_corrected"
 
 
-def ur_calibration_text(run: Run, calibration: Calibration, against: Path | None) -> str:
+def ur_calibration_text(run: Run, calibration: RobotCalibration, against: Path | None) -> str:
     """The text of the file. `against` is the arm's present file: its hash is kept, and the run must have been
     analysed with the arm that it describes.
 

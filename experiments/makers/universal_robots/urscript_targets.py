@@ -14,6 +14,7 @@ from lark import Token, Tree
 from ....model.arrays import Matrix
 from ....model.kinematics.branches import Branch
 from ....model.kinematics.orientation import from_rotation_vector, orientation
+from ..maker import blanked
 from ..program_parts import (
     NULL,
     NUMBER,
@@ -26,10 +27,11 @@ from ..program_parts import (
     PoseTarget,
     Source,
     new_number,
+    span,
     understood,
 )
 
-_COMMENT_OR_TEXT = re.compile(r'"[^"\n]*"|#[^\n]*')
+_REMARK = r"#[^\n]*"
 _ELEMENT = re.compile(rf"\s*(?:(?P<deg>d2r\s*\(\s*)?(?P<value>{NUMBER})(?(deg)\s*\)))\s*")
 _POSE = re.compile(r"(?<!\w)p\s*\Z")
 _PAIRS = {")": "(", "]": "["}
@@ -51,15 +53,6 @@ class Value(NamedTuple):
         return [
             math.radians(value) if deg else value for value, deg in zip(values, self.degrees, strict=True)
         ]
-
-
-def without_comments(text: str) -> str:
-    return _COMMENT_OR_TEXT.sub(lambda match: match[0] if match[0][0] == '"' else " " * len(match[0]), text)
-
-
-def without_strings(text: str) -> str:
-    """Without comments too."""
-    return _COMMENT_OR_TEXT.sub(lambda match: " " * len(match[0]), text)
 
 
 def statements_of(bare: str) -> Iterator[tuple[int, int]]:
@@ -90,7 +83,7 @@ def value_at(bare: str, start: int, end: int) -> Value | None:
 
 def urscript_literals(text: str) -> list[tuple[int, int]]:
     """The places of all `p[…]`, and of all lists of six numbers."""
-    bare, opened, literals = without_strings(text), [], []
+    bare, opened, literals = blanked(text, _REMARK), [], []
     for bracket in re.finditer(r"[\[\]()]", bare):
         if bracket[0] in "[(":
             opened.append(bracket)
@@ -130,11 +123,6 @@ _JOINS = (
 _NO_TCP = "the TCP is not known; state --tool X,Y,Z,RX,RY,RZ in metres and radians"
 
 
-def urscript_head(text: str) -> tuple[int, str]:
-    """Where comments at the head of a program are put, and what they begin with."""
-    return 0, "# "
-
-
 def urscript_targets(source: Source) -> Parsed:
     """What is to be corrected in a program."""
     return _Script(source).read()
@@ -159,7 +147,7 @@ class _Statement:
 class _Script:
     def __init__(self, source: Source) -> None:
         self.source, self.facts, self.parsed = source, source.facts, Parsed()
-        self.bare = without_strings(source.text)
+        self.bare = blanked(source.text, _REMARK)
         self.statements = list(self._statements())
         self.routines = self._named("define")
         self.threads = self._named("thread")
@@ -192,7 +180,7 @@ class _Script:
     # The statements
 
     def _statements(self) -> Iterator[_Statement]:
-        code, opened = without_comments(self.source.text), list[tuple[int, str]]()
+        code, opened = blanked(self.source.text, _REMARK, strings=False), list[tuple[int, str]]()
         for number, (start, end) in enumerate(statements_of(self.bare)):
             line, tree = (
                 self.source.line(start),
@@ -303,7 +291,7 @@ class _Script:
             self.parsed.changed(statement.line, str(name))
         else:
             self.values[str(name)] = value, statement
-            self.known.add(_start(name))
+            self.known.add(span(name)[0])
 
     def _set_tcp(self) -> None:
         """The TCP of all poses: set as a literal before all motions, or stated."""
@@ -390,16 +378,13 @@ class _Script:
             value, assigned = self.values[str(child)]
             inside = statement.blocks[: len(assigned.blocks)] == assigned.blocks
             if self._kinds(assigned) <= {"define"} or (inside and assigned.number < statement.number):
-                self.known.add(_start(child))
+                self.known.add(span(child)[0])
                 return str(child), value
             return None, None
         value_here = self._literal(child)
         if value_here is None:
             return None, None
-        key = f"the target in line {self.source.line(value_here.start)}"
-        while key in self.parsed.targets:
-            key += "'"
-        return key, value_here
+        return self.source.key_at(value_here.start, self.parsed.targets), value_here
 
     def _near(self, child: Token | Tree[Token], statement: _Statement) -> Matrix | None:
         """Joints in degrees of the argument qnear, a target itself."""
@@ -450,7 +435,7 @@ class _Script:
         for statement in self.statements:
             for token in statement.tree.scan_values(lambda token: isinstance(token, Token)):
                 assert isinstance(token, Token)
-                if token.type == "NAME" and token in self.values and _start(token) not in self.known:
+                if token.type == "NAME" and token in self.values and span(token)[0] not in self.known:
                     self.parsed.changed(statement.line, str(token))
         for name, (value, statement) in self.values.items():
             if name not in self.parsed.targets and not self.parsed.speaks_of(statement.line, name):
@@ -460,11 +445,6 @@ class _Script:
                     )
                 else:
                     self._enter(name, value)
-
-
-def _start(token: Token) -> int:
-    assert token.start_pos is not None
-    return token.start_pos
 
 
 def _near_turn(turn: Matrix, old: Matrix) -> Matrix:
@@ -479,7 +459,8 @@ def _near_turn(turn: Matrix, old: Matrix) -> Matrix:
 URSCRIPT = Language(
     "URScript",
     urscript_targets,
-    urscript_head,
+    r"\A",
+    "# ",
     from_rotation_vector,
     "X,Y,Z,RX,RY,RZ in metres and radians",
     urscript_literals,

@@ -21,7 +21,7 @@ from program_arm import TRUTH, PendantArm, plan_for
 from rapid_interpreter import RapidController
 from user_programs import STATED, UserProgram, flange_arm, read, varied, written
 
-from zerobeam.experiments.makers.calibration import Calibration, calibration
+from zerobeam.experiments.makers.calibration import RobotCalibration, calibration
 from zerobeam.experiments.makers.plan_programs import ProgramMotion, steps_of, write_program
 from zerobeam.experiments.makers.recordings import Imported
 from zerobeam.experiments.makers.user_programs import corrected_program
@@ -102,7 +102,7 @@ ARMS: dict[str, tuple[Callable[..., Imported], tuple[float, float, float]]] = {
 LANGUAGES = {rapid: "rapid", urscript: "urscript", krl: "krl", fanuc: "fanuc"}
 
 
-def promised_mm(answer: Calibration, plan: Plan, rows: Matrix) -> Matrix:
+def promised_mm(answer: RobotCalibration, plan: Plan, rows: Matrix) -> Matrix:
     """(N,) standard uncertainty of the flange's place at joints (N, n), degrees, by that of the offsets."""
     names = [offset.name for offset in answer.offsets if offset.exported]
     own = [answer.covariance.names.index(name) for name in names]
@@ -112,7 +112,7 @@ def promised_mm(answer: Calibration, plan: Plan, rows: Matrix) -> Matrix:
 
 
 def corrected_program_reaches_what_it_means(
-    folder: Path, plan: Plan, answer: Calibration, language: str
+    folder: Path, plan: Plan, answer: RobotCalibration, language: str
 ) -> None:
     """Joint and Cartesian targets: the plan's postures, and others."""
     nominal = flange_arm(plan.robot)
@@ -159,7 +159,7 @@ def test_offsets_come_back_through_the_program_of_every_arm(
     for name, true in TRUTH.items():
         offset = found[name]
         assert offset.status in ("identified", "weak")
-        assert offset.std < 0.3
-        assert abs(offset.estimate - true) < 3 * offset.std, (name, offset.estimate, offset.std)
+        assert offset.row.std < 0.3
+        assert abs(offset.row.estimate - true) < 3 * offset.row.std, (name, offset.row)
     if carried_out in LANGUAGES:
         corrected_program_reaches_what_it_means(tmp_path, plan, answer, LANGUAGES[carried_out])

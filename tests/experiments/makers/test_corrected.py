@@ -14,7 +14,7 @@ from geometry_runs import geometry_run, on
 
 from zerobeam.analysis.ladder import solve_run
 from zerobeam.experiments.makers.abb.rapid_program import rapid_text
-from zerobeam.experiments.makers.calibration import Calibration, Holds, calibration
+from zerobeam.experiments.makers.calibration import Holds, RobotCalibration, calibration
 from zerobeam.experiments.makers.generic.offsets_data import csv_text, json_text
 from zerobeam.experiments.makers.generic.robot_rows import robot_text
 from zerobeam.experiments.makers.generic.urdf import urdf_text
@@ -27,7 +27,7 @@ from zerobeam.model.kinematics.robot import Robot
 from zerobeam.model.likelihood.problem import Problem
 
 
-def told(run: Run, holds: Holds = "links", **how: bool) -> Calibration:
+def told(run: Run, holds: Holds = "links", **how: bool) -> RobotCalibration:
     return calibration(run, allow_weak=True, holds=holds, **how)
 
 
@@ -37,7 +37,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 
 @pytest.fixture(scope="module")
-def answer(run: Run) -> Calibration:
+def answer(run: Run) -> RobotCalibration:
     return told(run)
 
 
@@ -45,7 +45,7 @@ def postures(robot: Robot) -> Matrix:
     return np.random.default_rng(3).uniform(robot.lower, robot.upper, (200, robot.n))
 
 
-def despite_misfit(run: Run, answer: Calibration) -> Matrix:
+def despite_misfit(run: Run, answer: RobotCalibration) -> Matrix:
     """Poses of the calibrated model, by the symbolic one: links moved, offsets added."""
     geometry = Problem.from_run(run).geometry
     moved = geometry.applied(run.robot, np.array([own.internal for own in answer.geometry]))
@@ -53,7 +53,7 @@ def despite_misfit(run: Run, answer: Calibration) -> Matrix:
 
 
 def test_a_robot_file_has_the_kinematics_of_the_calibrated_model(
-    run: Run, answer: Calibration, tmp_path: Path
+    run: Run, answer: RobotCalibration, tmp_path: Path
 ) -> None:
     path = tmp_path / "corrected.yaml"
     path.write_text(robot_text(run, answer), encoding="utf-8")
@@ -68,7 +68,7 @@ def test_a_robot_file_has_the_kinematics_of_the_calibrated_model(
     assert "J2" in path.read_text(encoding="utf-8").split("schema:")[0]  # its beta is said
 
 
-def test_a_new_urdf_has_the_same(run: Run, answer: Calibration, tmp_path: Path) -> None:
+def test_a_new_urdf_has_the_same(run: Run, answer: RobotCalibration, tmp_path: Path) -> None:
     path = tmp_path / "corrected.urdf"
     path.write_text(urdf_text(run, answer), encoding="utf-8")
     robot = read_urdf(path, "base", "flange")
@@ -77,7 +77,7 @@ def test_a_new_urdf_has_the_same(run: Run, answer: Calibration, tmp_path: Path) 
 
 @pytest.mark.long
 def test_the_same_run_on_the_exported_robot_has_nothing_left(
-    run: Run, answer: Calibration, tmp_path: Path
+    run: Run, answer: RobotCalibration, tmp_path: Path
 ) -> None:
     """But for what the priors held back, offsets and links come out as 0."""
     path = tmp_path / "corrected.yaml"
@@ -127,7 +127,7 @@ def test_a_tip_that_the_last_joint_moves_cannot_hold_the_last_link(
     np.testing.assert_allclose(robot.fk(postures(robot), "rad"), despite_misfit(run, without), atol=1e-9)
 
 
-def test_what_is_unidentifiable_stays_nominal_and_is_named(answer: Calibration) -> None:
+def test_what_is_unidentifiable_stays_nominal_and_is_named(answer: RobotCalibration) -> None:
     unknown = [own for own in answer.geometry if own.status == "unidentifiable"]
     assert unknown
     for own in unknown:

@@ -12,7 +12,7 @@ import pytest
 from export_runs import HOSTILE, SLIDING, WITHIN_NOISE_MM, arm_run, hostile, rms_mm, urdf_run
 
 from zerobeam.experiments.makers.abb.moc_offsets import TURN, Gears, moc_text
-from zerobeam.experiments.makers.calibration import Calibration, JointOffset, calibration
+from zerobeam.experiments.makers.calibration import JointOffset, RobotCalibration, calibration
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.run import Run
 
@@ -88,7 +88,7 @@ def calibrated(text: str) -> list[float]:
 
 
 @pytest.fixture
-def told(tmp_path: Path) -> tuple[Run, Calibration, Path]:
+def told(tmp_path: Path) -> tuple[Run, RobotCalibration, Path]:
     run = arm_run(tmp_path)
     path = tmp_path / "MOC.cfg"
     path.write_text(MOC)
@@ -107,7 +107,7 @@ def change_of_readings(new: Sequence[float], signs: Sequence[int], turned: bool)
     return reading
 
 
-def test_applied_it_makes_the_readings_hit_the_target(told: tuple[Run, Calibration, Path]) -> None:
+def test_applied_it_makes_the_readings_hit_the_target(told: tuple[Run, RobotCalibration, Path]) -> None:
     run, answer, path = told
     text = moc_text(answer, Gears(RATIOS, SIGNS), path)  # type: ignore[arg-type]
     new = calibrated(patched(MOC, text))
@@ -120,7 +120,7 @@ def test_applied_it_makes_the_readings_hit_the_target(told: tuple[Run, Calibrati
     assert path.read_text() == MOC  # never applied by itself
 
 
-def test_sign_and_ratio_give_the_joint_offsets_back(told: tuple[Run, Calibration, Path]) -> None:
+def test_sign_and_ratio_give_the_joint_offsets_back(told: tuple[Run, RobotCalibration, Path]) -> None:
     """Within the six decimals that are written; whole turns are told, with what the readings will be."""
     _, answer, path = told
     text = moc_text(answer, Gears(RATIOS, SIGNS), path)  # type: ignore[arg-type]
@@ -140,7 +140,7 @@ def test_sign_and_ratio_give_the_joint_offsets_back(told: tuple[Run, Calibration
 
 
 def test_one_sign_may_stand_for_all_and_ratios_come_from_the_file(
-    told: tuple[Run, Calibration, Path],
+    told: tuple[Run, RobotCalibration, Path],
 ) -> None:
     run, _, path = told
     few = calibration(run, without=["delta2", "delta4", "delta6"])
@@ -153,7 +153,7 @@ def test_one_sign_may_stand_for_all_and_ratios_come_from_the_file(
     assert new[4] - OLD[4] == pytest.approx(OLD[4] - opposite[4], abs=2e-6)
 
 
-def test_carriage_returns_and_a_missing_last_line_end_stay(told: tuple[Run, Calibration, Path]) -> None:
+def test_carriage_returns_and_a_missing_last_line_end_stay(told: tuple[Run, RobotCalibration, Path]) -> None:
     _, answer, path = told
     path.write_bytes(MOC.replace("\n", "\r\n").encode())
     text = moc_text(answer, Gears(RATIOS, SIGNS), path)  # type: ignore[arg-type]
@@ -171,14 +171,14 @@ def replaced(path: Path, text: str) -> Path:
     return path
 
 
-def test_the_sign_is_never_guessed(told: tuple[Run, Calibration, Path], refused: Refused) -> None:
+def test_the_sign_is_never_guessed(told: tuple[Run, RobotCalibration, Path], refused: Refused) -> None:
     _, answer, path = told
     error = refused(moc_text, answer, Gears(RATIOS, None), path)
     assert "the sign must be stated" in error.what
     assert "--motor-sign" in str(error.allowed)
 
 
-def test_what_is_missing_or_contradicts(told: tuple[Run, Calibration, Path], refused: Refused) -> None:
+def test_what_is_missing_or_contradicts(told: tuple[Run, RobotCalibration, Path], refused: Refused) -> None:
     run, answer, path = told
     gears = Gears(RATIOS, SIGNS)  # type: ignore[arg-type]
 
@@ -213,7 +213,7 @@ def test_ratios_and_signs_that_are_none(ratio: str | None, sign: str, refused: R
     assert "is not understood" in refused(Gears.of_options, ratio, sign, 6).what
 
 
-def test_without_the_controllers_file_a_table(told: tuple[Run, Calibration, Path]) -> None:
+def test_without_the_controllers_file_a_table(told: tuple[Run, RobotCalibration, Path]) -> None:
     """At the joint; at the motor only once sign and ratios are stated."""
     _, answer, _ = told
     bare = moc_text(answer, Gears())
@@ -229,7 +229,7 @@ def test_without_the_controllers_file_a_table(told: tuple[Run, Calibration, Path
     assert "No public" in bare
 
 
-def test_the_head_says_what_is_not_known(told: tuple[Run, Calibration, Path]) -> None:
+def test_the_head_says_what_is_not_known(told: tuple[Run, RobotCalibration, Path]) -> None:
     run, _, path = told
     answer = calibration(run, without=["delta6"])
     weak = replace(answer, offsets=tuple(weakened(o) if o.exported else o for o in answer.offsets))
@@ -242,7 +242,7 @@ def test_the_head_says_what_is_not_known(told: tuple[Run, Calibration, Path]) ->
     assert "EXCLUDED on request" in head
 
 
-def test_hostile_names_stay_in_the_head(told: tuple[Run, Calibration, Path]) -> None:
+def test_hostile_names_stay_in_the_head(told: tuple[Run, RobotCalibration, Path]) -> None:
     run, answer, path = told
     wild = replaced(path.with_name(HOSTILE.replace("/", "")), MOC)
     text = moc_text(calibration(hostile(run)), Gears(RATIOS, SIGNS), wild)  # type: ignore[arg-type]

@@ -22,7 +22,7 @@ from export_runs import (
     urdf_run,
 )
 
-from zerobeam.experiments.makers.calibration import Calibration, calibration
+from zerobeam.experiments.makers.calibration import RobotCalibration, calibration
 from zerobeam.experiments.makers.generic.offsets_data import csv_text, json_text
 
 COLUMNS = (
@@ -44,7 +44,7 @@ def read(text: str) -> Any:
 
 
 @pytest.fixture
-def poor() -> Calibration:
+def poor() -> RobotCalibration:
     run = simulated(pattern_plan("x"), TRUTH, 2)[1]
     return calibration(run, allow_weak=True, without=["delta2"])
 
@@ -63,7 +63,7 @@ def test_what_is_read_back_hits_the_target(kind: str, tmp_path: Path) -> None:
     assert rms_mm(run, corrected(run, [-value for value in from_json])) > 10 * WITHIN_NOISE_MM
 
 
-def test_what_the_data_cannot_tell_is_nowhere(poor: Calibration) -> None:
+def test_what_the_data_cannot_tell_is_nowhere(poor: RobotCalibration) -> None:
     second = read(json_text(poor))["offsets"][1]
     assert second["name"] == "delta2"
     assert second["status"] == "unidentifiable"
@@ -75,7 +75,7 @@ def test_what_the_data_cannot_tell_is_nowhere(poor: Calibration) -> None:
     assert "joint 1 varies" in row["reason"]
 
 
-def test_statuses_and_provenance(poor: Calibration) -> None:
+def test_statuses_and_provenance(poor: RobotCalibration) -> None:
     told = read(json_text(poor))
     assert told["schema"] == "zerobeam/offsets/1"
     assert told["meaning"] == "true position = recorded position + offset"

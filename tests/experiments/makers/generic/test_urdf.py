@@ -23,7 +23,7 @@ from export_runs import (
     urdf_run,
 )
 
-from zerobeam.experiments.makers.calibration import Calibration, JointOffset, calibration
+from zerobeam.experiments.makers.calibration import JointOffset, RobotCalibration, calibration
 from zerobeam.experiments.makers.generic.urdf import urdf_text
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.run import Run
@@ -39,7 +39,7 @@ def weakened(offset: JointOffset) -> JointOffset:
 
 
 @pytest.fixture(params=KINDS)
-def told(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Run, Calibration, str]:
+def told(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Run, RobotCalibration, str]:
     run = urdf_run(tmp_path, KINDS[request.param])
     answer = calibration(run)
     return run, answer, urdf_text(run, answer)
@@ -51,14 +51,14 @@ def reread(folder: Path, text: str) -> Robot:
     return read_urdf(path, "base", "tool")
 
 
-def test_the_corrected_model_hits_the_target(told: tuple[Run, Calibration, str], tmp_path: Path) -> None:
+def test_the_corrected_model_hits_the_target(told: tuple[Run, RobotCalibration, str], tmp_path: Path) -> None:
     run, _, text = told
     assert rms_mm(run) > 10 * WITHIN_NOISE_MM  # as drawn the beams go past each other
     assert rms_mm(run, robot=reread(tmp_path, text)) < WITHIN_NOISE_MM
 
 
 def test_export_then_import_is_the_same_kinematics(
-    told: tuple[Run, Calibration, str], tmp_path: Path
+    told: tuple[Run, RobotCalibration, str], tmp_path: Path
 ) -> None:
     """The corrected model at recorded positions is the given one at recorded plus offset."""
     run, answer, text = told
@@ -75,7 +75,7 @@ def test_export_then_import_is_the_same_kinematics(
     ]
 
 
-def test_every_other_byte_stays(told: tuple[Run, Calibration, str]) -> None:
+def test_every_other_byte_stays(told: tuple[Run, RobotCalibration, str]) -> None:
     """Undone by hand, the five origins and the one comment give the file back."""
     run, _, text = told
     before = (run.path.parent / "arm.urdf").read_bytes().decode()
