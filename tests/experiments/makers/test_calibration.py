@@ -74,7 +74,7 @@ def test_an_unidentifiable_one_is_refused_by_name_with_its_reason(refused: Refus
     assert error.remedy.endswith("--without delta2")
     told = calibration(x_pattern(), allow_weak=True, without=["delta2"])
     second = told.offsets[1]
-    assert (second.estimate, second.std, second.applied, second.exported) == (None, None, 0.0, False)
+    assert (second.row.estimate, second.row.std, second.applied, second.exported) == (None, None, 0.0, False)
     assert "UNIDENTIFIABLE, excluded" in second.sentence
 
 
@@ -84,7 +84,7 @@ def test_a_weak_one_asks_to_be_allowed_and_is_marked(refused: Refused) -> None:
     assert error.remedy is not None
     assert "--allow-weak" in error.remedy
     allowed = {o.name: o for o in calibration(x_pattern(), allow_weak=True, without=["delta2"]).offsets}
-    assert allowed["delta3"].applied == allowed["delta3"].estimate != 0
+    assert allowed["delta3"].applied == allowed["delta3"].row.estimate != 0
     assert "WEAK" in allowed["delta3"].sentence
     weak = [name for name, offset in allowed.items() if offset.status == "weak"]
     others = calibration(x_pattern(), without=["delta2", *weak])
@@ -136,7 +136,7 @@ def test_shots_that_contradict_the_model_are_refused(refused: Refused) -> None:
     told = calibration(freed, allow_weak=True)
     assert not told.misfit
     for wide, narrow in zip(told.offsets, calibration(run).offsets, strict=True):
-        assert narrow.std is None or (wide.std is not None and wide.std > 3 * narrow.std)
+        assert narrow.row.std is None or (wide.row.std is not None and wide.row.std > 3 * narrow.row.std)
 
 
 def test_a_target_that_has_moved_is_refused_or_told(refused: Refused) -> None:

@@ -45,7 +45,7 @@ def postures(robot: Robot) -> Matrix:
     return np.random.default_rng(3).uniform(robot.lower, robot.upper, (200, robot.n))
 
 
-def despite_misfit(run: Run, answer: RobotCalibration) -> Matrix:
+def calibrated_poses(run: Run, answer: RobotCalibration) -> Matrix:
     """Poses of the calibrated model, by the symbolic one: links moved, offsets added."""
     geometry = Problem.from_run(run).geometry
     moved = geometry.applied(run.robot, np.array([own.internal for own in answer.geometry]))
@@ -58,13 +58,13 @@ def test_a_robot_file_has_the_kinematics_of_the_calibrated_model(
     path = tmp_path / "corrected.yaml"
     path.write_text(robot_text(run, answer), encoding="utf-8")
     robot = load_robot(path)
-    np.testing.assert_allclose(robot.fk(postures(robot), "rad"), despite_misfit(run, answer), atol=1e-9)
+    np.testing.assert_allclose(robot.fk(postures(robot), "rad"), calibrated_poses(run, answer), atol=1e-9)
     assert [(j.name, j.kind, j.lower, j.upper, j.speed) for j in robot.joints] == [
         (j.name, j.kind, j.lower, j.upper, j.speed) for j in run.robot.joints
     ]
     assert robot.vendor == run.robot.vendor is not None
     nominal = run.robot.fk(postures(robot), "rad")
-    assert abs(nominal - despite_misfit(run, answer)).max() > 1.0
+    assert abs(nominal - calibrated_poses(run, answer)).max() > 1.0
     assert "J2" in path.read_text(encoding="utf-8").split("schema:")[0]  # its beta is said
 
 
@@ -72,7 +72,7 @@ def test_a_new_urdf_has_the_same(run: Run, answer: RobotCalibration, tmp_path: P
     path = tmp_path / "corrected.urdf"
     path.write_text(urdf_text(run, answer), encoding="utf-8")
     robot = read_urdf(path, "base", "flange")
-    np.testing.assert_allclose(robot.fk(postures(robot), "rad"), despite_misfit(run, answer), atol=1e-9)
+    np.testing.assert_allclose(robot.fk(postures(robot), "rad"), calibrated_poses(run, answer), atol=1e-9)
 
 
 @pytest.mark.long
@@ -105,7 +105,7 @@ def test_a_urdf_takes_links_into_its_origins(tmp_path: Path) -> None:
     path.write_bytes(urdf_text(run, answer).encode())
     robot = read_urdf(path, "base", "tool")
     assert sum(own.exported for own in answer.geometry) > 5
-    np.testing.assert_allclose(robot.fk(postures(robot), "rad"), despite_misfit(run, answer), atol=1e-9)
+    np.testing.assert_allclose(robot.fk(postures(robot), "rad"), calibrated_poses(run, answer), atol=1e-9)
     with pytest.raises(BadInput, match="no Denavit-Hartenberg rows"):
         robot_text(run, answer)
 
@@ -124,7 +124,7 @@ def test_a_tip_that_the_last_joint_moves_cannot_hold_the_last_link(
     without = calibration(run, allow_weak=True, holds="links", without=names)
     path.write_bytes(urdf_text(run, without).encode())
     robot = read_urdf(path, "base", "l6")
-    np.testing.assert_allclose(robot.fk(postures(robot), "rad"), despite_misfit(run, without), atol=1e-9)
+    np.testing.assert_allclose(robot.fk(postures(robot), "rad"), calibrated_poses(run, without), atol=1e-9)
 
 
 def test_what_is_unidentifiable_stays_nominal_and_is_named(answer: RobotCalibration) -> None:
@@ -197,4 +197,4 @@ def test_names_that_mean_harm_stay_names(tmp_path: Path) -> None:
     (tmp_path / "out.urdf").write_text(urdf_text(run, answer), encoding="utf-8")
     for robot in (load_robot("out.yaml", tmp_path), read_urdf(tmp_path / "out.urdf", "base", "flange")):
         assert (robot.name, robot.joints[1].name) == (harm, harm)
-        np.testing.assert_allclose(robot.fk(postures(robot), "rad"), despite_misfit(run, answer), atol=1e-9)
+        np.testing.assert_allclose(robot.fk(postures(robot), "rad"), calibrated_poses(run, answer), atol=1e-9)

@@ -53,13 +53,13 @@ def test_readings_corrected_by_it_hit_the_target(tmp_path: Path) -> None:
 def test_commanded_by_it_the_arm_stands_where_it_is_wanted(tmp_path: Path) -> None:
     run = arm_run(tmp_path)
     answer = calibration(run)
-    despite_misfit = np.random.default_rng(0).uniform(-90, 90, (20, 6))
-    reading = carried_out(rapid_text(answer), "zb_command", despite_misfit)
+    aimed = np.random.default_rng(0).uniform(-90, 90, (20, 6))
+    reading = carried_out(rapid_text(answer), "zb_command", aimed)
     truly = np.radians(reading) + [offset.internal for offset in answer.offsets]
-    np.testing.assert_allclose(truly, np.radians(despite_misfit), atol=1.01 * _ROUNDED, rtol=0)
-    assert abs(reading - despite_misfit).max() > 1
+    np.testing.assert_allclose(truly, np.radians(aimed), atol=1.01 * _ROUNDED, rtol=0)
+    assert abs(reading - aimed).max() > 1
     back = carried_out(rapid_text(answer), "zb_true", reading)
-    np.testing.assert_allclose(back, despite_misfit, atol=1e-12)
+    np.testing.assert_allclose(back, aimed, atol=1e-12)
 
 
 def test_what_is_held_or_left_out_is_zero_and_said_so(tmp_path: Path) -> None:
