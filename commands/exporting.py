@@ -49,8 +49,8 @@ Texts = tuple[Mapping[Path, str | bytes], Sequence[str]]  # of the files; notes
 
 @dataclass(frozen=True)
 class Allowed:
-    """What is exported although something speaks against it, and what is left out; `holds` and `as_data` are
-    those of the kind of file."""
+    """Exceptions that options allow, and names to leave out; `holds` and `as_data` are those of the kind of
+    file."""
 
     weak: bool
     displaced: bool

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -107,7 +106,7 @@ def _entered(run: Run, solution: Solution) -> tuple[str, ...]:
 
 
 def offsets_to_enter(run: Run) -> dict[str, float]:
-    """What is entered at the controller after a run, deg (mm) by offset; BadInput as `write_verification`."""
+    """Values to enter at the controller after a run, deg (mm) by offset; BadInput as `write_verification`."""
     with one_blas_thread():
         solution = _solution(run)
     entered = _entered(run, solution)
@@ -176,13 +175,13 @@ def _write(
     write_plan(file, header, rows, plan.targets, force=force)
 
 
-def acceptance_json(result: AcceptanceResult) -> dict[str, Any]:
+def acceptance_json(result: AcceptanceResult) -> dict[str, object]:
     """Plain JSON types, schema `zerobeam/acceptance/1`."""
     return {"schema": "zerobeam/acceptance/1", **asdict(result)}
 
 
-def plan_json(made: Verification) -> dict[str, Any]:
-    """What the plan would notice, schema `zerobeam/verification-plan/1`."""
+def plan_json(made: Verification) -> dict[str, object]:
+    """The errors that the plan would notice, schema `zerobeam/verification-plan/1`."""
     return {
         "schema": "zerobeam/verification-plan/1",
         "run": made.run,

@@ -1,4 +1,4 @@
-"""What a file holds that an import can choose from: its form, and a table's columns and delimiters."""
+"""Contents of a file that an import can choose from: its form, a table's columns and delimiters."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class TableColumn:
 
 @dataclass(frozen=True)
 class Layout:
-    """How a table is laid out, as far as it can be seen; `why` has a sentence for each that was found."""
+    """The layout of a table as far as its text shows; `why` has a sentence for each conclusion."""
 
     header_row: bool
     delimiter: str
@@ -74,7 +74,7 @@ def head_of(path: Path, most: int = HEAD) -> tuple[str, bool]:
 
 
 def layout_of(text: str) -> Layout:
-    """What delimiter, decimal sign and header row a text seems to have."""
+    """Delimiter, decimal sign and header row that a text seems to have."""
     points = found_delimiter(text, ".")
     cells = _first(text, points, 3)
     comma = points != "," and any(_COMMA.fullmatch(cell) for row in cells for cell in row)
@@ -203,7 +203,7 @@ class Contents:
 
 
 def contents_of(path: Path, layout: Layout | None = None) -> Contents:
-    """What is in a file; `layout` is how a table is laid out, if that is stated.
+    """The contents of a file; `layout` is that of a table, if it is stated.
 
     BadInput for what no importer reads.
     """
@@ -220,7 +220,7 @@ def contents_of(path: Path, layout: Layout | None = None) -> Contents:
 
 
 def _program(path: Path, text: str) -> Contents | None:
-    """What other programs wrote, or this one; None of what seems to be a table."""
+    """Contents of a file that a program wrote; None where it seems to be a table."""
     if (ours := _OURS.search(text[:4096])) is not None:
         count = f"a file of zerobeam: {ours[1]}"
         return Contents("ours", f"its schema, zerobeam/{ours[1]}", count, kind=ours[1])

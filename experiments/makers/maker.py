@@ -51,7 +51,7 @@ MarkerColumn = Annotated[str | None, Option("Only dwells in which this column be
 
 
 class NamedFormat(Protocol):
-    """Any of the kinds of formats below."""
+    """A kind of format, as below."""
 
     @property
     def name(self) -> str: ...

@@ -33,7 +33,7 @@ def _parser(language: str, rule: str) -> Lark:
 
 
 def span(part: Token | Tree[Token]) -> tuple[int, int]:
-    """Where a part of a statement that is not empty is in the text."""
+    """Start and end in the text of a part of a statement that is not empty."""
     if isinstance(part, Tree):
         return part.meta.start_pos, part.meta.end_pos
     assert part.start_pos is not None
@@ -147,8 +147,8 @@ class Parsed:
 
 @dataclass(frozen=True)
 class ProgramFacts:
-    """What a person states of a program: poses (4, 4) of tools and frames by name ("" for the one that the
-    program leaves open), names to `leave`, routines of other files that move no arm and change no frame
+    """Facts of a program that a person states: poses (4, 4) of tools and frames by name ("" for the one that
+    the program leaves open), names to `leave`, routines of other files that move no arm and change no frame
     (`calls`), joints (n,) degrees `near` which poses without a configuration are, and from where a FANUC
     counts joint 3.
 
@@ -170,7 +170,7 @@ class ProgramFacts:
         return self._pose("--tool", self.tools, name, declared)
 
     def frame(self, name: str, declared: Matrix | None = None) -> Matrix | None:
-        """The same of a work object, base or user frame."""
+        """The pose (4, 4) of a work object, base or user frame, as `tool`."""
         return self._pose("--frame", self.frames, name, declared)
 
     def has(self, option: Literal["--tool", "--frame"], name: str) -> None:
@@ -257,7 +257,7 @@ class Source:
 
 @dataclass(frozen=True)
 class Language:
-    """What is particular to the programs of one maker.
+    """The language of one maker's programs.
 
     `targets` reads a program; remarks are put behind `head`, a pattern, and begin with `remark`; `pose` is
     the pose (4, 4) of numbers that are stated in the `form`. `literals` has the spans of all literals of

@@ -1,4 +1,4 @@
-"""What all importers share: header, robot, measurements within limits, and how the files were understood."""
+"""Jobs of all importers: header, robot, measurements within limits, sentences on how files were read."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from ...model.kinematics.robot import J3, Robot
 
 
 class Imported(NamedTuple):
-    """What `write_run` needs, and sentences that say how the files were understood."""
+    """Header and measurements of a run, and sentences that say how the files were understood."""
 
     header: Header
     shots: list[Shot]

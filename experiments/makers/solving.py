@@ -1,4 +1,4 @@
-"""Where the targets of a program have to be moved, so that the calibrated arm reaches what they mean.
+"""Corrections of a program's targets: the calibrated arm then reaches what they mean.
 
 A target means the pose of the flange that the nominal arm has there: the controller computes with nominal
 kinematics. The calibrated arm reaches that pose at other joints, which inverse kinematics finds near the
@@ -63,7 +63,7 @@ class Arms:
         return branches if branches.exist else None
 
     def branch(self, joints: Matrix) -> Branch | None:
-        """Of joints in degrees."""
+        """The branch of joints in degrees."""
         return None if self.branches is None else self.branches.of(joints)
 
     def commanded(self, joints: Matrix) -> Matrix:
@@ -306,7 +306,7 @@ class _Corrector:
         return self._with_stated(target, self.arms.solver.solutions(flange, thorough=thorough))
 
     def _with_stated(self, target: PoseTarget, solutions: Matrix) -> Matrix:
-        """Those of the solutions, and of their whole turns, that have the stated configuration; degrees."""
+        """The solutions, with their whole turns, that have the stated configuration; degrees."""
         solver, display = self.arms.solver, self.arms.nominal.display
         rows = [row * display for solution in solutions for row in solver.with_turns(solution)]
         assert target.matches is not None

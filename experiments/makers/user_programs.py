@@ -36,7 +36,7 @@ _REMARK = 32  # characters of a FANUC remark
 
 @dataclass(frozen=True)
 class ProgramOptions:
-    """What the command line states of a program."""
+    """Options of the command, as they were typed."""
 
     tools: Sequence[str] = ()
     frames: Sequence[str] = ()
@@ -203,7 +203,7 @@ def _frame(text: str, option: str, language: Language) -> tuple[str, Matrix]:
 
 
 def _not_understood(parsed: Parsed, texts: Sequence[str], paths: Sequence[Path]) -> BadInput:
-    """What is not understood, by file and line."""
+    """The error that names all problems, by file and line."""
     lines = [text.count("\n") for text in texts]
     sentences = []
     for line, sentence in sorted(dict.fromkeys(parsed.problems)):

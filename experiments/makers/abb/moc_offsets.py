@@ -38,9 +38,9 @@ _NUMBER = r"\s+(-?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?![\w.])"
 
 @dataclass(frozen=True)
 class Gears:
-    """What is stated of the motors, joint 1 first: `ratios` are motor turns for one turn of the joint,
-    negative where they rotate in opposite directions; `signs` as in the formula above. None where not
-    stated."""
+    """Motors of the joints as options state them, joint 1 first: `ratios` are motor turns for one turn of the
+    joint, negative where they rotate in opposite directions; `signs` as in the formula above. None where
+    not stated."""
 
     ratios: Sequence[float] | None = None
     signs: Sequence[Sign] | None = None

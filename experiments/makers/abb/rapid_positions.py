@@ -46,8 +46,8 @@ class _Literal(NamedTuple):
 
 
 class Positions:
-    """What is declared, and used in motions. `names` (in small letters) are those of all data that hold a
-    position, a tool or a frame, here or in another file."""
+    """Targets, tools and frames that a module declares and uses. `names` (in small letters) are those of all
+    data that hold a position, a tool or a frame, here or in another file."""
 
     def __init__(self, source: Source, bare: str, parsed: Parsed) -> None:
         self.source, self.bare, self.parsed = source, bare, parsed

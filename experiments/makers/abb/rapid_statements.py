@@ -91,7 +91,7 @@ def _last(words: Sequence[str], i: int) -> int:
 
 
 class Blocks:
-    """What is open between the statements of a module: the words that end it, the outermost first."""
+    """The blocks that are open between two statements, as the words that end them, the outermost first."""
 
     def __init__(self) -> None:
         self.open: list[str] = []
@@ -124,12 +124,12 @@ class Blocks:
 
 
 def tokens(tree: Tree[Token]) -> list[Token]:
-    """Those that are children of a tree."""
+    """The tokens that are children of a tree."""
     return [child for child in tree.children if isinstance(child, Token)]
 
 
 def trees(tree: Tree[Token], *kinds: str) -> list[Tree[Token]]:
-    """Those that are children of a tree, of some kinds or of all."""
+    """The trees that are children of a tree, of some kinds or of all."""
     subtrees = [child for child in tree.children if isinstance(child, Tree)]
     return [each for each in subtrees if not kinds or each.data in kinds]
 

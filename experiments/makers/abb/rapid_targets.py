@@ -52,7 +52,7 @@ _BOOLEAN = {"=", "<>", "<", ">", "<=", ">=", "AND", "OR", "XOR"}
 
 
 def rapid_targets(source: Source) -> Parsed:
-    """What is to be corrected in a module; a problem of each statement that is not understood."""
+    """The targets and motions of a module; a problem of each statement that is not understood."""
     return _RapidModule(source).read()
 
 

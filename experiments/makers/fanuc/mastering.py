@@ -41,7 +41,7 @@ _SAFETY = [
 
 @dataclass(frozen=True)
 class FanucCounts:
-    """Of each joint the present master count and the pulses for one degree, negative where they fall."""
+    """Present master count of each joint, and pulses for one degree, negative where they fall."""
 
     master: tuple[int, ...]
     per_degree: tuple[float, ...]

@@ -173,7 +173,7 @@ def fanuc_literals(text: str) -> list[tuple[int, int]]:
 
 
 def fanuc_targets(source: Source) -> Parsed:
-    """What is to be corrected in a listing."""
+    """The targets, motions and problems of a listing."""
     return _Listing(source).read()
 
 

@@ -1,4 +1,4 @@
-"""How much of a bag may be unpacked: a few kilobytes can stand for gigabytes.
+"""Bags of ROS, opened within bounds: a few kilobytes can stand for gigabytes.
 
 The library rosbags has no limit, and unpacks each chunk into memory whole. As long as a bag is open its
 functions for that are replaced by bounded ones.
@@ -32,7 +32,7 @@ _LONGEST_DEFAULT = 1000  # characters, of a column in a .db3
 
 
 class _Decompressor(Protocol):
-    """What the decompressors of bz2, lz4 and zstd have in common."""
+    """A decompressor of bz2, lz4 or zstd."""
 
     eof: bool
     needs_input: bool
@@ -193,7 +193,7 @@ _MAGIC = {b"#ROSBAG": "a ROS 1 bag", b"\x89MCAP0": "an mcap file", b"SQLite form
 
 
 def is_bag(path: Path) -> str | None:
-    """What kind of bag a file is by its first bytes, None if it is none."""
+    """The kind of bag that a file is by its first bytes, None if it is none."""
     require_regular(path)
     with path.open("rb") as file:
         head = file.read(16)

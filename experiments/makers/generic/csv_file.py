@@ -26,7 +26,7 @@ TimeUnit = Literal["s", "ms", "us", "ns"]
 
 @dataclass(frozen=True)
 class CsvLayout:
-    """How the CSV files are laid out. Columns are stated by name (with a `header_row`) or number, from 1.
+    """The layout of CSV files. Columns are stated by name (with a `header_row`) or number, from 1.
 
     `columns` are those of joint 1, 2, … in this order, others are ignored; without it the files hold only
     joints, in the pendant's order; each may be `column=joint`, in any order. `delimiter` None: it is found in

@@ -22,7 +22,7 @@ _MOST_ROWS = 10**7
 
 @dataclass(frozen=True)
 class Stillness:
-    """What counts as a dwell: every joint within `deg` (prismatic: `mm`) for at least `seconds`."""
+    """The definition of a dwell: every joint within `deg` (prismatic: `mm`) for at least `seconds`."""
 
     deg: float
     seconds: float
@@ -43,7 +43,7 @@ class Stillness:
 
     @classmethod
     def required(cls, deg: float | None, seconds: float | None, mm: float | None = None) -> Stillness:
-        """The same; BadInput where none is stated."""
+        """As options state it; BadInput where none is stated."""
         still = cls.of_options(deg, seconds, mm)
         if still is None:
             raise BadInput(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from typing import Any
 
 from ....words import spreadsheet
 from ....words.observability import reason
@@ -59,7 +58,7 @@ def _row(offset: JointOffset, calibration: RobotCalibration) -> dict[str, object
     }
 
 
-def document(calibration: RobotCalibration) -> dict[str, Any]:
+def document(calibration: RobotCalibration) -> dict[str, object]:
     """The offsets as plain values. What the data cannot determine is null; `applied` is to be added.
 
     `covariance` is of all parameters that the data determine, in the products of their units.

@@ -134,7 +134,7 @@ def _nearest(angle: float, near: float, period: float = 2 * np.pi) -> float:
 
 
 def _clean(row: DHRow, nominal: DHRow) -> DHRow:
-    """The same without the rounding of what is nominal."""
+    """A row whose numbers are exactly nominal where they differ by rounding only."""
 
     def nominal_or(value: float, nominal_value: float) -> float:
         return (
@@ -236,7 +236,7 @@ def _as_transform(transform: Matrix, before: StatedTransform) -> StatedTransform
 
 
 def _conventions(file: RobotFile) -> list[str]:
-    """How the arm is mounted and counted, as the file states it."""
+    """Lines on the mounting and the counting of joints, as the file states them."""
     keys = ("mounting", "pendant", "limits", "encoder")
     content = file.model_dump(mode="json", include=set(keys), exclude_unset=True, exclude_none=True)
     return [f"{key}: {_quoted(content[key])}" for key in keys if content.get(key)]

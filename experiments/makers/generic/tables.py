@@ -225,7 +225,7 @@ def read_table(
 def table_of(
     text: str, path: Path, *, header_row: bool, delimiter: str | None, decimal: str, joints_of: Robot | None
 ) -> TextTable:
-    """The table that a text is; `path` is named in errors. Else as `read_table`."""
+    """Parse a table from its text; `path` is named in errors. Else as `read_table`."""
     padded = delimiter is None
     delimiter = found_delimiter(text, decimal) if delimiter is None else delimiter
     # Columns that are aligned with blanks have several between them.

@@ -106,7 +106,7 @@ class _Element:
 
 @dataclass
 class _UrdfElements:
-    """Of one file: the top element, and the joint elements with their origins."""
+    """The top element of a file, and its joint elements with their origins."""
 
     robot: list[_Element] = field(default_factory=list)
     joints: list[tuple[_Element, list[_Element]]] = field(default_factory=list)
@@ -197,7 +197,7 @@ def _tag(content: bytes, element: _Element) -> bytes:
 
 
 def _comment(content: bytes, robot: _Element, calibration: RobotCalibration, newline: bytes) -> _Edit:
-    """What the file is, just inside its top element. `--` is not allowed in a comment of XML."""
+    """A comment on the file's origin, inside its top element. XML allows no `--` in a comment."""
     lines = [*calibration.head, *_NOTES]
     safe = [re.sub("-(?=-)", "- ", line).encode() for line in lines]
     at = robot.start + len(_tag(content, robot))

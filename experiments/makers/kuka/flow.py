@@ -1,4 +1,4 @@
-"""What may be active at each motion of a KRL module: tool and base, and the motion before.
+"""Tool, base and motion before that may be active at each motion of a KRL module.
 
 The values that each variable may have are followed along all ways through the routines, calls included:
 "tool", "base", "data" (FDAT_ACT), "arm" (the motion that ended last), "tool 3" (TOOL_DATA[3]), "base 3".
@@ -35,7 +35,7 @@ def assigned(state: State, variable: str, to: Iterable[Value]) -> State:
 
 
 def joined(one: State | None, other: State) -> State:
-    """What may be where two ways meet."""
+    """The values that variables may have where two ways meet."""
     if one is None:
         return other
     return {name: values(one, name) | values(other, name) for name in one.keys() | other.keys()}
@@ -92,13 +92,13 @@ class Flow:
         self._call_sites()
 
     def before(self, motion: int) -> State | None:
-        """What the variables may be before a motion, but for those that are as they were at the begin; None
-        where nothing leads to it."""
+        """Values of variables before a motion, but for those that are as they were at the begin;
+        None where nothing leads to it."""
         name, at = self._at[motion]
         return self._before[name][at]
 
     def resolved(self, motion: int, to_resolve: Values) -> Values:
-        """The same with the values that the routine of a motion may begin with."""
+        """Values with those put in that the routine of a motion may begin with."""
         return self._with_entries(self._at[motion][0], to_resolve)
 
     def _run(self, routine: Routine) -> list[State | None]:
@@ -270,7 +270,7 @@ def _of_data(state: State, names: KrlNames, word: str, data: Value) -> Values:
 
 
 def perhaps_kept(changes: tuple[Change, ...]) -> Change:
-    """What holds for a motion alone is taken to hold behind it, or not."""
+    """Changes for one motion alone: behind it they may hold or not."""
 
     def change(state: State) -> State:
         with_own = state

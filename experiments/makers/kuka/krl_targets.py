@@ -44,7 +44,7 @@ from .statements import (
 
 
 def krl_targets(source: Source) -> Parsed:
-    """What is to be corrected in a module."""
+    """The targets, motions and problems of a module."""
     parsed = Parsed()
     names = KrlNames(source, parsed)
     rows = statements(source, parsed)
@@ -156,7 +156,7 @@ class _KrlModule:
         return self.flow.resolved(at, values(self._state(at), word))
 
     def _at_start(self, variable: str) -> Values:
-        """What a variable may be when another file calls a routine of this one."""
+        """The values of a variable when another file calls a routine of this one."""
         if variable in ("tool", "base"):
             return frozenset([("open", "at the start")])
         word, _, index = variable.partition(" ")
@@ -302,7 +302,7 @@ class _KrlModule:
 
     @cached_property
     def _statuses(self) -> dict[int, frozenset[int | None]]:
-        """Those that the arm may have after each motion; None: not known."""
+        """The statuses that the arm may have after each motion; None: not known."""
         result: dict[int, frozenset[int | None]] = {at: frozenset() for at in self.keys}
         for at, key in self.keys.items():
             if not self._keeps(at):
@@ -333,7 +333,7 @@ class _KrlModule:
         return frozenset([self.near])
 
     def _status_of(self, key: str) -> int | None:
-        """That of a target at all its motions; None where only --near can say it."""
+        """The status of a target at all its motions; None where only --near can state it."""
         stated_status, _ = self._stated_status(key)
         written, statuses = self.source.written(key), set[int | None]()
         for at in self.uses[key]:

@@ -71,7 +71,7 @@ class KrlStatement(NamedTuple):
         return str(self.tree.data)
 
     def names(self) -> list[str]:
-        """Those of its tokens, not those of its parts."""
+        """The names among its tokens, without those of its parts."""
         return [str(each) for each in self.tree.children if isinstance(each, Token) and each.type == "NAME"]
 
 
@@ -160,7 +160,7 @@ class Position:
 
 @dataclass
 class KrlNames:
-    """What the names of a module are, in small letters: scalar variables, `positions` (None without a value
+    """The names of a module, in small letters: scalar variables, `positions` (None without a value
     as yet), data sets of frames as numbers of tool and base, data sets of paths, any other data."""
 
     source: Source

@@ -240,7 +240,7 @@ def _hash(run: Run, against: Path) -> str:
 
 
 def calibrated_text(arm: CalibratedArm, source: Path) -> str:
-    """Its text: rows near the nominal ones, exact for the calibrated chain."""
+    """The robot file of a calibrated arm: rows near the nominal ones, exact for its chain."""
     rms, most = arm.apart_mm
     head = [
         f"{arm.nominal_file.model} with the factory calibration of {source.name}.",

@@ -124,7 +124,7 @@ _NO_TCP = "the TCP is not known; state --tool X,Y,Z,RX,RY,RZ in metres and radia
 
 
 def urscript_targets(source: Source) -> Parsed:
-    """What is to be corrected in a program."""
+    """The targets, motions and problems of a program."""
     return _Script(source).read()
 
 
@@ -222,7 +222,7 @@ class _Script:
         return numbers
 
     def _kinds(self, statement: _Statement) -> set[str]:
-        """Of the blocks around a statement."""
+        """The kinds of the blocks around a statement."""
         return {each.kind for each in self.statements if each.number in statement.blocks}
 
     def _called(self, statement: _Statement) -> list[str]:
