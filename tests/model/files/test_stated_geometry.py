@@ -108,15 +108,6 @@ def test_each_fault_has_one_message_wherever_it_is_stated(tmp_path, key, words, 
     assert errors[2].argument == "geometry"
 
 
-@pytest.mark.parametrize(("key", "words"), [(key, words) for key, words, _ in WRONG if "number" not in words])
-def test_a_header_of_its_own_names_the_line(tmp_path, key, words):
-    path = tmp_path / "header.yaml"
-    path.write_text(header_text(key), encoding="utf-8")
-    error = refused(read_header, path)
-    assert words in error.what
-    assert error.line == LINE
-
-
 def test_harmonics_are_not_of_slides(tmp_path):
     (tmp_path / "scara.yaml").write_text(SCARA, encoding="utf-8")
     postures = POSTURES[:, :3] + [0, 0, 100]

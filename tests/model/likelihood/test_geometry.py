@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from plain_geometry import UncertainArm, uncertain
-from plain_model import DESIGNED, arm, beam, by_complex_steps, by_differences, square, unit
+from plain_model import DESIGNED, arm, beam, by_complex_steps, square, unit
 
 from zerobeam.model.files.header import Header
 from zerobeam.model.likelihood.constraint import ShotFunctions
@@ -124,12 +124,6 @@ def test_the_jacobian_against_complex_steps_of_the_plain_model(case):
         np.testing.assert_allclose(case.linear(q, spot, free)[1], expected, rtol=0, atol=1e-8)
 
 
-def test_the_jacobian_against_central_differences(case):
-    for q, spot, free in case.points:
-        expected = by_differences(lambda z, q=q, s=spot: case.linear(q, s, z)[0], free, case.steps())
-        np.testing.assert_allclose(case.linear(q, spot, free)[1], expected, rtol=0, atol=BOUND)
-
-
 def test_a_jacobian_without_one_of_its_columns_is_caught(case):
     """Negative control: every column matters, at the worst of the points."""
     worst = np.zeros(case.n + case.g)
@@ -194,20 +188,6 @@ def test_what_is_recorded_is_that_of_the_symbols(case):
     for row, own in zip(case.own.geometry.recorded(case.robot, joints), joints, strict=True):
         np.testing.assert_allclose(row, np.array(symbols(own)).ravel(), rtol=0, atol=1e-12)
     assert case.own.geometry.recorded(case.robot, joints[:0]).shape == (0, row.size)
-
-
-@pytest.mark.parametrize("name", ["bent"])
-def test_both_ways_of_the_kernels_are_the_same(arms, name):
-    case = Case(arms(name), "free probe")
-    q, spot, free = (np.array(rows) for rows in zip(*(case.points * 3)[:5], strict=True))
-    spot = np.zeros((5, 3))
-    own, target, tool = (np.array(part) for part in zip(*map(case.split, free), strict=True))
-    for plain, fast in [(case.functions.kernel("linear", compile=c) for c in (False, True))]:
-        assert fast.compiled
-        for one, other in zip(
-            plain(q, spot, own, target, tool), fast(q, spot, own, target, tool), strict=True
-        ):
-            np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12 * np.abs(one).max())
 
 
 # --- nominal ----------------------------------------------------------------------------------------

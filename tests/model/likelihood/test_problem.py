@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from made_problem import DISTANCE, OPEN_LASER, OPEN_PROBE, PROBE, SEEN, TOOLS, Made, header
@@ -10,8 +8,6 @@ from zerobeam.model.files.robot_file import read_robot
 from zerobeam.model.files.run import read_run, write_run
 from zerobeam.model.files.shot import Shot
 from zerobeam.model.kinematics.robot import Robot
-from zerobeam.model.likelihood import kernel
-from zerobeam.model.likelihood.constraint import ShotFunctions
 from zerobeam.model.likelihood.problem import Distance, Problem
 
 
@@ -194,22 +190,6 @@ def test_a_noise_that_leaves_a_direction_free_is_refused(arms, refused):
     assert "spot_mm" in error.remedy
     stated = Problem.build(header(PROBE), short, np.zeros((3, 2)), ["a"] * 3)
     assert np.isfinite(stated.whiten(x).residual).all()
-
-
-def test_many_shots_are_compiled_and_the_numbers_stay(made, monkeypatch):
-    functions = ShotFunctions(made.problem.robot, made.problem.tool)
-    problem = replace(made.problem, functions=functions)
-    monkeypatch.setattr(kernel, "_LOOK_AFTER", 50)
-    monkeypatch.setattr(kernel, "_COMPILE_AFTER", 100)  # of 8 shots, and 24 beams
-    parts = problem.split(made.walkers(3))
-    delta, tool = parts.arm, parts.tool
-    plain = [*problem.linearise(made.x), problem.nearest_targets(delta, tool)]
-    assert not any(each.compiled for each in functions._kernels.values())
-    for _ in range(20):
-        compiled = [*problem.linearise(made.x), problem.nearest_targets(delta, tool)]
-    assert {name for (name, _), each in functions._kernels.items() if each.compiled} >= {"linear", "beam"}
-    for first, second in zip(compiled, plain, strict=True):
-        np.testing.assert_allclose(first, second, rtol=1e-12, atol=1e-12)
 
 
 def test_separate_noise_factors_are_in_the_weights_and_in_no_miss(arms):
