@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from .model.kinematics.robot import Robot
     from .reports.run.report_folder import write_report
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "Analysed",

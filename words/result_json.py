@@ -18,7 +18,7 @@ import numpy as np
 
 from ..analysis.diagnostics.accuracy import Accuracy
 from ..analysis.diagnostics.diagnosis import Explanation
-from ..analysis.diagnostics.placement_result import PlacementResult
+from ..analysis.diagnostics.hold_out import PlacementResult
 from ..analysis.misfit import LackOfFit, Misfit
 from ..analysis.observability.causes import NullDirection
 from ..analysis.observability.check import Check

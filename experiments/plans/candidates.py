@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...analysis.observability.aim import aim, servo_joints
-from ...analysis.observability.violations import Condition
+from ...analysis.observability.check import Condition
 from ...model.arrays import Mask, Matrix
 from ...model.errors import BadInput
 from ...model.files.header import Header

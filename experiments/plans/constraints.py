@@ -9,9 +9,8 @@ import numpy as np
 
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.aim import AimedPlan, aim_plan
-from ...analysis.observability.check import Check
+from ...analysis.observability.check import Check, Condition, Violation
 from ...analysis.observability.check import check as check_observability
-from ...analysis.observability.violations import Condition, Violation
 from ...model.arrays import Index, Mask, Matrix
 from ...model.errors import BadInput
 from ...model.files.plan import Plan

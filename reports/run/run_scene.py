@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...analysis.diagnostics.scene import Scene, SceneTarget
+from ...analysis.diagnostics.scene import RunScene, SceneTarget
 from ...analysis.result import Result
 from ...model.arrays import Matrix
 from ...words import numbers
@@ -47,7 +47,7 @@ def half_axes(covariance: Matrix, radius2: float) -> Matrix:
     return np.asarray((across * np.sqrt(radius2 * np.maximum(size, 0.0))).T)
 
 
-def _placed(target: SceneTarget, seen: Scene) -> Placed:
+def _placed(target: SceneTarget, seen: RunScene) -> Placed:
     if target.at_mm is None:
         # It has no place: the cross is where the beams end that are meant for it.
         ends = [shot.beam_to or shot.links[-1] for shot in seen.shots if shot.target == target.name]
@@ -78,11 +78,11 @@ def scene_section(result: Result) -> Section | None:
     return section_of("Positions of the targets", Paragraph(_sentences(_places(seen), seen)), SceneBlock())
 
 
-def _places(seen: Scene) -> list[str]:
+def _places(seen: RunScene) -> list[str]:
     return [_place_in_words(target, seen.radius2) for target in seen.targets]
 
 
-def _sentences(places: list[str], seen: Scene) -> str:
+def _sentences(places: list[str], seen: RunScene) -> str:
     said = f"In the base frame (x, y, z): {'; '.join(places[:_MOST_TOLD])}."
     if len(places) > _MOST_TOLD:
         said += f" The other {len(places) - _MOST_TOLD} are in the picture and in result.json."
@@ -109,7 +109,7 @@ def _place_in_words(target: SceneTarget, radius2: float) -> str:
     return f"{name} at {at}, half axes of its 95\u00a0% ellipsoid {axes}"
 
 
-def _words(scene: Scene3D, seen: Scene, places: list[str], result: Result) -> SceneWords:
+def _words(scene: Scene3D, seen: RunScene, places: list[str], result: Result) -> SceneWords:
     """What is said about the picture."""
     shots = scene.postures
     count, all_shots = len(shots), len(result.shots)

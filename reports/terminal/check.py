@@ -10,8 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ...analysis.observability.causes import NullDirection
-from ...analysis.observability.check import Check
-from ...analysis.observability.violations import PlanVerdict
+from ...analysis.observability.check import Check, PlanVerdict
 from ...words import numbers
 from ...words.observability import advice_sentence, over_target_sentence
 from ...words.verdict import VERDICT_WORDS, check_headline, check_notes

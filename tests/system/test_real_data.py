@@ -19,8 +19,7 @@ from recordings import DINOVA_1, KUKA_14, PANDA_1, PANDA_2, Arm, recorded
 from zerobeam.analysis import analyse as analysing
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.diagnostics.displacement import displacement
-from zerobeam.analysis.diagnostics.hold_out import hold_out
-from zerobeam.analysis.diagnostics.leave_one_out import fits_without, jackknife, leave_one_out
+from zerobeam.analysis.diagnostics.hold_out import fits_without, hold_out, jackknife, leave_one_out
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.findings import moved_target, on_held_out
 from zerobeam.analysis.misfit import PlacementsDisagree

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ....analysis.diagnostics.leave_one_out import Jackknife, LeaveOneOut
+from ....analysis.diagnostics.hold_out import Jackknife, LeaveOneOut
 from ....analysis.misfit import LACK_OF_FIT
-from ....analysis.recordings.effective import Effective
-from ....analysis.recordings.steps import Step, Steps
+from ....analysis.recordings.recordings import Effective
+from ....analysis.recordings.steps import RecordingStep, RecordingSteps
 from ....analysis.result import Result
 from ....words import numbers
 from ....words.wording import clipped, counted, label, listed, shown
@@ -162,11 +162,11 @@ def _effective_sentence(own: Effective, result: Result) -> str:
     )
 
 
-def _step_sentences(own: Steps) -> list[str]:
+def _step_sentences(own: RecordingSteps) -> list[str]:
     return [_step_sentence(step) for step in own.rows]
 
 
-def _step_sentence(step: Step) -> str:
+def _step_sentence(step: RecordingStep) -> str:
     shots = (
         f"measurement {step.first_shot}"
         if step.first_shot == step.last_shot

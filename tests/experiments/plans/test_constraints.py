@@ -14,7 +14,7 @@ from command_line import zerobeam
 from ruamel.yaml import YAML
 
 from zerobeam.analysis.observability.aim import aim_plan
-from zerobeam.analysis.observability.violations import Violation
+from zerobeam.analysis.observability.check import Violation
 from zerobeam.experiments.plans.candidates import candidates
 from zerobeam.experiments.plans.constraints import View, check_plan, violations
 from zerobeam.experiments.plans.make import PlanRequest, make_plan

@@ -29,7 +29,7 @@ from example_results import HOSTILE_NAMES
 from pages import Page, assert_fetches_nothing
 from scipy import stats
 
-from zerobeam.analysis.diagnostics.scene import MOST_SHOTS, Scene, scene
+from zerobeam.analysis.diagnostics.scene import MOST_SHOTS, RunScene, scene
 from zerobeam.analysis.solution import ParameterResult, Solution, solve
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.likelihood.problem import Problem
@@ -42,7 +42,7 @@ from zerobeam.reports.scenes.scene import Placed, Posed, Scene3D
 class Pictured:
     """As much of a Result as the picture needs."""
 
-    scene: Scene | None
+    scene: RunScene | None
     parameters: tuple[ParameterResult, ...]
     shots: tuple[None, ...]
 
@@ -51,7 +51,7 @@ def fitted(problem: Problem) -> Solution:
     return solve(problem, starts=0)
 
 
-def scene_of(plan: Plan, values: dict[str, float] | None = None, seed: int = 3) -> Scene:
+def scene_of(plan: Plan, values: dict[str, float] | None = None, seed: int = 3) -> RunScene:
     found = scene(fitted(simulated_problem(plan, values, seed)[1]))
     assert found is not None
     return found

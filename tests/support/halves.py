@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...model.arrays import Index
-from ...model.errors import BadInput
-from ..placements import Placement, placements
-from ..solution import Solution
-from ..status import known
-from .leave_one_out import Without, fit_without, known_factors
+from zerobeam.analysis.diagnostics.hold_out import FitWithoutPlacement, fit_without, known_factors
+from zerobeam.analysis.placements import Placement, placements
+from zerobeam.analysis.solution import Solution
+from zerobeam.analysis.status import known
+from zerobeam.model.arrays import Index
+from zerobeam.model.errors import BadInput
 
 _SETTLED = 1e-4  # size of the gradient, in posterior stds: the difference is known far better than each half
 _DETERMINED = 0.5  # of the prior's variance: the std without the own prior is then the prior's
@@ -75,7 +75,10 @@ def _joined(group: list[Placement]) -> Placement:
 
 
 def _compared(
-    solution: Solution, halves: tuple[tuple[str, ...], tuple[str, ...]], one: Without, other: Without
+    solution: Solution,
+    halves: tuple[tuple[str, ...], tuple[str, ...]],
+    one: FitWithoutPlacement,
+    other: FitWithoutPlacement,
 ) -> HalfAgainstHalf:
     """With C_h the covariance of what both halves have (all but targets), Lambda the precision of its priors
     and F_h = C_h^-1 - Lambda the information of half h, the difference has the covariance
@@ -100,13 +103,13 @@ def _compared(
     return HalfAgainstHalf(halves, tuple(names), tuple(difference), tuple(u), converged=True)
 
 
-def _free(own: Without, names: list[str]) -> Index:
-    parameters = own.seen.parameters
+def _free(own: FitWithoutPlacement, names: list[str]) -> Index:
+    parameters = own.problem.parameters
     return np.asarray(parameters.among_free[[parameters.index(name) for name in names]])
 
 
-def _value(own: Without, name: str) -> float:
-    return float(own.x[own.seen.parameters.index(name)])
+def _value(own: FitWithoutPlacement, name: str) -> float:
+    return float(own.x[own.problem.parameters.index(name)])
 
 
 def splits(names: Collection[str], count: int, seed: int = 0) -> list[tuple[str, ...]]:

@@ -1,4 +1,4 @@
-"""The band between the results, against the smoother asked at the same time."""
+"""The interval between the results, against the smoother at the same time; the due date, against draws."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from drifting import steady
 
-from zerobeam.analysis.drift.band import bands
 from zerobeam.analysis.drift.drift import Drift, drift, mixture_interval
-from zerobeam.analysis.drift.series import Observation
-from zerobeam.analysis.drift.smoother import smooth
+from zerobeam.analysis.drift.forecast import HORIZON_YEARS, bands, due_after
+from zerobeam.analysis.drift.smoother import Observation, smooth
 
 
 def asked_between(found: Drift, gap: int, share: float, j: int) -> tuple[float, float]:
@@ -73,3 +72,23 @@ def test_it_begins_where_a_result_determines_the_offset() -> None:
     (band,) = bands(found, name, 1.0)
     assert (band.at[0], band.at[-1]) == (partly[3].at, partly[7].at)
     assert len(list(bands(found, others[0], 1.0))) == 3
+
+
+def test_the_due_date_is_when_the_walk_has_used_up_the_tolerance() -> None:
+    found, s = drift(steady(walk=0.02)), np.diag([100.0, 100.0])  # 10 mm per degree
+    years = due_after(found, s, 1.0)
+    assert years is not None
+    assert 0 < years < HORIZON_YEARS
+    assert due_after(found, s, 1e3) is None
+    assert due_after(found, s, 1e-3) == 0
+    wider = due_after(found, s, 2.0)
+    assert wider is None or wider > years
+    # Against draws of the same law by another way.
+    random = np.random.default_rng(0)
+    k = random.choice(len(found.weights), size=20_000, p=found.weights)
+    now = np.einsum(
+        "kij,kj->ki", np.linalg.cholesky(found.smoothed.covariance[k, -1]), random.normal(size=(len(k), 2))
+    )
+    now += found.smoothed.mean[k, -1] - found.weights @ found.smoothed.mean[:, -1]
+    apart = now + np.sqrt(years) * found.rates[k] * random.normal(size=(len(k), 2))
+    assert np.mean(10 * np.linalg.norm(apart, axis=1) > 1.0) == pytest.approx(0.05, abs=0.008)

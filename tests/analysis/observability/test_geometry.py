@@ -3,8 +3,8 @@
 import numpy as np
 from cells import PROBE, TABLE_2, good_plan, simulated_problem
 
-from zerobeam.analysis.observability.consider import considered, link_columns
 from zerobeam.analysis.observability.gauges import information_root
+from zerobeam.analysis.observability.geometry import considered, link_columns
 from zerobeam.model.likelihood.problem import Problem
 
 
