@@ -95,9 +95,9 @@ def test_prismatic_joints_are_mm_in_either_unit(tmp_path):
     np.testing.assert_allclose(run.joints[:, 2], [100, 150.5])
     turned = made(robot=tmp_path / "scara.yaml", noise=noise, joints=run.joints, unit="rad")
     np.testing.assert_allclose(turned.joints, run.joints, rtol=1e-15)
-    own = made(robot=read_robot(tmp_path / "scara.yaml"), noise=noise, joints=joints)
-    assert own.robot.n == 3
-    assert own.header.robot == "scara"
+    values = made(robot=read_robot(tmp_path / "scara.yaml"), noise=noise, joints=joints)
+    assert values.robot.n == 3
+    assert values.header.robot == "scara"
 
 
 def test_joints_beyond_their_limits_are_warnings_where_that_is_asked_for():
@@ -118,8 +118,8 @@ def test_it_is_analysed_as_a_file_is(tmp_path):
         targets=[shot.target for shot in demo.shots],
         spots_mm=demo.spots,
         target_priors={
-            name: stated.model_dump(exclude_unset=True, exclude_none=True)
-            for name, stated in header.targets.items()
+            name: content.model_dump(exclude_unset=True, exclude_none=True)
+            for name, content in header.targets.items()
         },
     )
     mine, its = zb.analyse(run, ess=400).result, zb.analyse(demo, ess=400).result
@@ -227,7 +227,7 @@ def test_its_hash_is_that_of_the_file(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("changes", "argument", "said"),
+    ("changes", "argument", "words"),
     [
         ({"postures": POSTURES[:, :5]}, "postures", "wrong shape"),
         ({"postures": POSTURES[:0]}, "postures", "no postures"),
@@ -241,7 +241,7 @@ def test_its_hash_is_that_of_the_file(tmp_path):
         ({"prior": {"offset": 1}}, "prior", "offset"),
     ],
 )
-def test_an_error_of_a_plan_names_the_argument(changes, argument, said):
-    with pytest.raises(zb.BadInput, match=said) as caught:
+def test_an_error_of_a_plan_names_the_argument(changes, argument, words):
+    with pytest.raises(zb.BadInput, match=words) as caught:
         made_plan(**changes)
     assert (caught.value.argument, caught.value.file) == (argument, None)

@@ -16,8 +16,8 @@ from zerobeam.model.kinematics.robot import Robot
 
 
 def pose(robot: Robot, joints: Matrix) -> tuple[Matrix, Matrix]:
-    rotation, place = robot.flange_pose(ca.SX(joints))
-    return np.array(ca.DM(rotation)), np.array(ca.DM(place))[:, 0]
+    rotation, position = robot.flange_pose(ca.SX(joints))
+    return np.array(ca.DM(rotation)), np.array(ca.DM(position))[:, 0]
 
 
 # How far apart, mm: the URDF of the iiwa has offsets of 0.436 mm that the data sheet has not, that of the
@@ -35,14 +35,14 @@ def pose(robot: Robot, joints: Matrix) -> tuple[Matrix, Matrix]:
 def test_a_built_in_arm_is_that_of_its_urdf(
     shared_data: Path, name: str, urdf: str, base: str, tip: str, apart_mm: float, further_deg: float
 ) -> None:
-    own = load_robot(name, Path())
+    robot = load_robot(name, Path())
     other = read_urdf(shared_data / "mukca" / "urdf" / f"{urdf}.urdf", base, tip)
     rng = np.random.default_rng(0)
-    for joints in rng.uniform(-2.5, 2.5, size=(20, own.n)):
-        (turn, place), (other_turn, other_place) = pose(own, joints), pose(other, joints)
-        np.testing.assert_allclose(place, other_place, atol=apart_mm, rtol=0)
+    for joints in rng.uniform(-2.5, 2.5, size=(20, robot.n)):
+        (turn, position), (other_turn, other_place) = pose(robot, joints), pose(other, joints)
+        np.testing.assert_allclose(position, other_place, atol=apart_mm, rtol=0)
         np.testing.assert_allclose(turn, other_turn, atol=2e-5, rtol=0)
-    for mine, theirs in ((own.upper, other.upper), (-own.lower, -other.lower)):
+    for mine, theirs in ((robot.upper, other.upper), (-robot.lower, -other.lower)):
         assert (np.abs(mine - theirs) <= np.radians(further_deg)).all()
 
 

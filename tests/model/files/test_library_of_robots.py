@@ -31,12 +31,12 @@ class Chain:
     tool0: Rotation
 
     def pose(self, joints_deg: Matrix) -> Matrix:
-        turn, place = Rotation.identity(), np.zeros(3)
+        turn, position = Rotation.identity(), np.zeros(3)
         for origin, axis, angle in zip(self.origins, self.axes, joints_deg, strict=False):
-            place = place + turn.apply(origin)
+            position = position + turn.apply(origin)
             turn = turn * Rotation.from_rotvec(axis * np.radians(angle))
         result = np.eye(4)
-        result[:3, 3] = place + turn.apply(self.origins[-1])
+        result[:3, 3] = position + turn.apply(self.origins[-1])
         result[:3, :3] = (turn * self.tool0).as_matrix()
         return result
 
@@ -146,7 +146,7 @@ def test_the_xarm_is_that_of_its_description() -> None:
 
 # Flange at given joints as makers and their manuals show it: where the arm is at zero, or at its home.
 @pytest.mark.parametrize(
-    ("name", "joints", "place", "z_axis"),
+    ("name", "joints", "position", "z_axis"),
     [
         ("irb120", [0, 0, 0, 0, 0, 0], [374, 0, 630], X),
         ("irb1200", [0, 0, 0, 0, 0, 0], [533, 0, 889.1], X),
@@ -162,9 +162,9 @@ def test_the_xarm_is_that_of_its_description() -> None:
         ("gp7", [0, 0, 0, 0, 0, 0], [560, 0, 485], X),
     ],
 )
-def test_published_poses(name: str, joints: list[float], place: list[float], z_axis: Matrix) -> None:
+def test_published_poses(name: str, joints: list[float], position: list[float], z_axis: Matrix) -> None:
     pose = load_robot(name).fk(joints)
-    np.testing.assert_allclose(pose[:3, 3], place, rtol=0, atol=0.05)
+    np.testing.assert_allclose(pose[:3, 3], position, rtol=0, atol=0.05)
     np.testing.assert_allclose(pose[:3, 2], z_axis, rtol=0, atol=1e-9)
 
 

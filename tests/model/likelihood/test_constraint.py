@@ -101,8 +101,8 @@ class Case:
 
     def weighted(self, name, q, spot, free, log_det="whole", weight=1.0, variances=None):
         """`terms` or `slopes` at a shot, at other variances than the stated ones."""
-        stated = self.variances()
-        noise = (stated if variances is None else variances, stated)
+        content = self.variances()
+        noise = (content if variances is None else variances, content)
         shot = (self.robot.recorded_turns(q), spot, weight, *self.split(free), *noise)
         shot = [np.atleast_1d(np.asarray(part, dtype=float)) for part in shot]
         return [np.atleast_1d(part[0]) for part in self.by_log_det[log_det].kernel(name)(*shot)]
@@ -139,12 +139,12 @@ class Case:
         size = len(self.steps())
         factors = np.exp(2 * z[..., size:]) if z.shape[-1] > size else np.ones(2)
         variances = self.variances() * np.repeat(factors, (self.n, 1), axis=-1)
-        found = terms(self.arm, self.tool, q, spot, z[..., :size], variances)
+        result = terms(self.arm, self.tool, q, spot, z[..., :size], variances)
         if log_det == "none":
-            found[..., 1] = 0
+            result[..., 1] = 0
         elif log_det == "relative":
-            found[..., 1] -= terms(self.arm, self.tool, q, spot, z[..., :size], self.variances())[..., 1]
-        return found
+            result[..., 1] -= terms(self.arm, self.tool, q, spot, z[..., :size], self.variances())[..., 1]
+        return result
 
 
 def dense(value: ca.DM) -> np.ndarray:
@@ -268,8 +268,8 @@ def test_the_log_determinant_that_is_asked_for(case, log_det):
     variances = case.variances() * np.append(np.full(case.n, 4.0), 1.0)
     for q, spot, free in case.hits():
         quad, logdet = case.plain_terms(q, spot, np.append(free, [np.log(2), 0.0]), log_det)
-        found = case.weighted("terms", q, spot, free, log_det, variances=variances)
-        np.testing.assert_allclose(np.concatenate(found), [quad.real, logdet.real], rtol=1e-9, atol=1e-9)
+        result = case.weighted("terms", q, spot, free, log_det, variances=variances)
+        np.testing.assert_allclose(np.concatenate(result), [quad.real, logdet.real], rtol=1e-9, atol=1e-9)
         # At the noise that is stated, nothing is relative to it.
         (at_stated,) = case.weighted("terms", q, spot, free, log_det)[1]
         assert (abs(at_stated) < 1e-12) == (log_det != "whole")
@@ -286,8 +286,8 @@ def test_the_weight_multiplies_all_that_a_shot_adds(case, name, log_det):
         np.testing.assert_allclose(part, 0.25 * value, rtol=1e-13)
     for value in case.weighted(name, q, spot, free, log_det, 0.0, variances):
         np.testing.assert_array_equal(value, 0)
-    told = whole if name == "terms" or log_det == "relative" else [*whole[:4], whole[5]]
-    assert all(np.abs(value).max() > 1e-6 for value in told) == (log_det != "none")
+    message = whole if name == "terms" or log_det == "relative" else [*whole[:4], whole[5]]
+    assert all(np.abs(value).max() > 1e-6 for value in message) == (log_det != "none")
 
 
 @LOG_DETS
@@ -316,10 +316,10 @@ def test_the_gradients_against_complex_steps_of_the_plain_terms(case, log_det):
         gradients = case.weighted("slopes", q, spot, free, log_det, variances=case.variances() * factors)[2:4]
         np.testing.assert_allclose(gradients, expected, rtol=1e-8, atol=1e-4)
         if log_det == "relative":
-            own = np.array(gradients)[:, -2:]
-            np.testing.assert_allclose(own, expected[:, -2:], rtol=1e-9, atol=1e-9)
+            values = np.array(gradients)[:, -2:]
+            np.testing.assert_allclose(values, expected[:, -2:], rtol=1e-9, atol=1e-9)
             # Negative control: by the factors themselves they would be others.
-            assert np.abs(own / np.exp(logs) - expected[:, -2:]).max() > 0.01
+            assert np.abs(values / np.exp(logs) - expected[:, -2:]).max() > 0.01
 
 
 def test_a_gradient_without_the_change_of_the_weights_is_caught(case):
@@ -351,13 +351,13 @@ def test_the_information_of_the_misses(case, log_det):
         jacobian = by_complex_steps(lambda z, q=q, p=spot: case.plain(q, p, z), free)
         expected = jacobian.T @ np.linalg.solve(s, jacobian)
         unit = np.outer(*2 * [1 / np.sqrt(np.diag(expected))])
-        found = lower_of(case.weighted("slopes", q, spot, free, log_det)[5])
-        assert found.shape == (size, size)
-        np.testing.assert_allclose(found * unit, expected * unit, rtol=0, atol=1e-9)
+        result = lower_of(case.weighted("slopes", q, spot, free, log_det)[5])
+        assert result.shape == (size, size)
+        np.testing.assert_allclose(result * unit, expected * unit, rtol=0, atol=1e-9)
         # Negative controls: with the spot's noise alone, and with the components' noise not correlated.
         for other in (case.variances()[-1] * np.eye(len(s)), np.diag(np.diag(s))):
             wrong = jacobian.T @ np.linalg.solve(other, jacobian)
-            assert np.abs((wrong - found) * unit).max() > 1e-6
+            assert np.abs((wrong - result) * unit).max() > 1e-6
 
 
 def noise_information(case: Case, q: np.ndarray, spot: np.ndarray, free: np.ndarray) -> np.ndarray:
@@ -370,10 +370,10 @@ def noise_information(case: Case, q: np.ndarray, spot: np.ndarray, free: np.ndar
 
 def test_the_information_on_the_noise_factors(case):
     for q, spot, free in case.hits():
-        own = lower_of(case.weighted("slopes", q, spot, free, "relative")[4])
-        np.testing.assert_allclose(own, noise_information(case, q, spot, free), rtol=1e-9)
+        values = lower_of(case.weighted("slopes", q, spot, free, "relative")[4])
+        np.testing.assert_allclose(values, noise_information(case, q, spot, free), rtol=1e-9)
         # One factor on both: the information is that of a scale, 2 for each component.
-        assert own.sum() == pytest.approx(2 * case.tool.residual_size, rel=1e-9)
+        assert values.sum() == pytest.approx(2 * case.tool.residual_size, rel=1e-9)
 
 
 @pytest.mark.parametrize("kind", ["laser", "probe"])
@@ -401,9 +401,9 @@ def test_the_information_on_the_noise_is_the_covariance_of_its_score(cases, kind
     assert (np.abs((-by_quad[:, -2:] / 2).mean(axis=0)) > 5 * error).all()  # control: without log det
     products = scores[:, :, None] * scores[:, None, :]
     error = products.std(axis=0) / np.sqrt(len(draws))
-    stated = lower_of(information[0])
-    assert (np.abs(products.mean(axis=0) - stated) < 5 * error).all()
-    for wrong in (2 * stated, np.diag(np.diag(stated))):  # controls: twice as much; both factors apart
+    content = lower_of(information[0])
+    assert (np.abs(products.mean(axis=0) - content) < 5 * error).all()
+    for wrong in (2 * content, np.diag(np.diag(content))):  # controls: twice as much; both factors apart
         assert (np.abs(products.mean(axis=0) - wrong) > 5 * error).any()
 
 

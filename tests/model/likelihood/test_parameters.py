@@ -49,17 +49,17 @@ def test_offsets_then_targets_then_the_tool(irb1600):
     assert parameters.names == (*offsets, *targets, *TILTS)
     assert len(parameters) == 16
     for name, group in (("offset", slice(0, 6)), ("target", slice(6, 12)), ("tool", slice(12, 16))):
-        wanted = np.zeros(16, dtype=bool)
-        wanted[group] = True
-        np.testing.assert_array_equal(parameters.group(name), wanted)
+        expected = np.zeros(16, dtype=bool)
+        expected[group] = True
+        np.testing.assert_array_equal(parameters.group(name), expected)
     assert parameters.index("b.y") == 10
     assert build(irb1600, {**PROBE, "calibrated": False}).names[9:] == ("tool.x", "tool.y", "tool.z")
     assert build(irb1600, LASER).names[6:] == ("psd.x", "psd.y", "psd.z")
 
 
 def test_targets_stand_in_the_order_of_the_shots(irb1600):
-    stated = {"a": {"guess_mm": [1, 2, 3]}, "z": {"guess_mm": [7, 8, 9]}}
-    parameters = build(irb1600, LASER, ("z", "a"), targets=stated)
+    content = {"a": {"guess_mm": [1, 2, 3]}, "z": {"guess_mm": [7, 8, 9]}}
+    parameters = build(irb1600, LASER, ("z", "a"), targets=content)
     assert parameters.names[6:] == ("z.x", "z.y", "z.z", "a.x", "a.y", "a.z")
     np.testing.assert_array_equal(parameters.prior_mean[6:], [7, 8, 9, 1, 2, 3])
 
@@ -83,8 +83,8 @@ def test_blocks_cover_the_parameters_in_their_order(irb1600):
 
 
 def test_the_geometry_is_a_block_between_offsets_and_targets(irb1600):
-    stated = {"geometry": {}}
-    parameters = build(irb1600, {**LASER, "calibrated": False}, ("psd", "b"), noise=SEPARATE, **stated)
+    content = {"geometry": {}}
+    parameters = build(irb1600, {**LASER, "calibrated": False}, ("psd", "b"), noise=SEPARATE, **content)
     block = parameters.block("geometry")
     assert block.start == 6
     assert parameters.block("target").start == block.stop
@@ -120,8 +120,8 @@ def test_a_shot_depends_on_its_own_target_alone(irb1600):
     np.testing.assert_array_equal(parameters.of_shot(1), [*range(6), 9, 10, 11, *range(12, 18)])
     np.testing.assert_array_equal(parameters.of_shot(0, noise=False), [*range(9), *range(12, 16)])
     for group in IN_RESIDUAL:
-        own = parameters.of_shot(1, noise=False)[parameters.in_shot(group)]
-        assert {parameters.items[i].group for i in own} == ({group} - {"geometry"})
+        values = parameters.of_shot(1, noise=False)[parameters.in_shot(group)]
+        assert {parameters.items[i].group for i in values} == ({group} - {"geometry"})
     with pytest.raises(ValueError, match="noise"):
         parameters.in_shot("noise")
 
@@ -187,8 +187,8 @@ def test_a_probe_is_expected_where_it_is_stated_to_be(irb1600):
     parameters = build(irb1600, {**PROBE, "calibrated": False})
     np.testing.assert_array_equal(parameters.prior_mean[9:], [1, 2, 100])
     np.testing.assert_array_equal(parameters.prior_std[9:], [50, 50, 50])
-    own = build(irb1600, {**PROBE, "calibrated": False, "sigma": {"shift_mm": 5}})
-    np.testing.assert_array_equal(own.prior_std[9:], [5, 5, 5])
+    actual = build(irb1600, {**PROBE, "calibrated": False, "sigma": {"shift_mm": 5}})
+    np.testing.assert_array_equal(actual.prior_std[9:], [5, 5, 5])
 
 
 def test_a_stated_target_without_a_guess_is_expected_at_the_base_but_loosely(irb1600):
@@ -201,7 +201,7 @@ def test_a_stated_target_without_a_guess_is_expected_at_the_base_but_loosely(irb
 
 
 @pytest.mark.parametrize(
-    ("tool", "wanted"),
+    ("tool", "expected"),
     [
         (LASER, ["delta1"]),
         ({**LASER, "calibrated": False}, ["delta1", "delta6"]),
@@ -209,17 +209,17 @@ def test_a_stated_target_without_a_guess_is_expected_at_the_base_but_loosely(irb
         ({**PROBE, "calibrated": False}, ["delta1"]),
     ],
 )
-def test_what_the_method_holds(irb1600, tool, wanted):
+def test_what_the_method_holds(irb1600, tool, expected):
     """The last joint only against an uncalibrated laser."""
     parameters = build(irb1600, tool)
-    assert held(parameters) == wanted
-    np.testing.assert_array_equal(parameters.free, [name not in wanted for name in parameters.names])
+    assert held(parameters) == expected
+    np.testing.assert_array_equal(parameters.free, [name not in expected for name in parameters.names])
     reasons = {item.name: item.held_by for item in parameters.items}
     assert reasons["delta1"] == "base frame"
     assert "section 3.3" in reason(Held("base frame"))
-    if "delta6" in wanted:
+    if "delta6" in expected:
         assert reasons["delta6"] == "tool rotation"
-    assert all((reasons[name] is not None) == (name in wanted) for name in parameters.names)
+    assert all((reasons[name] is not None) == (name in expected) for name in parameters.names)
 
 
 def test_the_last_joint_is_that_of_the_arm(scara):
