@@ -175,7 +175,7 @@ _TURNOVER = 2  # effective draws for each walker: on average it has left its sta
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """What the ensembles left: `values` (ensembles, walkers, steps, f) in the sampler's coordinates.
+    """Draws of all ensembles: `values` (ensembles, walkers, steps, f) in the sampler's coordinates.
 
     `rhat` and `ess_bulk` (f,). `settled`: R-hat passed its gate and nothing drifts; `enough`: the ESS is what
     was required. `seconds` are those of the sampling, `looking` those of the diagnostics, `evaluations` the
@@ -259,7 +259,7 @@ class _Run:
         return np.concatenate(list((self._pool.map if len(chunks) > 1 else map)(function, chunks)))
 
     def start(self, walkers: int) -> Matrix | None:
-        """Draws of the proposal, pulled in to where the density is not 0; None where that is nowhere."""
+        """Draws of the proposal, moved to its location until the density is not 0; else None."""
         points = self._proposal.draw(ENSEMBLES * walkers, self.random)
         for _ in range(_PULLS):
             possible = np.isfinite(self.density(points))
@@ -274,14 +274,14 @@ class _Run:
         return points.reshape(ENSEMBLES, walkers, -1)
 
     def spread(self, values: Matrix, walkers: int) -> Matrix:
-        """Starts for as many walkers, from each ensemble's own draws."""
+        """(ensembles, walkers, f) starting points, chosen among the draws of each ensemble."""
         ensembles = values.reshape(ENSEMBLES, -1, values.shape[-1])
         return np.stack(
             [self.random.choice(draws, walkers, replace=len(draws) < walkers) for draws in ensembles]
         )
 
     def advance(self, starts: Matrix, steps: int) -> Matrix:
-        """So many steps of every walker."""
+        """Chains (ensembles, walkers, steps, f) from `starts` (ensembles, walkers, f)."""
         began = time.perf_counter()
         transport = self._transport
         size = starts.shape[-1]
@@ -328,13 +328,13 @@ class _Run:
         self._proposal = IndependenceProposal(np.zeros(size), np.eye(size), self._first.nu)
 
     def _first_look(self, walkers: int) -> int:
-        """Steps: many times what it takes until a walker's draws are independent."""
+        """How many steps until the first diagnostics: many autocorrelation times of a walker."""
         if self._transport is not None:
             return _MAPPED_LOOK
         return _FIRST_LOOK if self._independent < GOOD or walkers < _LOOK_WALKERS else _FIRST_LOOK // 2
 
     def grow(self, starts: Matrix, ess: float, limit: int, progress: ShareDone) -> Sampled:
-        """Draws until they have settled and are enough, or `limit` steps are done."""
+        """Draws from `starts` until they are enough and have settled, in at most `limit` steps."""
         walkers = starts.shape[1]
         needed = max(ess, _TURNOVER * ENSEMBLES * walkers)
         values = starts[:, :, None][:, :, :0]

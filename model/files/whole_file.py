@@ -109,7 +109,7 @@ def is_part(name: str) -> bool:
 
 
 def writer() -> str:
-    """This computer and this process, in the names of what is not finished."""
+    """Name of this computer and this process, for the names of unfinished files."""
     return f"{_here()}-{os.getpid()}"
 
 
