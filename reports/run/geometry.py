@@ -225,7 +225,7 @@ def _panel(axes: Axes, ladder: Sequence[Rung], values: Sequence[float | None], u
         face = colour if rung.kept else light("ground")
         axes.plot([value], [y], "o", markersize=6, markerfacecolor=face, color=colour)
         text = numbers.significant(value) if unit else numbers.fixed(value, 1)
-        beside(axes, value, y, text, xytext=(8, 0))
+        beside(axes, value, y, text, gap=8)
     shown = [value for value in values if value is not None]
     low, high = min(shown), max(shown)
     room = (high - low) or abs(high) or 1.0
