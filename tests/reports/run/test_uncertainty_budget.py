@@ -73,12 +73,6 @@ def test_a_source_a_row_and_an_offset_a_column():
     assert cells(check)["J2 (δ2)"] == ["0.00010°", "0.00020°", "0.00050°", "0.000040°", "yes, to 2 digits"]
 
 
-@pytest.mark.parametrize(("std", "u", "expanded"), [(0.0996, "0.10", "0.20"), (0.01251, "0.013", "0.025")])
-def test_two_significant_digits(std, u, expanded):
-    told = cells(tables(budget_section(result(budgets=[made("delta2", std)])))[0])
-    assert (told["combined u"][1], told["expanded U = k u"][1]) == (u, expanded)
-
-
 def test_an_estimated_noise():
     told = cells(tables(budget_section(result(budgets=[made("delta2", 0.02, dof=6.98, factor=2.37)])))[0])
     assert told["joint 1"][0] == "0.010°, A"
