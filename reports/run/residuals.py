@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING
 
@@ -95,7 +95,8 @@ def residuals_picture(result: Result) -> Picture:
     stated noise leads one to expect.
     """
     shots = result.shots
-    order = sorted(shots, key=_rank(shots))
+    targets = list(dict.fromkeys(shot.target for shot in shots))
+    order = sorted(shots, key=lambda shot: targets.index(shot.target))
     few = len(order) <= FEW_SHOTS
     drawn = drawn_of(order)
     with style():
@@ -125,8 +126,9 @@ def residuals_picture(result: Result) -> Picture:
             f": {len(drawn)} of {len(order)} are drawn, the {LARGEST_DRAWN} largest and others evenly; all"
             " are in result.json"
         )
+    where = "one target" if len(targets) == 1 else f"{len(targets)} targets"
     alt = (
-        f"Residuals of {len(order)} measurements at {_targets_of(order)}. {over} lie beyond "
+        f"Residuals of {len(order)} measurements at {where}. {over} lie beyond "
         f"the 95 % limit of the noise; the largest is measurement {worst.shot}."
     )
     return Picture("misses", title, alt, svg)
@@ -148,18 +150,6 @@ def _limits(shots: Sequence[ShotResult]) -> list[float]:
 
     by_size = {size: math.sqrt(chdtri(size, 0.05)) for size in {len(shot.miss_mm) for shot in shots}}
     return [by_size[len(shot.miss_mm)] for shot in shots]
-
-
-def _targets_of(shots: Sequence[ShotResult]) -> str:
-    count = len({shot.target for shot in shots})
-    return "one target" if count == 1 else f"{count} targets"
-
-
-def _rank(shots: Sequence[ShotResult]) -> Callable[[ShotResult], int]:
-    first: dict[str, int] = {}
-    for i, shot in enumerate(shots):
-        first.setdefault(shot.target, i)
-    return lambda shot: first[shot.target]
 
 
 def _millimetres(axes: Axes, drawn: dict[int, ShotResult], few: bool) -> None:
