@@ -123,8 +123,8 @@ def plan(
     from ..experiments.plans.obstacles import read_obstacles
     from ..model.files.header import read_header
     from ..model.files.plan import read_plan
+    from ..model.files.plan_file import Obstacles
     from ..model.files.robot_file import robot_path
-    from ..model.files.stated_plan.obstacles import Obstacles
     from ..model.files.whole_file import refuse_existing
     from ..reports.terminal.answers import print_proposal
 

@@ -5,10 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from ..analysis.observability.causes import NullDirection
-from ..analysis.observability.check import Check, OutsideLimits, PlanFinding, TargetBehind, Unreachable
-from ..analysis.observability.verdict import worst_direction
-from ..analysis.observability.violations import Condition, PlanVerdict, Violation
+from ..analysis.observability.causes import NullDirection, worst_direction
+from ..analysis.observability.check import (
+    Check,
+    Condition,
+    OutsideLimits,
+    PlanFinding,
+    PlanVerdict,
+    TargetBehind,
+    Unreachable,
+    Violation,
+)
 from ..analysis.status import Status, Verdict
 from . import numbers
 from .observability import reason

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...analysis.diagnostics.leave_one_out import Jackknife, LeaveOneOut
+from ...analysis.answer.result import Result
+from ...analysis.diagnostics.hold_out import Jackknife, LeaveOneOut
 from ...analysis.misfit import LACK_OF_FIT
-from ...analysis.recordings.effective import Effective
-from ...analysis.recordings.steps import Step, Steps
-from ...analysis.result import Result
+from ...analysis.recordings.recordings import Effective
+from ...analysis.recordings.steps import RecordingStep, RecordingSteps
 from ...words import numbers
 from ...words.wording import clipped, counted, label, listed, shown
 from ..style.blocks import FigureBlock, Head, Paragraph, Section, Table, row_of, section_of, table_of
@@ -153,11 +153,11 @@ def _effective_sentence(effective: Effective, result: Result) -> str:
     )
 
 
-def _step_sentences(steps: Steps) -> list[str]:
+def _step_sentences(steps: RecordingSteps) -> list[str]:
     return [_step_sentence(step) for step in steps.rows]
 
 
-def _step_sentence(step: Step) -> str:
+def _step_sentence(step: RecordingStep) -> str:
     shots = (
         f"measurement {step.first_shot}"
         if step.first_shot == step.last_shot
@@ -165,7 +165,7 @@ def _step_sentence(step: Step) -> str:
     )
     size = "" if step.size_mm is None else f" by {numbers.significant(step.size_mm, 2, 'mm')}"
     return (
-        f"Step in a recording of {clipped(step.target, _NAME)}: {shots} are off the rest{size}"
+        f"RecordingStep in a recording of {clipped(step.target, _NAME)}: {shots} are off the rest{size}"
         f" (p {numbers.p_value(step.p_value)}, Holm-adjusted), as if the target had slipped."
     )
 

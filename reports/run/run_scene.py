@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...analysis.diagnostics.scene import Scene, SceneTarget
-from ...analysis.result import Result
+from ...analysis.answer.result import Result
+from ...analysis.diagnostics.scene import RunScene, SceneTarget
 from ...model.arrays import Matrix
 from ...words import numbers
 from ...words.wording import NOT_DETERMINED, clipped, counted, label, listed
@@ -47,7 +47,7 @@ def half_axes(covariance: Matrix, radius2: float) -> Matrix:
     return np.asarray((across * np.sqrt(radius2 * np.maximum(size, 0.0))).T)
 
 
-def _placed(target: SceneTarget, scene: Scene) -> Placed:
+def _placed(target: SceneTarget, scene: RunScene) -> Placed:
     if target.at_mm is None:
         # It has no place: the cross is where the beams end that are meant for it.
         ends = [shot.beam_to or shot.links[-1] for shot in scene.shots if shot.target == target.name]
@@ -104,11 +104,11 @@ def scene_section(result: Result) -> Section | None:
     )
 
 
-def _positions(scene: Scene) -> list[str]:
+def _positions(scene: RunScene) -> list[str]:
     return [_position_words(target, scene.radius2) for target in scene.targets]
 
 
-def _sentences(positions: list[str], scene: Scene) -> str:
+def _sentences(positions: list[str], scene: RunScene) -> str:
     text = f"In the base frame (x, y, z): {'; '.join(positions[:_MOST_NAMED])}."
     if len(positions) > _MOST_NAMED:
         text += f" The other {len(positions) - _MOST_NAMED} are in the picture and in result.json."

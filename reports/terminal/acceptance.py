@@ -13,8 +13,8 @@ from ...analysis.acceptance.acceptance_test import (
     Acceptance,
     AcceptanceResult,
     EnteredOffset,
+    VerificationPlan,
 )
-from ...analysis.acceptance.postures import VerificationPlan
 from ...words import numbers
 from ...words.wording import counted, label, listed
 from ..style.blocks import Table, row_of, table_of

@@ -10,8 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ...analysis.observability.causes import NullDirection
-from ...analysis.observability.check import Check
-from ...analysis.observability.violations import PlanVerdict
+from ...analysis.observability.check import Check, PlanVerdict
 from ...words import numbers
 from ...words.geometry import check_lines
 from ...words.numbers import unit_of

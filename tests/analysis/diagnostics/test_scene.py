@@ -22,7 +22,7 @@ from cells import (
 )
 from scipy import stats
 
-from zerobeam.analysis.diagnostics.scene import MOST_SHOTS, Scene, scene
+from zerobeam.analysis.diagnostics.scene import MOST_SHOTS, RunScene, scene
 from zerobeam.analysis.solution import Solution, solve
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.likelihood.problem import Problem
@@ -32,7 +32,7 @@ def fitted(problem: Problem) -> Solution:
     return solve(problem, starts=0)
 
 
-def scene_of(plan: Plan, values: dict[str, float] | None = None, seed: int = 3) -> Scene:
+def scene_of(plan: Plan, values: dict[str, float] | None = None, seed: int = 3) -> RunScene:
     found = scene(fitted(simulated_problem(plan, values, seed)[1]))
     assert found is not None
     return found

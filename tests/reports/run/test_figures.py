@@ -11,7 +11,7 @@ import pytest
 from example_results import EXAMPLES, drawn, draws, good, hostile, misfit, unconverged, x_pattern
 from study_text import words
 
-from zerobeam.analysis.result import Result
+from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.status import UnsoundResult
 from zerobeam.reports.run.parameters import offsets_picture
 from zerobeam.reports.run.posterior_summary import posterior_picture

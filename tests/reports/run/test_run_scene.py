@@ -13,7 +13,7 @@ from chromium import LAPTOP, PAPER, chromium
 from example_results import HOSTILE_NAMES, good, x_pattern
 from pages import Page, assert_fetches_nothing, paragraphs
 
-from zerobeam.analysis.result import Result
+from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.solution import ParameterTable
 from zerobeam.reports.output.html import Turnable, scene_html, style
 from zerobeam.reports.run.run_scene import half_axes, run_scene, run_turnable, scene_section

@@ -14,8 +14,8 @@ from numpy import diag, radians
 from pages import paragraphs, table
 from study_text import texts_of, words
 
+from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.diagnostics.accuracy import accuracy
-from zerobeam.analysis.result import Result
 from zerobeam.analysis.status import Status, UnsoundResult
 from zerobeam.reports.run.workspace import class_of, workspace_picture, workspace_section
 from zerobeam.reports.style.blocks import Paragraph, Table
