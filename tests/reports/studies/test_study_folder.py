@@ -150,14 +150,14 @@ def test_of_a_study_only_its_own_files_are_replaced(tmp_path: Path, refused: Ref
     (tmp_path / "study.json").write_text('{"schema": "zerobeam/study/1", "study": "table2"}')
     for name in STUDIES["table2"].tables:
         (tmp_path / name).write_text("before")
-    own = tmp_path / "parameters.csv"
-    own.write_text("mine")
-    assert own.name in STUDIES["cell"].tables
+    table = tmp_path / "parameters.csv"
+    table.write_text("mine")
+    assert table.name in STUDIES["cell"].tables
     for answer in (cell_study(), agreeing()):
-        assert own.name in str(refused(check_target, tmp_path))
-        assert own.name in str(refused(write_study, tmp_path, typed(answer)))
-    assert own.read_text() == "mine"
-    own.unlink()
+        assert table.name in str(refused(check_target, tmp_path))
+        assert table.name in str(refused(write_study, tmp_path, typed(answer)))
+    assert table.read_text() == "mine"
+    table.unlink()
     write_study(tmp_path, typed(cell_study()))
     assert {path.name for path in tmp_path.glob("*.csv")} == {"parameters.csv", "time.csv", "plans.csv"}
 

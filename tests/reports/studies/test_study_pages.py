@@ -215,9 +215,9 @@ def test_an_undetermined_parameter_has_no_number(name: str, table: str) -> None:
     rows = [row for row in rows if row[0].startswith("J")]
     assert len(rows) == {"agreeing": 6, "geometry": 2}.get(name, 1)
     assert all(row[-1] == NOT_DETERMINED for row in rows)
-    seen = [" ".join(Page(html(view, {}, "study")).text), printed(answer)]
-    seen += [words(picture.svg) + picture.alt for picture in study.pictures(answer).values()]
-    assert sum(text.count(NOT_DETERMINED) for text in seen) >= 2
+    texts = [" ".join(Page(html(view, {}, "study")).text), printed(answer)]
+    texts += [words(picture.svg) + picture.alt for picture in study.pictures(answer).values()]
+    assert sum(text.count(NOT_DETERMINED) for text in texts) >= 2
     for row in study.tables[table](answer):
         assert all(
             row[column] is None for column in row if column.startswith(("held", "share", *CLAIMS[name]))

@@ -150,19 +150,19 @@ def test_the_plain_tables_say_what_the_answer_says_and_the_folder_is_whole(tmp_p
     )
     axes = answer["axes"]
     every = [(i, case, row) for i, case in enumerate(answer["cases"], 1) for row in case["parameters"]]
-    for told, (i, case, row) in zip(offsets, every, strict=True):
-        assert told["case"] == str(i)
-        assert told["axis1_plan.kind"] == axes[0]["values"][case["at"][0]]
-        assert told["axis2_plan.shots"] == str(axes[1]["values"][case["at"][1]])
-        assert (told["parameter"], told["status"], told["std"]) == (
+    for row_read, (i, case, row) in zip(offsets, every, strict=True):
+        assert row_read["case"] == str(i)
+        assert row_read["axis1_plan.kind"] == axes[0]["values"][case["at"][0]]
+        assert row_read["axis2_plan.shots"] == str(axes[1]["values"][case["at"][1]])
+        assert (row_read["parameter"], row_read["status"], row_read["std"]) == (
             row["name"], row["status"], as_text(row["std"])
         )  # fmt: skip
         for fit in ("likelihood", "midpoint"):
             for key in ERRORS:
-                assert told[f"{fit}_{key}"] == as_text((row[fit] or {}).get(key))
-    for told, case in zip(cases, answer["cases"], strict=True):
-        assert (told["verdict"], told["worst_std"]) == (case["verdict"], as_text(case["worst_std"]))
-        assert told["not_determined"] == ("delta2" if case["verdict"] == "degenerate" else "")
+                assert row_read[f"{fit}_{key}"] == as_text((row[fit] or {}).get(key))
+    for row_read, case in zip(cases, answer["cases"], strict=True):
+        assert (row_read["verdict"], row_read["worst_std"]) == (case["verdict"], as_text(case["worst_std"]))
+        assert row_read["not_determined"] == ("delta2" if case["verdict"] == "degenerate" else "")
 
 
 def test_an_axis_whose_key_is_that_of_a_column_hides_nothing() -> None:
@@ -200,9 +200,9 @@ def test_a_gap_is_drawn_and_said_where_nothing_is_determined() -> None:
 
 def test_a_map_has_the_worst_std_of_every_case_that_tells_all() -> None:
     text = words(drawn_of("map")["map"].svg)
-    told = {f"{case.worst_std:.2g}" for case in map_sweep().cases if case.worst_std is not None}
-    assert len(told) > 3
-    for std in told:
+    row_read = {f"{case.worst_std:.2g}" for case in map_sweep().cases if case.worst_std is not None}
+    assert len(row_read) > 3
+    for std in row_read:
         assert re.search(rf"(?<![\d.]){re.escape(std)}(?![\d])", text), std
 
 
