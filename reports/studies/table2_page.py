@@ -20,9 +20,8 @@ from .study_blocks import (
     NOT_GIVEN,
     STANDING,
     PlainRow,
-    about_study,
     columns_of,
-    files_block,
+    how_it_was_done,
     plan_in_words,
     plan_title,
     spread,
@@ -61,20 +60,15 @@ def table2_page(answer: Table2Study) -> Page:
             _paper(paper),
             *(Paragraph(sentence(note)) for note in paper.notes),
         ),
-        section_of(
-            "How it was done",
-            about_study(
-                answer,
-                [
-                    ("Runs in a set", str(settings.runs)),
-                    ("Simulated sets", str(settings.simulated)),
-                    ("Seed", str(settings.seed)),
-                ],
-            ),
-            files_block(
-                "scatter.csv, plans.csv and paper.csv hold the standard deviations, the joint noise and the"
-                " paper’s table"
-            ),
+        how_it_was_done(
+            answer,
+            [
+                ("Runs in a set", str(settings.runs)),
+                ("Simulated sets", str(settings.simulated)),
+                ("Seed", str(settings.seed)),
+            ],
+            "scatter.csv, plans.csv and paper.csv hold the standard deviations, the joint noise and the"
+            " paper’s table",
         ),
         section_of("Plans", Facts(_plans(plans)), level=2),
     ]

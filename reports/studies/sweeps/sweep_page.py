@@ -42,9 +42,8 @@ from ..study_blocks import (
     NOT_DETERMINED,
     NOT_GIVEN,
     PlainRow,
-    about_study,
     columns_of,
-    files_block,
+    how_it_was_done,
     percent,
     share_text,
     view_of,
@@ -82,11 +81,7 @@ def sweep_page(study: GridStudy) -> Page:
             Legend(_meanings(study), _without_plan(study)),
         ),
         section_of("Each parameter", Paragraph(_how_to_read(study)), _parameters(study)),
-        section_of(
-            "How it was done",
-            about_study(study, facts),
-            files_block("cases.csv and offsets.csv hold every case and every parameter of it"),
-        ),
+        how_it_was_done(study, facts, "cases.csv and offsets.csv hold every case and every parameter of it"),
         *_words(study),
     ]
     subtitle = f"{counted(len(study.cases), 'case')} by {over}, seed {study.settings.seed}"
