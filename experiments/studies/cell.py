@@ -22,7 +22,7 @@ from ...model.files.header import Header
 from ...model.files.plan import Plan
 from ...model.likelihood.problem import Problem
 from ...words.wording import label, listed
-from ..procedure.session import PHASES, told_by
+from ..procedure.session import PHASES, state_of
 from ..rigs.simulated.cell_file import ArmInCell, CameraInCell, Cell
 from .answer import (
     Accuracy,
@@ -243,7 +243,7 @@ def cell_study(
             control=True,
         )
         half = with_half_the_noise(Problem.from_plan(plan.repeated.plan))
-        states = [None if run.state is None else told_by(half, run.shots) for run in made]
+        states = [None if run.state is None else state_of(half, run.shots) for run in made]
         return CellCase(answer, judged(understated, made, states))
 
     heading = heading_of("cell", seed, runs=runs, camera=camera)

@@ -21,7 +21,7 @@ from scipy import stats
 
 from ...analysis.estimation.fit import fit_each, single
 from ...analysis.observability.check import Check, check
-from ...analysis.observability.consider import considered
+from ...analysis.observability.geometry import considered
 from ...analysis.observability.identifiability import identify
 from ...analysis.solution import Solution, judge
 from ...analysis.status import Status, known, require_no_more_than, versions

@@ -26,7 +26,6 @@ from ..style.blocks import (
     LegendEntry,
     Page,
     Paragraph,
-    Reason,
     Row,
     Section,
     Verdict,
@@ -177,13 +176,13 @@ def meanings(parts: Sequence[Judged], others: Sequence[Marked] = ()) -> list[Leg
     return entries
 
 
-def verdicts(parts: Sequence[Marked]) -> list[Reason]:
+def verdicts(parts: Sequence[Marked]) -> list[LegendEntry]:
     """Reasons of a legend: each part's name and standing, and its sentence."""
     rows = []
     for part in parts:
         mark, words = standing(part)
         name = clipped(part.name, LONGEST_NAME)
-        rows.append(Reason(f"{name}: {words}.", mark, sentence(part.sentence)))
+        rows.append(LegendEntry(mark, f"{name}: {words}.", sentence(part.sentence)))
     return rows
 
 

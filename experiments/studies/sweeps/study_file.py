@@ -23,6 +23,7 @@ from ....model.errors import BadInput
 from ....model.files.header import (
     Header,
     RobotRef,
+    StatedGeometry,
     StatedNoise,
     StatedPrior,
     StatedTarget,
@@ -30,15 +31,14 @@ from ....model.files.header import (
     StatedTool,
     check_header,
 )
-from ....model.files.reading import Document, Place, did_you_mean, read_yaml, shown
+from ....model.files.reading import Document, KeyPath, did_you_mean, read_yaml, shown
 from ....model.files.robot_file import load_robot
-from ....model.files.stated_geometry import StatedGeometry
 from ....model.files.validation import (
     FileModel,
     Name,
     NotNegative,
-    Point,
     Positive,
+    Vector,
     refusal,
     validate,
     without_length,
@@ -86,7 +86,7 @@ def _pair(value: object) -> object:
 class PlacedTarget(FileModel):
     """The target of all measurements."""
 
-    xyz_mm: Point = Field(description="nominal position, base frame, millimetres")
+    xyz_mm: Vector = Field(description="nominal position, base frame, millimetres")
     sigma_mm: Positive = Field(
         default=30.0,
         description="prior standard deviation in each direction, millimetres; true positions are random",
@@ -108,7 +108,7 @@ class PlanMaking(FileModel):
         default=1000, description="postures that an optimal plan is chosen from"
     )
     criterion: Criterion = Field(default="A", description="what an optimal plan minimises")
-    facing: Point | None = Field(
+    facing: Vector | None = Field(
         default=(0.0, 0.0, 1.0),
         description="outward normal of the target's face, base frame, any length; null: any side",
     )
@@ -251,7 +251,7 @@ class NamedChange(FileModel):
     )
 
 
-AxisValue = Annotated[Scalar | Point | NamedChange, BeforeValidator(_value)]
+AxisValue = Annotated[Scalar | Vector | NamedChange, BeforeValidator(_value)]
 
 
 class Axis(FileModel):
@@ -298,7 +298,7 @@ class Axis(FileModel):
         return f"{self.name} {text}"
 
 
-def _shown_value(value: Scalar | Point | NamedChange) -> int | float | str:
+def _shown_value(value: Scalar | Vector | NamedChange) -> int | float | str:
     if isinstance(value, NamedChange):
         return value.name
     if isinstance(value, bool):
@@ -452,15 +452,15 @@ def _set_values(settings: Settings) -> SettingValues:
 
 def _case(content: StudyFile, at: tuple[int, ...], document: Document, robots: dict[str, Robot]) -> Case:
     """The settings of one case; BadInput at the line of the value that does not suit."""
-    values, value_places = _set_values(content.base), dict[str, Place]()
+    values, value_places = _set_values(content.base), dict[str, KeyPath]()
     defaults = content.base.model_dump(mode="json", by_alias=True)
     for i, (axis, j) in enumerate(zip(content.axes, at, strict=True)):
-        of_value: Place = ("axes", i, "values", j)
+        of_value: KeyPath = ("axes", i, "values", j)
         for key, value in axis.changes(j).items():
             _put(values, defaults, key, value, document, of_value)
             value_places[key] = of_value
 
-    def line(key_path: Place) -> int | None:
+    def line(key_path: KeyPath) -> int | None:
         dotted = ".".join(map(str, key_path))
         of_value = next((at for key, at in value_places.items() if overlap(key, dotted)), None)
         return document.line(of_value or ("base", *key_path))
@@ -483,7 +483,7 @@ def _case(content: StudyFile, at: tuple[int, ...], document: Document, robots: d
 
 
 def _put(
-    values: SettingValues, every: SettingValues, key: str, value: object, document: Document, at: Place
+    values: SettingValues, every: SettingValues, key: str, value: object, document: Document, at: KeyPath
 ) -> None:
     """Set a dotted name in `values`; its last part may be the x, y or z of a triple. `every` has the
     defaults, too, and `at` is where the document has the value."""

@@ -14,8 +14,7 @@ from ....experiments.studies.sweeps.grid_answer import Fit, GridAxis, GridCase, 
 from ....model.arrays import Matrix
 from ....words import numbers
 from ....words.wording import clipped, label
-from ...style.canvas import WIDTH, Picture, new_figure, style, to_svg
-from ...style.log_axis import set_log_scale
+from ...style.canvas import WIDTH, Picture, new_figure, set_log_scale, style, to_svg
 from ...style.palette import SHAPES, light
 from ...style.typeface import in_font
 from ..study_blocks import NOT_DETERMINED

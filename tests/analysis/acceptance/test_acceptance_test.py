@@ -6,9 +6,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from zerobeam.analysis.acceptance.acceptance_test import FALSE_ALARM, POWER, Prediction, accept
-from zerobeam.analysis.acceptance.postures import choose
-from zerobeam.analysis.solved import solved
+from zerobeam.analysis.acceptance.acceptance_test import (
+    FALSE_ALARM,
+    POWER,
+    AcceptancePrediction,
+    accept,
+    choose,
+)
+from zerobeam.analysis.ladder import solve_run
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.problem import Problem
@@ -20,7 +25,7 @@ ENTERED = tuple(f"delta{j}" for j in range(2, 7))
 @cache
 def calibrated():
     run = read_run(demo_runs()[0].path)
-    return run, solved(Problem.from_run(run), run.header).solution
+    return run, solve_run(Problem.from_run(run), run.header)
 
 
 def prediction(rows=None, error=None, seed=0, errors=1.0):
@@ -37,7 +42,7 @@ def prediction(rows=None, error=None, seed=0, errors=1.0):
         left[problem.parameters.index(name)] += np.radians(value)
     block = problem.parameters.block("offset")
     # True positions are those of the fit; a corrected arm reads them less what is left of its offsets.
-    corrected = Prediction(
+    corrected = AcceptancePrediction(
         solution, run.header, problem.joints + solution.fit.x[block], run_targets(run), None, ENTERED
     )
     x = corrected.problem.nominal()
@@ -53,7 +58,7 @@ def prediction(rows=None, error=None, seed=0, errors=1.0):
     spots = spots_for(made, x, noise - shifted)
     joints = corrected.problem.joints[rows]
     targets = [run_targets(run)[row] for row in rows]
-    return Prediction(solution, run.header, joints, targets, spots[rows], ENTERED), solution
+    return AcceptancePrediction(solution, run.header, joints, targets, spots[rows], ENTERED), solution
 
 
 def run_targets(run):

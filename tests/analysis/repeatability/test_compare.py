@@ -13,16 +13,17 @@ import pytest
 from cells import LASER, TABLE_2, good_plan, pattern_plan, run_of, simulated
 from repeated_runs import COVARIANCE, drawn, repeat, repeats, run_files, table_file
 from scipy import stats
+from small_results import small_result
 
 from zerobeam.analysis.estimation.fit import fit_likelihood
-from zerobeam.analysis.holm import holm
+from zerobeam.analysis.misfit import holm
 from zerobeam.analysis.repeatability.compare import compare as compare_runs
 from zerobeam.analysis.repeatability.compare import compared as compared_runs
 from zerobeam.analysis.repeatability.compare import sample_of
-from zerobeam.analysis.repeatability.consistency import Sample, against_others, consistency, drift, mean_of
+from zerobeam.analysis.repeatability.consistency import RunSample, against_others, consistency, drift, mean_of
 from zerobeam.analysis.repeatability.prior_free import without_prior
 from zerobeam.analysis.repeatability.repeat import Kind, Repeat
-from zerobeam.analysis.repeatability.run_files import fitted, problem_of, unfitted
+from zerobeam.analysis.repeatability.repeats import fitted, problem_of, unfitted
 from zerobeam.analysis.solution import solve
 from zerobeam.experiments.simulate import Truth, simulated_readings
 from zerobeam.experiments.studies.table2 import EXPERIMENTS, OFFSETS, PRINTED_MEAN, PRINTED_STD
@@ -46,7 +47,7 @@ def compared(kind: Kind, repeats: Sequence[Repeat], seed: int) -> Json:
     return comparison_json(compared_runs(kind, repeats, seed))
 
 
-def sample(values: np.ndarray, covariances: np.ndarray | None = None, **changes: Any) -> Sample:
+def sample(values: np.ndarray, covariances: np.ndarray | None = None, **changes: Any) -> RunSample:
     """Of runs that all predict COVARIANCE, unless stated otherwise."""
     covariances = np.tile(COVARIANCE, (len(values), 1, 1)) if covariances is None else covariances
     stated = {
@@ -55,11 +56,11 @@ def sample(values: np.ndarray, covariances: np.ndarray | None = None, **changes:
         "at": np.arange(1.0, len(values) + 1),
         "by_geometry": np.zeros((*values.shape, 0)),
     }
-    return Sample(values, covariances, **{**stated, **changes})
+    return RunSample(values, covariances, **{**stated, **changes})
 
 
-def unpredicted(values: np.ndarray, at: np.ndarray) -> Sample:
-    return Sample(values, None, False, None, at, np.zeros((*values.shape, 0)))
+def unpredicted(values: np.ndarray, at: np.ndarray) -> RunSample:
+    return RunSample(values, None, False, None, at, np.zeros((*values.shape, 0)))
 
 
 # ── the paper's Table 2 ───────────────────────────────────────────────────────────────────────
@@ -249,7 +250,7 @@ def chi2_of(
     plan: Plan, sets: int, of: int = 3, *, told: Callable[..., Any] | None = None
 ) -> tuple[float, int]:
     """The sum over `sets` comparisons of simulated runs of their chi-squared, and its degrees of freedom."""
-    truth = Truth.stated(plan, TABLE_2)
+    truth = Truth.with_values(plan, TABLE_2)
     of, display = 3, truth.problem.robot.display
     read = simulated_readings(truth.problem, np.tile(truth.x, (sets * of, 1)), np.random.default_rng(0))
     chi2, dof = 0.0, 0
@@ -307,7 +308,7 @@ def test_the_prior_is_taken_out_of_values_and_covariance() -> None:
     found = []
     for prior in (0.16, 50.0):
         plan = good_plan(7, prior={"offset_deg": prior}, joint_deg=0.01)
-        truth = Truth.stated(plan, {})
+        truth = Truth.with_values(plan, {})
         read = simulated_readings(truth.problem, truth.x[None], np.random.default_rng(3))
         fit = fit_likelihood(truth.problem.moved(read.joints[0], read.spots[0]))
         found.append((fit.x[columns], *without_prior(fit, columns)[:2]))
@@ -427,20 +428,13 @@ def test_a_run_without_a_fit_has_no_part() -> None:
 
 def result_file(folder: Path, name: str, values: np.ndarray, **changes: Any) -> Path:
     """As much of a result.json as `compare` reads; `changes` are of its first offset."""
-    rows: list[Json] = [{"name": "delta1", "unit": "deg", "group": "offset", "held": True, "status": "held"}]
+    rows: list[Json] = [{"name": "delta1", "held": True, "status": "held", "estimate": 0.0}]
     for k, value in enumerate(values):
+        row = {"name": f"delta{k + 2}", "status": "identified", "estimate": float(value)}
         std = float(np.sqrt(COVARIANCE[k, k]))
-        row = {"name": f"delta{k + 2}", "unit": "deg", "group": "offset", "held": False}
-        rows.append({**row, "status": "identified", "estimate": float(value), "std": std, "data_std": std})
+        rows.append({**row, "std": std, "data_std": std})
     rows[1] |= changes
-    inputs = {"sha256": name, "robot": "arm", "shots": 7, "header": {"noise": {}, "provenance": {}}}
-    fit = {"converged": True, "reason": "", "noise_scale": None, "dof": 5, "p_value": 0.5}
-    answer = {
-        "schema": "zerobeam/result/1",
-        "parameters": rows,
-        "fits": {"likelihood": fit},
-        "inputs": inputs,
-    }
+    answer = small_result(rows, sha256=name)
     path = folder / f"{name}.json"
     path.write_text(json.dumps(answer))
     return path
