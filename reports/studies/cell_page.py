@@ -12,6 +12,7 @@ from ...words.wording import clipped, counted, listed, sentence
 from ..style.blocks import (
     Facts,
     FigureBlock,
+    Head,
     Legend,
     Page,
     Paragraph,
@@ -105,14 +106,7 @@ def solved(plan: CellPlan) -> int:
 
 def _overview(plans: Sequence[CellPlan], settings: CellSettings) -> Table:
     # The verdict second, so that a phone shows it without scrolling.
-    columns = [
-        ("plan", "left"),
-        ("intervals", "left"),
-        ("farthest", "right"),
-        ("mean", "right"),
-        ("longest", "right"),
-        ("limit", "left"),
-    ]
+    columns: list[Head] = ["plan", ("intervals", "left"), "farthest", "mean", "longest", ("limit", "left")]
     rows = []
     for plan in plans:
         verdict, total = standing_cell(plan), plan.seconds["total"]
@@ -129,7 +123,7 @@ def _overview(plans: Sequence[CellPlan], settings: CellSettings) -> Table:
 
 
 def _parameters(plans: Sequence[CellPlan], level: float) -> Table:
-    columns = [("parameter", "left"), (f"within {percent(level)}", "right"), *ERROR_COLUMNS]
+    columns = ["parameter", f"within {percent(level)}", *ERROR_COLUMNS]
     width = len(columns) - 1
     rows = [row for plan in plans for row in rows_of(plan, plan.words, width, share_and_errors)]
     caption = (
@@ -140,7 +134,7 @@ def _parameters(plans: Sequence[CellPlan], level: float) -> Table:
 
 
 def _time(plans: Sequence[CellPlan]) -> Table:
-    columns = [("plan", "left"), *((name, "right") for name in (*PHASES, "total", "longest"))]
+    columns = ["plan", *PHASES, "total", "longest"]
     rows = []
     for plan in plans:
         means = [seconds(plan.seconds[name].mean) for name in (*PHASES, "total")]
@@ -151,15 +145,15 @@ def _time(plans: Sequence[CellPlan]) -> Table:
 
 def _runs(plans: Sequence[CellPlan]) -> Table:
     columns = [
-        ("plan", "left"),
-        ("runs", "right"),
-        ("no result", "right"),
-        ("refused", "right"),
-        ("contradicted", "right"),
-        ("used, mean", "right"),
-        ("range", "right"),
-        ("saved, mean", "right"),
-        ("computing", "right"),
+        "plan",
+        "runs",
+        "no result",
+        "refused",
+        "contradicted",
+        "used, mean",
+        "range",
+        "saved, mean",
+        "computing",
     ]
     rows = []
     for plan in plans:

@@ -18,6 +18,7 @@ from ..style.blocks import (
     Cell,
     Facts,
     FigureBlock,
+    Head,
     Legend,
     Page,
     Paragraph,
@@ -91,7 +92,7 @@ OVERVIEW = "Share of intervals that hold the truth, in %: the parameter farthest
 
 def _overview(plans: Sequence[CoveragePlan], levels: Sequence[float]) -> Table:
     # The verdict second, so that a phone shows it without scrolling.
-    columns = [("estimator", "left"), ("intervals", "left"), *((percent(level), "right") for level in levels)]
+    columns: list[Head] = ["estimator", ("intervals", "left"), *map(percent, levels)]
     rows = []
     for plan in plans:
         rows.append(row_of(plan_title(plan.name), Cell(sentence(plan.words), span=len(columns) - 1)))
@@ -154,7 +155,7 @@ def _coverage_table(plan: CoveragePlan, levels: Sequence[float]) -> Table:
         return [share_cell(entries.get(level), control) for level in levels] if entries else None
 
     rows = [row for part in plan.estimators for row in rows_of(part, part.words, len(levels), cells)]
-    columns = [("parameter", "left"), *((percent(level), "right") for level in levels)]
+    columns = ["parameter", *map(percent, levels)]
     return table_of(
         "Share of intervals that hold the truth, in %, with its 95 % binomial interval", columns, rows
     )
@@ -165,7 +166,7 @@ def _accuracy_table(plan: CoveragePlan) -> Table:
         return error_cells(row, solved(plan))
 
     rows = [row for part in plan.estimators for row in rows_of(part, part.words, len(ERROR_COLUMNS), cells)]
-    columns = [("parameter", "left"), *ERROR_COLUMNS]
+    columns = ["parameter", *ERROR_COLUMNS]
     return table_of("Bias and root mean square error, next to what was predicted", columns, rows)
 
 
@@ -181,7 +182,7 @@ def _ranks_table(parts: Sequence[Calibration], bins: int) -> Table | None:
         return [numbers.significant(row.chi2), numbers.p_value(row.p_value)]
 
     rows = [row for part in parts for row in rows_of(part, "", 2, cells)]
-    columns = [("parameter", "left"), (f"χ² ({bins - 1} degrees of freedom)", "right"), ("p-value", "right")]
+    columns = ["parameter", f"χ² ({bins - 1} degrees of freedom)", "p-value"]
     return table_of("Are the ranks uniform?", columns, rows) if rows else None
 
 

@@ -20,6 +20,7 @@ from ..style.blocks import (
     Cell,
     Facts,
     FigureBlock,
+    Head,
     Legend,
     Page,
     Paragraph,
@@ -122,8 +123,7 @@ def geometry_page(answer: GeometryStudy) -> Page:
 
 def _overview(plans: Sequence[GeometryPlan], settings: GeometrySettings) -> Table:
     # The verdict second, so that a phone shows it without scrolling.
-    columns = [("geometry", "left"), ("intervals", "left"), ("farthest", "right"), ("z", "right")]
-    columns.append(("misfit", "right"))
+    columns: list[Head] = ["geometry", ("intervals", "left"), "farthest", "z", "misfit"]
     rows = []
     for plan in plans:
         about = Cell(counted(plan.shots, "measurement"), span=len(columns) - 1)
@@ -148,8 +148,7 @@ def z_range(estimator: GeometryEstimator) -> str:
 
 
 def _predicted(plans: Sequence[GeometryPlan]) -> Table:
-    columns = [("plan", "left"), ("tolerances", "left"), ("noise only", "right"), ("considered", "right")]
-    columns.append(("freed", "right"))
+    columns: list[Head] = ["plan", ("tolerances", "left"), "noise only", "considered", "freed"]
     rows = []
     for plan in plans:
         ranges = [u_range(plan.checked, kind) for kind, _, _ in _KINDS]
@@ -195,8 +194,7 @@ def _plan(plan: GeometryPlan, settings: GeometrySettings) -> list[Section]:
 
 
 def _parameters(plan: GeometryPlan, level: float) -> Table:
-    columns = [("parameter", "left"), (f"within {percent(level)}", "right"), ("z", "right")]
-    columns += [*ERROR_COLUMNS, ("u by check", "right")]
+    columns = ["parameter", f"within {percent(level)}", "z", *ERROR_COLUMNS, "u by check"]
     width = len(columns) - 1
     rows = [row for part in plan.estimators for row in rows_of(part, part.words, width, _cells)]
     caption = (

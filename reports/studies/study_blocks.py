@@ -276,12 +276,7 @@ def worst_cell(part: Judged, level: float) -> str:
 
 # ── errors, rounded by their own uncertainty ──────────────────────────────────────────────────
 
-ERROR_COLUMNS = [
-    ("bias", "right"),
-    ("its standard error", "right"),
-    ("rmse", "right"),
-    ("predicted u", "right"),
-]
+ERROR_COLUMNS = ("bias", "its standard error", "rmse", "predicted u")
 
 
 def error_cells(row: ObservedParameter, runs: int) -> list[str | Cell] | None:
