@@ -23,7 +23,7 @@ from documents import DOCS, PAGES, ROOT, blocks, prepare, prose, read, told_comm
 from pydantic import BaseModel
 
 import zerobeam
-from zerobeam.commands.program import app
+from zerobeam.commands.app import app
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.plans.make import MadePlan
 from zerobeam.experiments.rigs.simulated.cell_file import Cell
