@@ -6,7 +6,7 @@ import hashlib
 from functools import cache
 from pathlib import Path
 
-_ROOMS = ("analysis", "experiments", "model", "reports")
+_ROOMS = ("analysis", "experiments", "model", "reports", "words")
 
 
 @cache

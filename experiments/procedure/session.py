@@ -222,7 +222,8 @@ class Procedure:
 
     def _attempts(self, number: int) -> Shot | None:
         """The measurement of a posture, or None where every attempt was refused."""
-        belief = self._belief(number)
+        # Offsets and targets by the measurements so far; what they carry no information about as nominal.
+        belief = Belief(self._problem.select(np.array([self._posture(number)])), self._believed())
         if self._watched is not None:
             self._watched.belief = belief
         last = self.journal.shots[-1] if self.journal.shots else None
@@ -238,10 +239,6 @@ class Procedure:
                     self._refused[number] = RefusedPosture(number, refused.reason, refused.why)
                     self.listener(GivenUp(number, refused.reason, refused.why))
         return None
-
-    def _belief(self, number: int) -> Belief:
-        """Offsets and places by the measurements so far; what they carry no information about as nominal."""
-        return Belief(self._problem.select(np.array([self._posture(number)])), self._believed())
 
     def _believed(self) -> Matrix:
         """(p,) where measurements are aimed: the mode of the measurements so far, by `near_nominal`."""
@@ -285,7 +282,9 @@ class Procedure:
             with self._phase("servo"):
 
                 def tell(at: Matrix) -> None:
-                    self._tell_spot(number, at, psd.size)
+                    off, (x, y) = float(np.linalg.norm(at)), at.tolist()
+                    seen_at = (round(x, 4), round(y, 4))
+                    self.listener(SpotSeen(number, round(off, 4), self._now(), seen_at, psd.size))
 
                 joints = centre(rig, belief, psd, joints, dark, frame, tell).joints
         with self._phase("settle"):
@@ -325,10 +324,6 @@ class Procedure:
 
     def _now(self) -> float:
         return round(self.rig.now(), 6)
-
-    def _tell_spot(self, number: int, at: Matrix, size: float) -> None:
-        off, (x, y) = float(np.linalg.norm(at)), at.tolist()
-        self.listener(SpotSeen(number, round(off, 4), self._now(), (round(x, 4), round(y, 4)), size))
 
     @contextmanager
     def _phase(self, name: str) -> Iterator[None]:
