@@ -125,14 +125,6 @@ def test_what_refuses_a_shot_is_told_and_the_next_is_made(tmp_path: Path, plan: 
     assert {event["shot"] for event in about} == {2}
 
 
-def test_a_short_fault_costs_an_attempt_and_no_shot(tmp_path: Path, plan: Plan) -> None:
-    cell = {"faults": [{"kind": "encoder-glitch", "shot": 1, "joint": 2, "deg": 0.4, "lasts": 1}]}
-    events: list[Event] = []
-    done = carried(plan, tmp_path / "run.jsonl", told=events.append, **cell)
-    assert [shot.shot for shot in done.shots] == list(range(6))
-    assert [event["reason"] for event in events if event["event"] == "retry"] == ["joint reading"]
-
-
 def test_a_reading_beyond_a_limit_is_refused_before_it_is_written(tmp_path: Path, plan: Plan) -> None:
     """A run with such a shot could be neither read nor resumed."""
     rig = SimulatedRig(plan, Cell.model_validate({"camera": None}), 3)

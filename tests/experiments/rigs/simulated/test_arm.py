@@ -175,26 +175,6 @@ def test_a_reading_is_not_the_arm_itself() -> None:
 # How long a motion takes.
 
 
-def test_a_long_motion_of_one_joint() -> None:
-    """Joint 1: 150 deg/s, a quarter of it, 5 rad/s^2: the ramps take v / a in all, the rest goes at v."""
-    own = simulated()
-    v = 0.25 * np.radians(150)
-    assert own.move(HOME + only(0, 1.0)) == pytest.approx(1.0 / v + v / 5.0)
-    # Back again takes as long, and staying takes none.
-    assert own.move(HOME) == pytest.approx(1.0 / v + v / 5.0)
-    assert own.move(HOME) == 0.0
-
-
-def test_a_short_motion_never_reaches_its_speed() -> None:
-    own = simulated()
-    assert own.move(HOME + only(0, 0.01)) == pytest.approx(2 * np.sqrt(0.01 / 5.0))
-    # Where the two profiles meet they agree.
-    v = 0.25 * np.radians(150)
-    meet = v**2 / 5.0
-    times = [own.duration(only(0, meet * share)) for share in (1 - 1e-9, 1.0, 1 + 1e-9)]
-    np.testing.assert_allclose(times, 2 * v / 5.0, rtol=1e-8)
-
-
 def test_the_profile_integrates_to_the_way() -> None:
     """Speed ramped up, held and ramped down over the time stated, summed numerically, covers the way."""
     own = simulated()

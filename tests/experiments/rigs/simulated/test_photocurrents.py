@@ -4,7 +4,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from numpy.polynomial.hermite_e import hermegauss
 from numpy.polynomial.legendre import leggauss
 from scipy import stats
 
@@ -111,28 +110,6 @@ def test_harmonic_measures_that_are_known() -> None:
         np.testing.assert_allclose(harmonic_measures(np.array(end, float)), np.eye(4)[edge], atol=1e-12)
 
 
-def test_harmonic_measures_share_out_the_whole() -> None:
-    shares = harmonic_measures(np.random.default_rng(5).uniform(-1, 1, (500, 2)))
-    assert shares.shape == (500, 4)
-    assert (shares > -1e-14).all()
-    np.testing.assert_allclose(shares.sum(axis=1), 1.0, atol=1e-15)
-
-
-def test_a_round_beam_divides_like_its_centre() -> None:
-    """The mean over the beam (Gauss-Hermite, 40 x 40), against one that is not harmonic as a control."""
-    nodes, weights = hermegauss(40)
-    weights /= weights.sum()
-    std = 0.04
-    for centre in ([0.3, -0.5], [0.0, 0.6]):
-        u = np.array(centre) + std * np.stack(np.meshgrid(nodes, nodes, indexing="ij"), axis=-1)
-        u = np.where(np.abs(u) < 1, u, np.array(centre))  # nodes of no weight, off the face
-        shares = harmonic_measures(u)
-        mean = np.einsum("i,j,ijk->k", weights, weights, shares)
-        np.testing.assert_allclose(mean, harmonic_measures(np.array(centre)), atol=1e-12)
-        squares = np.einsum("i,j,ijk->k", weights, weights, shares**2)
-        assert np.abs(squares - harmonic_measures(np.array(centre)) ** 2).max() > 1e-5
-
-
 # What is read.
 
 
@@ -165,16 +142,6 @@ def test_a_tetra_lateral_psd_is_right_near_its_centre_alone() -> None:
     # The rule of the other kind is wrong at the centre already.
     duo = device()
     assert duo.psd.position(currents(own, 0.1, 0.0))[0, 0] > 1.5 * 0.1
-
-
-def test_the_pin_cushion() -> None:
-    """A straight line of spots is read as a curve: x depends on y. Not so with two layers."""
-    bend = {}
-    for kind in KINDS:
-        own = device(kind)
-        bend[kind] = abs(reading(own, 5.0, 7.0)[0] - reading(own, 5.0, 0.0)[0])
-    assert bend["duo-lateral"] < 1e-12
-    assert bend["tetra-lateral"] > 0.05 * 5.0
 
 
 # Noise, resolution, ambient light, saturation.
