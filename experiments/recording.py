@@ -19,7 +19,7 @@ from ..model.files.run import read_run
 from ..model.kinematics.pendant import pendant_of
 from ..model.kinematics.robot import J3, PendantUnit, same_arm
 from ..words.findings import finding_sentence, headline
-from ..words.rehearsal import SIMULATED, true_values
+from ..words.provenance import SIMULATED, true_values
 from ..words.verdict import violation_words
 from ..words.wording import listed, person
 from .exporters.verification import offsets_to_enter

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from ...analysis.repeatability.odd_values import FEWEST, odd_values
+from ...analysis.diagnostics.outliers import FEWEST_VALUES, outlying_values
 from ...experiments.batch.rows import BatchOffset, BatchRow, BatchSettings, Outcome
 from ...words import numbers
 from ...words.verdict import VERDICT_WORDS
@@ -91,10 +91,10 @@ class Batch:
                 if own.status == "identified" and own.estimate is not None and row.robot is not None:
                     key = (row.robot, own.name, own.unit)
                     groups.setdefault(key, []).append((row, own.estimate))
-        tested = {key: group for key, group in groups.items() if len(group) >= FEWEST}
+        tested = {key: group for key, group in groups.items() if len(group) >= FEWEST_VALUES}
         found = []
         for (robot, name, unit), group in tested.items():
-            for place, off in odd_values([value for _, value in group], CHANCE / len(tested)):
+            for place, off in outlying_values([value for _, value in group], CHANCE / len(tested)):
                 row, value = group[place]
                 found.append(OddArm(row.name, robot, row.serial, name, unit, value, off))
         return tuple(sorted(found, key=lambda own: -abs(own.off)))
@@ -195,7 +195,8 @@ def _odd(done: Batch) -> list[Block]:
     said = (
         "An identified offset is odd if it is an outlier among those of the runs of the same robot model"
         " (generalised extreme Studentised deviate test, for normal offsets). The chance of any false alarm"
-        f" is {CHANCE:.0%} over all models and offsets; those with fewer than {FEWEST} values are not tested."
+        f" is {CHANCE:.0%} over all models and offsets; those with fewer than {FEWEST_VALUES} values are not"
+        " tested."
     )
     if not done.odd:
         return [Paragraph(f"None. {said}")]
