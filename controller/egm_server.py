@@ -174,7 +174,7 @@ class PacketLine:
         self._push(behind, now)
 
     def arrived(self, now: float) -> list[bytes]:
-        """What has come by now, in the order of arrival."""
+        """The packets that have come by now, in the order of arrival."""
         packets = []
         while self._under_way and self._under_way[0][0] <= now:
             packets.append(heapq.heappop(self._under_way)[2])

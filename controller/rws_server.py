@@ -228,7 +228,7 @@ class _Session:
 
 
 class SessionGate:
-    """Who comes in: the digest, the sessions and how often they may ask. Times are seconds."""
+    """Authentication by digest, the sessions and the limit of their requests. Times are seconds."""
 
     def __init__(self, users: dict[str, str], left: Callable[[str], None], requests_a_second: int) -> None:
         self._digest, self._left, self._most = Digest(users), left, requests_a_second

@@ -240,7 +240,7 @@ def _rehearsed_probe(plan: Plan, request: RunRequest, listener: Listener) -> _Wa
 
 
 def _order(plan: Plan, request: RunRequest) -> tuple[Order, Adaptive | None]:
-    """Which posture comes next, and who decides that in an adaptive run, and why it ended."""
+    """The order of the postures, and the adaptive order within it (it says why the run ended), if any."""
     adaptive = None if request.tolerance is None else Adaptive(plan, request.tolerance)
     order: Order = adaptive or InTurn(len(plan.postures))
     return WithClosing(order, len(plan.postures)) if request.closing else order, adaptive

@@ -1,4 +1,4 @@
-"""Which posture comes next: in the plan's order, the most informative one, closing measurements."""
+"""The order of the postures: in the plan's order, the most informative one, closing measurements."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _STARTS = 8
 
 
 class Order(Protocol):
-    """Which posture comes next."""
+    """Decides which posture comes next."""
 
     def following(
         self, recorded: Sequence[Shot], refused: Collection[int], state: SoFar | None
@@ -50,9 +50,9 @@ class InTurn:
 
 
 class WithClosing:
-    """What `order` says, and in the end the first recorded posture of each target once more: the measurement
-    that is the best test of whether a target has moved. Its number is that of the posture plus `count`, the
-    plan's."""
+    """The postures of `order`, and in the end the first recorded posture of each target once more: the best
+    test of whether a target has moved. The number of such a measurement is that of the posture plus `count`,
+    the plan's."""
 
     def __init__(self, order: Order, count: int) -> None:
         self._order, self._count = order, count

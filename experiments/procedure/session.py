@@ -53,7 +53,7 @@ _BETWEEN_S = 0.25  # from one picture to the next
 
 
 class WatchedRig:
-    """The same rig. `belief` is what is believed during the measurement under way, to be set before each."""
+    """A rig whose moves and pictures are reported; `belief` is to be set before each measurement."""
 
     def __init__(self, rig: Rig, listener: Listener) -> None:
         self._rig, self._listener = rig, listener
@@ -140,7 +140,7 @@ _READ_ALIKE = 6.0  # stds of a joint reading
 
 
 class Journal(Protocol):
-    """Where measurements are kept: `RunJournal`, on the disk, or a list of simulated ones."""
+    """The store of measurements: `RunJournal`, on the disk, or a list of simulated ones."""
 
     @property
     def shots(self) -> tuple[Shot, ...]:
@@ -154,8 +154,8 @@ class Journal(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ProcedureResult:
-    """What a plan came to. `state` is None where nothing was recorded; `seconds` of this session by phase;
-    `missing` are the measurements that were still to come where the run was broken off."""
+    """The result of carrying out a plan. `state` is None where nothing was recorded; `seconds` of this session
+    by phase; `missing` are the measurements that were still to come where the run was broken off."""
 
     shots: tuple[Shot, ...]
     refused: tuple[RefusedPosture, ...]
@@ -214,7 +214,7 @@ class Procedure:
         return ProcedureResult(self.journal.shots, tuple(self._refused.values()), state, self.seconds)
 
     def state(self) -> SoFar | None:
-        """What follows from the measurements of the journal; None while there are none."""
+        """The estimate from the measurements of the journal; None while there are none."""
         return state_of(self._problem, self.journal.shots)
 
     def _following(self, state: SoFar | None) -> int | None:
@@ -369,7 +369,7 @@ def recorded_event(
 
 
 def state_of(problem: Problem, shots: Sequence[Shot]) -> SoFar | None:
-    """What follows from measurements for the unknowns of a plan's problem; None without any."""
+    """The estimate from measurements for the unknowns of a plan's problem; None without any."""
     return so_far(with_shots(problem, shots)) if shots else None
 
 

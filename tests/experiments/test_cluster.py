@@ -7,6 +7,7 @@ import random
 import threading
 import time
 from contextlib import closing
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,7 +17,6 @@ from zerobeam.analysis.status import versions
 from zerobeam.experiments import cluster as clusters
 from zerobeam.experiments.cluster import about, cluster
 from zerobeam.experiments.processes import AHEAD, side_by_side, worked
-from zerobeam.experiments.source import source_hash
 from zerobeam.experiments.studies.answer import to_json
 from zerobeam.experiments.studies.coverage import studied_plans
 from zerobeam.experiments.studies.drift import drift_study
@@ -62,11 +62,11 @@ def test_the_answers_are_those_of_processes(within_this_process):
 
 
 def with_other_sources(dask_worker):
-    return {"threads": 1, "versions": versions(), "source": "0" * 64}
+    return replace(about(1), source="0" * 64)
 
 
 def with_another_numpy(dask_worker):
-    return {"threads": 1, "versions": {**versions(), "numpy": "0.1"}, "source": source_hash()}
+    return replace(about(1), versions={**versions(), "numpy": "0.1"})
 
 
 def without_zerobeam(dask_worker):
@@ -89,12 +89,12 @@ def test_a_worker_that_would_answer_otherwise_is_refused(within_this_process, mo
 
 
 def test_what_makes_a_worker_foreign():
-    own = {"threads": 1, "versions": versions(), "source": source_hash()}
+    own = about(1)
     assert clusters._difference(own) is None
-    assert "4 threads" in clusters._difference({**own, "threads": 4})
+    assert "4 threads" in clusters._difference(replace(own, threads=4))
     older = {**versions(), "zerobeam": "0.0.1"}
-    assert "zerobeam 0.0.1, here" in clusters._difference({**own, "versions": older})
-    assert "No module" in clusters._difference({"missing": "No module named 'zerobeam'"})
+    assert "zerobeam 0.0.1, here" in clusters._difference(replace(own, versions=older))
+    assert "No module" in clusters._difference(ImportError("No module named 'zerobeam'"))
 
 
 @pytest.mark.parametrize("missing", ["cryptography", "distributed"])
@@ -185,10 +185,7 @@ def test_a_worker_that_joins_later_is_looked_at_too(within_this_process, monkeyp
 
     def changing(threads):
         times.append(threads)
-        return {**about(threads), "times": len(times)}
-
-    def with_another_numpy(dask_worker):
-        return {**about(1), "versions": {**versions(), "numpy": "0.1"}}
+        return replace(about(threads), source=str(len(times)))
 
     with cluster(scheduler=within_this_process.scheduler_address):
         monkeypatch.setattr(clusters, "about", changing)

@@ -63,7 +63,7 @@ class Guidance:
 
     @property
     def fault(self) -> str:
-        """What went wrong, "" while nothing has."""
+        """The message of the first fault, "" while there is none."""
         with self._changed:
             return self._fault
 

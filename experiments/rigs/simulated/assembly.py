@@ -339,7 +339,7 @@ def _psd(cell: Cell, placed: PlacedPsd, directions: Matrix) -> Psd:
 
 
 def _camera(settings: CameraInCell, tool: Tool) -> Camera:
-    """It looks along the beam, from beside it."""
+    """The camera of a cell: beside the beam, along it."""
     point, direction, across = tool.nominal_beam()
     mount = np.eye(4)
     mount[:3, :3] = np.column_stack([across, direction])

@@ -41,7 +41,7 @@ from ...sensors.psd import face_normal
 
 
 class _AtShot(FileModel):
-    """What happens on purpose, and in which measurement."""
+    """A fault on purpose, and in which measurement."""
 
     shot: int = Field(ge=0, description="number of the measurement")
 
@@ -123,7 +123,7 @@ FAULT_KINDS = tuple(_FAULTS)
 
 
 def _of_a_kind(value: object) -> object:
-    """Say which kinds there are, and which keys this one has: the others' keys are no help."""
+    """Refuse unknown kinds and keys; the message names the keys of this kind alone."""
     if not isinstance(value, dict):
         return value
     kind = value.get("kind")

@@ -239,7 +239,7 @@ class SimulatedRig:
         return np.array(reflection.at_mm), reflection.light * self._cell.laser.light
 
     def _scene(self, camera: Camera) -> PictureScene:
-        """What the camera may see: the LEDs, and what the laser lights on the PSD's front."""
+        """The lights before the camera: the LEDs, and the spots of the laser on the PSD's front."""
         settings = self._cell.camera
         assert settings is not None
         hidden = self._faults.met(LedOccluded)
