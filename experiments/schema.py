@@ -6,6 +6,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from ..analysis.answer.document import CheckDocument, ResultDocument
 from ..model.errors import BadInput
 from ..model.files.header import RUN_SCHEMA, Header
 from ..model.files.plan_file import Obstacles, PlanFile
@@ -27,6 +28,8 @@ _MODELS: dict[str, type[BaseModel]] = {
     "sensors": SensorsFile,
     "psd-calibration": PsdCalibration,
     "study-file": StudyFile,
+    "result": ResultDocument,
+    "check": CheckDocument,
 }
 SCHEMA_NAMES = tuple(_MODELS)
 

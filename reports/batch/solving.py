@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from ...analysis.analyse import Analysis, analyse
+from ...analysis.answer.result import Result
 from ...analysis.estimation.fit import LikelihoodFit, fits_of
 from ...analysis.estimation.threads import one_blas_thread
-from ...analysis.result import Result
 from ...analysis.solution import require_noise_data
 from ...experiments.batch.rows import BatchOffset, BatchRow, BatchSettings
 from ...model.errors import BadInput, ZerobeamError
