@@ -32,7 +32,7 @@ from .rigs.abb.driver import AbbRig
 from .rigs.manual.lines import Lines
 from .rigs.manual.session import Manual
 from .rigs.replay import ReplayRig, require_planned
-from .rigs.simulated.cell_file import Cell, read_cell
+from .rigs.simulated.cell_file import CellFile, read_cell
 from .rigs.simulated.simulator import SimulatedRig
 from .sensors.interface import Sensors
 from .simulate import Truth, simulated_shots
@@ -52,7 +52,7 @@ class CorrectedArm:
         return {"arm": self.run, "arm sha256": self.sha256}
 
 
-def corrected_arm(path: Path, plan: Plan, cell: Cell | None) -> CorrectedArm:
+def corrected_arm(path: Path, plan: Plan, cell: CellFile | None) -> CorrectedArm:
     """The arm of the simulated run at `path`, for a plan of the same robot in the same cell.
 
     BadInput for a run that is not simulated, of another robot, from another cell (which has the arm's
@@ -270,7 +270,7 @@ def _rig(plan: Plan, request: RunRequest) -> tuple[SimulatedRig | ReplayRig | Ab
         return ReplayRig(plan, run), {**about, "recording sha256": run.sha256}
     if request.recording is not None:
         raise BadInput("--recorded is for a replay", remedy="leave it out, or state --rig replay")
-    cell = Cell()
+    cell = CellFile()
     if request.cell is not None:
         cell = read_cell(request.cell)
         about["cell sha256"] = str(cell.sha256)

@@ -154,7 +154,7 @@ class Journal(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ProcedureResult:
-    """The result of carrying out a plan. `state` is None where nothing was recorded; `seconds` of this session
+    """The result of carrying out a plan. `state` is None where nothing was recorded; `seconds` of the session
     by phase; `missing` are the measurements that were still to come where the run was broken off."""
 
     shots: tuple[Shot, ...]

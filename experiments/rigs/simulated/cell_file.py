@@ -364,7 +364,7 @@ class CameraInCell(FileModel):
     image_s: NotNegative = Field(default=0.2, description="time that an image takes, seconds")
 
 
-class Cell(SourcedModel):
+class CellFile(SourcedModel):
     """The content of a cell file; one that was read from a file knows where its keys are."""
 
     schema_: Literal["zerobeam/cell/1"] = Field(
@@ -406,6 +406,6 @@ class Cell(SourcedModel):
         return load_robot(self.robot, self.folder, file=self.file, line=self.line(("robot",)))
 
 
-def read_cell(path: Path | str) -> Cell:
+def read_cell(path: Path | str) -> CellFile:
     """A cell file, every key of it checked."""
-    return read_model(Cell, path, CELL_SCHEMA)
+    return read_model(CellFile, path, CELL_SCHEMA)

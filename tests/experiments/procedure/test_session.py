@@ -34,7 +34,7 @@ from zerobeam.experiments.procedure.session import (
     picture_taken,
 )
 from zerobeam.experiments.procedure.steering import Belief
-from zerobeam.experiments.rigs.simulated.cell_file import Cell
+from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.experiments.studies.campaign import MemoryJournal
 from zerobeam.interruption import requested, stoppable
@@ -62,7 +62,7 @@ def carried(
     rig: SimulatedRig | None = None,
     **cell: Any,
 ) -> ProcedureResult:
-    rig = rig or SimulatedRig(plan, Cell.model_validate({"camera": None, **cell}), seed)
+    rig = rig or SimulatedRig(plan, CellFile.model_validate({"camera": None, **cell}), seed)
     with RunJournal(file, plan.header) as journal:
         return Procedure(
             plan, rig, journal, InTurn(len(plan.postures)), lambda event: told(as_json(event))
@@ -90,7 +90,7 @@ def test_each_shot_is_on_the_disk_when_it_is_told(tmp_path: Path, plan: Plan) ->
 def test_the_offsets_come_out_through_pictures_psd_and_encoders(tmp_path: Path) -> None:
     """chi-squared of the five offsets about the truth, by their own covariance."""
     plan = read_plan(plan_file(tmp_path / "plan.yaml", good_plan(8)))
-    rig = SimulatedRig(plan, Cell(), 3)
+    rig = SimulatedRig(plan, CellFile(), 3)
     done = carried(plan, tmp_path / "run.jsonl", rig=rig)
     assert done.state is not None
     truth = np.array([rig.provenance()[f"true delta{i} (deg)"] for i in range(2, 7)], dtype=float)
@@ -107,7 +107,7 @@ def test_the_recorded_spot_is_where_the_target_stands_across_the_beam(tmp_path: 
     """A coarse encoder leaves the beam beside the centre: what is recorded makes up for it."""
     cell = {"arm": {"resolution_deg": 0.004, "repeatability_deg": 1e-7, "offsets_deg": {}}}
     exact = {"laser": {"wander_mm": 0.0}, "psd": {"placed": {"psd": {"centre_mm": [905.0, 3.0, -4.0]}}}}
-    rig = SimulatedRig(plan, Cell.model_validate({"camera": None, **cell, **exact}), 1)
+    rig = SimulatedRig(plan, CellFile.model_validate({"camera": None, **cell, **exact}), 1)
     done = carried(plan, tmp_path / "run.jsonl", rig=rig)
     run = read_run(tmp_path / "run.jsonl")
     problem = Problem.from_run(run)
@@ -145,7 +145,7 @@ def test_what_refuses_a_shot_is_told_and_the_next_is_made(tmp_path: Path, plan: 
 
 def test_a_reading_beyond_a_limit_is_refused_before_it_is_written(tmp_path: Path, plan: Plan) -> None:
     """A run with such a shot could be neither read nor resumed."""
-    rig = SimulatedRig(plan, Cell.model_validate({"camera": None}), 3)
+    rig = SimulatedRig(plan, CellFile.model_validate({"camera": None}), 3)
 
     def beyond() -> Matrix:
         read = rig_joints()
@@ -163,7 +163,7 @@ def test_a_reading_beyond_a_limit_is_refused_before_it_is_written(tmp_path: Path
 def test_a_stop_leaves_the_shots_so_far_and_a_rig_at_rest(
     tmp_path: Path, plan: Plan, stop: BaseException
 ) -> None:
-    rig = SimulatedRig(plan, Cell.model_validate({"camera": None}), 3)
+    rig = SimulatedRig(plan, CellFile.model_validate({"camera": None}), 3)
     events: list[Event] = []
     stopped: list[bool] = []
     move, halt = rig.move, rig.stop
@@ -193,7 +193,7 @@ def test_a_request_that_is_lost_ends_the_run_before_the_next_move(tmp_path: Path
     file = tmp_path / "run.jsonl"
     for step in range(1, 4):
         file.unlink(missing_ok=True)
-        rig = SimulatedRig(plan, Cell.model_validate({"camera": None}), 3)
+        rig = SimulatedRig(plan, CellFile.model_validate({"camera": None}), 3)
         moves_after, steps, move = [], [], rig.move
 
         def told(event: Event, of: int = step, seen: list[float] = steps) -> None:
@@ -217,7 +217,7 @@ def test_a_request_that_is_lost_ends_the_run_before_the_next_move(tmp_path: Path
 
 
 def test_the_stop_of_the_rig_is_not_interrupted(tmp_path: Path, plan: Plan) -> None:
-    rig = SimulatedRig(plan, Cell.model_validate({"camera": None}), 3)
+    rig = SimulatedRig(plan, CellFile.model_validate({"camera": None}), 3)
     halt = rig.stop
 
     def stops() -> None:
@@ -240,7 +240,7 @@ def test_an_open_tool_and_two_targets_are_carried_out(tmp_path: Path) -> None:
     names = ["left"] * 3 + ["right"] * 3 + ["left"] * 3 + ["right"] * 3
     plan = read_plan(plan_file(tmp_path / "plan.yaml", plan_of(own, postures, names)))
     # The beam leaves the tool some 6 degrees aside: a hand's breadth beside the PSD, until that is learnt.
-    done = carried(plan, tmp_path / "run.jsonl", rig=SimulatedRig(plan, Cell(), 5))
+    done = carried(plan, tmp_path / "run.jsonl", rig=SimulatedRig(plan, CellFile(), 5))
     assert len(done.shots) >= 11, done.refused
     assert [shot.target for shot in done.shots] == [names[shot.shot] for shot in done.shots]
     assert done.state is not None
@@ -257,7 +257,7 @@ def test_too_weak_a_laser_is_refused_and_said(tmp_path: Path, plan: Plan) -> Non
 
 def test_a_spot_that_moves_while_it_is_averaged_is_refused(tmp_path: Path, plan: Plan) -> None:
     """As where the arm still swings, or someone leans on the table."""
-    rig = SimulatedRig(plan, Cell.model_validate({"camera": None}), 3)
+    rig = SimulatedRig(plan, CellFile.model_validate({"camera": None}), 3)
     currents = rig.currents
 
     def moving(samples: int) -> Matrix:
@@ -279,7 +279,7 @@ def test_the_arm_goes_through_the_intermediate_postures_that_the_plan_states(
     between = np.radians([[5.0, 0, 0, 0, 20, 0], [10.0, 5, 0, 0, 20, 0]])
     nowhere = np.zeros((0, 6))
     stated = replace(plan, postures=plan.postures[:2], targets=plan.targets[:2], via=(nowhere, between))
-    rig = WatchedRig(stated, Cell.model_validate({"camera": None}), 3)
+    rig = WatchedRig(stated, CellFile.model_validate({"camera": None}), 3)
     carried(stated, tmp_path / "run.jsonl", rig=rig)
     at = [i for i, move in enumerate(rig.moves) if np.array_equal(move, between[0])]
     assert len(at) == 1
@@ -294,7 +294,9 @@ def test_who_watches_changes_nothing() -> None:
     for scene in (False, True):
         events: list[RunEvent] = []
         journal = MemoryJournal()
-        Procedure(plan, SimulatedRig(plan, Cell(), 3), journal, InTurn(2), events.append, scene).carry_out()
+        Procedure(
+            plan, SimulatedRig(plan, CellFile(), 3), journal, InTurn(2), events.append, scene
+        ).carry_out()
         shots.append(journal.shots)
         told.append(events)
     assert shots[0] == shots[1]

@@ -17,7 +17,7 @@ from zerobeam.experiments.procedure.readings import read_dark, read_spot
 from zerobeam.experiments.procedure.rig import RefusalReason
 from zerobeam.experiments.procedure.search import LIT
 from zerobeam.experiments.procedure.session import Procedure, ProcedureResult
-from zerobeam.experiments.rigs.simulated.cell_file import Cell
+from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.experiments.rigs.simulated.simulator import SimulatedRig
 from zerobeam.experiments.sensors import amplifier
 from zerobeam.experiments.sensors.attached import read_sensors
@@ -52,7 +52,7 @@ def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
 def cell_rig(plan: Plan, **cell: Any) -> SimulatedRig:
     """No camera, and a link that loses nothing but what is asked for."""
     stated = {"camera": None, "psd": {"lost": 0.0}, **cell}
-    return SimulatedRig(plan, Cell.model_validate(stated), SEED)
+    return SimulatedRig(plan, CellFile.model_validate(stated), SEED)
 
 
 def carried(plan: Plan, rig: SimulatedRig) -> ProcedureResult:

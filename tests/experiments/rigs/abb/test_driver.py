@@ -46,7 +46,7 @@ from zerobeam.experiments.rigs.abb.access import (
 from zerobeam.experiments.rigs.abb.driver import MODULE, AbbRig
 from zerobeam.experiments.rigs.abb.egm_client import DEAD_MAN_S, Guidance, duration
 from zerobeam.experiments.rigs.abb.rws_client import Session
-from zerobeam.experiments.rigs.simulated.cell_file import Cell
+from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput, RigFault
 from zerobeam.model.files.journal import RunJournal
@@ -74,7 +74,9 @@ def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def controller(plan: Plan, request: pytest.FixtureRequest) -> Iterator[SimulatedController]:
     options = {"requests_a_second": 10**6, **getattr(request, "param", {})}
-    with SimulatedController(plan, Cell(), 3, users={NAME: WORD}, speed_up=SPEED_UP, **options) as controller:
+    with SimulatedController(
+        plan, CellFile(), 3, users={NAME: WORD}, speed_up=SPEED_UP, **options
+    ) as controller:
         yield controller
 
 

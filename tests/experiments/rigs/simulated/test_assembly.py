@@ -17,7 +17,7 @@ from scipy import stats
 
 from zerobeam.analysis.observability.aim import aim, servo_joints
 from zerobeam.experiments.rigs.simulated.assembly import CellParts, SimulatedArm, assemble, geometry_errors
-from zerobeam.experiments.rigs.simulated.cell_file import Cell
+from zerobeam.experiments.rigs.simulated.cell_file import CellFile
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.kinematics.robot import DHRow, Robot, dh_chain, rotation_about, same_arm, shift
@@ -244,7 +244,7 @@ def test_an_error_of_a_link_is_one_of_its_dh_row() -> None:
 
 
 def parts(plan: Plan, seed: int = 0, **content: Any) -> CellParts:
-    return assemble(plan, Cell.model_validate(content), np.random.default_rng(seed))
+    return assemble(plan, CellFile.model_validate(content), np.random.default_rng(seed))
 
 
 def test_offsets_are_drawn_or_as_stated() -> None:
