@@ -116,7 +116,7 @@ class Manual:
         return tuple(sorted(pending))
 
     def _measured(self, number: int) -> Shot:
-        """What is read as measurement `number`, or as another that is named."""
+        """The measurement that is typed for `number`, or for another that is named."""
         self._ask(number)
         held: _Held | None = None
         parts = ""
