@@ -1,8 +1,8 @@
-"""Postures turned onto their targets: the shots that the model says would hit.
+"""Postures turned onto their targets: the measurements that hit by the model.
 
 A plan's postures only roughly point at the target; the servo turns the wrist until the beam hits.
-A run's shots hit but for noise and misfit. In both cases what the data can tell is a property of
-the shots that hit, so identifiability is judged there.
+A run's measurements hit but for noise and misfit. In both cases what the data determine is a property of
+measurements that hit, so identifiability is judged there.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def aim(problem: Problem, x: Matrix, weights: Matrix) -> Aimed:
     """Turn every shot onto its target by the joints with a weight (n,), at the parameters x: (p,), or (N, p)
     with own ones for every shot.
 
-    Damped Gauss-Newton in the joints with the smallest weighted turn; the exact Jacobian of the miss.
+    Damped Gauss-Newton in the joints with the smallest weighted turn; the exact Jacobian of the residual.
     """
     scale = np.array([1.0 if joint.kind == "revolute" else 1000.0 for joint in problem.robot.joints])
     weights = weights * scale**2
@@ -91,7 +91,7 @@ def aim(problem: Problem, x: Matrix, weights: Matrix) -> Aimed:
     # Where no joint may be turned there is nothing to do.
     before_last_step = np.full(problem.shots, np.inf if weights.any() else 0.0)
     for _ in range(_ITERATIONS):
-        # One step more than the hit needs: an exact gauge shows as one only where the miss is rounding.
+        # One step more than the hit needs: an exact gauge shows as one only where the residual is rounding.
         going_on = before_last_step[active] >= _HIT_MM * 1e-3
         active, residual, jacobian = active[going_on], residual[going_on], jacobian[going_on]
         if len(active) == 0:

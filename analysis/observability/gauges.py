@@ -1,4 +1,5 @@
-"""Exact gauges: the null space of what shots tell that hit, confirmed at other parameter values near by."""
+"""Exact gauges: the null space of the Jacobian of measurements that hit, confirmed at parameter values near
+by."""
 
 from __future__ import annotations
 
@@ -14,22 +15,22 @@ from ...model.likelihood.problem import Problem
 from .aim import aim, moving_joints
 
 ROUNDING = 1e-11  # singular values below this share of a unit column are rounding
-_ROUNDING_SPECIAL = 1e-9  # the same beside a special point, where shots come to hit by small steps only
+_ROUNDING_SPECIAL = 1e-9  # the same near a special point, where measurements come to hit by small steps only
 PART = 1e-6  # a parameter with more than this in a unit null vector has a part in it, whatever the rounding
 _TARGET_MM, _CONFIRMATIONS = 50.0, 3  # points near by, and the way to them of a target
-# Where points differ in what they tell: one in five that tells less than the rest is missed in one of 5000.
+# Where points differ in rank: one in five with a lower rank than the rest is overlooked in one of 5000.
 _SPECIAL_CONFIRMATIONS = {50.0: 6, 5.0: 16, 0.5: 16}
 _NEARER = 6  # halvings of the way to them, until all shots can hit there
 _NEARER_FOLLOWED = 12  # the same where they must be the same shots besides
-_CANNOT_FOLLOW = 1e-6  # of a shot's miss by its joints: smallest singular value by the largest
-_FORETOLD = 0.1  # of a shot's miss may be left by one step of Newton's: else it may come to another posture
+_CANNOT_FOLLOW = 1e-6  # of a residual by its joints: smallest singular value by the largest
+_PREDICTED = 0.1  # of a residual may be left by one Newton step: else it may come to another posture
 _HIT_MM = 1e-6
 _AIMED_AT_ONCE = 5000  # shots: more are no faster
 
 
 @dataclass(frozen=True, eq=False)
 class Gauge:
-    """What shots that hit tell at a point, and what of it is null.
+    """The Jacobian of measurements that hit at a point, and its null space.
 
     `aimed` has the shots there, `jacobian` is A (M, f); `basis` (f, g) spans its null space and `part` (f,)
     says which parameters have a part in that. `dimension` of it are confirmed near by: an exact gauge, in
@@ -47,7 +48,7 @@ class Gauge:
 
 
 def gauge_of(problem: Problem, x: Matrix, weight: float) -> Gauge:
-    """The gauge of the shots at x (p,), or near by, if the true values may be there and they tell less."""
+    """The gauge of the shots at x (p,), or near by, if the true values may be there and the rank is lower."""
     aimed, jacobian, hit = information_root(problem, x, weight)
     tolerated = problem.parameters.group("geometry")[problem.parameters.free]
     null = _null_space(jacobian)
@@ -62,10 +63,10 @@ def gauge_of(problem: Problem, x: Matrix, weight: float) -> Gauge:
             for target_mm, points in _SPECIAL_CONFIRMATIONS.items()
             for point in _near_special(problem, x, hit, target_mm, points)
         ]
-        least_told = max(near_by, key=lambda point: point.null.size, default=None)
-        if least_told is not None and least_told.null.size > null.size:
-            # The shots are judged where the true values may just as well be, and where they tell less.
-            aimed, jacobian, _ = information_root(problem, least_told.x, weight)
+        lowest_rank = max(near_by, key=lambda point: point.null.size, default=None)
+        if lowest_rank is not None and lowest_rank.null.size > null.size:
+            # Judged where the true values may just as well be, and where the rank is lower.
+            aimed, jacobian, _ = information_root(problem, lowest_rank.x, weight)
             null = _null_space(jacobian, _ROUNDING_SPECIAL)
     dimension, exact_part = _confirm(null, near_by, followed)
     taken_up += [spanned(point.jacobian, tolerated) for point in near_by if point.same or not followed]
@@ -78,7 +79,7 @@ def information_root(problem: Problem, x: Matrix, weight: float) -> tuple[Proble
     return _information_root(problem, x.tobytes(), weight)
 
 
-@lru_cache(maxsize=1)  # of one run it is asked for several times
+@lru_cache(maxsize=1)  # one run calls it several times
 def _information_root(problem: Problem, x: bytes, weight: float) -> tuple[Problem, Matrix, Mask]:
     (root,) = information_roots(problem, np.frombuffer(x)[None], weight)
     for array in root[1:]:
@@ -111,7 +112,7 @@ def _root(aimed: Problem, x: Matrix, weight: float) -> Matrix:
     jacobian, parameters = whitened.jacobian, aimed.parameters
     jacobian[:rows] *= np.sqrt(weight)
     if aimed.noise.separate:
-        # The misses tell the noise by their scatter, not by where they are.
+        # The noise is determined by the scatter of the residuals, not by where they are.
         _, jacobian_mm = aimed.linearise(x)
         root = np.linalg.cholesky(aimed.noise_information(x, jacobian_mm, whitened.factor)).T
         noise = parameters.group("noise")
@@ -191,9 +192,9 @@ def _followed(aimed: Problem, x: Matrix, hit: Mask, moving: Mask) -> bool:
     """Whether the shots of `hit` (N,) can go on hitting, by a small turn of the joints `moving` (n,), where x
     changes a little.
 
-    If so, what they tell at x they tell near by too: the rank of A does not fall at a small step (implicit
-    function theorem). If not, the shots that hit near by are others, and may tell less: a beam along the
-    last axis hits at any turn of that joint, one beside it at two turns only.
+    If so, the rank of A does not fall at a small step (implicit function theorem). If not, the measurements
+    that hit near by are others, and A may have a lower rank: a beam along the last axis hits at any turn of
+    that joint, one off the axis at two turns only.
     """
     _, jacobian_mm = aimed.linearise(x)
     by_joints = (aimed.by_joints(jacobian_mm) * _joint_scale(aimed))[hit][:, :, moving]
@@ -215,13 +216,13 @@ class _NearBy:
 
 
 def _near_by(problem: Problem, x: Matrix, aimed: Problem, hit: Mask) -> list[_NearBy]:
-    """A few points beside x at which all shots of `hit` (N,), `aimed` at x, hit. There may be none.
+    """A few points near x at which all shots of `hit` (N,), `aimed` at x, hit. There may be none.
 
-    A shot that misses breaks a gauge that it has where it hits, and so does one that jumps to another
-    posture, such as the second one from which a tip reaches the target. So points are taken ever nearer to x
-    until all shots have turned there about as their Jacobian at x foretells. Those on the way, where some
-    have jumped, tell less about the size of a gauge, but more about what has a part in it: the nearer the
-    point, the smaller the part of what has none at x.
+    A measurement that does not hit breaks a gauge that it has where it hits, and so does one that jumps to
+    another posture, such as the second one from which a tip reaches the target. So points are taken ever
+    nearer to x until all shots have turned there about as their Jacobian at x predicts. Those on the way,
+    where some have jumped, say less of the dimension of a gauge, but more of what has a part in it: the
+    nearer the point, the smaller the part of what has none at x.
     """
     weights = moving_joints(problem.joints)
 
@@ -235,8 +236,8 @@ def _near_by(problem: Problem, x: Matrix, aimed: Problem, hit: Mask) -> list[_Ne
 
 
 def _near_special(problem: Problem, x: Matrix, hit: Mask, target_mm: float, points: int) -> list[_NearBy]:
-    """At most `points` points beside x, with the target about `target_mm` off, at which all shots of `hit`
-    (N,) can hit: they need not be the same. Joints fewer than a miss has coordinates reach no other point."""
+    """At most `points` points near x, with the target about `target_mm` off, at which all shots of `hit` (N,)
+    can hit: they need not be the same. Fewer joints than a residual has coordinates reach no other point."""
     if np.count_nonzero(moving_joints(problem.joints)) < problem.tool.miss_size:
         return []
     # Other directions at every distance.
@@ -258,7 +259,7 @@ def _hit_near(
     nearer: int,
     judged: Callable[[Matrix, Matrix], tuple[_NearBy, bool]],
 ) -> list[_NearBy]:
-    """Points beside x at which all shots of `hit` (N,) hit, one after the other all that were found on the
+    """Points near x at which all shots of `hit` (N,) hit, one after the other all that were found on the
     way to each of `points`.
 
     All are tried side by side, then those again that have not hit, by half the way, up to `nearer` times.
@@ -294,8 +295,8 @@ def _step(problem: Problem, rng: np.random.Generator, target_mm: float) -> Matri
 
 
 def _same_shots(aimed: Problem, x: Matrix, other: Matrix, hit: Mask, weights: Matrix) -> bool:
-    """Whether the shots of `hit` (N,), aimed at x, come to hit at `other` as their Jacobian at x foretells:
-    one step of Newton's by the joints with a weight (n,) leaves little of what they miss by."""
+    """Whether the shots of `hit` (N,), aimed at x, come to hit at `other` as their Jacobian at x predicts:
+    one step of Newton's by the joints with a weight (n,) leaves little of their residuals."""
     weights = weights * _joint_scale(aimed) ** 2
     _, jacobian_mm = aimed.linearise(x)
     residual, _ = aimed.linearise(other)
@@ -307,7 +308,7 @@ def _same_shots(aimed: Problem, x: Matrix, other: Matrix, hit: Mask, weights: Ma
     joints[hit] -= weights * (by_joints.transpose(0, 2, 1) @ across)[:, :, 0]
     left, _ = aimed.linearise(other, joints)
     before, after = (np.linalg.norm(moved[hit], axis=1) for moved in (residual, left))
-    return bool((after <= _FORETOLD * before + _HIT_MM).all())
+    return bool((after <= _PREDICTED * before + _HIT_MM).all())
 
 
 def _joint_scale(problem: Problem) -> Matrix:
@@ -320,10 +321,10 @@ def _confirm(null: _NullSpace, near_by: list[_NearBy], followed: bool) -> tuple[
     at the point judged and those near by.
 
     What is null at one point must be null near by too, for the same shots; where more is null than there, the
-    shots are others. If not all shots are `followed`, points near by may disagree: the one counts that tells
-    least, it may be the true one. A parameter has a part in the gauge if it has one at any of them, whatever
-    the shots: at a point of symmetry (a target on the x axis, say) a turn may leave a coordinate alone to
-    first order that it moves everywhere else.
+    shots are others. If not all shots are `followed`, points near by may disagree: the one with the lowest
+    rank counts, it may be the true one. A parameter has a part in the gauge if it has one at any of them,
+    whatever the shots: at a point of symmetry (a target on the x axis, say) a turn may leave a coordinate
+    alone to first order that it moves everywhere else.
     """
     points = [point for point in near_by if point.null.size <= null.size]
     if followed:

@@ -1,4 +1,4 @@
-"""What a plan promises besides its verdict: fewer measurements, the target elsewhere, one change."""
+"""Predictions for a plan: with fewer measurements, with the targets elsewhere, with one change."""
 
 from __future__ import annotations
 

@@ -219,7 +219,7 @@ def _step(fit: LikelihoodFit, recording: Recording, runs: Runs, best: int, p_val
 
 
 def _gumbel(value: float, simulated: Matrix) -> float:
-    """That a largest value is as large, by Gumbel's distribution of the moments of the simulated ones: the
+    """The p-value of a largest value, by Gumbel's distribution of the moments of the simulated ones: the
     tail of -log(1 - share) is exponential (of a beta distribution), and simulations do not reach it."""
     scale = float(simulated.std(ddof=1)) * np.sqrt(6) / np.pi
     location = float(simulated.mean()) - _EULER * scale

@@ -127,7 +127,7 @@ def problem_of(run: Run) -> Problem:
 
 
 def unfitted(run: Run, problem: Problem, name: str) -> Repeat:
-    """What is known of a run before its fit."""
+    """A run before its fit."""
     items = [item for item in problem.parameters.items if item.group == "offset"]
     free = [item for item in items if not item.held]
     when = run.header.provenance.get(WHEN)
@@ -245,7 +245,7 @@ def read_repeats(runs: Sequence[Path | Run], seed: int, progress: Progress) -> t
 
 
 def _names(paths: Sequence[Path]) -> list[str]:
-    """What the runs are called: their files' names, with the folders where two are the same, and a number
+    """Names of the runs: their files' names, with the folders where two are the same, and a number
     where that is not enough."""
     names = [path.name for path in paths]
     if len(set(names)) < len(names):

@@ -73,7 +73,7 @@ def reason(found: AcceptanceResult) -> str:
             f"{agrees}, and an error of the tolerance in any offset would have been noticed with a"
             f" probability of at least {POWER:.0%}."
         )
-    names = listed([label(own.name) for own in found.unseen])
+    names = listed([label(own.name) for own in found.unnoticed])
     return (
         f"{agrees}, but an error of the tolerance in {names} might have gone unnoticed: record more postures"
         " (zerobeam plan verify RUN -o PLAN --shots N)."
