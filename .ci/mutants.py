@@ -37,7 +37,9 @@ BINARY: dict[type[ast.operator], str] = {
     ast.Div: "*",
     ast.Pow: "*",
 }
-COMPARISON: dict[type[ast.cmpop], str] = {ast.Lt: "<=", ast.LtE: "<", ast.Gt: ">=", ast.GtE: ">"}
+COMPARISON: dict[type[ast.cmpop], str] = {ast.Lt: ">=", ast.LtE: ">", ast.Gt: "<=", ast.GtE: "<"}
+# Of a bound that is a whole number: off by one. Of others nothing is ever equal to them.
+WHOLE: dict[type[ast.cmpop], str] = {ast.Lt: "<=", ast.LtE: "<", ast.Gt: ">=", ast.GtE: ">"}
 TOKENS: dict[type[ast.AST], str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
 TOKENS |= {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
 BOUNDS = {
@@ -112,6 +114,8 @@ class Sites(ast.NodeVisitor):
         ):
             if type(operator) in COMPARISON:
                 self.between(left, right, TOKENS[type(operator)], COMPARISON[type(operator)])
+                if isinstance(right, ast.Constant) and type(right.value) is int:
+                    self.between(left, right, TOKENS[type(operator)], WHOLE[type(operator)])
         self.generic_visit(node)
 
     def visit_UnaryOp(self, node: ast.UnaryOp) -> None:
