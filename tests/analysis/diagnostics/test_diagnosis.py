@@ -211,8 +211,9 @@ def test_columns_of_different_units_are_not_exchanged() -> None:
 
 @pytest.mark.parametrize(("cost", "causes"), [(75.0, ["geometry"]), (65.0, ["measurements"])])
 def test_what_blames_the_data_has_to_be_clearly_likelier_than_links(cost: float, causes: list[str]) -> None:
-    """By the criterion, cost and the price of estimated parameters (2 and 10 of them, log 50 each), the second
-    is 16 below links, beyond 2 log 1000; the first is 6 below. Links that are that far off are left out."""
+    """By the criterion, cost and the price of estimated parameters (2 and 10 of them, log 50 each), the
+    second is 16 below links, beyond 2 log 1000; the first is 6 below. Links that are that far off are left
+    out."""
     base = HypothesisFit(None, 500.0, 500.0, 50, 50, 1.0)
     links = HypothesisFit("geometry", 50.0, 50.0, 50, 50, 1.0, freed=10)
     outlying = HypothesisFit("measurements", cost, cost, 50, 50, 1.0, freed=2)
