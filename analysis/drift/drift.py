@@ -76,18 +76,11 @@ class JumpTest:
         return high
 
 
-def jump_tests(
-    series: Series,
-    rates: Matrix,
-    smoothed: Smoothed,
-    passes: Sequence[Pass],
-    jumps: Matrix,
-    *,
-    nodes: int,
-    seed: int,
+def _jump_tests(
+    series: Series, rates: Matrix, smoothed: Smoothed, passes: Sequence[Pass], jumps: Matrix, seed: int
 ) -> dict[tuple[int, int], JumpTest]:
     """The tests by interval and offset, none where a jump is allowed already or one side has no result of the
-    offset. `smoothed` is of the `rates` (K, m), which were sampled from the `passes`, `nodes` from each."""
+    offset. `smoothed` is of the `rates` (K, m), which were sampled from the `passes`."""
     observed = series.observed
     over = over_passes(np.log(rates), passes)
     tests = {}
@@ -101,7 +94,7 @@ def jump_tests(
             if not (smoothed.power[:, t, j] > 0).all():
                 continue
             scored = _Scored.of(rates, smoothed, t, j)
-            tests[t, j] = _test(series, scored, over, passes, jumps, t, j, nodes, seed)
+            tests[t, j] = _jump_test(series, scored, over, passes, jumps, (t, j), seed)
     return tests
 
 
@@ -124,19 +117,18 @@ class _Scored:
         return normalised(self.log_likelihood + self.score**2 / 2 - np.log(self.power) / 2 + over)
 
 
-def _test(
+def _jump_test(
     series: Series,
     scored: _Scored,
     over: Matrix,
     passes: Sequence[Pass],
     jumps: Matrix,
-    t: int,
-    j: int,
-    nodes: int,
+    interval: tuple[int, int],
     seed: int,
 ) -> JumpTest:
-    """The test by these rates; where too few of them count, by more: first with the prior of the rate of the
-    tested offset, then about those that count."""
+    """The test of one `interval` and offset by these rates; where too few of them count, by more: first with
+    the prior of the rate of the tested offset, then about those that count."""
+    t, j = interval
     weights = scored.weights(over)
     prior, more = passes[0], list(passes)
     while effective(weights) < ENOUGH and len(more) < len(passes) + MOST:
@@ -145,7 +137,7 @@ def _test(
             if len(more) == len(passes)
             else about(np.log(scored.rates), weights)
         )
-        rates = np.exp(from_pass(more[-1], nodes, seed + len(more) - 1))
+        rates = np.exp(from_pass(more[-1], _NODES, seed + len(more) - 1))
         added = _Scored.of(rates, smooth(series, rates, jumps), t, j)
         scored = _Scored(*map(np.concatenate, zip(astuple(scored), astuple(added), strict=True)))
         weights = scored.weights(over_passes(np.log(scored.rates), more))
@@ -299,7 +291,7 @@ def drift(series: Series, *, alarm: float = ALARM, seed: int = 0) -> Drift:
     jumps_found: list[tuple[int, int, float]] = []
     while True:
         rates, log_weight, smoothed, passes = integrated(series, jumps, seed)
-        tests = jump_tests(series, rates, smoothed, passes, jumps, nodes=_NODES, seed=seed)
+        tests = _jump_tests(series, rates, smoothed, passes, jumps, seed)
         p_values = {interval: test.p_value for interval, test in tests.items()}
         if not jumps_found:
             for interval, p_value in p_values.items():

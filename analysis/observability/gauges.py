@@ -3,8 +3,6 @@ by."""
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -55,13 +53,15 @@ def gauge_of(problem: Problem, x: Matrix, weight: float) -> Gauge:
     taken_up = [spanned(jacobian, tolerated)]
     followed = _followed(aimed, x, hit, moving_joints(problem.joints) > 0)
     if followed:
-        near_by = _near_by(problem, x, aimed, hit) if null.size or tolerated.any() else []
+        near_by = []
+        if null.size or tolerated.any():
+            near_by = _near_by(problem, x, hit, aimed, _TARGET_MM, _CONFIRMATIONS)
     else:
         # What hits there may be a matter of the tool: a tip hardly off the last axis reaches hardly further.
         near_by = [
             point
             for target_mm, points in _SPECIAL_CONFIRMATIONS.items()
-            for point in _near_special(problem, x, hit, target_mm, points)
+            for point in _near_by(problem, x, hit, None, target_mm, points)
         ]
         lowest_rank = max(near_by, key=lambda point: point.null.size, default=None)
         if lowest_rank is not None and lowest_rank.null.size > null.size:
@@ -215,72 +215,42 @@ class _NearBy:
     same: bool
 
 
-def _near_by(problem: Problem, x: Matrix, aimed: Problem, hit: Mask) -> list[_NearBy]:
-    """A few points near x at which all shots of `hit` (N,), `aimed` at x, hit. There may be none.
+def _near_by(
+    problem: Problem, x: Matrix, hit: Mask, followed: Problem | None, target_mm: float, points: int
+) -> list[_NearBy]:
+    """Points near x, with the target about `target_mm` off, at which all shots of `hit` (N,) hit, all that
+    were found on the way to each of `points`. There may be none.
 
-    A measurement that does not hit breaks a gauge that it has where it hits, and so does one that jumps to
-    another posture, such as the second one from which a tip reaches the target. So points are taken ever
-    nearer to x until all shots have turned there about as their Jacobian at x predicts. Those on the way,
-    where some have jumped, say less of the dimension of a gauge, but more of what has a part in it: the
-    nearer the point, the smaller the part of what has none at x.
+    All are tried side by side, then those again that will not do, by half the way. A shot that does not hit
+    breaks a gauge that it has where it hits, and so does one that jumps to another posture, such as the
+    second one from which a tip reaches the target. So points are taken ever nearer to x until all shots have
+    turned there about as their Jacobian at x, where they are `followed`, predicts. Those on the way, where
+    some have jumped, say less of the dimension of a gauge, but more of what has a part in it: the nearer the
+    point, the smaller the part of what has none at x. Where shots cannot be followed they need not be the
+    same; fewer joints than a residual has coordinates reach no other point then.
     """
     weights = moving_joints(problem.joints)
-
-    def judged(other: Matrix, jacobian: Matrix) -> tuple[_NearBy, bool]:
-        same = _same_shots(aimed, x, other, hit, weights)
-        return _NearBy(other, jacobian, _null_space(jacobian), same), same
-
-    rng = np.random.default_rng(2014)
-    steps = (_step(problem, rng, _TARGET_MM) for _ in itertools.count())
-    return _hit_near(problem, x, hit, steps, _CONFIRMATIONS, _NEARER_FOLLOWED, judged)
-
-
-def _near_special(problem: Problem, x: Matrix, hit: Mask, target_mm: float, points: int) -> list[_NearBy]:
-    """At most `points` points near x, with the target about `target_mm` off, at which all shots of `hit` (N,)
-    can hit: they need not be the same. Fewer joints than a residual has coordinates reach no other point."""
-    if np.count_nonzero(moving_joints(problem.joints)) < problem.tool.miss_size:
+    if followed is None and np.count_nonzero(weights) < problem.tool.miss_size:
         return []
-    # Other directions at every distance.
-    rng = np.random.default_rng([2014, int(10 * target_mm)])
-    steps = (_step(problem, rng, target_mm) for _ in itertools.count())
-
-    def judged(other: Matrix, jacobian: Matrix) -> tuple[_NearBy, bool]:
-        return _NearBy(other, jacobian, _null_space(jacobian, _ROUNDING_SPECIAL), same=False), True
-
-    return _hit_near(problem, x, hit, steps, points, _NEARER, judged)
-
-
-def _hit_near(
-    problem: Problem,
-    x: Matrix,
-    hit: Mask,
-    steps: Iterator[Matrix],
-    points: int,
-    nearer: int,
-    judged: Callable[[Matrix, Matrix], tuple[_NearBy, bool]],
-) -> list[_NearBy]:
-    """Points near x at which all shots of `hit` (N,) hit, one after the other all that were found on the
-    way to each of `points`.
-
-    All are tried side by side, then those again that have not hit, by half the way, up to `nearer` times.
-    `judged` says of one that hits (x and A there) what it is, and whether it will do.
-    """
-    points_found: list[tuple[int, _NearBy]] = []
-    left = list(range(points))
+    # Near special points other directions at every distance.
+    rng = np.random.default_rng(2014 if followed else [2014, int(10 * target_mm)])
+    rounding, nearer = (ROUNDING, _NEARER_FOLLOWED) if followed else (_ROUNDING_SPECIAL, _NEARER)
+    numbered: list[tuple[int, _NearBy]] = []
+    missing = list(range(points))
     for halved in range(nearer):
-        others = np.array([x + next(steps) / 2**halved for _ in left]).reshape(len(left), len(x))
+        tried = missing
+        steps = [_step(problem, rng, target_mm) for _ in tried]
+        others = x + np.reshape(steps, (len(tried), len(x))) / 2**halved
         missing = []
-        for k, other, (_, jacobian, still) in zip(
-            left, others, information_roots(problem, others, 1.0), strict=True
-        ):
-            enough = False
+        roots = information_roots(problem, others, 1.0)
+        for k, other, (_, jacobian, still) in zip(tried, others, roots, strict=True):
+            same = False
             if still[hit].all():
-                point, enough = judged(other, jacobian)
-                points_found.append((k, point))
-            if not enough:
+                same = followed is not None and _same_shots(followed, x, other, hit, weights)
+                numbered.append((k, _NearBy(other, jacobian, _null_space(jacobian, rounding), same)))
+            if not (same or (followed is None and still[hit].all())):
                 missing.append(k)
-        left = missing
-    return [point for _, point in sorted(points_found, key=lambda numbered: numbered[0])]
+    return [point for _, point in sorted(numbered, key=lambda pair: pair[0])]
 
 
 def _step(problem: Problem, rng: np.random.Generator, target_mm: float) -> Matrix:

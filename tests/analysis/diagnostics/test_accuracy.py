@@ -229,6 +229,17 @@ def test_weak_offsets_are_named_and_widen_the_radius():
     assert weak.workspace.after95_mm.worst > 10 * strong.workspace.after95_mm.worst
 
 
+def test_the_radius_allows_for_the_noise_that_is_estimated():
+    """By its degrees of freedom: six here."""
+    solution = judged(simulated_problem(good_plan(7, noise={"scale": "estimated"}), TABLE_2, seed=1)[1])
+    problem, fit = solution.problem, solution.fit
+    joints = spread_postures(problem.robot.lower, problem.robot.upper, 4096)
+    _, jacobian = tool_point(problem, fit.x, problem.tool.point, joints)
+    of_point = jacobian @ arm_covariance(problem, fit.covariance) @ jacobian.transpose(0, 2, 1)
+    assert solution.dof == 6
+    assert accuracy(solution).workspace.after95_mm.worst == pytest.approx(radius95(of_point, 6).max())
+
+
 ASIDE = [60.0, 20.0, 150.0]
 
 

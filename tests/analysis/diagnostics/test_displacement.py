@@ -72,6 +72,27 @@ def test_p_values_of_runs_without_a_displacement(scale: str) -> None:
     assert (np.array(whole) / 9 < 0.05).sum() > stats.binom.ppf(0.999, runs, 0.05)
 
 
+def test_only_change_points_that_can_be_tested_are_counted() -> None:
+    """With three degrees of freedom and an estimated scale a shift in three directions cannot be tested."""
+    plan = good_plan(7, noise={"scale": "estimated"})
+    both = plan.header.model_copy(update={"targets": dict.fromkeys("ab", plan.header.targets["psd"])})
+    _, run = simulated(plan_of(both, plan.postures, ["a"] * 5 + ["b"] * 2), TABLE_2)
+    fit = fit_likelihood(Problem.from_run(run), starts=0)
+    left = _Residuals.of(fit)
+    points, *information = _displaced(fit, left)
+    moved = left.explained(*information)
+    tested = int((moved.rank > 0).sum())
+    assert 0 < tested < len(points)
+    shifted = with_residual(fit, fit.whitened.residual * 1e-3 + np.linspace(-1, 1, 14) ** 3)
+    for one in (fit, shifted):
+        left = _Residuals.of(one)
+        moved = left.explained(*_displaced(one, left)[1:])
+        best = int(np.argmax(moved.score))
+        found = displacement(one)
+        assert found is not None
+        assert found.p_value == pytest.approx(min(1.0, tested * left.p_value(moved, best)))
+
+
 def test_against_a_fit_with_another_target_name() -> None:
     """The drop of the sum of squares and the shift are those of the fit that knows where the run is cut."""
     one, two = bumped(good_plan(12, joint_deg=0.005), (0.6, -0.6, 0.5), 5)

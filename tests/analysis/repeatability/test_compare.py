@@ -30,6 +30,7 @@ from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import Run
 from zerobeam.model.files.shot import Shot
+from zerobeam.model.files.validation import LARGEST
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.reports.repeatability.comparison_json import comparison_json
 
@@ -102,6 +103,9 @@ def test_an_offset_that_a_table_does_not_state_has_no_number_there(tmp_path: Pat
     assert answer["offsets"][2]["mean"] is answer["offsets"][2]["std"] is None
     assert [run["offsets"][1]["estimate"] for run in answer["runs"]] == [2.0, None, 2.5]
     assert any("Not compared: d4" in note for note in answer["notes"])
+    largest = LARGEST["deg"]
+    path.write_text(f"run,delta2_deg\na,{largest!r}\nb,{-largest!r}\n")
+    assert [row["offsets"][0]["estimate"] for row in compare([path])["runs"]] == [largest, -largest]
 
 
 @pytest.mark.parametrize(
