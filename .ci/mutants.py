@@ -170,10 +170,11 @@ def mutants(folders: list[str]) -> Iterator[Mutant]:
 def suites(file: Path, mirrored: bool) -> Iterator[list[str]]:
     """The tests to run for a module, the likeliest to notice first."""
     folder = Path("tests", file.parent)
-    own = folder / f"test_{file.stem}.py"
-    beside = [str(test) for test in sorted((ROOT / folder).glob("test_*.py")) if test.name != own.name]
-    if (ROOT / own).exists():
-        yield ["-n0", str(own)]
+    mirrored_test = folder / f"test_{file.stem}.py"
+    tests = [test.relative_to(ROOT) for test in sorted((ROOT / folder).glob("test_*.py"))]
+    beside = [str(test) for test in tests if test != mirrored_test]
+    if (ROOT / mirrored_test).exists():
+        yield ["-n0", str(mirrored_test)]
     if beside:
         yield ["-n0", *beside]
     if not mirrored:
