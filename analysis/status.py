@@ -69,9 +69,9 @@ def require_no_more_than(what: str, status: Status, **claims: object) -> None:
         ...
     zerobeam.analysis.status.UnsoundResult: 'delta2' is unidentifiable, yet it has a value as estimate
     """
-    stated = [name for name, value in claims.items() if value is not None]
-    if stated and not known(status):
-        raise UnsoundResult(f"{what!r} is {status}, yet it has a value as {', '.join(stated)}")
+    claimed = [name for name, value in claims.items() if value is not None]
+    if claimed and not known(status):
+        raise UnsoundResult(f"{what!r} is {status}, yet it has a value as {', '.join(claimed)}")
 
 
 def versions() -> dict[str, str]:
@@ -81,5 +81,5 @@ def versions() -> dict[str, str]:
 
 @cache
 def _versions() -> dict[str, str]:
-    names = ("zerobeam", "numpy", "scipy", "casadi", "emcee")
+    names = ("zerobeam", "numpy", "scipy", "casadi")
     return {"python": platform.python_version(), **{name: version(name) for name in names}}

@@ -6,16 +6,15 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from ..analysis.answer.document import CheckDocument, ResultDocument
 from ..model.errors import BadInput
 from ..model.files.header import RUN_SCHEMA, Header
+from ..model.files.plan_file import Obstacles, PlanFile
 from ..model.files.reading import did_you_mean
 from ..model.files.robot_file import RobotFile
 from ..model.files.shot import Shot
-from ..model.files.stated_plan.obstacles import Obstacles
-from ..model.files.stated_plan.plan_file import PlanFile
 from .rigs.simulated.cell_file import Cell
-from .sensors.counts import PsdCalibration
-from .sensors.sensors_file import SensorsFile
+from .sensors.sensors_file import PsdCalibration, SensorsFile
 from .studies.sweeps.study_file import StudyFile
 
 _MODELS: dict[str, type[BaseModel]] = {
@@ -29,6 +28,8 @@ _MODELS: dict[str, type[BaseModel]] = {
     "sensors": SensorsFile,
     "psd-calibration": PsdCalibration,
     "study-file": StudyFile,
+    "result": ResultDocument,
+    "check": CheckDocument,
 }
 SCHEMA_NAMES = tuple(_MODELS)
 

@@ -38,7 +38,7 @@ class Truth:
         return cls(problem, np.where(parameters.free, x, parameters.prior_mean))
 
     @classmethod
-    def stated(cls, plan: Plan, values: dict[str, float]) -> Truth:
+    def with_values(cls, plan: Plan, values: dict[str, float]) -> Truth:
         """As `drawn` without any error, with the named parameters at the stated values (deg, mm)."""
         problem = Problem.from_plan(plan)
         for name in values:
@@ -113,7 +113,7 @@ class Readings:
 
 def simulated_readings(problem: Problem, truths: Matrix, rng: np.random.Generator) -> Readings:
     """As `simulated_shots`, for many arms with the true parameters `truths` (W, p), side by side."""
-    count, shots, d = len(truths), problem.shots, problem.tool.miss_size
+    count, shots, d = len(truths), problem.shots, problem.tool.residual_size
     spots = rng.normal(size=(count, shots, d)) * problem.noise.spot
     all_shots = replace(
         problem,

@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..analysis.analyse import Analysis
-from ..analysis.analyse import analyse as analyse_run
 from ..analysis.estimation.robust import Loss
 from ..analysis.solution import ParameterResult, ParameterTable
 from ..model.arrays import Progress
 from ..model.errors import BadInput
 from ..model.files.run import Run
-from ..reports.output.cards import card, text
-from ..reports.run.parameters import NO_NUMBER, offsets_caption, offsets_worth, unit_of, worth_column
-from ..reports.run.report_folder import ReportPaths, write_report
-from ..reports.run.report_page import report_notes
+from ..reports.output.html import card, text
+from ..reports.run.parameters import NO_NUMBER, offsets_caption, offsets_worth, worth_column
+from ..reports.run.report import ReportPaths, report_notes, write_report
 from ..reports.style.blocks import Cell, Page, Row, Table, Verdict, row_of, table_of
 from ..words import numbers
 from ..words.findings import headline
+from ..words.numbers import unit_of
 from ..words.result_json import to_json
 from ..words.verdict import VERDICT_WORDS
 from ..words.wording import NOT_DETERMINED, clipped, counted, label, person, sentence
@@ -167,13 +166,13 @@ class Plots:
 
     def offsets(self) -> Figure:
         """The offsets with their 95 % intervals, and how wide those are."""
-        from ..reports.run.offsets_figure import offsets_picture
+        from ..reports.run.parameters import offsets_picture
 
         return Figure(offsets_picture(self.solution.result))
 
     def residuals(self) -> Figure:
         """The residual of each measurement, in mm and divided by its standard deviation."""
-        from ..reports.run.diagnostics.residuals import residuals_picture
+        from ..reports.run.residuals import residuals_picture
 
         return Figure(residuals_picture(self.solution.result))
 
@@ -270,8 +269,7 @@ def analyse(
     require_choice(robust, (None, "huber", "student"), "robust")
     if isinstance(held_out, str):
         held_out = (held_out,)
-    found = analyse_run(run, seed=seed, ess=ess, robust=robust, held_out=held_out, progress=progress)
-    return Analysed(**{field.name: getattr(found, field.name) for field in fields(found)})
+    return Analysed.of(run, seed=seed, ess=ess, robust=robust, held_out=held_out, progress=progress)
 
 
 def offset_table(solution: Analysed) -> Table:
@@ -297,8 +295,8 @@ def _row(row: ParameterResult, k: float) -> Row:
     if row.estimate is None or row.u is None:
         return row_of(name, NOT_DETERMINED, word, tone=row.status)
     half = k * row.u
-    said = f"{numbers.estimate(row.estimate, half, unit)} ± {numbers.spread(half, unit)}"
-    return row_of(name, said, word, tone=row.status)
+    interval = f"{numbers.estimate(row.estimate, half, unit)} ± {numbers.spread(half, unit)}"
+    return row_of(name, interval, word, tone=row.status)
 
 
 def _u(row: ParameterResult) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ from ..analysis.repeatability.compare import Comparison
 from ..analysis.repeatability.compare import compare as compare_runs
 from ..model.errors import BadInput
 from ..model.files.run import Run
-from ..reports.output.cards import card, text
+from ..reports.output.html import card, text
 from ..reports.repeatability.comparison_folder import ComparisonPaths, write_comparison
 from ..reports.repeatability.comparison_json import comparison_json
 from ..reports.repeatability.comparison_page import comparison_page
@@ -126,5 +126,4 @@ def compare(runs: Sequence[Run | Path | str], *, seed: int = 0) -> ComparedRuns:
                 argument=f"runs[{k}]",
             )
     require_number(seed, 0, "seed", whole=True)
-    found = compare_runs(runs, seed=seed)
-    return ComparedRuns(**{field.name: getattr(found, field.name) for field in fields(found)})
+    return ComparedRuns(**vars(compare_runs(runs, seed=seed)))

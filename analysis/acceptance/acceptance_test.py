@@ -162,7 +162,7 @@ class AcceptancePrediction:
         by = jacobian[:, self._uncertain]
         covariance = np.eye(len(residual)) + by @ self._covariance @ by.T
         root = np.linalg.cholesky(covariance)
-        d = self.problem.tool.miss_size
+        d = self.problem.tool.residual_size
         in_mm = block_diag(*whitened.factor) / self._scale
         shots = self.problem.shots * d
         spread = in_mm @ covariance[:shots, :shots] @ in_mm.T

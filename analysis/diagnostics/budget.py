@@ -141,7 +141,7 @@ def _sources(solution: Solution, at: Matrix) -> tuple[list[BudgetRow], Matrix]:
     """All sources, and (sources, t) their parts in the scaled variances of the free parameters `at` (t,)."""
     problem, fit = solution.problem, solution.fit
     parameters, whitened = problem.parameters, fit.whitened
-    rows = problem.shots * problem.tool.miss_size
+    rows = problem.shots * problem.tool.residual_size
     noise = parameters.group("noise")[parameters.free]
     jacobian = whitened.jacobian[:, parameters.free][:, ~noise]
     by_residual, by_distance = jacobian[:rows], jacobian[rows:]

@@ -135,7 +135,7 @@ class _Residuals(NamedTuple):
     @classmethod
     def of(cls, fit: LikelihoodFit, rival: Matrix | None = None) -> _Residuals:
         problem, whitened = fit.problem, fit.whitened
-        shots, d = problem.shots, problem.tool.miss_size
+        shots, d = problem.shots, problem.tool.residual_size
         residual, columns = whitened.residual, whitened.jacobian[:, problem.parameters.free]
         tolerated = problem.parameters.among_free[problem.tolerated]
         if len(tolerated):

@@ -154,7 +154,7 @@ def judged(
     ]
     after = _settled(held_out, start, weight)
     whitened = held_out.whiten(after)
-    rows = held_out.shots * held_out.tool.miss_size
+    rows = held_out.shots * held_out.tool.residual_size
     scale = _row_scale(held_out, weight)
     residual, jacobian = whitened.residual * scale, whitened.jacobian * scale[:, None]
     by_place = jacobian[:, parameters.group("target") & parameters.free]
@@ -171,7 +171,7 @@ def judged(
     rank = int(np.linalg.matrix_rank(by_place))
     basis = np.linalg.svd(by_place, full_matrices=False)[0][:, :rank]
     noise = whitened.factor / np.sqrt(weight)
-    d = held_out.tool.miss_size
+    d = held_out.tool.residual_size
     placed = basis[:rows].reshape(held_out.shots, d, -1)
     squares = float((noise**2).sum() - ((noise @ placed) ** 2).sum())
     rest = (by_rest - basis @ (basis.T @ by_rest))[:rows] / scale[:rows, None]
@@ -202,7 +202,7 @@ def _p_value(fitted: Problem, chi2: float, dof: int) -> float:
 
 def _row_scale(problem: Problem, weight: float) -> Matrix:
     """(M,) what multiplies whitened rows: the noise scale is that of measurements, not of distances."""
-    rows = problem.shots * problem.tool.miss_size
+    rows = problem.shots * problem.tool.residual_size
     return np.append(np.full(rows, np.sqrt(weight)), np.ones(len(problem.distances)))
 
 
@@ -407,7 +407,7 @@ def _determined(solution: Solution, fits: Sequence[FitWithoutPlacement]) -> Mask
     without prior is below the prior's. From the Jacobian of all data less the rows and columns of each."""
     problem, free = solution.problem, solution.problem.parameters.free
     _, jacobian, _ = information_root(problem, solution.fit.x, solution.fit.weight)
-    d, result = problem.tool.miss_size, np.zeros((len(fits), len(free)), dtype=bool)
+    d, result = problem.tool.residual_size, np.zeros((len(fits), len(free)), dtype=bool)
     for row, fit in enumerate(fits):
         stay = ~problem.parameters.targets(fit.placement.targets)[free]
         rows = np.delete(
@@ -446,5 +446,5 @@ def placement_result(
         leave_one_out(solution, fits),
         jackknife(solution, fits),
         effective,
-        steps(solution, rival),
+        steps(solution.fit, rival),
     )

@@ -454,7 +454,7 @@ def _without_measurements(
 def _without_outlying(problem: Problem, x: Matrix, base: HypothesisFit) -> list[HypothesisFit]:
     """Of many measurements: without the outliers, again and again until there are no more."""
     density, gone = Density(problem), np.zeros(problem.shots, dtype=bool)
-    d, left = problem.tool.miss_size, None
+    d, left = problem.tool.residual_size, None
     for _ in range(_ROUNDS):
         quads = density.quads(x)
         # One far off pulls all: an outlier is judged by the scale of the rest, as long as that is too large.

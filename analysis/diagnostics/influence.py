@@ -16,7 +16,7 @@ import numpy as np
 from ...model.arrays import Mask, Matrix
 from ...model.likelihood.density import Density
 from ...model.likelihood.problem import Problem
-from ..estimation.coordinates import SeenCoordinates
+from ..estimation.coordinates import FlangeCoordinates
 from ..estimation.fit import LikelihoodFit, modes
 from ..estimation.robust import leverages
 
@@ -72,7 +72,7 @@ class Influence(NamedTuple):
 def influence(problem: Problem, fit: LikelihoodFit) -> Influence:
     """By N fits, each without one measurement, or by a step instead. Where one of them fails its measurement
     has nan."""
-    count, d = problem.shots, problem.tool.miss_size
+    count, d = problem.shots, problem.tool.residual_size
     root = np.sqrt(fit.weight)
     open_part, decides = leverages(problem.roots(fit.whitened) * root, fit.covariance)
     residual = fit.whitened.residual[: count * d].reshape(count, d) * root
@@ -102,7 +102,7 @@ def _stepped(problem: Problem, fit: LikelihoodFit, decides: Mask) -> Matrix:
     """x (N, p) after one Newton step from the mode without each measurement, in the coordinates of a fit:
     (H - H_i) step = -g_i with its own slope and information; nothing of use where it `decides` (N,) alone."""
     known, _ = problem.with_noise_of(fit.x) if problem.noise.estimated else (problem, fit.x)
-    coordinates = SeenCoordinates(Density(problem))
+    coordinates = FlangeCoordinates(Density(problem))
     v = coordinates.from_parameters(fit.x[None])
     local = coordinates.at(v)
     curvature = np.linalg.inv(coordinates.covariance(fit.x[None], fit.covariance[None]))

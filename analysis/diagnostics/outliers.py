@@ -90,7 +90,7 @@ def robust_result(solution: Solution, loss: Loss) -> Robust:
         )
 
     dof = max(1, int(_MEDIAN_WORTH * numbers)) if problem.noise.estimated else None
-    off = outlying(robust.whitened, problem.tool.miss_size, OUTLYING, dof)
+    off = outlying(robust.whitened, problem.tool.residual_size, OUTLYING, dof)
     return Robust(
         loss=loss,
         tuning=robust.tuning,
@@ -123,7 +123,7 @@ def single_outlier(fit: LikelihoodFit, dof: int) -> SingleOutlier | None:
 
     Only by a stated noise, and where the others leave numbers over (`dof` with it) to contradict it.
     """
-    problem, size = fit.problem, fit.problem.tool.miss_size
+    problem, size = fit.problem, fit.problem.tool.residual_size
     if not problem.noise.known or dof <= size:
         return None
 

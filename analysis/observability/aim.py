@@ -82,7 +82,7 @@ def aim(problem: Problem, x: Matrix, weights: Matrix) -> Aimed:
     """
     scale = np.array([1.0 if joint.kind == "revolute" else 1000.0 for joint in problem.robot.joints])
     weights = weights * scale**2
-    d = problem.tool.miss_size
+    d = problem.tool.residual_size
     joints = problem.joints.copy()
     residual, jacobian = problem.linearise(x)
     off = np.linalg.norm(residual, axis=1)

@@ -108,7 +108,7 @@ def information_roots(problem: Problem, xs: Matrix, weight: float) -> list[tuple
 def _root(aimed: Problem, x: Matrix, weight: float) -> Matrix:
     """A (M, f) for the free parameters, of shots that hit at x."""
     whitened = aimed.whiten(x)
-    rows = aimed.shots * aimed.tool.miss_size
+    rows = aimed.shots * aimed.tool.residual_size
     jacobian, parameters = whitened.jacobian, aimed.parameters
     jacobian[:rows] *= np.sqrt(weight)
     if aimed.noise.separate:
@@ -198,7 +198,7 @@ def _followed(aimed: Problem, x: Matrix, hit: Mask, moving: Mask) -> bool:
     """
     _, jacobian_mm = aimed.linearise(x)
     by_joints = (aimed.by_joints(jacobian_mm) * _joint_scale(aimed))[hit][:, :, moving]
-    if by_joints.shape[2] < aimed.tool.miss_size:
+    if by_joints.shape[2] < aimed.tool.residual_size:
         return len(by_joints) == 0
     singular = np.linalg.svd(by_joints, compute_uv=False)
     return bool((singular[:, -1] > _CANNOT_FOLLOW * singular[:, 0]).all())
@@ -230,7 +230,7 @@ def _near_by(
     same; fewer joints than a residual has coordinates reach no other point then.
     """
     weights = moving_joints(problem.joints)
-    if followed is None and np.count_nonzero(weights) < problem.tool.miss_size:
+    if followed is None and np.count_nonzero(weights) < problem.tool.residual_size:
         return []
     # Near special points other directions at every distance.
     rng = np.random.default_rng(2014 if followed else [2014, int(10 * target_mm)])

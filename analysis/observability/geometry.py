@@ -64,7 +64,7 @@ def considered(problem: Problem, x: Matrix, weight: float = 1.0) -> Matrix:
     parameters = problem.parameters
     whole, jacobian = _with_links_whitened(problem, x.tobytes())
     parameters_with_links, jacobian = whole.parameters, jacobian.copy()
-    jacobian[: problem.shots * problem.tool.miss_size] *= np.sqrt(weight)
+    jacobian[: problem.shots * problem.tool.residual_size] *= np.sqrt(weight)
     estimated = (
         parameters_with_links.free
         & ~parameters_with_links.group("geometry")

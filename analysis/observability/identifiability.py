@@ -137,7 +137,7 @@ def too_few_measurements(problem: Problem, size: int) -> Mechanism | None:
     """The mechanism of having fewer numbers than unknowns, or None where there are enough."""
     if problem.data_size >= size:
         return None
-    needed = -(-size // problem.tool.miss_size)
+    needed = -(-size // problem.tool.residual_size)
     return Mechanism(
         np.ones(len(problem.parameters), dtype=bool),
         TooFewMeasurements(problem.shots, problem.data_size, size, needed),

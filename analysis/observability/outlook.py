@@ -130,7 +130,7 @@ def _information(problem: Problem, x: Matrix) -> Matrix:
 
 def _besides(problem: Problem, whitened: Whitened) -> Matrix:
     """(f, f) the information of distances and priors."""
-    rows = problem.shots * problem.tool.miss_size
+    rows = problem.shots * problem.tool.residual_size
     jacobian = whitened.jacobian[rows:, problem.parameters.free]
     return jacobian.T @ jacobian + np.eye(jacobian.shape[1])
 

@@ -38,7 +38,7 @@ _HALVINGS = 60  # of an interval, to the last digit
 
 def by_targets(problem: Problem, whitened: Whitened) -> Matrix:
     """(N, d, 3) of the whitened residuals by their targets' coordinates in mm, held or not."""
-    parameters, d = problem.parameters, problem.tool.miss_size
+    parameters, d = problem.parameters, problem.tool.residual_size
     columns = problem.columns[:, parameters.in_shot("target")]
     jacobian = whitened.jacobian[: problem.shots * d].reshape(problem.shots, d, -1)
     by_scaled = np.take_along_axis(jacobian, np.repeat(columns[:, None, :], d, axis=1), axis=2)
@@ -91,7 +91,7 @@ def recordings(fit: LikelihoodFit, rival: Matrix | None = None) -> RecordingSet:
     `rival` (M, g) are whitened columns of what the fit does not have but may explain the residuals too, times
     the prior stds of their parameters, such as link tolerances: they are fitted as well, by one linear step.
     """
-    problem, d = fit.problem, fit.problem.tool.miss_size
+    problem, d = fit.problem, fit.problem.tool.residual_size
     parameters, count = problem.parameters, problem.shots * d
     scale = np.ones((len(fit.whitened.residual), 1))
     scale[:count, 0] = np.sqrt(np.repeat(fit.weight / problem.weights, d))

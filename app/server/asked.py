@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ...model.errors import BadInput, ZerobeamError
-from ...model.files.reading import DEEPEST, MOST_VALUES, Place
+from ...model.files.reading import DEEPEST, MOST_VALUES, KeyPath
 from ...model.files.validation import Model, validate
 
 Answer = TypeVar("Answer")
@@ -16,7 +16,7 @@ Answer = TypeVar("Answer")
 class Refused(BadInput):
     """Bad input of which the key is known: `key` leads to the value in what was sent."""
 
-    key: Place = ()
+    key: KeyPath = ()
 
 
 def require_plain(content: Any) -> None:
@@ -53,14 +53,16 @@ def asked(model: type[Model], data: Any) -> Model:
     return keyed(data, lambda line: validate(model, data, file=None, line=line))
 
 
-def keyed(data: Any, use: Callable[[Callable[[Place], int | None]], Answer], before: Place = ()) -> Answer:
+def keyed(
+    data: Any, use: Callable[[Callable[[KeyPath], int | None]], Answer], before: KeyPath = ()
+) -> Answer:
     """What `use` makes of `data`; it is given what finds the line of a place, as if each had one of its own.
 
     A BadInput with a line is raised again as Refused, with the place that the line stands for.
     """
-    places: list[Place] = []
+    places: list[KeyPath] = []
 
-    def enter(value: Any, place: Place) -> None:
+    def enter(value: Any, place: KeyPath) -> None:
         places.append(place)
         inner = (
             value.items() if isinstance(value, dict) else enumerate(value if isinstance(value, list) else ())
@@ -71,7 +73,7 @@ def keyed(data: Any, use: Callable[[Callable[[Place], int | None]], Answer], bef
     enter(data, ())
     lines = {place: number for number, place in enumerate(places, start=1)}
 
-    def line(place: Place) -> int | None:
+    def line(place: KeyPath) -> int | None:
         return next((lines[place[:n]] for n in range(len(place), -1, -1) if place[:n] in lines), None)
 
     try:
@@ -80,7 +82,7 @@ def keyed(data: Any, use: Callable[[Callable[[Place], int | None]], Answer], bef
         raise refused(error, (*before, *places[error.line - 1]) if error.line else before) from error
 
 
-def refused(error: BadInput, key: Place) -> Refused:
+def refused(error: BadInput, key: KeyPath) -> Refused:
     """The same error with the key of what is wrong, and without the line that stood for it."""
     same = Refused(error.what, found=error.found, allowed=error.allowed, remedy=error.remedy, file=error.file)
     same.key = key

@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from ...model.files.stated_plan.plan_file import PlanFile
+from ...model.files.plan_file import PlanFile
 from .end_points import END_POINTS
 from .job_commands import AskedJob, AskedLine
 

@@ -11,10 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from ...analysis.analyse import Analysis, analyse
-from ...analysis.estimation.fit import LikelihoodFit
-from ...analysis.estimation.many_fits import fits_of
+from ...analysis.answer.result import Result
+from ...analysis.estimation.fit import LikelihoodFit, fits_of
 from ...analysis.estimation.threads import one_blas_thread
-from ...analysis.result import Result
 from ...analysis.solution import require_noise_data
 from ...experiments.batch.rows import BatchOffset, BatchRow, BatchSettings
 from ...model.errors import BadInput, ZerobeamError
@@ -24,7 +23,7 @@ from ...words.findings import headline
 from ...words.result_json import dumps, to_json
 from ...words.wording import person
 from ..run.inputs import when_and_serial
-from ..run.report_folder import RESULT, write_report
+from ..run.report import RESULT, write_report
 
 TOGETHER = 16  # runs of a piece: their starts climb side by side in one thread
 

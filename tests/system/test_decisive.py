@@ -24,9 +24,9 @@ from command_line import WIDTH, plan_file, zerobeam
 from recordings import DINOVA_1, PANDA_1, imported, places
 from rich.console import Console
 
+from zerobeam.analysis.answer.result import Result
 from zerobeam.analysis.observability.check import Check, check
 from zerobeam.analysis.posterior.posterior import Draws
-from zerobeam.analysis.result import Result
 from zerobeam.analysis.solution import ParameterTable
 from zerobeam.analysis.status import Status, UnsoundResult
 from zerobeam.experiments.demos import demo_runs
@@ -35,8 +35,8 @@ from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.reports.output.html import html
 from zerobeam.reports.output.pdf import pdf
-from zerobeam.reports.run import report_folder
-from zerobeam.reports.run.report_page import report_page
+from zerobeam.reports.run import report as report_folder
+from zerobeam.reports.run.report import report_page
 from zerobeam.reports.terminal.answers import print_result, print_side_by_side
 from zerobeam.reports.terminal.check import print_check
 from zerobeam.words.result_json import check_json, dumps, to_json

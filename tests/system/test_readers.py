@@ -14,6 +14,7 @@ from export_runs import ARM, TURNING
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
+from small_results import small_result
 
 from zerobeam.analysis.repeatability.repeats import read_table
 from zerobeam.analysis.repeatability.result_files import read_result
@@ -23,8 +24,7 @@ from zerobeam.experiments.importers.fanuc import fanuc_positions
 from zerobeam.experiments.importers.kuka import kuka_positions
 from zerobeam.experiments.plans.obstacles import read_obstacles
 from zerobeam.experiments.rigs.simulated.cell_file import read_cell
-from zerobeam.experiments.sensors.counts import read_calibration
-from zerobeam.experiments.sensors.sensors_file import read_sensors_file
+from zerobeam.experiments.sensors.sensors_file import read_calibration, read_sensors_file
 from zerobeam.experiments.studies.sweeps.study_file import read_study
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.header import read_header
@@ -47,15 +47,9 @@ SENSORS = {
     for block in blocks(read("docs/sensors.md"))
     if block.text.startswith("schema:")
 }
-RESULT = {
-    "schema": "zerobeam/result/1",
-    "parameters": [
-        {"name": "delta2", "group": "offset", "held": False, "status": "identified", "unit": "deg"}
-        | {"estimate": 1.0, "std": 0.1, "data_std": 0.1}
-    ],
-    "fits": {"likelihood": {"noise_scale": 1.0, "p_value": 0.5, "dof": 3, "converged": True, "reason": ""}},
-    "inputs": {"header": {}, "sha256": "0", "robot": "arm", "shots": 3},
-}
+RESULT = small_result(
+    [{"name": "delta2", "status": "identified", "estimate": 1.0, "std": 0.1, "data_std": 0.1}]
+)
 # The content of a whole file, and what reads it.
 VALUES: dict[str, tuple[str, Reader]] = {
     "header": (FILES["header.yaml"], read_header),

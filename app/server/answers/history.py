@@ -11,7 +11,7 @@ from ....model.files.header import RUN_SCHEMA
 from ....words.wording import clipped
 from ..end_point import EndPoint
 from ..folder import Folder
-from .results import Kept, ResultFile, read_result, sha256_of
+from .results import Kept, read_result, sha256_of
 
 MOST_RUNS = 300  # the newest
 MOST_RESULTS = 300
@@ -74,7 +74,7 @@ def _brief(folder: Folder, name: str) -> dict[str, Any]:
 def _in_brief(path: Path) -> dict[str, Any]:
     if path.stat().st_size > _LARGEST_RESULT:
         raise BadInput("too large to be listed: open it")
-    found: ResultFile = read_result(path)
+    found = read_result(path)
     offsets = [
         {"name": own.name, "unit": own.unit, "status": own.status, "estimate": own.estimate, "std": own.std}
         for own in found.parameters

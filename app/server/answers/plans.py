@@ -20,12 +20,13 @@ from ....experiments.plans.obstacles import read_obstacles, write_obstacles
 from ....model.errors import BadInput
 from ....model.files.header import PLAN_SCHEMA
 from ....model.files.plan import Plan, plan_of, write_plan
-from ....model.files.reading import Document, Place, read_yaml, require_schema
-from ....model.files.stated_plan.obstacles import Obstacles
+from ....model.files.plan_file import Obstacles
+from ....model.files.reading import Document, KeyPath, read_yaml, require_schema
 from ....model.files.validation import FileModel, as_tuple
-from ....reports.plan.plan_scene import Postures, postures_of
-from ....reports.run.geometry import check_lines
-from ....reports.run.parameters import unit_of, worth_column
+from ....reports.plan.plan_page import Postures, postures_of
+from ....reports.run.parameters import worth_column
+from ....words.geometry import check_lines
+from ....words.numbers import unit_of
 from ....words.observability import advice_sentence, over_target_sentence
 from ....words.result_json import check_json
 from ....words.verdict import violation_words
@@ -217,7 +218,7 @@ def _stated(folder: Folder, content: dict[str, Any], path: Path) -> Plan:
         return plan_of(Document(content, path, sha256, {}))
     except BadInput:
 
-        def again(line: Callable[[Place], int | None]) -> Plan:
+        def again(line: Callable[[KeyPath], int | None]) -> Plan:
             return plan_of(_Placed(content, path, sha256, {}, line))
 
         return keyed(content, again, ("plan",))
@@ -227,9 +228,9 @@ def _stated(folder: Folder, content: dict[str, Any], path: Path) -> Plan:
 class _Placed(Document):
     """A document of which something else says the line of a place."""
 
-    finder: Callable[[Place], int | None]
+    finder: Callable[[KeyPath], int | None]
 
-    def line(self, place: Place) -> int | None:
+    def line(self, place: KeyPath) -> int | None:
         return self.finder(place)
 
 

@@ -167,7 +167,7 @@ def brush(folder: Folder, wanted: AskedBrush) -> dict[str, Any]:
 
 def _lengths(own: FittedRun, found: Draws) -> tuple[Matrix, int]:
     """(draws, N) lengths of the normalised residuals of every k-th draw, and k."""
-    fit = own.solved.solution.fit
+    fit = own.solution.fit
     problem: Problem = fit.problem
     every = max(1, -(-len(found.values) * problem.shots // MOST_RESIDUALS))
     rows = np.tile(fit.x, (len(found.values[::every]), 1))

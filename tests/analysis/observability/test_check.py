@@ -8,10 +8,10 @@ from cells import AXIS_LASER, TABLE_2, good_plan, header, pattern_plan, plan_of,
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.observability.aim import aim, aim_plan, servo_joints
 from zerobeam.analysis.observability.check import check
-from zerobeam.model.files.stated_geometry import StatedGeometry
+from zerobeam.model.files.header import StatedGeometry
 from zerobeam.model.likelihood import constraint, kernel
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.causes import reason
+from zerobeam.words.observability import reason
 from zerobeam.words.result_json import check_json
 from zerobeam.words.verdict import check_headline, check_notes
 

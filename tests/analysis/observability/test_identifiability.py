@@ -34,7 +34,7 @@ from zerobeam.experiments.plans.candidates import candidates
 from zerobeam.experiments.plans.optimal import Planner
 from zerobeam.model.kinematics.robot import rotation_about
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.causes import reason, remedy
+from zerobeam.words.observability import reason, remedy
 from zerobeam.words.wording import listed
 
 

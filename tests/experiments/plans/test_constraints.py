@@ -20,8 +20,7 @@ from zerobeam.experiments.plans.constraints import View, check_plan, violations
 from zerobeam.experiments.plans.make import PlanRequest, make_plan
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan, read_plan, write_plan
-from zerobeam.model.files.stated_plan.constraints import UNCONSTRAINED, StatedConstraints
-from zerobeam.model.files.stated_plan.obstacles import Box, Obstacles
+from zerobeam.model.files.plan_file import UNCONSTRAINED, Box, Obstacles, StatedConstraints
 from zerobeam.words.verdict import check_headline
 
 TARGET = (900.0, 0.0, 0.0)
@@ -196,7 +195,7 @@ def test_what_chooses_postures_judges_them_too(seed: int) -> None:
             irb1600(),
             np.array(TARGET),
             40,
-            view=View.stated(view),
+            view=View.of(view),
             obstacles=view.obstacles,
             seed=seed,
         )

@@ -17,7 +17,7 @@ from certificates import a_key, kept, no_passphrase, only
 from histories import a_result, postgresql
 from pages import Page, assert_fetches_nothing
 
-from zerobeam.analysis.result import Result
+from zerobeam.analysis.answer.result import Result
 from zerobeam.experiments.history.entry import read_entry
 from zerobeam.experiments.history.one_result import whole_answer
 from zerobeam.experiments.history.signing import (
@@ -34,7 +34,7 @@ from zerobeam.model.errors import BadInput
 from zerobeam.reports.history.certificate import SCHEMA, certificate_json, why_history_differs
 from zerobeam.reports.history.certificate_folder import files_of_certificate, write_certificate
 from zerobeam.reports.history.certificate_page import certificate_page
-from zerobeam.reports.output import page_files
+from zerobeam.reports.output import whole_folder as page_files
 from zerobeam.reports.output.html import html
 from zerobeam.words.result_json import to_json
 

@@ -1,0 +1,176 @@
+"""What a reader must see of an answer, as data: sentences are made in `words`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from ..diagnostics.displacement import Displacement, displacement
+from ..diagnostics.hold_out import HoldOut
+from ..diagnostics.influence import ShotResult
+from ..diagnostics.outliers import OUTLYING, Robust
+from ..misfit import LACK_OF_FIT, Criterion
+from ..posterior.posterior import PosteriorSummary
+from ..recordings.steps import RecordingSteps
+from ..solution import Solution, undecided_names
+
+
+@dataclass(frozen=True)
+class NotConverged:
+    """The fit did not converge; `reason` is the optimiser's."""
+
+    reason: str
+
+
+@dataclass(frozen=True)
+class OtherBasins:
+    """So many more sets of offsets fit nearly as well; `undecided` are the parameters that have no number
+    because of them."""
+
+    count: int
+    undecided: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class NoPosterior:
+    """The posterior has not converged: its draws are not shown."""
+
+    posterior: PosteriorSummary
+
+
+@dataclass(frozen=True)
+class HeldOutMisfit:
+    """Residuals at held-out targets are `factor` times what noise and fit explain."""
+
+    targets: tuple[str, ...]
+    rms_mm: float
+    factor: float
+
+
+@dataclass(frozen=True)
+class RobustNotConverged:
+    """The robust fit did not converge."""
+
+    reason: str
+
+
+@dataclass(frozen=True)
+class PoorCurvature:
+    """The posterior was not sampled although the intervals by the curvature may not hold: those of these
+    `parameters` (of all if not `tested`)."""
+
+    parameters: tuple[str, ...]
+    tested: bool
+
+
+@dataclass(frozen=True)
+class Outlying:
+    """Measurements whose residuals are too large for chance: by the robust fit, or by the likelihood."""
+
+    measurements: tuple[int, ...]
+    robust: bool
+
+
+@dataclass(frozen=True)
+class FileWarning:
+    """What the reader of the file noticed, in its words."""
+
+    text: str
+
+
+Finding = (
+    NotConverged
+    | Criterion
+    | OtherBasins
+    | NoPosterior
+    | PoorCurvature
+    | Displacement
+    | HeldOutMisfit
+    | RobustNotConverged
+    | Outlying
+    | FileWarning
+)
+
+
+def on_the_model(solution: Solution) -> Iterator[Finding]:
+    """Findings against a fit as a whole."""
+    if not solution.fit.converged:
+        yield NotConverged(solution.fit.reason)
+    if solution.misfit is not None:
+        yield from solution.misfit.criteria
+    if solution.fit.other_basins:
+        undecided = undecided_names(solution.null_space)
+        yield OtherBasins(solution.fit.other_basins, undecided)
+
+
+def moved_target(solution: Solution) -> Displacement | None:
+    """The displacement of a target, if there is a significant one that links within their tolerances do not
+    explain as well."""
+    moved = displacement(solution.fit) if solution.converged else None
+    if moved is None or not moved.significant:
+        return None
+    rival = solution.link_columns
+    moved = moved if rival is None else displacement(solution.fit, rival)
+    return moved if moved is not None and moved.significant else None
+
+
+def findings(
+    solution: Solution,
+    posterior: PosteriorSummary,
+    shots: Sequence[ShotResult],
+    robust: Robust | None,
+    held_out: HoldOut | None,
+    steps: RecordingSteps,
+    warnings: Sequence[str],
+) -> tuple[Finding, ...]:
+    """All of a result, the gravest first; `warnings` are those of the run's file. A target that was off for
+    some measurements only has not moved: its step is said where the recordings are (`steps`)."""
+    moved = moved_target(solution)
+    if moved is not None and moved.at.target in {step.target for step in steps.rows}:
+        moved = None
+    return (
+        *on_the_model(solution),
+        *((NoPosterior(posterior),) if posterior.draws and not posterior.converged else ()),
+        *_on_omitted(posterior),
+        *(() if moved is None else (moved,)),
+        *on_held_out(held_out),
+        *(_on_shots(solution, shots) if robust is None else _on_robust(robust)),
+        *(FileWarning(text) for text in warnings),
+    )
+
+
+def _on_omitted(posterior: PosteriorSummary) -> Iterator[Finding]:
+    left_out = posterior.omitted
+    if left_out is not None and not left_out.enough:
+        yield PoorCurvature(left_out.poor, left_out.tested)
+
+
+def on_held_out(held_out: HoldOut | None) -> Iterator[Finding]:
+    """Residuals at held-out targets that noise and fit do not explain."""
+    if held_out is None or held_out.p_value is None or held_out.p_value >= LACK_OF_FIT:
+        return
+    assert held_out.chi2 is not None
+    assert held_out.rms_mm is not None
+    assert held_out.dof
+    yield HeldOutMisfit(held_out.targets, held_out.rms_mm, float(np.sqrt(held_out.chi2 / held_out.dof)))
+
+
+def _on_robust(robust: Robust) -> Iterator[Finding]:
+    if not robust.converged:
+        yield RobustNotConverged(robust.reason)
+    elif robust.outliers:
+        yield Outlying(robust.outliers, robust=True)
+
+
+def _on_shots(solution: Solution, shots: Sequence[ShotResult]) -> Iterator[Finding]:
+    """Single measurements that stand out, unless so many do that it is the model that does not fit."""
+    if solution.against_noise.p_value is None:
+        return
+    whitened = np.array([shot.whitened for shot in shots])
+    p_values = scipy.special.chdtrc(len(shots[0].miss_mm), whitened**2) * len(shots)
+    outlying = [int(i) for i in np.argsort(-whitened) if p_values[i] < OUTLYING]
+    if 0 < len(outlying) <= max(3, len(shots) // 10):
+        yield Outlying(tuple(shots[i].shot for i in outlying), robust=False)

@@ -1,0 +1,232 @@
+"""The answer of an analysis, as a value: what is known, how well, and what cannot be known.
+
+Units are those that people read (degrees, millimetres), as in `result.json`. Whatever has no
+answer is None, and every None has one stated meaning.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from ..covariance import OffsetsWithoutPrior
+from ..diagnostics.accuracy import Accuracy
+from ..diagnostics.budget import Budget
+from ..diagnostics.diagnosis import Explanation
+from ..diagnostics.hold_out import HoldOut, PlacementResult
+from ..diagnostics.influence import ShotResult
+from ..diagnostics.outliers import Robust
+from ..diagnostics.scene import RunScene
+from ..misfit import Misfit
+from ..observability.geometry import GeometryResult
+from ..observability.identifiability import Identifiability
+from ..posterior.intervals import Intervals
+from ..posterior.posterior import PosteriorSummary
+from ..solution import ParameterTable
+from ..status import UnsoundResult, Verdict, as_grave, known, verdict_of
+from .findings import Finding
+
+RESULT_SCHEMA = "zerobeam/result/1"
+
+
+@dataclass(frozen=True)
+class LikelihoodSummary:
+    """The likelihood fit in numbers; `reason` is why the optimiser stopped.
+
+    `chi2` of the residuals, `dof` the numbers left over, `p_value` None where the noise is estimated
+    (`noise_scale` is then its multiple of the stated, unless joints and spot have factors of their own) or no
+    number is left over.
+    """
+
+    converged: bool
+    reason: str
+    iterations: int
+    cost: float
+    rms_mm: float
+    rms_before_mm: float
+    chi2: float
+    dof: int
+    p_value: float | None
+    noise_scale: float | None
+    noise_known: bool
+    other_basins: int
+
+
+@dataclass(frozen=True)
+class MidpointSummary:
+    """The paper's own fit (eq. 8). `available` is False where its cost is not defined for these data
+    (parallel beams, say); `unused` are targets that it could not use."""
+
+    available: bool
+    converged: bool
+    reason: str
+    iterations: int
+    cost: float | None
+    rms_mm: float | None
+    message: str | None
+
+    def __post_init__(self) -> None:
+        if not self.available and (self.cost is not None or self.rms_mm is not None):
+            raise UnsoundResult("the midpoint fit is not available, yet it has numbers")
+
+
+@dataclass(frozen=True)
+class DistanceResult:
+    """A stated distance between two targets next to what the fit makes of it."""
+
+    between: tuple[str, str]
+    mm: float
+    sigma_mm: float
+    estimate: float | None
+    std: float | None
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What the result was made from: enough to make it again."""
+
+    run: str
+    sha256: str
+    robot: str
+    shots: int
+    targets: tuple[str, ...]
+    seed: int
+    versions: dict[str, str]
+    header: dict[str, object]
+    vendor: str | None = None
+
+    @property
+    def tool(self) -> Literal["laser", "probe"]:
+        """The kind of the tool."""
+        return "laser" if self._of("tool").get("kind", "laser") == "laser" else "probe"
+
+    @property
+    def calibrated(self) -> bool:
+        """Whether the tool was taken as known."""
+        return bool(self._of("tool").get("calibrated", True))
+
+    @property
+    def noise_known(self) -> bool:
+        """Whether the noise was taken as known, and not estimated."""
+        return self._of("noise").get("scale", "known") == "known"
+
+    @property
+    def provenance(self) -> dict[str, object]:
+        """What the run says of its origin."""
+        return self._of("provenance")
+
+    def _of(self, key: str) -> dict[str, object]:
+        value = self.header.get(key)
+        return value if isinstance(value, dict) else {}
+
+
+@dataclass(frozen=True)
+class Result:
+    """The whole answer to a recorded run as data, in degrees and mm: what `result.json` and a report say.
+
+    Attributes
+    ----------
+    verdict : str
+        "pass", "weak" or "degenerate", over all offsets; "misfit" where the model does not describe the
+        measurements.
+    parameters : ParameterTable
+        A row for each parameter.
+    identifiability : Identifiability
+        Rank, singular values, and the null-space directions with causes.
+    likelihood, midpoint, robust, hold_out
+        The fits; the last two are None where they were not asked for.
+    placements : PlacementResult
+        Each placement left out in turn, jackknife, correlation and steps of the recordings.
+    geometry : GeometryResult
+        Tolerances, the model ladder, and what the offsets are worth with nominal geometry.
+    posterior : PosteriorSummary
+        Diagnostics and summaries of the draws.
+    shots, distances, intervals, accuracy, budget, scene
+        Residuals and influence of each measurement, stated distances, 95 % intervals by several methods,
+        accuracy at the TCP, uncertainty budget, what a picture needs.
+    misfit : Misfit or None
+        Why the model does not describe the measurements; None where nothing speaks against it.
+    findings : tuple
+        What a reader must not miss, the gravest first.
+    inputs : Inputs
+        What the answer was made from.
+    diagnosis : tuple
+        What explains a misfit, the best explanation first; empty where nothing does or there is none.
+    without_prior : OffsetsWithoutPrior or None
+        The identifiable offsets without any prior, with their covariance; None where there is none.
+
+    Raises
+    ------
+    UnsoundResult
+        One part claims more than the statuses in `parameters` allow.
+
+    Examples
+    --------
+    >>> import zerobeam as zb
+    >>> from zerobeam.experiments.demos import demo_runs
+    >>> result = zb.analyse(zb.read_run(demo_runs()[0].path), ess=100).result
+    >>> result.likelihood.dof, result.inputs.robot
+    (6, 'irb1600')
+    """
+
+    verdict: Verdict
+    parameters: ParameterTable
+    identifiability: Identifiability
+    likelihood: LikelihoodSummary
+    midpoint: MidpointSummary
+    geometry: GeometryResult
+    posterior: PosteriorSummary
+    shots: tuple[ShotResult, ...]
+    distances: tuple[DistanceResult, ...]
+    intervals: tuple[Intervals, ...]
+    accuracy: Accuracy
+    budget: tuple[Budget, ...]
+    robust: Robust | None
+    hold_out: HoldOut | None
+    placements: PlacementResult
+    scene: RunScene | None
+    misfit: Misfit | None
+    findings: tuple[Finding, ...]
+    inputs: Inputs
+    diagnosis: tuple[Explanation, ...] = ()
+    without_prior: OffsetsWithoutPrior | None = None
+
+    def __post_init__(self) -> None:
+        needed = verdict_of(row.status for row in self.parameters if row.group == "offset")
+        if not as_grave(self.verdict, needed):
+            raise UnsoundResult(
+                f"verdict {self.verdict!r}, but the statuses of its offsets make it {needed!r}"
+            )
+        if (self.verdict == "misfit") != (self.misfit is not None):
+            raise UnsoundResult(f"verdict {self.verdict!r}, but misfit is {self.misfit}")
+        if self.misfit is not None:
+            trusted = {row.name for row in self.parameters if row.status in ("identified", "weak")}
+            self._refuse(trusted, "a status that a misfit does not allow")
+        elif any(row.status == "unvalidated" for row in self.parameters):
+            raise UnsoundResult("a parameter is unvalidated, but there is no misfit")
+        held = {row.name for row in self.parameters if row.held}
+        unknown = {row.name for row in self.parameters if not known(row.status)}
+        if self.without_prior is not None:
+            self._refuse(unknown & set(self.without_prior.names), "a value without prior")
+        self._refuse(unknown & {row.name for row in self.intervals}, "an interval")
+        self._refuse(unknown & {row.name for row in self.budget}, "a budget")
+        self._refuse(
+            unknown & {row.name for row in self.posterior.parameters or () if row.source == "data"},
+            "a posterior from the data",
+        )
+        if self.robust is not None:
+            self._refuse(
+                unknown & {row.name for row in self.robust.parameters if row.estimate is not None},
+                "a robust estimate",
+            )
+        if self.placements.jackknife is not None:
+            self._refuse(unknown & {row.name for row in self.placements.jackknife.offsets}, "a jackknife")
+        if self.scene is not None:
+            self._refuse((unknown - held) & set(self.scene.coordinates), "a place in the scene")
+
+    @staticmethod
+    def _refuse(names: set[str], what: str) -> None:
+        if names:
+            raise UnsoundResult(
+                f"{', '.join(sorted(names))} cannot be determined, yet the result has {what} of it"
+            )
