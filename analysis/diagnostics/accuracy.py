@@ -96,7 +96,7 @@ class Map:
 
 
 @dataclass(frozen=True)
-class Accuracy:
+class TcpAccuracy:
     """The TCP's accuracy over the workspace.
 
     `point_mm` in the flange frame, `place` says in words what it is. `workspace` is over the joints' limits,
@@ -125,7 +125,7 @@ class Accuracy:
             raise UnsoundResult("accuracy is claimed although it depends on what the data do not determine")
 
 
-def accuracy(solution: Solution, point: Matrix | None = None) -> Accuracy:
+def accuracy(solution: Solution, point: Matrix | None = None) -> TcpAccuracy:
     """The accuracy of `point` (3,) mm in the flange frame, by default the tool's stated one, as above."""
     problem, fit = solution.problem, solution.fit
     parameters, offsets = problem.parameters, problem.parameters.block("offset")
@@ -156,7 +156,7 @@ def accuracy(solution: Solution, point: Matrix | None = None) -> Accuracy:
         shown = by_offset[:, :, whole] / parameters.display[offsets][:, None]
         sensitivity = tuple(map(tuple, ((shown @ shown.transpose(0, 2, 1)).sum(axis=0) / _POSTURES).tolist()))
         weak = tuple(names[i] for i in np.flatnonzero(enters & np.equal(status, "weak")))
-    return Accuracy(
+    return TcpAccuracy(
         point_mm=(float(point[0]), float(point[1]), float(point[2])),
         place=location,
         workspace=workspace,

@@ -302,8 +302,8 @@ def _require_comparable(one: Repeat, other: Repeat) -> None:
         )
 
     def refuse(what: str, mine: object, yours: object, allowed: str, remedy: str) -> None:
-        found = f"{mine} in {one.name}, {yours} in {other.name}"
-        raise BadInput(what, found=found, allowed=allowed, remedy=remedy)
+        difference = f"{mine} in {one.name}, {yours} in {other.name}"
+        raise BadInput(what, found=difference, allowed=allowed, remedy=remedy)
 
     if one.robot != other.robot:
         remedy = "compare the runs of each robot on their own"
