@@ -18,6 +18,7 @@ import scipy
 
 from ...model.arrays import Index, Matrix
 from ..estimation.fit import LikelihoodFit
+from ..recordings.recordings import by_targets
 
 _SIGNIFICANCE = 1e-3  # that a run without a displacement is said to have one; that what is left is not noise
 _REACH = 0.01  # what moves the residuals by less (stds, within its prior std) explains none of them
@@ -210,13 +211,8 @@ class _Residuals(NamedTuple):
 def _displaced(fit: LikelihoodFit, left: _Residuals) -> tuple[list[ChangePoint], Matrix, Matrix, float]:
     """All change points (C,), the information (C, 3, 3) on displacements there (1 / mm^2), the slopes (C, 3),
     and the information below which a direction is not determined."""
-    problem, parameters = fit.problem, fit.problem.parameters
-    shots, d = left.residual.shape
-    rows = np.arange(shots)
-    columns = problem.columns[:, parameters.in_shot("target")]
-    by_place = fit.whitened.jacobian[: shots * d].reshape(shots, d, -1)
-    by_place = by_place[rows[:, None, None], np.arange(d)[:, None], columns[:, None, :]]
-    by_place = by_place / parameters.prior_std[columns][:, None, :]
+    problem = fit.problem
+    by_place = by_targets(problem, fit.whitened)
     by_residual = -(by_place.transpose(0, 2, 1) @ left.residual[:, :, None])[:, :, 0]
     squares = by_place.transpose(0, 2, 1) @ by_place
     shared = left.basis.transpose(0, 2, 1) @ by_place

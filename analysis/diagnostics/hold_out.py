@@ -20,7 +20,7 @@ from ...model.errors import BadInput
 from ...model.likelihood.density import Density
 from ...model.likelihood.problem import Problem, rms_length
 from ..estimation.fit import fit_likelihood, modes, unbiased_weight
-from ..observability.gauges import information_root
+from ..observability.gauges import ROUNDING, information_root
 from ..placements import Placement, placements
 from ..recordings.recordings import Effective
 from ..recordings.steps import RecordingSteps, steps
@@ -34,7 +34,6 @@ _STEPS = 12
 _SETTLED = (
     0.02  # size of the gradient, in posterior stds: what is left is along gauges, where only priors pull
 )
-_ROUNDING = 1e-11  # singular values below this share are rounding
 
 
 @dataclass(frozen=True)
@@ -416,7 +415,7 @@ def _determined(solution: Solution, fits: Sequence[FitWithoutPlacement]) -> Mask
         )
         _, singular, right = np.linalg.svd(np.linalg.qr(jacobian[np.ix_(rows, stay)], mode="r"))
         singular = np.append(singular, np.zeros(right.shape[1] - len(singular)))
-        floor = _ROUNDING * max(float(singular.max(initial=0.0)), 1.0)
+        floor = ROUNDING * max(float(singular.max(initial=0.0)), 1.0)
         std = np.sqrt(((right.T / np.maximum(singular, floor)) ** 2).sum(axis=1))
         result[row, np.flatnonzero(free)[stay]] = std < 1.0
     return result

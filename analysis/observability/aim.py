@@ -18,7 +18,7 @@ from ..estimation.threads import one_blas_thread
 
 _ITERATIONS = 60
 _LARGEST_STEP = 0.2  # rad (or as a share of a metre for prismatic joints): keeps Newton's steps local
-_HIT_MM = 1e-6
+HIT_MM = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,13 +74,18 @@ def moving_joints(joints: Matrix) -> Matrix:
     return np.where(spread > 0, np.var(joints, axis=0), 0.0)
 
 
+def joint_scale(problem: Problem) -> Matrix:
+    """(n,) a radian, or a metre in mm."""
+    return np.array([1.0 if joint.kind == "revolute" else 1000.0 for joint in problem.robot.joints])
+
+
 def aim(problem: Problem, x: Matrix, weights: Matrix) -> Aimed:
     """Turn every shot onto its target by the joints with a weight (n,), at the parameters x: (p,), or (N, p)
     with own ones for every shot.
 
     Damped Gauss-Newton in the joints with the smallest weighted turn; the exact Jacobian of the residual.
     """
-    scale = np.array([1.0 if joint.kind == "revolute" else 1000.0 for joint in problem.robot.joints])
+    scale = joint_scale(problem)
     weights = weights * scale**2
     d = problem.tool.residual_size
     joints = problem.joints.copy()
@@ -92,7 +97,7 @@ def aim(problem: Problem, x: Matrix, weights: Matrix) -> Aimed:
     before_last_step = np.full(problem.shots, np.inf if weights.any() else 0.0)
     for _ in range(_ITERATIONS):
         # One step more than the hit needs: an exact gauge shows as one only where the residual is rounding.
-        going_on = before_last_step[active] >= _HIT_MM * 1e-3
+        going_on = before_last_step[active] >= HIT_MM * 1e-3
         active, residual, jacobian = active[going_on], residual[going_on], jacobian[going_on]
         if len(active) == 0:
             break
@@ -113,7 +118,7 @@ def aim(problem: Problem, x: Matrix, weights: Matrix) -> Aimed:
         nearer = active[better]
         best[nearer], smallest[nearer] = joints[nearer], size[better]
     aimed = problem.moved(best)
-    return Aimed(aimed, off, smallest < _HIT_MM, _ahead(aimed, x))
+    return Aimed(aimed, off, smallest < HIT_MM, _ahead(aimed, x))
 
 
 def _ahead(problem: Problem, x: Matrix) -> Mask:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...model.arrays import Mask, Matrix
 from ...model.likelihood.problem import Problem
-from .aim import aim, moving_joints
+from .aim import HIT_MM, aim, joint_scale, moving_joints
 
 ROUNDING = 1e-11  # singular values below this share of a unit column are rounding
 _ROUNDING_SPECIAL = 1e-9  # the same near a special point, where measurements come to hit by small steps only
@@ -22,7 +22,6 @@ _NEARER = 6  # halvings of the way to them, until all shots can hit there
 _NEARER_FOLLOWED = 12  # the same where they must be the same shots besides
 _CANNOT_FOLLOW = 1e-6  # of a residual by its joints: smallest singular value by the largest
 _PREDICTED = 0.1  # of a residual may be left by one Newton step: else it may come to another posture
-_HIT_MM = 1e-6
 _AIMED_AT_ONCE = 5000  # shots: more are no faster
 
 
@@ -197,7 +196,7 @@ def _followed(aimed: Problem, x: Matrix, hit: Mask, moving: Mask) -> bool:
     that joint, one off the axis at two turns only.
     """
     _, jacobian_mm = aimed.linearise(x)
-    by_joints = (aimed.by_joints(jacobian_mm) * _joint_scale(aimed))[hit][:, :, moving]
+    by_joints = (aimed.by_joints(jacobian_mm) * joint_scale(aimed))[hit][:, :, moving]
     if by_joints.shape[2] < aimed.tool.residual_size:
         return len(by_joints) == 0
     singular = np.linalg.svd(by_joints, compute_uv=False)
@@ -267,7 +266,7 @@ def _step(problem: Problem, rng: np.random.Generator, target_mm: float) -> Matri
 def _same_shots(aimed: Problem, x: Matrix, other: Matrix, hit: Mask, weights: Matrix) -> bool:
     """Whether the shots of `hit` (N,), aimed at x, come to hit at `other` as their Jacobian at x predicts:
     one step of Newton's by the joints with a weight (n,) leaves little of their residuals."""
-    weights = weights * _joint_scale(aimed) ** 2
+    weights = weights * joint_scale(aimed) ** 2
     _, jacobian_mm = aimed.linearise(x)
     residual, _ = aimed.linearise(other)
     by_joints = aimed.by_joints(jacobian_mm)[hit]
@@ -278,12 +277,7 @@ def _same_shots(aimed: Problem, x: Matrix, other: Matrix, hit: Mask, weights: Ma
     joints[hit] -= weights * (by_joints.transpose(0, 2, 1) @ across)[:, :, 0]
     left, _ = aimed.linearise(other, joints)
     before, after = (np.linalg.norm(moved[hit], axis=1) for moved in (residual, left))
-    return bool((after <= _PREDICTED * before + _HIT_MM).all())
-
-
-def _joint_scale(problem: Problem) -> Matrix:
-    """(n,) a radian, or a metre in mm."""
-    return np.array([1.0 if joint.kind == "revolute" else 1000.0 for joint in problem.robot.joints])
+    return bool((after <= _PREDICTED * before + HIT_MM).all())
 
 
 def _confirm(null: _NullSpace, near_by: list[_NearBy], followed: bool) -> tuple[int, Mask]:

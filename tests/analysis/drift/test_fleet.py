@@ -72,6 +72,16 @@ def test_normal_likelihoods_given_mu_and_tau_have_the_closed_form() -> None:
         assert mean == pytest.approx(shrunk, abs=0.05)
 
 
+def test_more_rates_are_sampled_about_the_product_of_likelihood_and_model() -> None:
+    (cloud,) = normal_likelihood(np.array([-6.0]), 0.8)
+    cloud.extend(np.array([-3.0]), np.array([0.5]), 0)
+    (mean,), ((root,),) = cloud.passes[-1]
+    precision = 1 / 0.8**2 + 1 / 0.5**2
+    assert mean == pytest.approx((-6.0 / 0.8**2 - 3.0 / 0.5**2) / precision, abs=0.1)
+    assert root == pytest.approx(1.3 / math.sqrt(precision), rel=0.1)
+    assert len(cloud.points) == len(cloud.log_likelihood) == 8000 + 256
+
+
 def test_the_slope_of_the_density_is_that_of_differences() -> None:
     clouds, at, step = normal_likelihood(np.array([-6.0, -4.0]), 0.8), np.array([0.7, -0.4]), 1e-5
     _, slope = fleet._density(clouds, at)
