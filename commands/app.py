@@ -29,8 +29,7 @@ def app(
     """Look at robots and plans in the browser, offline. Ctrl-C ends it."""
     if any(find_spec(needed) is None for needed in ("starlette", "uvicorn")):
         raise missing_extra("the app", "app")
-    from ..app.server.opening import leading_to
-    from ..app.server.serve import serve
+    from ..app.server.serve import leading_to, serve
 
     def told(address: str) -> None:
         out.print(f"The app: {address}", soft_wrap=True, markup=False, highlight=False)

@@ -1,4 +1,4 @@
-"""The commands that check plans, and that analyse, report and compare runs."""
+"""The commands that check plans, and that analyse, report, compare and batch runs."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..model.errors import BadInput
-from .console import EXIT_STATUS, FAULT, out, print_json, print_picture, progress
-from .options import Json, Picture, PlanFile, RunFile, Seed
+from ..model.errors import BadInput, WorkersLost
+from .console import EXIT_STATUS, FAULT, err, out, print_json, print_picture, progress
+from .options import Json, Picture, PlanFile, RunFile, Scheduler, Seed, Workers, asked_cluster
 
 if TYPE_CHECKING:
-    from ..analysis.analyse import Analysis
+    from ..analysis.analyse import Analysis, Sampling
     from ..analysis.estimation.robust import Loss
 
 
@@ -174,8 +174,7 @@ def compare(
 ) -> None:
     """Do repeated runs agree? Their scatter against the prediction, drift, and an outlying run."""
     from ..analysis.repeatability.compare import compare as compare_runs
-    from ..reports.repeatability.comparison_folder import check_target, write_comparison
-    from ..reports.repeatability.comparison_json import comparison_json
+    from ..reports.repeatability.comparison_folder import check_target, comparison_json, write_comparison
     from ..reports.repeatability.comparison_page import print_comparison
 
     if folder is not None:
@@ -233,3 +232,64 @@ def _analysed(
 
 def _status(found: Analysis) -> int:
     return EXIT_STATUS[found.verdict] if found.converged else FAULT
+
+
+_SAMPLING: dict[bool | None, Sampling] = {None: "where needed", True: "always", False: "never"}
+
+
+def batch(
+    runs: Annotated[
+        list[Path],
+        typer.Argument(help="Run files (.jsonl), or folders of them.", metavar="RUN...", show_default=False),
+    ],
+    folder: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.", show_default=False)],
+    pattern: Annotated[
+        str, typer.Option("--glob", help="Which files of a folder are runs.", metavar="PATTERN")
+    ] = "**/*.jsonl",
+    report: Annotated[bool, typer.Option("--report", help="Write the report of each run, too.")] = False,
+    posterior: Annotated[
+        bool | None,
+        typer.Option(
+            "--posterior/--no-posterior",
+            help="Sample the posterior of every run, or of none; by default where the curvature at the mode"
+            " does not describe it.",
+            show_default=False,
+        ),
+    ] = None,
+    parquet: Annotated[bool, typer.Option("--parquet", help="Write the tables as Parquet, too.")] = False,
+    as_json: Json = False,
+    seed: Seed = 0,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    ess: Annotated[
+        float,
+        typer.Option(min=100, max=1e5, help="Effective sample size of the posteriors, for every parameter."),
+    ] = 1000.0,
+) -> None:
+    """Solve many runs: results, reports if asked, tables, and one page over all."""
+    from ..experiments.batch import BatchSettings, run_files
+    from ..reports.batch.batch_folder import batch_json, require_parquet
+    from ..reports.batch.batch_page import print_batch
+    from ..reports.batch.carried_out import STORE, check_target
+    from ..reports.batch.carried_out import batch as carry_out
+
+    if parquet:
+        require_parquet()
+    check_target(folder)
+    files = run_files(runs, pattern, folder)
+    sampling = _SAMPLING[posterior]
+    settings = BatchSettings(seed=seed, ess=ess, sampling=sampling, report=report)
+    try:
+        with asked_cluster(workers, scheduler), progress("batch") as tell:
+            done = carry_out(files, folder, settings, tell, parquet=parquet)
+    except (KeyboardInterrupt, WorkersLost):
+        if (folder / STORE).exists():
+            kept = f"The finished runs are kept in {folder}: the same command goes on with them."
+            err.print(kept, markup=False, soft_wrap=True)
+        raise
+    if as_json:
+        print_json(batch_json(done))
+    else:
+        print_batch(out, done)
+        out.print(f"Page: {folder / 'batch.html'}", soft_wrap=True, markup=False)
+    raise typer.Exit(0 if done.passed else 1)

@@ -17,11 +17,12 @@ from ..interruption import answered, requested
 from ..model.errors import RigFault, ZerobeamError
 from . import app as app_started
 from . import (
-    batches,
     carrying_out,
+    certificates,
     exporting,
     exporting_plans,
     exporting_programs,
+    history,
     importing,
     importing_points,
     judging,
@@ -30,7 +31,6 @@ from . import (
     studying,
 )
 from .console import FAULT, UNREAD, OutputLost, err, guarded_streams, out, plain
-from .history import certifying, keeping, reporting
 
 # Of a disk that is full or read-only, a quota, a limit of the process, a device that fails.
 _NO_ROOM = {errno.ENOSPC, errno.EROFS, errno.EFBIG, errno.EIO, getattr(errno, "EDQUOT", errno.ENOSPC)}
@@ -55,10 +55,8 @@ class _Commands(TyperGroup):
 
 for points, importer in importing_points.COMMANDS.items():
     importing.imports.command(points, hidden=points == "kuka")(importer)
-keeping.histories.command("drift")(reporting.drift)
-keeping.histories.command("report")(reporting.report)
-for certified in (certifying.certify, certifying.key, certifying.verify):
-    keeping.histories.command(certified.__name__)(certified)
+for certified in (certificates.certify, certificates.key, certificates.verify):
+    history.histories.command(certified.__name__)(certified)
 exporting.exports.command("plan")(exporting_plans.export_plan)
 exporting.exports.command("program")(exporting_programs.export_program)
 _COMMANDS = {
@@ -69,7 +67,7 @@ _COMMANDS = {
         judging.analyse,
         judging.report,
         judging.compare,
-        batches.batch,
+        judging.batch,
         planning.plan,
         planning.verify,
         robots.robot,
@@ -83,7 +81,7 @@ _GROUPS = {
     "import": importing.imports,
     "study": studying.studies,
     "export": exporting.exports,
-    "history": keeping.histories,
+    "history": history.histories,
 }
 
 

@@ -12,8 +12,7 @@ from ..analysis.repeatability.compare import compare as compare_runs
 from ..model.errors import BadInput
 from ..model.files.run import Run
 from ..reports.output.cards import card, text
-from ..reports.repeatability.comparison_folder import ComparisonPaths, write_comparison
-from ..reports.repeatability.comparison_json import comparison_json
+from ..reports.repeatability.comparison_folder import ComparisonPaths, comparison_json, write_comparison
 from ..reports.repeatability.comparison_page import comparison_page
 from ..reports.style.blocks import Page, Table
 from .arguments import require_number

@@ -7,7 +7,8 @@ import functools
 import inspect
 import json
 import traceback
-from collections.abc import AsyncIterator, Awaitable, Callable
+import zipfile
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -28,15 +29,12 @@ from ...model.files.whole_file import write_whole
 from ...reports.output.template import TEMPLATES, sheet
 from ...reports.style import typeface
 from .answers.results import read_result, report_files
-from .archive import archive
-from .asked import asked, error_json, require_plain
-from .end_point import EndPoint
-from .end_points import END_POINTS
+from .end_points import END_POINTS, description
 from .folder import Folder
 from .guard import LARGEST_BODY, SHOWN, Access, Guard, refusal
 from .job_commands import AskedJob, AskedLine, job_command
 from .jobs import Job, Jobs
-from .openapi import description
+from .requests import EndPoint, asked, error_json, require_plain
 
 _PAGE = Path(__file__).parents[1] / "page"
 PATIENCE_S = 120.0  # for the body of a request
@@ -286,3 +284,47 @@ async def _fault(request: Request, error: Exception) -> Response:
     return refusal(
         500, "this is a fault of zerobeam itself", to_do="please report it, with what the terminal says"
     )
+
+
+_PART = 2**18  # bytes read at once
+_PACKED = {".html", ".json", ".jsonl", ".svg", ".csv"}  # by what is worth it; the others are packed already
+
+
+def archive(files: Iterable[tuple[Path, str]]) -> Iterator[bytes]:
+    """The bytes of a zip archive of files, each with its name in it; one that has gone is left out."""
+    sink = _Sink()
+    with zipfile.ZipFile(sink, "w") as whole:  # type: ignore[call-overload]
+        for path, name in files:
+            try:
+                file = path.open("rb")
+            except OSError:
+                continue
+            packed = zipfile.ZIP_DEFLATED if path.suffix.lower() in _PACKED else zipfile.ZIP_STORED
+            with file:
+                entry = zipfile.ZipInfo.from_file(path, name, strict_timestamps=False)
+                entry.compress_type = packed
+                with whole.open(entry, "w", force_zip64=True) as inside:
+                    while part := file.read(_PART):
+                        inside.write(part)
+                        yield sink.taken()
+            yield sink.taken()
+    yield sink.taken()
+
+
+class _Sink:
+    """What a zip archive is written to: a stream that cannot go back."""
+
+    def __init__(self) -> None:
+        self._parts: list[bytes] = []
+
+    def write(self, data: bytes) -> int:
+        self._parts.append(bytes(data))
+        return len(data)
+
+    def flush(self) -> None:
+        """Nothing is held back."""
+
+    def taken(self) -> bytes:
+        """What was written since the last call."""
+        parts, self._parts = self._parts, []
+        return b"".join(parts)

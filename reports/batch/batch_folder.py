@@ -13,8 +13,7 @@ from ...model.files.whole_file import write_whole
 from ...words.result_json import dumps
 from ...words.spreadsheet import csv_text
 from ..output.html import html
-from .batch_page import Batch, batch_page
-from .uncertainty_figure import uncertainty_picture
+from .batch_page import Batch, batch_page, uncertainty_picture
 
 SCHEMA = "zerobeam/batch/1"
 PAGE, ANSWER, RUNS, OFFSETS = "batch.html", "batch.json", "runs.csv", "offsets.csv"

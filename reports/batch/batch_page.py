@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+from rich.console import Console
+from rich.text import Text
+
 from ...analysis.repeatability.odd_values import FEWEST, odd_values
-from ...experiments.batch.rows import BatchOffset, BatchRow, BatchSettings, Outcome
+from ...experiments.batch import BatchOffset, BatchRow, BatchSettings, Outcome
 from ...words import numbers
 from ...words.verdict import VERDICT_WORDS
 from ...words.wording import clipped, counted, label, person, shown
@@ -27,6 +32,10 @@ from ..style.blocks import (
     table_of,
 )
 from ..style.blocks import Verdict as Headline
+from ..style.canvas import Picture, new_figure, style, to_svg
+from ..style.console import VERDICT_STYLE, note, print_block
+from ..style.log_axis import set_log_scale
+from ..style.palette import light
 
 CHANCE = 0.01  # of a false alarm over all arms and offsets
 _MOST_ROWS = 1000
@@ -300,3 +309,73 @@ def _u(own: BatchOffset) -> str:
 def _caption(what: str, rows: object) -> str:
     count = len(rows)  # type: ignore[arg-type]
     return what if count <= _MOST_NAMED else f"{what}: the first {_MOST_NAMED} of {count:,}, runs.csv has all"
+
+
+_BINS = 36
+_LEAST_RANGE = 4.0  # of the axis, so that it has ticks
+_COLOUR = {"pass": "identified", "weak": "weak", "misfit": "misfit"}
+
+
+def uncertainty_picture(rows: Sequence[BatchRow]) -> Picture | None:
+    """A histogram on a logarithmic scale; None where no run has a number in degrees."""
+    found: dict[str, list[float]] = {name: [] for name in _COLOUR}
+    for row in rows:
+        worst = row.worst
+        if worst is not None and worst.unit == "deg" and worst.u is not None and row.outcome in found:
+            found[row.outcome].append(worst.u)
+    every = np.array([u for own in found.values() for u in own])
+    if not len(every):
+        return None
+    low, high = float(every.min()) / 1.05, float(every.max()) * 1.05
+    room = max(1.1, math.sqrt(_LEAST_RANGE * low / high))
+    edges = np.geomspace(low, high, _BINS + 1)
+    from matplotlib.ticker import MaxNLocator
+
+    with style():
+        figure = new_figure(2.2)
+        axes = figure.subplots()
+        shown = [name for name, own in found.items() if own]
+        axes.hist(
+            [found[name] for name in shown],
+            bins=edges.tolist(),
+            stacked=True,
+            color=[light(_COLOUR[name]) for name in shown],
+            label=shown,
+        )
+        set_log_scale(axes, "x", low / room, high * room)
+        axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
+        axes.set_xlabel("largest standard uncertainty u of an offset, °")
+        axes.set_ylabel("runs")
+        axes.legend()
+        svg = to_svg(figure, "uncertainty")
+    least, middle, most = (
+        numbers.significant(float(np.quantile(every, share)), 2, "deg") for share in (0, 0.5, 1)
+    )
+    return Picture(
+        "uncertainty",
+        "Largest standard uncertainty of an offset in each run whose offsets are all determined",
+        f"Histogram of {counted(len(every), 'run')}: from {least} to {most}, median {middle}. The table of"
+        " all runs has each.",
+        svg,
+    )
+
+
+_MOST_PRINTED = 20
+
+
+def print_batch(out: Console, done: Batch) -> None:
+    """How many have which outcome, and the failures with the first line of their message."""
+    page = batch_page(done)
+    out.print(
+        Text(f"{page.verdict.word}. ", style=VERDICT_STYLE[page.verdict.key]) + Text(page.verdict.sentence)
+    )
+    for text in page.notes:
+        out.print(note(text))
+    for block in page.sections[0].all:
+        print_block(out, block)
+    failed = [row for row in done.rows if row.outcome == "failed"]
+    for row in failed[:_MOST_PRINTED]:
+        first = row.message.splitlines()[0]
+        out.print(Text(f"{clipped(row.file, 60)}: ", style="bold") + Text(clipped(first, 200)))
+    if len(failed) > _MOST_PRINTED:
+        out.print(Text(f"… and {len(failed) - _MOST_PRINTED} more failures, in runs.csv"))

@@ -18,12 +18,9 @@ from ...words.result_json import dumps
 from ..output import whole_folder
 from ..output.page_files import write_page
 from ..output.whole_folder import LITTER, Kind, write_folder
-from .arm_page import ArmHistory, arm_page, headline
-from .arm_state import ArmState, state_json, state_row
-from .drift_text import drift_json
-from .due_figure import due_picture
-from .fleet_page import MOST_ROWS, Fleet, fleet_page
-from .fleet_text import fleet_drift_json
+from .arm_page import ArmHistory, ArmState, arm_page, headline, state_json, state_row
+from .drift_text import drift_json, fleet_drift_json
+from .fleet_page import MOST_ROWS, Fleet, due_picture, fleet_page
 from .lists import event_json, offset_rows, result_json
 from .trend_figure import trend_pictures
 

@@ -1,20 +1,22 @@
-"""The folder of a comparison: compare.html, compare.pdf, compare.json, offsets.csv, the figure."""
+"""The folder of a comparison: compare.html, .pdf, .json (docs/compare.md), offsets.csv, the figure."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
-from ...analysis.repeatability.compare import Comparison
+from ...analysis.repeatability.compare import CHANCE, ComparedOffset, ComparedRun, Comparison
+from ...analysis.repeatability.consistency import LEVEL
+from ...words.comparison import failure, headline, notes
 from ...words.result_json import dumps
 from ..output import whole_folder
 from ..output.page_files import write_page
 from ..output.whole_folder import Kind, write_folder
-from .comparison_json import SCHEMA, comparison_json
-from .comparison_page import comparison_page
-from .figure_runs import runs_picture
+from .comparison_page import comparison_page, runs_picture
 
+SCHEMA = "zerobeam/compare/1"
 _JSON, _TABLE = "compare.json", "offsets.csv"
 _KIND = Kind(
     "comparison", frozenset({"compare.html", "compare.pdf", _JSON, _TABLE, "figures"}), _JSON, SCHEMA
@@ -92,3 +94,77 @@ def _write_files(folder: Path, found: Comparison) -> list[str]:
         answer=(_JSON, dumps(comparison_json(found))),
         tables={_TABLE: offset_rows(found)},
     )
+
+
+def comparison_json(found: Comparison) -> dict[str, Any]:
+    """The answer of `compare --json` and `compare.json`."""
+    return {
+        "schema": SCHEMA,
+        "kind": found.kind,
+        "verdict": found.verdict,
+        "headline": headline(found),
+        "odd_run": found.odd_run,
+        "differing": list(found.differing),
+        "drifting": list(found.drifting),
+        "misfit": found.misfits,
+        "consistency": _plain(found.consistency),
+        "offsets": [_offset(row) for row in found.offsets],
+        "runs": [_run(run) for run in found.runs],
+        "held": list(found.held),
+        "failed": found.failed,
+        "settings": {
+            "seed": found.seed,
+            "level": LEVEL,
+            "chance": CHANCE,
+            "asked": list(found.asked),
+            "order": "time" if found.by_time else "given",
+            "at_unit": "h" if found.by_time else "run",
+        },
+        "versions": found.versions,
+        "notes": list(notes(found)),
+    }
+
+
+def _offset(row: ComparedOffset) -> dict[str, Any]:
+    mean, scatter, test = row.mean, row.scatter, row.test
+    return {
+        "name": row.name,
+        "unit": row.unit,
+        "runs": row.runs,
+        "unvalidated": row.unvalidated,
+        "std": scatter and scatter.std,
+        "std_interval95": scatter and list(scatter.interval95),
+        "predicted_std": row.predicted_std,
+        "ratio": test and test.ratio,
+        "ratio_interval95": test and list(test.ratio_interval95),
+        "chi2": test and test.chi2,
+        "dof": test and test.dof,
+        "p_value": test and test.p_value,
+        "p_holm": test and test.p_holm,
+        "drift": _plain(row.drift),
+        "mean": mean and mean.value,
+        "mean_interval95": mean and list(mean.interval95),
+        "mean_by": mean and mean.by,
+    }
+
+
+def _run(run: ComparedRun) -> dict[str, Any]:
+    return {
+        "name": run.name,
+        "sha256": run.sha256,
+        "robot": run.robot,
+        "shots": run.shots,
+        "when": run.when,
+        "at": run.at,
+        "failure": None if run.failure is None else failure(run.failure),
+        "misfit": run.misfit,
+        "odd": _plain(run.odd),
+        "offsets": [asdict(own) for own in run.offsets],
+    }
+
+
+def _plain(row: Any) -> dict[str, Any] | None:
+    """A dataclass of numbers with the names of its fields; tuples are lists."""
+    if row is None:
+        return None
+    return {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(row).items()}

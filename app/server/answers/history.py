@@ -9,8 +9,8 @@ from typing import Any
 from ....model.errors import BadInput
 from ....model.files.header import RUN_SCHEMA
 from ....words.wording import clipped
-from ..end_point import EndPoint
 from ..folder import Folder
+from ..requests import EndPoint
 from .results import Kept, ResultFile, read_result, sha256_of
 
 MOST_RUNS = 300  # the newest

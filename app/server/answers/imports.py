@@ -23,11 +23,9 @@ from ....model.files.robot_file import load_robot
 from ....model.files.validation import FileModel, as_tuple, validate
 from ....model.kinematics.pendant import Pendant
 from ....model.kinematics.robot import Robot
-from ..asked import Refused, keyed, refused
-from ..end_point import EndPoint
 from ..folder import Folder
+from ..requests import EndPoint, Refused, keyed, noted, refused
 from . import contents_process
-from .notes import noted
 from .robots import require_robot_inside, rounded, whole_ref
 
 _MOST_FILES = 200

@@ -29,10 +29,8 @@ from ....reports.run.parameters import unit_of, worth_column
 from ....words.observability import advice_sentence, over_target_sentence
 from ....words.result_json import check_json
 from ....words.verdict import violation_words
-from ..asked import NOWHERE, keyed
-from ..end_point import EndPoint
 from ..folder import Folder
-from .notes import noted
+from ..requests import NOWHERE, EndPoint, keyed, noted
 from .robots import arm_of, require_robot_inside, rounded, whole_ref
 
 MOST_POSTURES = 1000  # of a plan that is checked while somebody waits

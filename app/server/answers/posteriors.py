@@ -15,8 +15,8 @@ from ....model.errors import BadInput
 from ....model.files.validation import FileModel, as_tuple
 from ....model.likelihood.problem import Problem
 from ....words.wording import shown
-from ..end_point import EndPoint
 from ..folder import Folder
+from ..requests import EndPoint
 from .refits import FittedRun, fitted
 from .results import Kept
 

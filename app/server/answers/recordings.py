@@ -17,9 +17,8 @@ from ....words.findings import headline
 from ....words.rehearsal import SIMULATED
 from ....words.wording import person
 from ..begun import BegunRuns
-from ..end_point import EndPoint
 from ..folder import Folder
-from .notes import noted
+from ..requests import EndPoint, noted
 
 _MOST = 20  # of its measurements after each of which u is said
 _MOST_RUNS = 5  # that are offered to be resumed

@@ -17,8 +17,8 @@ from ....model.errors import BadInput
 from ....model.files.reading import parse_json, read_text, shown
 from ....reports.run.inputs import origin_of
 from ....reports.run.report_folder import REPORT_NAMES
-from ..end_point import EndPoint
 from ..folder import Folder
+from ..requests import EndPoint
 
 LARGEST_RESULT = 16 * 10**6  # bytes
 MOST_MEASUREMENTS = 1000  # listed: those of the largest residuals

@@ -31,7 +31,7 @@ from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import Run
 from zerobeam.model.files.shot import Shot
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.reports.repeatability.comparison_json import comparison_json
+from zerobeam.reports.repeatability.comparison_folder import comparison_json
 
 ROOT = Path(__file__).resolve().parents[3]
 Json = dict[str, Any]

@@ -13,8 +13,7 @@ from zerobeam.experiments.history.arm_drift import ArmDrift, arm_drift
 from zerobeam.experiments.history.entry import read_entry
 from zerobeam.experiments.history.fleet_drift import FleetDrift, fleet_drift
 from zerobeam.experiments.history.store import StoredResult
-from zerobeam.reports.history.drift_text import drift_blocks
-from zerobeam.reports.history.fleet_text import fleet_blocks, fleet_drift_json
+from zerobeam.reports.history.drift_text import drift_blocks, fleet_blocks, fleet_drift_json
 from zerobeam.reports.style.blocks import Block, Paragraph, Table
 
 

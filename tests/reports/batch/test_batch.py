@@ -9,15 +9,15 @@ import pytest
 from command_line import zerobeam
 
 from zerobeam.analysis.analyse import analyse
-from zerobeam.experiments.batch.rows import BatchOffset, BatchRow, BatchSettings
+from zerobeam.experiments.batch import BatchOffset, BatchRow, BatchSettings
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.run import read_run
-from zerobeam.reports.batch import carried_out, solving
+from zerobeam.reports.batch import carried_out
+from zerobeam.reports.batch import carried_out as solving
 from zerobeam.reports.batch.batch_folder import batch_json
-from zerobeam.reports.batch.batch_page import Batch, batch_page
+from zerobeam.reports.batch.batch_page import Batch, batch_page, uncertainty_picture
 from zerobeam.reports.batch.carried_out import batch
-from zerobeam.reports.batch.uncertainty_figure import uncertainty_picture
 from zerobeam.words.result_json import dumps, to_json
 
 GOOD, X_PATTERN, UNCALIBRATED = (run.path for run in demo_runs())

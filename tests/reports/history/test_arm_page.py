@@ -14,8 +14,7 @@ from chromium import PAPER, PHONE, Size, chromium
 from pages import Page, assert_fetches_nothing
 
 from zerobeam.model.errors import BadInput
-from zerobeam.reports.history.arm_page import ArmHistory, arm_page, headline
-from zerobeam.reports.history.arm_state import state_json
+from zerobeam.reports.history.arm_page import ArmHistory, arm_page, headline, state_json
 from zerobeam.reports.history.history_folder import arm_json, safe_name, write_arm, write_fleet
 from zerobeam.reports.history.trend_figure import trend_pictures
 from zerobeam.reports.output.html import html

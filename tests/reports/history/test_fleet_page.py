@@ -17,11 +17,16 @@ from zerobeam.experiments.history.arm_drift import NOT_SOON
 from zerobeam.experiments.history.fleet_drift import fleet_drift
 from zerobeam.model.errors import BadInput
 from zerobeam.reports.history import history_folder
-from zerobeam.reports.history.arm_page import ArmHistory
-from zerobeam.reports.history.arm_state import STATES, ArmState, State
-from zerobeam.reports.history.due_figure import due_counts, due_picture
-from zerobeam.reports.history.fleet_page import MOST_ROWS, Fleet, fleet_page, headline
-from zerobeam.reports.history.fleet_text import fleet_blocks
+from zerobeam.reports.history.arm_page import STATES, ArmHistory, ArmState, State
+from zerobeam.reports.history.drift_text import fleet_blocks
+from zerobeam.reports.history.fleet_page import (
+    MOST_ROWS,
+    Fleet,
+    due_counts,
+    due_picture,
+    fleet_page,
+    headline,
+)
 from zerobeam.reports.history.history_folder import write_arm, write_fleet
 from zerobeam.reports.output.html import html
 from zerobeam.reports.style.blocks import Table

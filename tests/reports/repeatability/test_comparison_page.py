@@ -25,10 +25,8 @@ from zerobeam.analysis.status import UnsoundResult
 from zerobeam.experiments.studies.table2 import PRINTED_MEAN, PRINTED_STD
 from zerobeam.model.errors import BadInput
 from zerobeam.reports.output.html import html
-from zerobeam.reports.repeatability.comparison_folder import write_comparison
-from zerobeam.reports.repeatability.comparison_json import comparison_json
-from zerobeam.reports.repeatability.comparison_page import comparison_page, print_comparison
-from zerobeam.reports.repeatability.figure_runs import runs_picture
+from zerobeam.reports.repeatability.comparison_folder import comparison_json, write_comparison
+from zerobeam.reports.repeatability.comparison_page import comparison_page, print_comparison, runs_picture
 from zerobeam.reports.style import blocks
 from zerobeam.reports.style.canvas import Picture
 

@@ -9,10 +9,10 @@ from typing import Annotated, Any
 
 import typer
 
-from ...model.errors import BadInput
-from ..console import out, plain, print_json
-from ..options import Json
-from .shared import Model, Serial, Url, opened
+from ..model.errors import BadInput
+from .console import out, plain, print_json
+from .history import Model, Serial, Url, opened
+from .options import Json
 
 VARIABLE = "ZEROBEAM_KEY_PASSPHRASE"
 SCHEMA = "zerobeam/verification/1"
@@ -32,7 +32,7 @@ def key(
     ] = False,
 ) -> None:
     """Make a pair of keys (Ed25519) to sign certificates with; no file is ever replaced."""
-    from ...experiments.history.signing import grouped, make_key, public_file, require_library
+    from ..experiments.history.signing import grouped, make_key, public_file, require_library
 
     require_library()
     found = make_key(file, _passphrase(twice=True) if passphrase else None)
@@ -64,13 +64,12 @@ def certify(
     db: Url = None,
 ) -> None:
     """Write a certificate of a result (JSON, HTML, PDF), each file signed."""
-    from ...experiments.history.signing import grouped, private_key, require_library
+    from ..experiments.history.signing import grouped, private_key, require_library
 
     require_library()
     with opened(db) as history:
-        from ...experiments.history.one_result import choose, whole_answer
-        from ...experiments.history.store import find_arm, results
-        from ...reports.history.certificate_folder import write_certificate
+        from ..experiments.history.store import choose, find_arm, results, whole_answer
+        from ..reports.history.certificate import write_certificate
 
         own = choose(list(results(history, find_arm(history, serial, model))), run, date)
         answer = whole_answer(history, own)
@@ -105,7 +104,7 @@ def verify(
 ) -> None:
     """Check the signatures of certificates, whether the files of each state one result, and with --db whether
     the history still holds it."""
-    from ...experiments.history.signing import (
+    from ..experiments.history.signing import (
         fingerprint,
         grouped,
         public_key,
@@ -113,7 +112,7 @@ def verify(
         require_library,
         why_not_signed,
     )
-    from ...reports.history.certificate_folder import files_of_certificate
+    from ..reports.history.certificate import files_of_certificate
 
     require_library()
     by = public_key(public)
@@ -141,8 +140,7 @@ def _verdict(file: Path, reason: str | None, check: str = "signature") -> dict[s
 
 def _of_one_result(signed: dict[Path, bytes]) -> list[dict[str, Any]]:
     """Of each file beside a certificate.json whether it is of that certificate."""
-    from ...reports.history.certificate import read_certificate
-    from ...reports.history.certificate_folder import JSON, why_not_of_certificate
+    from ..reports.history.certificate import JSON, read_certificate, why_not_of_certificate
 
     beside = {file.parent: read_certificate(own, file) for file, own in signed.items() if file.name == JSON}
     return [
@@ -154,7 +152,7 @@ def _of_one_result(signed: dict[Path, bytes]) -> list[dict[str, Any]]:
 
 def _against_history(db: str, files: list[Path], signed: dict[Path, bytes]) -> list[dict[str, Any]]:
     """Of each certificate.json whether the history agrees; what is not signed is not asked about."""
-    from ...reports.history.certificate import read_certificate, why_history_differs
+    from ..reports.history.certificate import read_certificate, why_history_differs
 
     if not any(file.suffix == ".json" for file in files):
         raise BadInput(

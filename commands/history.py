@@ -1,21 +1,72 @@
-"""`zerobeam history`: results added to a database, listed, shown, copied."""
+"""`zerobeam history`: a database of results of many arms: kept, listed, copied; their drift, their pages."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from ...model.errors import BadInput
-from ..console import err, out, plain, print_json, print_json_pieces, progress
-from ..options import Force, Json, Seed
-from .shared import Model, Serial, Url, damage_named, opened
+from ..model.errors import BadInput, missing_extra
+from .console import err, out, plain, print_json, print_json_pieces, progress
+from .options import Force, Json, Seed
 
 if TYPE_CHECKING:
-    from ...experiments.history.entry import Entry
-    from ...experiments.history.store import StoredResult
+    from datetime import datetime
+
+    from ..experiments.history.database import Database
+    from ..experiments.history.entry import Entry
+    from ..experiments.history.store import Damaged, StoredResult
+    from ..reports.history.arm_page import ArmHistory
+
+Url = Annotated[
+    str | None,
+    typer.Option(
+        "--db",
+        envvar="ZEROBEAM_HISTORY",
+        help="SQLite file, or postgresql://user@host/database. Default: history.sqlite in your data folder.",
+        metavar="URL",
+        show_default=False,
+    ),
+]
+Serial = Annotated[
+    str, typer.Argument(help="Serial number of the arm.", metavar="SERIAL", show_default=False)
+]
+Model = Annotated[
+    str | None,
+    typer.Option(help="Model of the arm, where several have this serial number.", show_default=False),
+]
+
+
+@contextmanager
+def opened(db: str | None, *, create: bool = False) -> Iterator[Database]:
+    if any(find_spec(needed) is None for needed in ("sqlalchemy", "alembic")):
+        raise missing_extra("a history", "history")
+    from ..experiments.history.database import open_history
+
+    history = open_history(db, create=create)
+    try:
+        yield history
+    finally:
+        history.engine.dispose()
+
+
+@contextmanager
+def damage_named() -> Iterator[Damaged]:
+    """Damaged results and events are named as errors, the rest goes on; at the end the exit status is 2."""
+    errors: list[BadInput] = []
+
+    def name(error: BadInput) -> None:
+        errors.append(error)
+        err.print(f"error: {plain(error)}", markup=False, soft_wrap=True)
+
+    yield name
+    if errors:
+        raise typer.Exit(BadInput.exit_status)
+
 
 histories = typer.Typer(
     help="Results of many arms over the years, in a database: what drifted, and when the next one is due.",
@@ -53,9 +104,9 @@ def add(
     as_json: Json = False,
 ) -> None:
     """Add results, each once; runs are solved first. A bad file is named, and the others are added."""
-    from ...experiments.history.entry import files_of, is_run, read_entry
-    from ...experiments.history.store import add as add_entries
-    from ...experiments.history.store import arm_of
+    from ..experiments.history.entry import files_of, is_run, read_entry
+    from ..experiments.history.store import add as add_entries
+    from ..experiments.history.store import arm_of
 
     counts: dict[str, int] = dict.fromkeys(("added", "replaced", "already there", "refused"), 0)
     failed: list[dict[str, str]] = []
@@ -119,9 +170,9 @@ def _other_result(path: Path, own: Entry, replace: bool) -> BadInput:
 @histories.command("list")
 def list_arms(db: Url = None, as_json: Json = False) -> None:
     """List the arms with their last results; with --json every result."""
-    from ...experiments.history.store import arms, results
-    from ...reports.history.lists import arms_table, history_text
-    from ...reports.style.console import print_block
+    from ..experiments.history.store import arms, results
+    from ..reports.history.lists import arms_table, history_text
+    from ..reports.style.console import print_block
 
     with damage_named() as damaged, opened(db) as history:
         if as_json:
@@ -133,9 +184,9 @@ def list_arms(db: Url = None, as_json: Json = False) -> None:
 @histories.command("show")
 def show(serial: Serial, model: Model = None, db: Url = None, as_json: Json = False) -> None:
     """Show the results and events of an arm, in the order of time."""
-    from ...experiments.history.store import events, find_arm, results
-    from ...reports.history.lists import SCHEMA, event_json, events_table, result_json, results_table
-    from ...reports.style.console import print_block
+    from ..experiments.history.store import events, find_arm, results
+    from ..reports.history.lists import SCHEMA, event_json, events_table, result_json, results_table
+    from ..reports.style.console import print_block
 
     with damage_named() as damaged:
         with opened(db) as history:
@@ -174,8 +225,8 @@ def event(
     db: Url = None,
 ) -> None:
     """Log what happened to an arm."""
-    from ...experiments.history.entry import moment
-    from ...experiments.history.store import Event, add_event, find_arm
+    from ..experiments.history.entry import moment
+    from ..experiments.history.store import Event, add_event, find_arm
 
     with opened(db) as history:
         arm = find_arm(history, serial, model)
@@ -197,10 +248,10 @@ def export(
     force: Force = False,
 ) -> None:
     """Write the results as a table (a row for each offset) or as JSON."""
-    from ...experiments.history.store import events, find_arm, results
-    from ...model.files.whole_file import write_whole
-    from ...reports.history.lists import history_text, offset_rows
-    from ...words.spreadsheet import csv_lines
+    from ..experiments.history.store import events, find_arm, results
+    from ..model.files.whole_file import write_whole
+    from ..reports.history.lists import history_text, offset_rows
+    from ..words.spreadsheet import csv_lines
 
     if file.suffix not in (".csv", ".json"):
         raise BadInput("no table of this kind is written", found=file.name, allowed=".csv or .json")
@@ -226,7 +277,7 @@ def backup(
     force: Force = False,
 ) -> None:
     """Copy the whole history into one SQLite file, while others go on working with it."""
-    from ...experiments.history.database import back_up
+    from ..experiments.history.database import back_up
 
     with opened(db) as history:
         count = back_up(history, file, force=force)
@@ -239,8 +290,131 @@ def restore(
     db: Url = None,
 ) -> None:
     """Copy a backup into an empty history, of SQLite or PostgreSQL."""
-    from ...experiments.history.database import restore as copy_back
+    from ..experiments.history.database import restore as copy_back
 
     with opened(db, create=True) as history:
         count = copy_back(file, history)
         out.print(f"{count} results: {history.name}", soft_wrap=True, markup=False, highlight=False)
+
+
+_SerialOrAll = Annotated[
+    str | None,
+    typer.Argument(help="Serial number of one arm (all).", metavar="[SERIAL]", show_default=False),
+]
+_Tolerance = Annotated[
+    float, typer.Option("--tolerance-mm", min=1e-6, max=1e6, help="TCP error that is tolerated, mm.")
+]
+
+
+@histories.command("drift")
+def drift(
+    serial: _SerialOrAll = None,
+    tolerance_mm: _Tolerance = 0.5,
+    model: Model = None,
+    db: Url = None,
+    as_json: Json = False,
+) -> None:
+    """Which changes of the offsets are real, how fast they walk, and when the next calibration is due."""
+    from ..experiments.history.arm_drift import arm_drift
+    from ..experiments.history.fleet_drift import drift_of_each, fleet_drift
+    from ..experiments.history.store import arms, events, find_arm, results
+    from ..reports.history.drift_text import (
+        SCHEMA,
+        arms_drift_table,
+        drift_blocks,
+        drift_json,
+        fleet_blocks,
+        fleet_drift_json,
+    )
+    from ..reports.style.console import print_block
+
+    with opened(db) as history, progress("drift") as tell:
+        fleet = None
+        if serial is None:
+            every = [(own.serial, own.model) for own in arms(history) if own.results]
+            jobs = ((arm, list(results(history, arm)), events(history, arm)) for arm in every)
+            found = drift_of_each(jobs, len(every), tolerance_mm, lambda stage, share: tell(stage, share / 2))
+            fleet = fleet_drift(found, lambda stage, share: tell(stage, (1 + share) / 2))
+        else:
+            arm = find_arm(history, serial, model)
+            tell(serial, 0.0)
+            found = [arm_drift(arm, list(results(history, arm)), events(history, arm), tolerance_mm)]
+    if as_json:
+        answer = {"schema": SCHEMA, "arms": [drift_json(own) for own in found]}
+        print_json(answer if fleet is None else {**answer, "fleet": fleet_drift_json(fleet)})
+    elif fleet is not None:
+        for block in (arms_drift_table(found), *fleet_blocks(fleet)):
+            print_block(out, block)
+    else:
+        for own in found:
+            out.print(f"{plain(own.serial)}, {plain(own.model)}", markup=False, highlight=False)
+            for block in drift_blocks(own):
+                print_block(out, block)
+
+
+@histories.command("report")
+def report(
+    folder: Annotated[Path, typer.Option("-o", "--out", help="Folder for the pages.", show_default=False)],
+    serial: _SerialOrAll = None,
+    tolerance_mm: _Tolerance = 0.5,
+    as_of: Annotated[
+        str | None,
+        typer.Option(
+            help="Day for which it is said what is overdue (default: of the last result in the history).",
+            show_default=False,
+        ),
+    ] = None,
+    model: Model = None,
+    db: Url = None,
+    as_json: Json = False,
+) -> None:
+    """Write the page of an arm, or of all arms with a page for each: HTML, PDF, JSON, CSV."""
+    from ..experiments.history.entry import moment
+    from ..experiments.history.store import arms, find_arm
+    from ..reports.history.arm_page import headline as arm_headline
+    from ..reports.history.fleet_page import headline as fleet_headline
+    from ..reports.history.history_folder import (
+        ARM_PAGE,
+        FLEET_PAGE,
+        arm_json,
+        check_arm_target,
+        check_fleet_target,
+        fleet_json,
+        write_arm,
+        write_fleet,
+    )
+
+    when = None if as_of is None else moment(as_of)
+    (check_fleet_target if serial is None else check_arm_target)(folder)
+    with opened(db) as history, progress("report") as tell:
+        every = arms(history)
+        when = when or max((own.last for own in every if own.last is not None), default=None)
+
+        def of(arm: tuple[str, str]) -> ArmHistory:
+            return _history_of(history, arm, tolerance_mm, when)
+
+        if serial is not None:
+            own = of(find_arm(history, serial, model))
+            tell("writing", 0.5)
+            write_arm(folder, own)
+            said, answer, page = arm_headline(own), arm_json(own), ARM_PAGE
+        else:
+            named = [(one.serial, one.model) for one in every if model in (None, one.model)]
+            fleet = write_fleet(folder, named, of, tolerance_mm, when, tell)
+            said, answer, page = fleet_headline(fleet), fleet_json(fleet), FLEET_PAGE
+    if as_json:
+        print_json(answer)
+    else:
+        out.print(plain(f"{said.word}. {said.sentence}"), soft_wrap=True, markup=False, highlight=False)
+        out.print(f"Report: {folder / page}", soft_wrap=True, markup=False, highlight=False)
+
+
+def _history_of(
+    history: Database, arm: tuple[str, str], tolerance_mm: float, as_of: datetime | None
+) -> ArmHistory:
+    from ..experiments.history.arm_drift import arm_drift
+    from ..experiments.history.store import events, results
+    from ..reports.history.arm_page import ArmHistory
+
+    found, happened = tuple(results(history, arm)), tuple(events(history, arm))
+    return ArmHistory(arm_drift(arm, found, happened, tolerance_mm), found, happened, as_of)

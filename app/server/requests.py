@@ -1,14 +1,35 @@
-"""What the page sends, held to a model, and how a refusal is said to it."""
+"""What programs and the page send, held to a model; how a refusal and notes are said to them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
+
+from pydantic import BaseModel
 
 from ...model.errors import BadInput, ZerobeamError
 from ...model.files.reading import DEEPEST, MOST_VALUES, Place
 from ...model.files.validation import Model, validate
+
+
+@dataclass(frozen=True)
+class EndPoint:
+    """`answer` is called with the folder, and with what was sent as the model `sent`, or with the texts of
+    the query by the names in `asked` (empty where one is missing). It returns JSON or raises a ZerobeamError.
+    A coroutine function waits for a process of its own; others are called one at a time.
+    """
+
+    path: str
+    method: str
+    says: str
+    answer: Callable[..., Any]
+    sent: type[BaseModel] | None = None
+    asked: tuple[str, ...] = ()
+
 
 Answer = TypeVar("Answer")
 
@@ -105,3 +126,14 @@ def error_json(error: ZerobeamError, say: Callable[[str], str] = str) -> dict[st
 
 
 NOWHERE = "plan"  # what a plan that is in no file is called
+
+
+@contextmanager
+def noted() -> Iterator[list[str]]:
+    """The notes of our own that are given within, for the page instead of the terminal."""
+    notes: list[str] = []
+    ours = __package__.partition(".")[0]
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        yield notes
+    notes += [str(note.message) for note in caught if note.category.__module__.startswith(ours)]
