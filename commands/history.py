@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
@@ -11,16 +11,19 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from ..model.errors import BadInput, missing_extra
-from .console import err, out, plain, print_json, print_json_pieces, progress
+from .console import err, out, print_json, print_json_pieces, progress, say
 from .options import Force, Json, Seed
 
 if TYPE_CHECKING:
     from datetime import datetime
 
+    from ..experiments.history.content import StoredResult
     from ..experiments.history.database import Database
     from ..experiments.history.entry import Entry
-    from ..experiments.history.store import Damaged, StoredResult
+    from ..experiments.history.store import Damaged
+    from ..model.files.json_document import JsonDocument
     from ..reports.history.arm_page import ArmHistory
+    from ..reports.style.blocks import Block
 
 Url = Annotated[
     str | None,
@@ -43,7 +46,7 @@ Model = Annotated[
 
 @contextmanager
 def opened(db: str | None, *, create: bool = False) -> Iterator[Database]:
-    if any(find_spec(needed) is None for needed in ("sqlalchemy", "alembic")):
+    if find_spec("sqlalchemy") is None:
         raise missing_extra("a history", "history")
     from ..experiments.history.database import open_history
 
@@ -61,7 +64,7 @@ def damage_named() -> Iterator[Damaged]:
 
     def name(error: BadInput) -> None:
         errors.append(error)
-        err.print(f"error: {plain(error)}", markup=False, soft_wrap=True)
+        say(f"error: {error}", to=err)
 
     yield name
     if errors:
@@ -114,15 +117,15 @@ def add(
 
     def refuse(path: Path, why: str) -> None:
         failed.append({"file": str(path), "message": why})
-        err.print(f"error: {plain(why)}", markup=False, soft_wrap=True)
+        say(f"error: {why}", to=err)
 
     def flush() -> None:
-        for (path, own), outcome in zip(
+        for (path, entry), outcome in zip(
             waiting, add_entries(history, [entry for _, entry in waiting], replace=replace), strict=True
         ):
             counts[outcome] += 1
             if outcome == "refused":
-                refuse(path, str(_other_result(path, own, replace)))
+                refuse(path, str(_other_result(path, entry, replace)))
         waiting.clear()
 
     with opened(db, create=True) as history:
@@ -149,18 +152,18 @@ def add(
     if as_json:
         print_json({**{name.replace(" ", "_"): count for name, count in counts.items()}, "failed": failed})
     else:
-        told = [f"{count} {name}" for name, count in counts.items() if count or name == "added"]
+        parts = [f"{count} {name}" for name, count in counts.items() if count or name == "added"]
         if unread := len(failed) - counts["refused"]:
-            told.append(f"{unread} not added")
-        out.print(f"{', '.join(told)}: {history.name}", soft_wrap=True, markup=False, highlight=False)
+            parts.append(f"{unread} not added")
+        say(f"{', '.join(parts)}: {history.name}")
     raise typer.Exit(2 if failed or not paths else 0)
 
 
-def _other_result(path: Path, own: Entry, replace: bool) -> BadInput:
+def _other_result(path: Path, entry: Entry, replace: bool) -> BadInput:
     remedy = "name one arm for it" if replace else "--replace takes this one instead, for the same arm"
     return BadInput(
         "the history has another result of the same run",
-        found=f"run {own.run}, SHA-256 {own.sha256[:12]}…",
+        found=f"run {entry.run}, SHA-256 {entry.sha256[:12]}…",
         allowed="one result of each run",
         remedy=remedy,
         file=path,
@@ -172,41 +175,46 @@ def list_arms(db: Url = None, as_json: Json = False) -> None:
     """List the arms with their last results; with --json every result."""
     from ..experiments.history.store import arms, results
     from ..reports.history.lists import arms_table, history_text
-    from ..reports.style.console import print_block
 
     with damage_named() as damaged, opened(db) as history:
         if as_json:
             print_json_pieces(history_text(results(history, damaged=damaged)))
         else:
-            print_block(out, arms_table(arms(history, damaged)))
+            _print(None, [arms_table(arms(history, damaged))])
 
 
 @histories.command("show")
 def show(serial: Serial, model: Model = None, db: Url = None, as_json: Json = False) -> None:
     """Show the results and events of an arm, in the order of time."""
+    from ..experiments.history.documents import HistoryDocument, HistoryEvent, HistoryResult
     from ..experiments.history.store import events, find_arm, results
-    from ..reports.history.lists import SCHEMA, event_json, events_table, result_json, results_table
-    from ..reports.style.console import print_block
+    from ..reports.history.lists import events_table, results_table
 
     with damage_named() as damaged:
         with opened(db) as history:
             arm = find_arm(history, serial, model)
-            found, happened = list(results(history, arm, damaged)), events(history, arm, damaged)
+            stored, logged = list(results(history, arm, damaged)), events(history, arm, damaged)
         if as_json:
-            print_json(
-                {
-                    "schema": SCHEMA,
-                    "serial": arm[0],
-                    "model": arm[1],
-                    "results": [result_json(own) for own in found],
-                    "events": [event_json(own) for own in happened],
-                }
+            answer = HistoryDocument(
+                serial=arm[0],
+                model=arm[1],
+                results=[HistoryResult.of(result) for result in stored],
+                events=[HistoryEvent.of(event) for event in logged],
             )
-            return
-        out.print(f"{plain(arm[0])}, {plain(arm[1])}", markup=False, highlight=False)
-        for block in (results_table(found), events_table(happened)):
-            if block is not None:
-                print_block(out, block)
+            print_json(answer.to_json())
+        else:
+            _print(arm, (results_table(stored), events_table(logged)))
+
+
+def _print(arm: tuple[str, str] | None, blocks: Iterable[Block | None]) -> None:
+    """What there is of an arm (serial number, model), or of all."""
+    from ..reports.style.console import print_block
+
+    if arm is not None:
+        say(f"{arm[0]}, {arm[1]}")
+    for block in blocks:
+        if block is not None:
+            print_block(out, block)
 
 
 @histories.command("event")
@@ -225,13 +233,14 @@ def event(
     db: Url = None,
 ) -> None:
     """Log what happened to an arm."""
+    from ..experiments.history.content import Event
     from ..experiments.history.entry import moment
-    from ..experiments.history.store import Event, add_event, find_arm
+    from ..experiments.history.store import add_event, find_arm
 
     with opened(db) as history:
         arm = find_arm(history, serial, model)
         new = add_event(history, Event(*arm, moment(date), what, note))
-    out.print("logged" if new else "already there")
+    say("logged" if new else "already there")
 
 
 @histories.command("export")
@@ -259,15 +268,19 @@ def export(
         arm = None if serial is None else find_arm(history, serial, model)
         count = 0
 
-        def found() -> Iterator[StoredResult]:
+        def counted_results() -> Iterator[StoredResult]:
             nonlocal count
-            for count, own in enumerate(results(history, arm), start=1):  # noqa: B007 - told below
-                yield own
+            for count, result in enumerate(results(history, arm), start=1):  # noqa: B007 - told below
+                yield result
 
         csv = file.suffix == ".csv"
-        text = csv_lines(offset_rows(found())) if csv else history_text(found(), events(history, arm))
+        text = (
+            csv_lines(offset_rows(counted_results()))
+            if csv
+            else history_text(counted_results(), events(history, arm))
+        )
         write_whole(file, text, force=force)
-    out.print(f"{count} results: {file}", soft_wrap=True, markup=False, highlight=False)
+    say(f"{count} results: {file}")
 
 
 @histories.command("backup")
@@ -281,7 +294,7 @@ def backup(
 
     with opened(db) as history:
         count = back_up(history, file, force=force)
-    out.print(f"{count} results: {file}", soft_wrap=True, markup=False, highlight=False)
+    say(f"{count} results: {file}")
 
 
 @histories.command("restore")
@@ -294,7 +307,7 @@ def restore(
 
     with opened(db, create=True) as history:
         count = copy_back(file, history)
-        out.print(f"{count} results: {history.name}", soft_wrap=True, markup=False, highlight=False)
+        say(f"{count} results: {history.name}")
 
 
 _SerialOrAll = Annotated[
@@ -316,40 +329,30 @@ def drift(
 ) -> None:
     """Which changes of the offsets are real, how fast they walk, and when the next calibration is due."""
     from ..experiments.history.arm_drift import arm_drift
+    from ..experiments.history.documents import DriftDocument
     from ..experiments.history.fleet_drift import drift_of_each, fleet_drift
     from ..experiments.history.store import arms, events, find_arm, results
-    from ..reports.history.drift_text import (
-        SCHEMA,
-        arms_drift_table,
-        drift_blocks,
-        drift_json,
-        fleet_blocks,
-        fleet_drift_json,
-    )
-    from ..reports.style.console import print_block
+    from ..reports.history.drift_text import arms_drift_table, drift_blocks, fleet_blocks
 
     with opened(db) as history, progress("drift") as tell:
-        fleet = None
+        arm, fleet = None, None
         if serial is None:
-            every = [(own.serial, own.model) for own in arms(history) if own.results]
-            jobs = ((arm, list(results(history, arm)), events(history, arm)) for arm in every)
-            found = drift_of_each(jobs, len(every), tolerance_mm, lambda stage, share: tell(stage, share / 2))
-            fleet = fleet_drift(found, lambda stage, share: tell(stage, (1 + share) / 2))
+            every = [(one.serial, one.model) for one in arms(history) if one.results]
+            jobs = ((job, list(results(history, job)), events(history, job)) for job in every)
+            drifts = drift_of_each(
+                jobs, len(every), tolerance_mm, lambda stage, share: tell(stage, share / 2)
+            )
+            fleet = fleet_drift(drifts, lambda stage, share: tell(stage, (1 + share) / 2))
         else:
             arm = find_arm(history, serial, model)
             tell(serial, 0.0)
-            found = [arm_drift(arm, list(results(history, arm)), events(history, arm), tolerance_mm)]
+            drifts = [arm_drift(arm, list(results(history, arm)), events(history, arm), tolerance_mm)]
     if as_json:
-        answer = {"schema": SCHEMA, "arms": [drift_json(own) for own in found]}
-        print_json(answer if fleet is None else {**answer, "fleet": fleet_drift_json(fleet)})
+        print_json(DriftDocument.of(drifts, fleet).to_json())
     elif fleet is not None:
-        for block in (arms_drift_table(found), *fleet_blocks(fleet)):
-            print_block(out, block)
+        _print(None, (arms_drift_table(drifts), *fleet_blocks(fleet)))
     else:
-        for own in found:
-            out.print(f"{plain(own.serial)}, {plain(own.model)}", markup=False, highlight=False)
-            for block in drift_blocks(own):
-                print_block(out, block)
+        _print(arm, drift_blocks(drifts[0]))
 
 
 @histories.command("report")
@@ -376,10 +379,10 @@ def report(
     from ..reports.history.history_folder import (
         ARM_PAGE,
         FLEET_PAGE,
-        arm_json,
+        arm_document,
         check_arm_target,
         check_fleet_target,
-        fleet_json,
+        fleet_document,
         write_arm,
         write_fleet,
     )
@@ -388,25 +391,26 @@ def report(
     (check_fleet_target if serial is None else check_arm_target)(folder)
     with opened(db) as history, progress("report") as tell:
         every = arms(history)
-        when = when or max((own.last for own in every if own.last is not None), default=None)
+        when = when or max((arm.last for arm in every if arm.last is not None), default=None)
 
         def of(arm: tuple[str, str]) -> ArmHistory:
             return _history_of(history, arm, tolerance_mm, when)
 
         if serial is not None:
-            own = of(find_arm(history, serial, model))
+            arm_history = of(find_arm(history, serial, model))
             tell("writing", 0.5)
-            write_arm(folder, own)
-            said, answer, page = arm_headline(own), arm_json(own), ARM_PAGE
+            write_arm(folder, arm_history)
+            summary, page = arm_headline(arm_history), ARM_PAGE
+            answer: JsonDocument = arm_document(arm_history)
         else:
             named = [(one.serial, one.model) for one in every if model in (None, one.model)]
             fleet = write_fleet(folder, named, of, tolerance_mm, when, tell)
-            said, answer, page = fleet_headline(fleet), fleet_json(fleet), FLEET_PAGE
+            summary, page, answer = fleet_headline(fleet), FLEET_PAGE, fleet_document(fleet)
     if as_json:
-        print_json(answer)
+        print_json(answer.to_json())
     else:
-        out.print(plain(f"{said.word}. {said.sentence}"), soft_wrap=True, markup=False, highlight=False)
-        out.print(f"Report: {folder / page}", soft_wrap=True, markup=False, highlight=False)
+        say(f"{summary.word}. {summary.sentence}")
+        say(f"Report: {folder / page}")
 
 
 def _history_of(
@@ -416,5 +420,5 @@ def _history_of(
     from ..experiments.history.store import events, results
     from ..reports.history.arm_page import ArmHistory
 
-    found, happened = tuple(results(history, arm)), tuple(events(history, arm))
-    return ArmHistory(arm_drift(arm, found, happened, tolerance_mm), found, happened, as_of)
+    stored, logged = tuple(results(history, arm)), tuple(events(history, arm))
+    return ArmHistory(arm_drift(arm, stored, logged, tolerance_mm), stored, logged, as_of)

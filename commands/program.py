@@ -30,7 +30,7 @@ from . import (
     robots,
     studying,
 )
-from .console import FAULT, UNREAD, OutputLost, err, guarded_streams, out, plain
+from .console import FAULT, UNREAD, OutputLost, err, guarded_streams, plain, say
 
 # Of a disk that is full or read-only, a quota, a limit of the process, a device that fails.
 _NO_ROOM = {errno.ENOSPC, errno.EROFS, errno.EFBIG, errno.EIO, getattr(errno, "EDQUOT", errno.ENOSPC)}
@@ -85,9 +85,9 @@ _GROUPS = {
 }
 
 
-def _print_version(asked: bool) -> None:
-    if asked:
-        out.print(f"zerobeam {installed('zerobeam')}")
+def _print_version(wanted_version: bool) -> None:
+    if wanted_version:
+        say(f"zerobeam {installed('zerobeam')}")
         raise typer.Exit
 
 
@@ -100,7 +100,7 @@ def _zerobeam(
 
 
 @functools.cache
-def _program(asked: str | None = None) -> typer.Typer:
+def _program(name_typed: str | None = None) -> typer.Typer:
     """The program; with no other command than the one `asked` for, if there is one of that name.
 
     To make all of them ready takes Typer a tenth of a second.
@@ -114,12 +114,12 @@ def _program(asked: str | None = None) -> typer.Typer:
         rich_markup_mode="rich",
     )
     app.callback()(_zerobeam)
-    one = asked in _COMMANDS or asked in _GROUPS
+    one = name_typed in _COMMANDS or name_typed in _GROUPS
     for name, command in _COMMANDS.items():
-        if name == asked or not one:
+        if name == name_typed or not one:
             app.command()(command)
     for name, group in _GROUPS.items():
-        if name == asked or not one:
+        if name == name_typed or not one:
             app.add_typer(group, name=name)
     return app
 
@@ -131,7 +131,7 @@ def _warn(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -
     """Print a note of our own. What libraries note of numbers says nothing to a person."""
     if not category.__module__.startswith(__package__.partition(".")[0]):
         return
-    err.print(f"note: {plain(message)}", markup=False, soft_wrap=True)
+    say(f"note: {message}", to=err)
 
 
 def carried_out() -> int:
@@ -147,7 +147,7 @@ def carried_out() -> int:
             return status
         if isinstance(error, BrokenPipeError):
             return UNREAD
-        err.print(f"error: the output cannot be written: {error.strerror}", markup=False, soft_wrap=True)
+        say(f"error: the output cannot be written: {error.strerror}", to=err)
         return FAULT
 
 
@@ -166,13 +166,13 @@ def _status() -> int:
         elif requested():
             raise  # other words for an interruption
         if isinstance(error, ZerobeamError):
-            err.print(f"error: {plain(error)}", markup=False, soft_wrap=True)
+            say(f"error: {error}", to=err)
             return error.exit_status
         if isinstance(error, OSError) and error.errno in _NO_ROOM:
-            err.print(f"error: the output cannot be written: {error.strerror}", markup=False, soft_wrap=True)
+            say(f"error: the output cannot be written: {error.strerror}", to=err)
             return FAULT
         # Python's own status for this is 1, which is a verdict here.
         sys.stderr.write(plain(traceback.format_exc()))
-        err.print("error: this is a fault of zerobeam itself, please report it with the lines above")
+        say("error: this is a fault of zerobeam itself, please report it with the lines above", to=err)
         return FAULT
     return 0

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from ..model.errors import WorkersLost
-from .console import err, out, print_json, progress
-from .options import Camera, Json, Scheduler, Seed, Workers, asked_cluster
+from .console import err, out, print_json, progress, say
+from .options import Camera, Json, Scheduler, Seed, Workers, cluster_of
 
 if TYPE_CHECKING:
     from ..experiments.studies.answer import StudyAnswer
@@ -37,7 +37,7 @@ def study_coverage(
     """Coverage of the intervals: simulated runs with known offsets, solved again."""
     from ..experiments.studies.coverage import coverage_study
 
-    store, within = _store(folder), asked_cluster(workers, scheduler)
+    store, within = _store(folder), cluster_of(workers, scheduler)
     _study(folder, as_json, lambda tell: coverage_study(data_sets, seed, tell, store=store), store, within)
 
 
@@ -54,7 +54,7 @@ def study_cell(
     """Coverage through the whole chain: runs in the simulated cell, from plan to offsets."""
     from ..experiments.studies.cell import cell_study
 
-    store, within = _store(folder), asked_cluster(workers, scheduler)
+    store, within = _store(folder), cluster_of(workers, scheduler)
 
     def studied(tell: Callable[[str, float], None]) -> StudyAnswer:
         return cell_study(runs, seed, tell, camera=camera, store=store)
@@ -74,7 +74,7 @@ def study_geometry(
     """Coverage for arms that deviate from nominal geometry: taken as nominal against estimated."""
     from ..experiments.studies.geometry.study import geometry_study
 
-    store, within = _store(folder), asked_cluster(workers, scheduler)
+    store, within = _store(folder), cluster_of(workers, scheduler)
     _study(folder, as_json, lambda tell: geometry_study(arms, seed, tell, store=store), store, within)
 
 
@@ -90,7 +90,7 @@ def study_drift(
     """Intervals, false alarms and power of `history drift`: arms with known walks and jumps."""
     from ..experiments.studies.drift import drift_study
 
-    store, within = _store(folder), asked_cluster(workers, scheduler)
+    store, within = _store(folder), cluster_of(workers, scheduler)
     _study(folder, as_json, lambda tell: drift_study(arms, seed, tell, store=store), store, within)
 
 
@@ -105,7 +105,7 @@ def study_table2(
     """What joint noise would make three runs scatter as those of the paper's Table 2?"""
     from ..experiments.studies.table2 import table2_study
 
-    store, within = _store(folder), asked_cluster(workers, scheduler)
+    store, within = _store(folder), cluster_of(workers, scheduler)
     _study(folder, as_json, lambda tell: table2_study(seed, tell, store=store), store, within)
 
 
@@ -120,7 +120,7 @@ Runs = Annotated[
 ]
 
 
-def _built_in(name: str, asked: str) -> None:
+def _built_in(name: str, question: str) -> None:
     """Make a command of a study file that comes with the package."""
 
     def study(
@@ -133,9 +133,9 @@ def _built_in(name: str, asked: str) -> None:
     ) -> None:
         from ..experiments.studies.sweeps.study_file import built_in_study
 
-        _sweep(built_in_study(name), folder, runs, seed, as_json, asked_cluster(workers, scheduler))
+        _sweep(built_in_study(name), folder, runs, seed, as_json, cluster_of(workers, scheduler))
 
-    studies.command(name, help=asked)(study)
+    studies.command(name, help=question)(study)
 
 
 _built_in("patterns", "X-Pattern, Y-Pattern or optimal plan, with the PSD at many positions in the cell?")
@@ -158,7 +158,7 @@ def study_file(
     scheduler: Scheduler = None,
 ) -> None:
     """A study of your own, from a file: the settings, and what changes from case to case."""
-    _sweep(file, folder, runs, seed, as_json, asked_cluster(workers, scheduler))
+    _sweep(file, folder, runs, seed, as_json, cluster_of(workers, scheduler))
 
 
 def _sweep(file: Path, folder: Path, runs: int | None, seed: int, as_json: bool, within: Within) -> NoReturn:
@@ -199,12 +199,12 @@ def _study(
     except (KeyboardInterrupt, WorkersLost):
         if store.exists():
             kept = f"The finished cases are kept in {store}: the same command goes on with them."
-            err.print(kept, markup=False, soft_wrap=True)
+            say(kept, to=err)
         raise
     store.unlink(missing_ok=True)
     if as_json:
         print_json(to_json(answer))
     else:
         print_study(out, answer)
-        out.print(f"Study: {paths.html}", soft_wrap=True, markup=False)
+        say(f"Study: {paths.html}")
     raise typer.Exit(0 if answer.agrees else 1)

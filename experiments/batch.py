@@ -8,18 +8,26 @@ import os
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Literal
 
+from pydantic import Field
+
 from ..analysis.analyse import Sampling
+from ..analysis.repeatability.odd_values import FEWEST, odd_values
 from ..analysis.status import Status, UnsoundResult, Verdict, known, require_no_more_than, versions
 from ..model.errors import BadInput
+from ..model.files.json_document import JsonDocument
 from ..model.files.run import Run
 from ..model.kinematics.robot import Robot
 from .source import source_hash
 
 Outcome = Verdict | Literal["failed"]
+# The gravest first.
+OUTCOMES: tuple[Outcome, ...] = ("failed", "misfit", "degenerate", "weak", "pass")
+OUTLIER_ALARM = 0.01  # probability of any false alarm over all arms and offsets
+BATCH_SCHEMA: Literal["zerobeam/batch/1"] = "zerobeam/batch/1"
 
 
 @dataclass(frozen=True)
@@ -89,6 +97,78 @@ class BatchRow:
 
 
 @dataclass(frozen=True)
+class OutlierArm:
+    """An identified offset that is so many standard deviations of the other arms of its model off theirs."""
+
+    run: str
+    robot: str
+    serial: str | None
+    offset: str
+    unit: str
+    estimate: float
+    off: float
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """All runs of a batch, in the order of their files."""
+
+    rows: tuple[BatchRow, ...]
+    settings: BatchSettings
+    versions: Mapping[str, str]
+
+    @cached_property
+    def counts(self) -> dict[Outcome, int]:
+        """How many runs have each outcome, the gravest first."""
+        numbers_of = Counter(row.outcome for row in self.rows)
+        return {outcome: numbers_of[outcome] for outcome in OUTCOMES}
+
+    @property
+    def passed(self) -> bool:
+        """Whether every run is a pass."""
+        return self.counts["pass"] == len(self.rows)
+
+    @cached_property
+    def outliers(self) -> tuple[OutlierArm, ...]:
+        """Offsets that do not belong to those of the other arms of a model, the furthest first."""
+        groups: dict[tuple[str, str, str], list[tuple[BatchRow, float]]] = {}
+        for row in self.rows:
+            for offset in row.offsets:
+                if offset.status == "identified" and offset.estimate is not None and row.robot is not None:
+                    key = (row.robot, offset.name, offset.unit)
+                    groups.setdefault(key, []).append((row, offset.estimate))
+        tested = {key: group for key, group in groups.items() if len(group) >= FEWEST}
+        rows = []
+        for (robot, name, unit), group in tested.items():
+            for index, off in odd_values([value for _, value in group], OUTLIER_ALARM / len(tested)):
+                row, value = group[index]
+                rows.append(OutlierArm(row.name, robot, row.serial, name, unit, value, off))
+        return tuple(sorted(rows, key=lambda arm: -abs(arm.off)))
+
+
+class BatchDocument(JsonDocument):
+    """`batch.json`: all runs, outliers, settings."""
+
+    schema_: Literal["zerobeam/batch/1"] = Field(default=BATCH_SCHEMA, alias="schema")
+    outcomes: dict[Outcome, int] = Field(description="how many runs have each outcome, the gravest first")
+    runs: list[BatchRow] = Field(description="in the order of their files")
+    odd: list[OutlierArm] = Field(description="identified offsets that are outliers among those of a model")
+    settings: BatchSettings
+    versions: dict[str, str] = Field(description="of Python and the libraries")
+
+    @classmethod
+    def of(cls, done: Batch) -> BatchDocument:
+        """The document of a batch."""
+        return cls(
+            outcomes=done.counts,
+            runs=list(done.rows),
+            odd=list(done.outliers),
+            settings=done.settings,
+            versions=dict(done.versions),
+        )
+
+
+@dataclass(frozen=True)
 class Finished:
     """A run that is done, and by what that is recognised."""
 
@@ -121,17 +201,17 @@ def _arm(robot: Robot) -> str:
 PATTERN = "**/*.jsonl"
 
 
-def run_files(given: Sequence[Path], pattern: str, out: Path) -> list[Path]:
+def run_files(paths: Sequence[Path], pattern: str, out: Path) -> list[Path]:
     """The files that are `given`, and those in folders given that match `pattern`; each once, in the order of
     their paths. What lies in `out` is no input."""
-    found: dict[Path, Path] = {}
-    for path in given:
+    files: dict[Path, Path] = {}
+    for path in paths:
         if not path.exists():
             raise BadInput(
                 "there is no such file or folder", found=path, allowed="run files, or folders of run files"
             )
         if not path.is_dir():
-            found.setdefault(path.resolve(), path)
+            files.setdefault(path.resolve(), path)
             continue
         try:
             matching = sorted(path.glob(pattern))
@@ -142,9 +222,9 @@ def run_files(given: Sequence[Path], pattern: str, out: Path) -> list[Path]:
                 allowed="a pattern relative to the folders given, such as 2026-*/*.jsonl",
                 argument="--glob",
             ) from None
-        inside = [own for own in matching if own.is_file() and not _within(own, out)]
-        for own in inside:
-            found.setdefault(own.resolve(), own)
+        inside = [path for path in matching if path.is_file() and not _within(path, out)]
+        for file in inside:
+            files.setdefault(file.resolve(), file)
         if not inside:
             raise BadInput(
                 "no file in this folder matches the pattern",
@@ -152,7 +232,7 @@ def run_files(given: Sequence[Path], pattern: str, out: Path) -> list[Path]:
                 allowed=f"files that match {pattern}",
                 remedy="name another folder, or another pattern with --glob",
             )
-    return [found[path] for path in sorted(found)]
+    return [files[path] for path in sorted(files)]
 
 
 def names_of(files: Sequence[str], kept: Mapping[str, str], reserved: Collection[str]) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""The published JSON Schemas of the files, made from the very models that read them."""
+"""The published JSON Schemas of files and answers, made from the very models that read and write them."""
 
 from __future__ import annotations
 
@@ -13,6 +13,9 @@ from ..model.files.robot_file import RobotFile
 from ..model.files.shot import Shot
 from ..model.files.stated_plan.obstacles import Obstacles
 from ..model.files.stated_plan.plan_file import PlanFile
+from ..words.comparison_json import ComparisonDocument
+from .batch import BatchDocument
+from .history.documents import HistoryDocument
 from .rigs.simulated.cell_file import Cell
 from .sensors.counts import PsdCalibration
 from .sensors.sensors_file import SensorsFile
@@ -29,6 +32,9 @@ _MODELS: dict[str, type[BaseModel]] = {
     "sensors": SensorsFile,
     "psd-calibration": PsdCalibration,
     "study-file": StudyFile,
+    "compare": ComparisonDocument,
+    "batch": BatchDocument,
+    "history": HistoryDocument,
 }
 SCHEMA_NAMES = tuple(_MODELS)
 
@@ -47,12 +53,13 @@ def json_schema(name: str) -> dict[str, Any]:
             remedy=did_you_mean(name, SCHEMA_NAMES),
         )
     schema = _MODELS[name].model_json_schema(by_alias=True)
+    identity = schema["properties"].get("schema", {})
     if name == "run-header":
-        schema["properties"]["schema"] = {
-            "const": RUN_SCHEMA,
-            "type": "string",
-            "description": "kind and version of the file",
-        }
-        schema["required"] = ["schema", *schema["required"]]
+        identity = {"const": RUN_SCHEMA, "type": "string"}
+    if "const" in identity:  # also where the model has it as a default
+        about = {"description": "kind and version of the file"}
+        schema["properties"]["schema"] = {"const": identity["const"], "type": "string", **about}
+        required = [key for key in schema["required"] if key != "schema"]
+        schema["required"] = ["schema", *required]
     title = name.replace("-", " ")
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": f"zerobeam {title}"}

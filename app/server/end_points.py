@@ -65,20 +65,20 @@ def description() -> dict[str, Any]:
     rows += _OTHERS
     models: list[type[BaseModel]] = [PlanFile, *(row[3] for row in rows if row[3] is not None)]
     for model in models:
-        own = model.model_json_schema(by_alias=True, ref_template="#/components/schemas/{model}")
-        schemas |= own.pop("$defs", {})
-        plan = own["properties"].get("plan")
+        model_schema = model.model_json_schema(by_alias=True, ref_template="#/components/schemas/{model}")
+        schemas |= model_schema.pop("$defs", {})
+        plan = model_schema["properties"].get("plan")
         if plan is not None and model is not PlanFile:
-            own["properties"]["plan"] = {"$ref": f"#/components/schemas/{PlanFile.__name__}"}
-        schemas[model.__name__] = own
+            model_schema["properties"]["plan"] = {"$ref": f"#/components/schemas/{PlanFile.__name__}"}
+        schemas[model.__name__] = model_schema
     text = {"anyOf": [{"type": "string"}, {"type": "null"}]}
     key = {"anyOf": [{"type": "array", "items": {"type": ["string", "integer"]}}, {"type": "null"}]}
     error = {"type": "object", "properties": {"what": {"type": "string"}, "key": key}}
     error["properties"] |= dict.fromkeys(("found", "allowed", "to_do"), text)  # type: ignore[operator]
     schemas["Error"] = {"type": "object", "required": ["error"], "properties": {"error": error}}
     paths: dict[str, dict[str, Any]] = {}
-    for path, method, said, sent, parameters in rows:
-        paths.setdefault(path, {})[method] = _operation(path, method, said, sent, parameters)
+    for path, method, says, sent, parameters in rows:
+        paths.setdefault(path, {})[method] = _operation(path, method, says, sent, parameters)
     return {
         "openapi": "3.1.0",
         "info": {"title": "zerobeam app", "version": version("zerobeam")},
@@ -88,16 +88,16 @@ def description() -> dict[str, Any]:
 
 
 def _operation(
-    path: str, method: str, said: str, sent: type[BaseModel] | None, parameters: list[dict[str, Any]]
+    path: str, method: str, says: str, sent: type[BaseModel] | None, parameters: list[dict[str, Any]]
 ) -> dict[str, Any]:
     kind = "text/event-stream" if path.endswith("/events") else "application/json"
     refused = {"application/json": {"schema": {"$ref": "#/components/schemas/Error"}}}
-    own: dict[str, Any] = {
-        "summary": said,
+    operation: dict[str, Any] = {
+        "summary": says,
         "parameters": list(parameters),
         "responses": {
             "201" if (path, method) in {("/api/jobs", "post"), ("/api/file", "put")} else "200": {
-                "description": said,
+                "description": says,
                 "content": {kind: {}},
             },
             "default": {"description": "A refusal.", "content": refused},
@@ -105,8 +105,8 @@ def _operation(
     }
     if method != "get":
         header = {"name": "X-Zerobeam", "in": "header", "required": True, "schema": {"const": "1"}}
-        own["parameters"].append(header)
+        operation["parameters"].append(header)
     if sent is not None:
         content = {"application/json": {"schema": {"$ref": f"#/components/schemas/{sent.__name__}"}}}
-        own["requestBody"] = {"required": True, "content": content}
-    return own
+        operation["requestBody"] = {"required": True, "content": content}
+    return operation

@@ -73,25 +73,25 @@ class Folder:
 
         Neither hidden files nor what symbolic links lead to, `MOST_FILES` at the most.
         """
-        found = []
+        rows = []
         for path, facts in self._regular():
             modified = datetime.fromtimestamp(facts.st_mtime, UTC).isoformat(timespec="seconds")
-            found.append((facts.st_mtime_ns, path, facts.st_size, modified))
-        found.sort(key=lambda row: (-row[0], row[1]))
+            rows.append((facts.st_mtime_ns, path, facts.st_size, modified))
+        rows.sort(key=lambda row: (-row[0], row[1]))
         return [
             {"path": path, "kind": kind_of(self.root / path), "bytes": size, "modified": modified}
-            for _, path, size, modified in found[:MOST_FILES]
+            for _, path, size, modified in rows[:MOST_FILES]
         ]
 
     def _regular(self) -> Iterator[tuple[str, os.stat_result]]:
-        seen = 0
+        count = 0
         for where, folders, names in os.walk(self.root):
             folders[:] = sorted(name for name in folders if not name.startswith("."))
             for name in sorted(names):
                 if name.startswith("."):
                     continue
-                seen += 1
-                if seen > MOST_SEEN:
+                count += 1
+                if count > MOST_SEEN:
                     return
                 path = Path(where) / name
                 try:

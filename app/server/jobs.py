@@ -18,8 +18,8 @@ from ...experiments.rigs.abb.access import PASSWORD
 from ...interruption import ATTENDED
 from ...model.errors import BadInput
 from ...model.files.confinement import WITHIN
-from .begun import BegunRuns
 from .folder import Folder
+from .started_runs import StartedRuns
 
 AT_ONCE = 2  # jobs under way; others wait
 MOST_JOBS = 50  # kept; the oldest that have ended are forgotten
@@ -46,7 +46,7 @@ class Job:
         self.number, self.command = number, list(command)
         self.state = "waiting"
         self.share, self.stage = 0.0, ""
-        self.begun: float | None = None
+        self.started_at: float | None = None
         self.took_s: float | None = None
         self.log: deque[str] = deque(maxlen=MOST_LOG)
         self.status: int | None = None
@@ -70,8 +70,8 @@ class Job:
     def brief(self) -> dict[str, Any]:
         """Without log and answer."""
         passed = self.took_s
-        if passed is None and self.begun is not None:
-            passed = time.monotonic() - self.begun
+        if passed is None and self.started_at is not None:
+            passed = time.monotonic() - self.started_at
         left = None
         done = self.share - self.left_from
         if self.state == "running" and passed is not None and done > 0.02:
@@ -96,11 +96,11 @@ class Job:
         name = data["event"] if kind == "run" else kind
         async with self._news:
             self._last += 1
-            told = (self._last, kind, data)
+            event = (self._last, kind, data)
             if name == _LAST:
-                self._picture = told
+                self._picture = event
             else:
-                (self._passing if name in _PASSING else self._kept).append(told)
+                (self._passing if name in _PASSING else self._kept).append(event)
             self._told_all = kind == "end"
             self._news.notify_all()
 
@@ -108,8 +108,8 @@ class Job:
         """What can be told again, from behind number `after`."""
         pictures = [] if self._picture is None else [self._picture]
         return sorted(
-            (told for told in (*self._kept, *self._passing, *pictures) if told[0] > after),
-            key=lambda told: told[0],
+            (entry for entry in (*self._kept, *self._passing, *pictures) if entry[0] > after),
+            key=lambda event: event[0],
         )
 
     async def events(self, after: int, every_s: float = 15.0) -> AsyncIterator[bytes]:
@@ -140,7 +140,7 @@ class Jobs:
 
     def __init__(self, folder: Folder) -> None:
         self._folder = folder
-        self.begun = BegunRuns(folder)
+        self.runs = StartedRuns(folder)
         self._jobs: dict[str, Job] = {}
         # Who followed a job of a server that was killed must not be told of another one of the same number.
         self._number = int(time.time())
@@ -215,11 +215,11 @@ class Jobs:
         finally:
             if not job.ended:
                 job.state = "stopped" if job.cancelled else "failed"
-            job.took_s = None if job.begun is None else time.monotonic() - job.begun
+            job.took_s = None if job.started_at is None else time.monotonic() - job.started_at
             await job.tell("end", job.whole())
 
     async def _run(self, job: Job, password: str | None) -> None:
-        job.state, job.begun = "running", time.monotonic()
+        job.state, job.started_at = "running", time.monotonic()
         measures = job.command[0] == "run"
         secret = {} if password is None else {PASSWORD: password}
         job.process = process = await asyncio.create_subprocess_exec(
@@ -254,30 +254,30 @@ class Jobs:
 
     async def _events(self, job: Job, stream: asyncio.StreamReader) -> None:
         """The events of a run, a line each; the last is its answer."""
-        begun, done, of = False, 0, 1
+        under_way, done, of = False, 0, 1
         async for line in stream:
             try:
-                told = json.loads(line)
+                event = json.loads(line)
             except ValueError:
                 continue
-            kind = told["event"]
+            kind = event["event"]
             if kind == "begin":
-                begun, done, of = True, len(told["recorded"]), told["postures"]
+                under_way, done, of = True, len(event["recorded"]), event["postures"]
                 job.left_from = done / of
-                if told["rig"] == "manual":
+                if event["rig"] == "manual":
                     job.asks = "lines"
-                await asyncio.to_thread(self.begun.begin, job.command)
+                await asyncio.to_thread(self.runs.begin, job.command)
             elif kind == "confirm":
                 job.asks = "confirm"
             elif kind == "end":
-                job.answer = told
-                left = set(range(of)) - set(told["shots"]) - {own["shot"] for own in told["refused"]}
-                if not left or told["why"] is not None:
-                    await asyncio.to_thread(self.begun.end, job.command)
+                job.answer = event
+                left = set(range(of)) - set(event["shots"]) - {own["shot"] for own in event["refused"]}
+                if not left or event["why"] is not None:
+                    await asyncio.to_thread(self.runs.end, job.command)
             done += {"recorded": 1, "refused": 1, "withdrawn": -1}.get(kind, 0)
-            if begun:
+            if under_way:
                 job.share = min(1.0, done / of)
-            await job.tell("run", told)
+            await job.tell("run", event)
             if kind in ("begin", "confirm", "recorded", "refused", "withdrawn"):
                 await job.tell("progress", job.brief())
 
@@ -285,12 +285,12 @@ class Jobs:
         """What a command says on standard error: progress, or a line for the log."""
         async for raw in stream:
             line = self._folder.without(raw.decode("utf-8", "replace").rstrip("\n"))
-            told = _progress(line)
-            if told is None:
+            event = _progress(line)
+            if event is None:
                 job.log.append(line[:2000])
                 await job.tell("log", line[:2000])
             else:
-                job.share, job.stage = max(job.share, told[0]), told[1]
+                job.share, job.stage = max(job.share, event[0]), event[1]
                 await job.tell("progress", job.brief())
 
 
@@ -312,8 +312,8 @@ def _progress(line: str) -> tuple[float, str] | None:
     if not line.startswith('{"progress": '):
         return None
     try:
-        told = json.loads(line)
-        return float(told["progress"]), str(told["stage"])
+        event = json.loads(line)
+        return float(event["progress"]), str(event["stage"])
     except (ValueError, KeyError, TypeError):
         return None
 

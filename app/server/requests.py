@@ -79,26 +79,26 @@ def keyed(data: Any, use: Callable[[Callable[[Place], int | None]], Answer], bef
 
     A BadInput with a line is raised again as Refused, with the place that the line stands for.
     """
-    places: list[Place] = []
+    all_keys: list[Place] = []
 
-    def enter(value: Any, place: Place) -> None:
-        places.append(place)
+    def enter(value: Any, keys: Place) -> None:
+        all_keys.append(keys)
         inner = (
             value.items() if isinstance(value, dict) else enumerate(value if isinstance(value, list) else ())
         )
         for key, item in inner:
-            enter(item, (*place, key))
+            enter(item, (*keys, key))
 
     enter(data, ())
-    lines = {place: number for number, place in enumerate(places, start=1)}
+    lines = {keys: number for number, keys in enumerate(all_keys, start=1)}
 
-    def line(place: Place) -> int | None:
-        return next((lines[place[:n]] for n in range(len(place), -1, -1) if place[:n] in lines), None)
+    def line(keys: Place) -> int | None:
+        return next((lines[keys[:n]] for n in range(len(keys), -1, -1) if keys[:n] in lines), None)
 
     try:
         return use(line)
     except BadInput as error:
-        raise refused(error, (*before, *places[error.line - 1]) if error.line else before) from error
+        raise refused(error, (*before, *all_keys[error.line - 1]) if error.line else before) from error
 
 
 def refused(error: BadInput, key: Place) -> Refused:
@@ -113,12 +113,12 @@ def error_json(error: ZerobeamError, say: Callable[[str], str] = str) -> dict[st
     if not isinstance(error, BadInput):
         return {"error": {"what": say(str(error)), **dict.fromkeys(("found", "allowed", "to_do", "key"))}}
     file = None if error.file is None or Path(error.file).name == NOWHERE else error.file
-    place = "" if file is None else f"{file}: " if error.line is None else f"{file}, line {error.line}: "
+    where = "" if file is None else f"{file}: " if error.line is None else f"{file}, line {error.line}: "
     key = error.key if isinstance(error, Refused) else ()
     facts = {"found": error.found, "allowed": error.allowed, "to_do": error.remedy}
     return {
         "error": {
-            "what": say(f"{place}{error.what}"),
+            "what": say(f"{where}{error.what}"),
             **{name: None if fact is None else say(str(fact)) for name, fact in facts.items()},
             "key": list(key) or None,
         }

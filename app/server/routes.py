@@ -94,15 +94,15 @@ def page_files() -> dict[str, bytes]:
     Its own files, with the places of the page in one; of the reports the typeface, the style sheet and the
     scene that can be turned.
     """
-    own = {
+    files = {
         path.relative_to(_PAGE).as_posix(): path
         for path in _PAGE.rglob("*")
         if path.is_file() and path.suffix in _TYPES
     }
     fonts = {f"fonts/{path.name}": path for path in typeface.FOLDER.glob("*.woff2")}
     scene = {name: TEMPLATES / name for name in ("scene.js", "scene.css")}
-    read = {name: path.read_bytes() for name, path in (own | fonts | scene).items()}
-    parts = b"".join(read.pop(f"places/{place}/place.html", b"") for place in _PLACES)
+    read = {name: path.read_bytes() for name, path in (files | fonts | scene).items()}
+    parts = b"".join(read.pop(f"places/{name}/place.html", b"") for name in _PLACES)
     index = read["index.html"].replace(b"<!-- places -->\n", parts)
     return read | {"index.html": index, "report.css": sheet().encode()}
 
@@ -149,7 +149,10 @@ class _Server:
         path = self.folder.file(request.query_params.get("file", ""))
         await asyncio.to_thread(read_result, path)
         start, name = path.parent, path.parent.name if path.parent != self.folder.root else "report"
-        files = [(own, f"{name}/{own.relative_to(start).as_posix()}") for own in report_files(path)]
+        files = [
+            (report_file, f"{name}/{report_file.relative_to(start).as_posix()}")
+            for report_file in report_files(path)
+        ]
         disposition = f"attachment; filename*=utf-8''{quote(name)}.zip"
         headers = {"content-disposition": disposition}
         return StreamingResponse(archive(files), media_type="application/zip", headers=headers)
@@ -180,9 +183,9 @@ class _Server:
         return JSONResponse([job.brief() for job in self.jobs.all()])
 
     async def begin_job(self, request: Request) -> Response:
-        wanted = asked(AskedJob, await _content(request))
-        command = await asyncio.to_thread(job_command, self.folder, wanted.command)
-        job = self.jobs.begin(command, wanted.password)
+        request_sent = asked(AskedJob, await _content(request))
+        command = await asyncio.to_thread(job_command, self.folder, request_sent.command)
+        job = self.jobs.begin(command, request_sent.password)
         return JSONResponse({"id": str(job.number)}, status_code=201)
 
     async def job(self, request: Request) -> Response:
@@ -271,8 +274,8 @@ async def _content(request: Request) -> Any:
 
 async def _no_answer(request: Request, error: Exception) -> Response:
     status = error.status_code if isinstance(error, HTTPException) else 400
-    said = {404: "there is nothing of this name", 405: "this cannot be done here"}
-    return refusal(status, said.get(status, "the request is not understood"))
+    sentences = {404: "there is nothing of this name", 405: "this cannot be done here"}
+    return refusal(status, sentences.get(status, "the request is not understood"))
 
 
 async def _gone(request: Request, error: Exception) -> Response:

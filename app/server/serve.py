@@ -28,7 +28,7 @@ PATIENCE_S = 10.0  # for the head of a request
 _BESIDE_S = 30.0  # until a server of a notebook answers, or has ended
 
 
-def serve(root: Path, host: str | None, port: int, told: Callable[[str], None]) -> None:
+def serve(root: Path, host: str | None, port: int, announce: Callable[[str], None]) -> None:
     """Serve the app of a folder until the process is asked to end; then KeyboardInterrupt.
 
     `told` is given the address, with the token, as soon as it answers. `host` None: this machine alone.
@@ -37,7 +37,7 @@ def serve(root: Path, host: str | None, port: int, told: Callable[[str], None]) 
     access = Access() if host is None else Access(host)
     with listening(access.host, port) as open_socket:
         address = _address(access, open_socket)
-        _Server(_config(folder, access), lambda: told(address)).run([open_socket])
+        _Server(_config(folder, access), lambda: announce(address)).run([open_socket])
 
 
 def serve_beside(root: Path) -> str:
@@ -114,14 +114,14 @@ class _Impatient(H11Protocol):
 class _Server(uvicorn.Server):
     """Says when it answers."""
 
-    def __init__(self, config: uvicorn.Config, told: Callable[[], None]) -> None:
+    def __init__(self, config: uvicorn.Config, announce: Callable[[], None]) -> None:
         super().__init__(config)
-        self._told = told
+        self._announce = announce
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
         if self.started:
-            self._told()
+            self._announce()
 
 
 def listening(host: str, port: int) -> socket.socket:

@@ -15,6 +15,8 @@ from ...model.files.reading import LARGEST_RECORDING, read_text
 from ...words.provenance import DATE, KEYS, OPERATOR, SERIAL, by_plain_key, first_stated, instrument, stated
 from .content import (
     DAMAGED,
+    StoredCovariance,
+    StoredOffset,
     checked_offset,
     checked_sensitivity,
     checked_text,
@@ -44,8 +46,8 @@ class Entry:
     run: str
     shots: int
     verdict: str
-    offsets: list[dict[str, Any]]
-    without_prior: dict[str, Any] | None
+    offsets: list[StoredOffset]
+    without_prior: StoredCovariance | None
     sensitivity_mm2: list[list[float]] | None
     made_by: str
     text: str

@@ -20,7 +20,16 @@ from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.result import Result
 from ...analysis.solution import require_noise_data
 from ...analysis.status import versions
-from ...experiments.batch import BatchOffset, BatchRow, BatchSettings, Finished, key_of, names_of, shown_path
+from ...experiments.batch import (
+    Batch,
+    BatchOffset,
+    BatchRow,
+    BatchSettings,
+    Finished,
+    key_of,
+    names_of,
+    shown_path,
+)
 from ...experiments.processes import side_by_side
 from ...experiments.studies.case_store import CaseStore
 from ...model.arrays import Progress
@@ -35,7 +44,6 @@ from ..output.whole_folder import names_in, write_folder
 from ..run.inputs import when_and_serial
 from ..run.report_folder import REPORT, RESULT, write_report
 from .batch_folder import FILES, write_batch
-from .batch_page import Batch
 
 STORE = "finished.jsonl"
 
@@ -56,9 +64,9 @@ def batch(
     """
     check_target(folder)
     with CaseStore(folder / STORE, {"batch": "runs"}, Finished, of="batch") as kept:
-        found = _carried_out(files, folder, settings, progress, kept, processes)
+        rows = _carried_out(files, folder, settings, progress, kept, processes)
         progress("writing", 1.0)
-        done = Batch(tuple(found), settings, versions())
+        done = Batch(tuple(rows), settings, versions())
         write_batch(folder, done, parquet=parquet)
     return done
 
@@ -91,13 +99,13 @@ def _carried_out(
 ) -> list[BatchRow]:
     """The rows, in the order of the files."""
     earlier = list(kept.done.values())
-    finished = {(own.row.name, own.key): own.row for own in earlier}
+    finished = {(case.row.name, case.key): case.row for case in earlier}
     shown = [shown_path(path, folder) for path in files]
-    names = names_of(shown, {own.row.file: own.row.name for own in earlier}, FILES | {STORE})
+    names = names_of(shown, {case.row.file: case.row.name for case in earlier}, FILES | {STORE})
     rows: dict[str, BatchRow] = {}
     keys: dict[str, str] = {}
 
-    def told() -> None:
+    def tell() -> None:
         progress(f"run {len(rows)}/{len(files)}", len(rows) / len(files))
 
     def left() -> Iterator[BatchRun]:
@@ -108,12 +116,12 @@ def _carried_out(
                 keys[name] = key_of(run, settings)
             except (ZerobeamError, OSError) as error:
                 rows[name] = failed(name, file, error)
-                told()
+                tell()
                 continue
             row = finished.get((name, keys[name]))
             if row is not None and (row.outcome == "failed" or _whole(folder / name, settings)):
                 rows[name] = row
-                told()
+                tell()
             else:
                 yield BatchRun(name, file, run)
 
@@ -126,7 +134,7 @@ def _carried_out(
                 _write(folder / name, answer)
                 kept.add(len(kept.done), Finished(keys[name], answer.row))
                 rows[name] = answer.row
-                told()
+                tell()
     return [rows[names[file]] for file in shown]
 
 
@@ -160,10 +168,10 @@ def _write(folder: Path, answer: BatchAnswer) -> None:
         write_whole(folder / RESULT, files[RESULT], force=True)
         return
 
-    def fill(aside: Path) -> None:
+    def fill(new_folder: Path) -> None:
         for name, content in files.items():
-            (aside / name).parent.mkdir(exist_ok=True)
-            (aside / name).write_bytes(content)
+            (new_folder / name).parent.mkdir(exist_ok=True)
+            (new_folder / name).write_bytes(content)
 
     write_folder(folder, REPORT, fill)
 
@@ -240,17 +248,17 @@ def _fits(piece: Piece) -> dict[str, LikelihoodFit]:
 
 def _answer(one: BatchRun, settings: BatchSettings, fit: LikelihoodFit | None) -> BatchAnswer:
     try:
-        found = analyse(one.run, seed=settings.seed, ess=settings.ess, sampling=settings.sampling, fit=fit)
-        return BatchAnswer(_row(one, found.result), _packed(found, settings))
+        analysis = analyse(one.run, seed=settings.seed, ess=settings.ess, sampling=settings.sampling, fit=fit)
+        return BatchAnswer(_row(one, analysis.result), _packed(analysis, settings))
     except Exception as error:  # noqa: BLE001 - one bad run must not stop the others
         return BatchAnswer(failed(one.name, one.file, error, one.run), {})
 
 
-def _packed(found: Analysis, settings: BatchSettings) -> dict[str, bytes]:
+def _packed(analysis: Analysis, settings: BatchSettings) -> dict[str, bytes]:
     if not settings.report:
-        return {RESULT: zlib.compress(dumps(to_json(found.result)).encode("utf-8"), 1)}
-    with tempfile.TemporaryDirectory() as aside:
-        folder = write_report(Path(aside) / "report", found.result, found.draws).folder
+        return {RESULT: zlib.compress(dumps(to_json(analysis.result)).encode("utf-8"), 1)}
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = write_report(Path(scratch) / "report", analysis.result, analysis.draws).folder
         return {
             path.relative_to(folder).as_posix(): zlib.compress(path.read_bytes(), 1)
             for path in sorted(folder.rglob("*"))
@@ -286,9 +294,9 @@ def _row(one: BatchRun, result: Result) -> BatchRow:
 
 
 def _posterior(result: Result) -> str:
-    own = result.posterior
-    if own.nothing_known:
+    posterior = result.posterior
+    if posterior.nothing_known:
         return "nothing identifiable"
-    if own.omitted is not None:
-        return "not needed" if own.omitted.enough else "not sampled"
-    return "sampled" if own.converged else "not converged"
+    if posterior.omitted is not None:
+        return "not needed" if posterior.omitted.enough else "not sampled"
+    return "sampled" if posterior.converged else "not converged"

@@ -12,9 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...analysis.status import known, versions
+from ...experiments.history.content import StoredResult
 from ...experiments.history.database import Database
+from ...experiments.history.documents import HistoryResult
 from ...experiments.history.signing import ALGORITHM, fingerprint, sign, signature_file
-from ...experiments.history.store import StoredResult, results, whole_answer
+from ...experiments.history.store import results, whole_answer
 from ...model.errors import BadInput
 from ...words.provenance import by_plain_key
 from ...words.rehearsal import SIMULATED
@@ -22,7 +24,6 @@ from ...words.result_json import dumps
 from ..output.page_files import write_page
 from ..output.whole_folder import Kind, write_folder
 from .certificate_page import SIGNED, certificate_page
-from .lists import result_json
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
@@ -32,20 +33,20 @@ _OFFSET = ("name", "unit", "status", "held", "estimate", "std", "interval95")
 _INTERVALS = ("name", "unit", "linear", "profile", "posterior")
 
 
-def certificate_json(own: StoredResult, answer: dict[str, Any], fingerprint: str) -> dict[str, Any]:
+def certificate_json(result: StoredResult, answer: dict[str, Any], fingerprint: str) -> dict[str, Any]:
     """The certificate of a result for the key of this fingerprint; `answer` is the whole result.
 
     BadInput for a misfit, for a fit that did not converge, and where no offset is determined. What the data
     do not determine has no number.
     """
-    _require_certifiable(own, answer)
+    _require_certifiable(result, answer)
     offsets = [row for row in answer["parameters"] if row["group"] == "offset"]
-    stated = result_json(own)
-    del stated["without_prior"]
+    row = HistoryResult.of(result).to_json()
+    del row["without_prior"]
     header, fit = answer["inputs"]["header"], answer["fits"]["likelihood"]
     return {
         "schema": SCHEMA,
-        **stated,
+        **row,
         "vendor": answer["inputs"].get("vendor"),
         "simulated": by_plain_key(header.get("provenance") or {}).get("origin") == SIMULATED,
         "headline": answer["headline"],
@@ -61,9 +62,9 @@ def certificate_json(own: StoredResult, answer: dict[str, Any], fingerprint: str
     }
 
 
-def _require_certifiable(own: StoredResult, answer: dict[str, Any]) -> None:
-    of = f"run {own.run}, SHA-256 {own.sha256[:12]}…"
-    if own.verdict == "misfit":
+def _require_certifiable(result: StoredResult, answer: dict[str, Any]) -> None:
+    of = f"run {result.run}, SHA-256 {result.sha256[:12]}…"
+    if result.verdict == "misfit":
         raise BadInput(
             "a misfit is not certified: the model does not describe the measurements",
             found=of,
@@ -71,7 +72,7 @@ def _require_certifiable(own: StoredResult, answer: dict[str, Any]) -> None:
             remedy="find the cause (zerobeam report), measure again, or name another result by --run",
         )
     converged = answer["fits"]["likelihood"]["converged"]
-    if not converged or not any(known(row["status"]) for row in own.offsets):
+    if not converged or not any(known(row.status) for row in result.offsets):
         why = "the result determines no offset" if converged else "the fit did not converge"
         raise BadInput(
             f"there is nothing to certify: {why}",
@@ -127,11 +128,11 @@ def _assumed(answer: dict[str, Any]) -> dict[str, Any]:
 def read_certificate(content: bytes, file: Path) -> dict[str, Any]:
     """The certificate in a file; BadInput for another file."""
     try:
-        found = json.loads(content)
-        if found["schema"] != SCHEMA:
-            raise ValueError(f"schema {found['schema']!r}")
+        certificate = json.loads(content)
+        if certificate["schema"] != SCHEMA:
+            raise ValueError(f"schema {certificate['schema']!r}")
         for name in ("serial", "model", "sha256", "document_sha256"):
-            if not isinstance(found[name], str):
+            if not isinstance(certificate[name], str):
                 raise ValueError(f"{name} is no text")
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise BadInput(
@@ -140,22 +141,22 @@ def read_certificate(content: bytes, file: Path) -> dict[str, Any]:
             allowed=f"a certificate.json of schema {SCHEMA}",
             file=file,
         ) from None
-    return dict(found)
+    return dict(certificate)
 
 
 def why_history_differs(history: Database, certificate: dict[str, Any]) -> str | None:
     """None where the history holds the very result that was certified; else what is different."""
-    found = results(history, (certificate["serial"], certificate["model"]))
-    own = next((row for row in found if row.sha256 == certificate["sha256"]), None)
-    if own is None:
+    candidates = results(history, (certificate["serial"], certificate["model"]))
+    stored = next((row for row in candidates if row.sha256 == certificate["sha256"]), None)
+    if stored is None:
         return "the history has no result of this run and arm"
-    if own.document_sha256 != certificate["document_sha256"]:
+    if stored.document_sha256 != certificate["document_sha256"]:
         return "the history has another result of this run: it was replaced or altered since"
     try:
-        whole_answer(history, own)
+        whole_answer(history, stored)
     except BadInput as error:
         return f"{error.what}: {error.found}"
-    now = result_json(own)
+    now = HistoryResult.of(stored).to_json()
     del now["offsets"], now["without_prior"]  # of the document that was certified
     differing = [name for name, value in now.items() if certificate.get(name) != value]
     if differing:
@@ -171,7 +172,7 @@ _KIND = Kind(
 
 
 def write_certificate(
-    folder: Path | str, own: StoredResult, answer: dict[str, Any], key: Ed25519PrivateKey
+    folder: Path | str, result: StoredResult, answer: dict[str, Any], key: Ed25519PrivateKey
 ) -> str:
     """Write the certificate of a result, signed by `key`; returns the key's fingerprint.
 
@@ -179,15 +180,22 @@ def write_certificate(
     is not ours, or cannot be written.
     """
     by = fingerprint(key.public_key())
-    found = certificate_json(own, answer, by)
+    certificate = certificate_json(result, answer, by)
 
-    def fill(aside: Path) -> None:
-        write_page(aside, "certificate", certificate_page(found), {}, "study", answer=(JSON, dumps(found)))
-        (aside / "figures").rmdir()  # there is none
-        beside = {name: sha256((aside / name).read_bytes()) for name in SIGNED if name != JSON}
-        (aside / JSON).write_text(dumps({**found, "files": beside}), encoding="utf-8")
+    def fill(new_folder: Path) -> None:
+        write_page(
+            new_folder,
+            "certificate",
+            certificate_page(certificate),
+            {},
+            "study",
+            answer=(JSON, dumps(certificate)),
+        )
+        (new_folder / "figures").rmdir()  # there is none
+        beside = {name: sha256((new_folder / name).read_bytes()) for name in SIGNED if name != JSON}
+        (new_folder / JSON).write_text(dumps({**certificate, "files": beside}), encoding="utf-8")
         for name in SIGNED:
-            sign(aside / name, key)
+            sign(new_folder / name, key)
 
     write_folder(folder, _KIND, fill)
     return by
@@ -208,8 +216,8 @@ def why_not_of_certificate(certificate: Mapping[str, Any], name: str, content: b
     return None
 
 
-def files_of_certificate(given: Path) -> list[Path]:
+def files_of_certificate(path: Path) -> list[Path]:
     """The signed files of a certificate's folder; the file that a signature is of; another file as it is."""
-    if given.is_dir():
-        return [given / name for name in SIGNED]
-    return [given.with_suffix("") if given.suffix == ".sig" else given]
+    if path.is_dir():
+        return [path / name for name in SIGNED]
+    return [path.with_suffix("") if path.suffix == ".sig" else path]

@@ -65,7 +65,7 @@ def certificate_page(own: Mapping[str, Any]) -> Page:
 
 def _named(text: str) -> str:
     """A sentence of a result, with the offsets' names as people write them."""
-    return sentence(re.sub(r"\bdelta\d+\b", lambda found: label(found.group()), text))
+    return sentence(re.sub(r"\bdelta\d+\b", lambda match: label(match.group()), text))
 
 
 def _notes(own: Mapping[str, Any]) -> Iterator[str]:

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from ...analysis.repeatability.compare import CHANCE, ComparedOffset, ComparedRun, Comparison
-from ...analysis.repeatability.consistency import LEVEL
-from ...words.comparison import failure, headline, notes
+from ...analysis.repeatability.compare import (
+    Comparison,
+)
+from ...words.comparison_json import COMPARE_SCHEMA, ComparisonDocument
 from ...words.result_json import dumps
 from ..output import whole_folder
 from ..output.page_files import write_page
 from ..output.whole_folder import Kind, write_folder
 from .comparison_page import comparison_page, runs_picture
 
-SCHEMA = "zerobeam/compare/1"
 _JSON, _TABLE = "compare.json", "offsets.csv"
 _KIND = Kind(
-    "comparison", frozenset({"compare.html", "compare.pdf", _JSON, _TABLE, "figures"}), _JSON, SCHEMA
+    "comparison", frozenset({"compare.html", "compare.pdf", _JSON, _TABLE, "figures"}), _JSON, COMPARE_SCHEMA
 )
 
 
@@ -35,13 +34,13 @@ class ComparisonPaths:
     figures: tuple[Path, ...]
 
 
-def write_comparison(folder: Path | str, found: Comparison) -> ComparisonPaths:
+def write_comparison(folder: Path | str, comparison: Comparison) -> ComparisonPaths:
     """Write a comparison (`zerobeam/compare/1`) to `folder`, replacing one that zerobeam wrote there before.
 
     Whole or not at all. Raises BadInput where `folder` is a file, is not ours, or cannot be written.
     """
     folder = Path(folder)
-    names = write_folder(folder, _KIND, lambda aside: _write_files(aside, found))
+    names = write_folder(folder, _KIND, lambda new_folder: _write_files(new_folder, comparison))
     return ComparisonPaths(
         folder=folder,
         html=folder / "compare.html",
@@ -57,20 +56,20 @@ def check_target(folder: Path | str) -> None:
     whole_folder.check_target(folder, _KIND)
 
 
-def offset_rows(found: Comparison) -> Iterator[dict[str, object]]:
+def offset_rows(comparison: Comparison) -> Iterator[dict[str, object]]:
     """`offsets.csv`: one row for each offset and run, with what holds for the offset over all runs."""
-    for i, row in enumerate(found.offsets):
+    for i, row in enumerate(comparison.offsets):
         low, high = row.mean.interval95 if row.mean else (None, None)
-        for run in found.runs:
-            own = run.offsets[i]
+        for run in comparison.runs:
+            offset = run.offsets[i]
             yield {
                 "offset": row.name,
                 "unit": row.unit,
                 "run": run.name,
                 "at": run.at,
-                "status": own.status,
-                "estimate": own.estimate,
-                "std": own.std,
+                "status": offset.status,
+                "estimate": offset.estimate,
+                "std": offset.std,
                 "mean": row.mean and row.mean.value,
                 "mean_low": low,
                 "mean_high": high,
@@ -83,88 +82,14 @@ def offset_rows(found: Comparison) -> Iterator[dict[str, object]]:
             }
 
 
-def _write_files(folder: Path, found: Comparison) -> list[str]:
-    picture = runs_picture(found)
+def _write_files(folder: Path, comparison: Comparison) -> list[str]:
+    picture = runs_picture(comparison)
     return write_page(
         folder,
         "compare",
-        comparison_page(found),
+        comparison_page(comparison),
         {} if picture is None else {picture.name: picture},
         "study",
-        answer=(_JSON, dumps(comparison_json(found))),
-        tables={_TABLE: offset_rows(found)},
+        answer=(_JSON, dumps(ComparisonDocument.of(comparison).to_json())),
+        tables={_TABLE: offset_rows(comparison)},
     )
-
-
-def comparison_json(found: Comparison) -> dict[str, Any]:
-    """The answer of `compare --json` and `compare.json`."""
-    return {
-        "schema": SCHEMA,
-        "kind": found.kind,
-        "verdict": found.verdict,
-        "headline": headline(found),
-        "odd_run": found.odd_run,
-        "differing": list(found.differing),
-        "drifting": list(found.drifting),
-        "misfit": found.misfits,
-        "consistency": _plain(found.consistency),
-        "offsets": [_offset(row) for row in found.offsets],
-        "runs": [_run(run) for run in found.runs],
-        "held": list(found.held),
-        "failed": found.failed,
-        "settings": {
-            "seed": found.seed,
-            "level": LEVEL,
-            "chance": CHANCE,
-            "asked": list(found.asked),
-            "order": "time" if found.by_time else "given",
-            "at_unit": "h" if found.by_time else "run",
-        },
-        "versions": found.versions,
-        "notes": list(notes(found)),
-    }
-
-
-def _offset(row: ComparedOffset) -> dict[str, Any]:
-    mean, scatter, test = row.mean, row.scatter, row.test
-    return {
-        "name": row.name,
-        "unit": row.unit,
-        "runs": row.runs,
-        "unvalidated": row.unvalidated,
-        "std": scatter and scatter.std,
-        "std_interval95": scatter and list(scatter.interval95),
-        "predicted_std": row.predicted_std,
-        "ratio": test and test.ratio,
-        "ratio_interval95": test and list(test.ratio_interval95),
-        "chi2": test and test.chi2,
-        "dof": test and test.dof,
-        "p_value": test and test.p_value,
-        "p_holm": test and test.p_holm,
-        "drift": _plain(row.drift),
-        "mean": mean and mean.value,
-        "mean_interval95": mean and list(mean.interval95),
-        "mean_by": mean and mean.by,
-    }
-
-
-def _run(run: ComparedRun) -> dict[str, Any]:
-    return {
-        "name": run.name,
-        "sha256": run.sha256,
-        "robot": run.robot,
-        "shots": run.shots,
-        "when": run.when,
-        "at": run.at,
-        "failure": None if run.failure is None else failure(run.failure),
-        "misfit": run.misfit,
-        "odd": _plain(run.odd),
-        "offsets": [asdict(own) for own in run.offsets],
-    }
-
-
-def _plain(row: Any) -> dict[str, Any] | None:
-    """A dataclass of numbers with the names of its fields; tuples are lists."""
-    if row is None:
-        return None
-    return {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(row).items()}

@@ -107,7 +107,7 @@ def test_it_is_exported_backed_up_and_restored(kept: Path) -> None:
 
 
 def test_without_the_extra_it_says_how_to_install_it() -> None:
-    with mock.patch("zerobeam.commands.history.shared.find_spec", return_value=None):
+    with mock.patch("zerobeam.commands.history.find_spec", return_value=None):
         assert 'pip install "zerobeam[history]"' in zerobeam("history", "list").refused()
 
 

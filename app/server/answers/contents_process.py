@@ -22,7 +22,7 @@ _PROGRAM = "from zerobeam.app.server.answers.contents_process import main; main(
 _COMMAND = [sys.executable, "-P", "-c", _PROGRAM]  # nothing is imported from the folder
 
 
-async def contents(path: Path, stated: Mapping[str, Any]) -> dict[str, Any]:
+async def contents(path: Path, layout: Mapping[str, Any]) -> dict[str, Any]:
     """What `contents_of` finds in a file, as JSON has it; `stated` is how a table is laid out.
 
     BadInput where it refuses, or where it takes more than `PATIENCE_S` or `MOST_MEMORY`.
@@ -30,7 +30,7 @@ async def contents(path: Path, stated: Mapping[str, Any]) -> dict[str, Any]:
     process = await asyncio.create_subprocess_exec(
         *_COMMAND,
         str(path),
-        json.dumps(dict(stated)),
+        json.dumps(dict(layout)),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -49,26 +49,26 @@ async def contents(path: Path, stated: Mapping[str, Any]) -> dict[str, Any]:
         if process.returncode < 0:
             raise _too_much(path, f"the process was ended by signal {-process.returncode}")
         raise RuntimeError(fault.decode("utf-8", "replace"))
-    told: dict[str, Any] = json.loads(answer)
-    if "refused" in told:
-        raise BadInput(**told["refused"])
-    return told
+    holdings: dict[str, Any] = json.loads(answer)
+    if "refused" in holdings:
+        raise BadInput(**holdings["refused"])
+    return holdings
 
 
 def main() -> None:
     """Print what the file holds, or why it is refused. Arguments: the file, and the layout that is stated."""
-    path, stated = Path(sys.argv[1]), json.loads(sys.argv[2])
+    path, layout = Path(sys.argv[1]), json.loads(sys.argv[2])
     _limit()
     try:
-        told = _plain(
-            contents_of(path, layout_stated(layout_of(head_of(path)[0]), stated) if stated else None)
+        holdings = _plain(
+            contents_of(path, layout_stated(layout_of(head_of(path)[0]), layout) if layout else None)
         )
     except MemoryError:
         error = _too_much(path, f"more than {MOST_MEMORY // 10**9} GB of memory")
-        told = {"refused": _facts(error)}
+        holdings = {"refused": _facts(error)}
     except BadInput as error:
-        told = {"refused": _facts(error)}
-    sys.stdout.write(json.dumps(told, allow_nan=False))
+        holdings = {"refused": _facts(error)}
+    sys.stdout.write(json.dumps(holdings, allow_nan=False))
 
 
 def _limit() -> None:
@@ -82,10 +82,10 @@ def _limit() -> None:
                 resource.setrlimit(kind, (limit, limit))
 
 
-def _too_much(path: Path, found: str) -> BadInput:
+def _too_much(path: Path, how_much: str) -> BadInput:
     return BadInput(
         "the file is too much to be looked at here",
-        found=found,
+        found=how_much,
         allowed=f"{PATIENCE_S:.0f} s and {MOST_MEMORY // 10**9} GB",
         remedy="use zerobeam import on the command line, if it is the right file",
         file=path,
@@ -98,9 +98,9 @@ def _facts(error: BadInput) -> dict[str, Any]:
     return {**texts, "line": error.line}
 
 
-def _plain(found: Contents) -> dict[str, Any]:
+def _plain(recording: Contents) -> dict[str, Any]:
     """As JSON has it: points and topics by name."""
-    told = dataclasses.asdict(found)
-    told["points"] = [{"name": name, "joints": joints} for name, joints in found.points]
-    told["topics"] = [topic._asdict() for topic in found.topics]
-    return told
+    holdings = dataclasses.asdict(recording)
+    holdings["points"] = [{"name": name, "joints": joints} for name, joints in recording.points]
+    holdings["topics"] = [topic._asdict() for topic in recording.topics]
+    return holdings

@@ -35,9 +35,9 @@ def history(folder: Folder) -> dict[str, Any]:
     rows, sums = [], set()
     for name in runs[:MOST_RUNS]:
         path = folder.root / name
-        sums.add(own := sha256_of(path) or "")
-        rows.append({"file": name, **_header(folder, path), "results": by_sum.get(own, [])})
-    loose = [brief for own, briefs in by_sum.items() if own not in sums for brief in briefs]
+        sums.add(sha256 := sha256_of(path) or "")
+        rows.append({"file": name, **_header(folder, path), "results": by_sum.get(sha256, [])})
+    loose = [brief for sha256, briefs in by_sum.items() if sha256 not in sums for brief in briefs]
     left_out = max(0, len(runs) - MOST_RUNS) + max(0, len(results) - MOST_RESULTS)
     return {"runs": rows, "results": loose, "left_out": left_out}
 
@@ -58,8 +58,8 @@ def _read_header(path: Path) -> dict[str, Any]:
         raise ValueError("no header of a run")
     robot = header.get("robot")
     called = robot.get("urdf") if isinstance(robot, dict) else robot
-    stated = {key: clipped(text, _WIDTH) for key, text in origin_of(header).items()}
-    return {"robot": clipped(str(called), _WIDTH), **stated}
+    origin = {key: clipped(text, _WIDTH) for key, text in origin_of(header).items()}
+    return {"robot": clipped(str(called), _WIDTH), **origin}
 
 
 def _brief(folder: Folder, name: str) -> dict[str, Any]:
@@ -74,13 +74,13 @@ def _brief(folder: Folder, name: str) -> dict[str, Any]:
 def _in_brief(path: Path) -> dict[str, Any]:
     if path.stat().st_size > _LARGEST_RESULT:
         raise BadInput("too large to be listed: open it")
-    found: ResultFile = read_result(path)
+    result: ResultFile = read_result(path)
     offsets = [
-        {"name": own.name, "unit": own.unit, "status": own.status, "estimate": own.estimate, "std": own.std}
-        for own in found.parameters
-        if own.group == "offset" and not own.held
+        {"name": row.name, "unit": row.unit, "status": row.status, "estimate": row.estimate, "std": row.std}
+        for row in result.parameters
+        if row.group == "offset" and not row.held
     ]
-    return {"sha256": found.inputs.sha256, "verdict": found.verdict, "offsets": offsets}
+    return {"sha256": result.inputs.sha256, "verdict": result.verdict, "offsets": offsets}
 
 
 END_POINTS = [

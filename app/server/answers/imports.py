@@ -79,38 +79,38 @@ class AskedHeader(FileModel):
     header: dict[str, Any] = Field(description="the content of a header file")
 
 
-async def recording(folder: Folder, wanted: AskedRecording) -> dict[str, Any]:
+async def recording(folder: Folder, request: AskedRecording) -> dict[str, Any]:
     """What a file is (`form`, `why`), what it holds (`count`), and what an import can choose from."""
-    path = folder.file(wanted.file)
-    found = await contents_process.contents(path, _stated_layout(wanted))
-    return {"file": folder.called(path), "bytes": path.stat().st_size, **found}
+    path = folder.file(request.file)
+    holdings = await contents_process.contents(path, _layout(request))
+    return {"file": folder.called(path), "bytes": path.stat().st_size, **holdings}
 
 
-def columns(folder: Folder, wanted: AskedColumns) -> dict[str, Any]:
+def columns(folder: Folder, request: AskedColumns) -> dict[str, Any]:
     """Per joint its column, the range seen against its limits and the rows outside; what the limits say of
     unit, signs and joint 3 (null where there is nothing to say)."""
-    robot = _robot(folder, wanted)
-    given = wanted.columns
-    if given is not None and len(given) != robot.n:
+    robot = _robot(folder, request)
+    chosen = request.columns
+    if chosen is not None and len(chosen) != robot.n:
         raise _wrong(
-            ("columns",), "one column is required for each joint", len(given), f"{robot.n} ({robot.name})"
+            ("columns",), "one column is required for each joint", len(chosen), f"{robot.n} ({robot.name})"
         )
-    for i, number in enumerate(wanted.reversed_joints):
+    for i, number in enumerate(request.reversed_joints):
         if not 1 <= number <= robot.n:
             raise _wrong(("reversed_joints", i), "there is no such joint", number, f"1 to {robot.n}")
-    pendant = _at(("j3",), lambda: Pendant(robot, wanted.j3))
+    pendant = _at(("j3",), lambda: Pendant(robot, request.j3))
     tables, whole = [], True
-    for name in wanted.files:
+    for name in request.files:
         path = folder.file(name)
-        text, all_of_it = columns_found.head_of(path, max(10**5, columns_found.HEAD // len(wanted.files)))
+        text, all_of_it = columns_found.head_of(path, max(10**5, columns_found.HEAD // len(request.files)))
         whole = whole and all_of_it
-        layout = columns_found.layout_stated(columns_found.layout_of(text), _stated_layout(wanted))
+        layout = columns_found.layout_stated(columns_found.layout_of(text), _layout(request))
         tables.append(columns_found.table_with(path, text, layout))
-    raw = np.concatenate([_raw(table, given, robot) for table in tables])
+    raw = np.concatenate([_raw(table, chosen, robot) for table in tables])
     proposed = columns_found.proposed_columns(columns_found.columns_of(tables[0]), robot)
-    scale = _scale(robot, wanted)
+    scale = _scale(robot, request)
     signs = np.ones(robot.n)
-    signs[[number - 1 for number in wanted.reversed_joints]] = -1
+    signs[[number - 1 for number in request.reversed_joints]] = -1
     recorded = raw * scale  # NaN where the unit is not stated
     joints = pendant.between_links(recorded * signs)
     outside = beyond_limits(robot, joints)
@@ -158,73 +158,73 @@ def header(folder: Folder, name: str) -> dict[str, Any]:
     if isinstance(content, dict):
         content = {key: value for key, value in content.items() if key != "postures_deg"}
     with noted() as notes:
-        stated = validate(Header, content, file=path, line=document.line)
+        read = validate(Header, content, file=path, line=document.line)
         require_robot_inside(folder, content, path.parent)
-        robot = load_robot(stated.robot, path.parent, file=path)
-        check_header(stated, robot, file=path, line=document.line)
-    plain = header_content(stated, "zerobeam/plan/1")
+        robot = load_robot(read.robot, path.parent, file=path)
+        check_header(read, robot, file=path, line=document.line)
+    plain = header_content(read, "zerobeam/plan/1")
     del plain["schema"]
-    return {"file": folder.called(path), "header": plain, "target": stated.only_target, "notes": notes}
+    return {"file": folder.called(path), "header": plain, "target": read.only_target, "notes": notes}
 
 
-def check(folder: Folder, wanted: AskedHeader) -> dict[str, Any]:
+def check(folder: Folder, request: AskedHeader) -> dict[str, Any]:
     """Whether a header can be used, and with which robot; Refused with the key of what is wrong."""
-    stated, robot, notes = _checked(folder, wanted)
-    return {"robot": robot.name, "joints": robot.n, "target": stated.only_target, "notes": notes}
+    read, robot, notes = _checked(folder, request)
+    return {"robot": robot.name, "joints": robot.n, "target": read.only_target, "notes": notes}
 
 
-def write(folder: Folder, wanted: AskedHeader) -> dict[str, Any]:
+def write(folder: Folder, request: AskedHeader) -> dict[str, Any]:
     """Write a header as a new file, whole or not at all."""
-    if Path(wanted.file).suffix.lower() not in {".yaml", ".yml"}:
-        raise _wrong(("file",), "a header cannot have this name", wanted.file, "a name that ends in .yaml")
-    path = _at(("file",), lambda: folder.new(wanted.file))
-    stated, robot, notes = _checked(folder, wanted)
-    write_header(path, stated)
+    if Path(request.file).suffix.lower() not in {".yaml", ".yml"}:
+        raise _wrong(("file",), "a header cannot have this name", request.file, "a name that ends in .yaml")
+    path = _at(("file",), lambda: folder.new(request.file))
+    read, robot, notes = _checked(folder, request)
+    write_header(path, read)
     return {
         "file": folder.called(path),
         "robot": robot.name,
         "joints": robot.n,
-        "target": stated.only_target,
+        "target": read.only_target,
         "notes": notes,
     }
 
 
-def _checked(folder: Folder, wanted: AskedHeader) -> tuple[Header, Robot, list[str]]:
-    path = folder.inside(wanted.file)
+def _checked(folder: Folder, request: AskedHeader) -> tuple[Header, Robot, list[str]]:
+    path = folder.inside(request.file)
 
     def use(line: Any) -> tuple[Header, Robot]:
-        stated = validate(Header, wanted.header, file=None, line=line)
-        require_robot_inside(folder, wanted.header, path.parent)
+        read = validate(Header, request.header, file=None, line=line)
+        require_robot_inside(folder, request.header, path.parent)
         try:
-            robot = load_robot(stated.robot, path.parent)
+            robot = load_robot(read.robot, path.parent)
         except BadInput as error:
             at = line(("robot",))
             raise BadInput(
                 error.what, found=error.found, allowed=error.allowed, remedy=error.remedy, line=at
             ) from error
-        check_header(stated, robot, file=None, line=line)
-        return stated, robot
+        check_header(read, robot, file=None, line=line)
+        return read, robot
 
     with noted() as notes:
-        stated, robot = keyed(wanted.header, use, ("header",))
-    return stated, robot, notes
+        read, robot = keyed(request.header, use, ("header",))
+    return read, robot, notes
 
 
-def _robot(folder: Folder, wanted: AskedColumns) -> Robot:
-    start = folder.root if wanted.beside is None else folder.inside(wanted.beside).parent
-    return _at(("robot",), lambda: load_robot(whole_ref(folder, wanted.robot, start), start))
+def _robot(folder: Folder, request: AskedColumns) -> Robot:
+    start = folder.root if request.beside is None else folder.inside(request.beside).parent
+    return _at(("robot",), lambda: load_robot(whole_ref(folder, request.robot, start), start))
 
 
-def _stated_layout(wanted: AskedTable) -> dict[str, Any]:
-    stated = wanted.model_dump(include={"header_row", "delimiter", "decimal"}, exclude_none=True)
-    check_signs(stated.get("delimiter"), stated.get("decimal", "."))
-    return stated
+def _layout(request: AskedTable) -> dict[str, Any]:
+    layout = request.model_dump(include={"header_row", "delimiter", "decimal"}, exclude_none=True)
+    check_signs(layout.get("delimiter"), layout.get("decimal", "."))
+    return layout
 
 
-def _raw(table: Table, given: tuple[str | None, ...] | None, robot: Robot) -> Matrix:
+def _raw(table: Table, chosen: tuple[str | None, ...] | None, robot: Robot) -> Matrix:
     """(N, n) values as they are in the table, NaN for a joint without a column."""
     values = np.full((len(table.rows), robot.n), np.nan)
-    for i, name in enumerate(given or ()):
+    for i, name in enumerate(chosen or ()):
         if name is not None:
             values[:, i] = _at(("columns", i), partial(_numbers, table, name))
     return values
@@ -234,10 +234,10 @@ def _numbers(table: Table, name: str) -> Matrix:
     return table.numbers([table.column(name)])[:, 0]
 
 
-def _scale(robot: Robot, wanted: AskedColumns) -> Matrix:
+def _scale(robot: Robot, request: AskedColumns) -> Matrix:
     """(n,) degrees or mm in one unit of the table; NaN where the unit is not stated."""
-    angle = {"deg": 1.0, "rad": float(np.degrees(1.0)), None: np.nan}[wanted.units]
-    length = {"mm": 1.0, "m": 1000.0, None: np.nan}[wanted.lengths]
+    angle = {"deg": 1.0, "rad": float(np.degrees(1.0)), None: np.nan}[request.units]
+    length = {"mm": 1.0, "m": 1000.0, None: np.nan}[request.lengths]
     return np.array([angle if joint.kind == "revolute" else length for joint in robot.joints])
 
 
@@ -247,12 +247,12 @@ def _range(values: Matrix) -> list[float] | None:
     return [float(values.min()), float(values.max())]
 
 
-def _reading(found: readings.Reading | None) -> dict[str, Any] | None:
-    return None if found is None else dataclasses.asdict(found)
+def _reading(reading: readings.Reading | None) -> dict[str, Any] | None:
+    return None if reading is None else dataclasses.asdict(reading)
 
 
-def _wrong(key: tuple[str | int, ...], what: str, found: object, allowed: object) -> Refused:
-    return refused(BadInput(what, found=found, allowed=allowed), key)
+def _wrong(key: tuple[str | int, ...], what: str, value: object, allowed: object) -> Refused:
+    return refused(BadInput(what, found=value, allowed=allowed), key)
 
 
 def _at(key: tuple[str | int, ...], use: Callable[[], _Value]) -> _Value:

@@ -95,63 +95,65 @@ def plan(folder: Folder, name: str) -> dict[str, Any]:
     }
 
 
-def write(folder: Folder, wanted: AskedPlan) -> dict[str, Any]:
+def write(folder: Folder, request: AskedPlan) -> dict[str, Any]:
     """Write a plan as a new file or over a plan, whole or not at all; nothing else is ever replaced."""
-    path = folder.inside(wanted.file)
+    path = folder.inside(request.file)
     if path.suffix.lower() not in {".yaml", ".yml"}:
-        raise BadInput("a plan cannot have this name", found=wanted.file, allowed="a name that ends in .yaml")
+        raise BadInput(
+            "a plan cannot have this name", found=request.file, allowed="a name that ends in .yaml"
+        )
     if path.exists():
         document = read_yaml(path)
         require_schema(document.data, PLAN_SCHEMA, file=path, line=None)
     with noted() as notes:
-        stated = _stated(folder, wanted.plan, path)
-    rows = stated.postures * stated.robot.display
-    via = [between * stated.robot.display for between in stated.via]
+        written = _plan_of(folder, request.plan, path)
+    rows = written.postures * written.robot.display
+    via = [between * written.robot.display for between in written.via]
     # What degrees lose on the way to radians and back is far below what a file states.
     write_plan(
         path,
-        stated.header,
+        written.header,
         np.round(rows, 9),
-        stated.targets,
+        written.targets,
         via_deg=via,
-        constraints=stated.constraints,
+        constraints=written.constraints,
         force=path.exists(),
     )
-    return {"file": folder.called(path), "notes": [*notes, *stated.warnings]}
+    return {"file": folder.called(path), "notes": [*notes, *written.warnings]}
 
 
-def check(folder: Folder, wanted: AskedCheck) -> dict[str, Any]:
+def check(folder: Folder, request: AskedCheck) -> dict[str, Any]:
     """`zerobeam/check/1`; with `scene` also what a picture needs, `null_motion`, and in `said` what the
     command says besides."""
     with noted() as notes:
-        turned = _turned(folder, wanted.plan, wanted.file)
-        if wanted.obstacles is not None:
-            turned = _among(turned, wanted.obstacles)
-        found = check_plan(turned.plan, turned)
-        answer = check_json(found)
-        if wanted.scene:
-            scene = _scene(turned.plan, postures_of(turned))
-            for broken in found.violations:
+        aimed = _aimed(folder, request.plan, request.file)
+        if request.obstacles is not None:
+            aimed = _among(aimed, request.obstacles)
+        checked = check_plan(aimed.plan, aimed)
+        answer = check_json(checked)
+        if request.scene:
+            scene = _scene(aimed.plan, postures_of(aimed))
+            for broken in checked.violations:
                 scene[broken.posture]["violations"].append(violation_words(broken))
                 if broken.constraint == "obstacles" and broken.via is None and not broken.planned:
                     scene[broken.posture]["touches"].append(broken.condition)
             answer |= {
                 "scene": scene,
-                "touched_boxes": touched_boxes(turned),
-                "null_motion": _null_motion(found),
-                "said": _said(found),
+                "touched_boxes": touched_boxes(aimed),
+                "null_motion": _null_motion(checked),
+                "said": _remarks(checked),
             }
     return answer | {"warnings": notes}
 
 
-def without(folder: Folder, wanted: AskedWithout) -> list[dict[str, Any]]:
+def without(folder: Folder, request: AskedWithout) -> list[dict[str, Any]]:
     """What the plan determines without each posture: `rest` has `verdict`, `status` and `std` of each offset,
     in its own unit (null: not determined); it is null for a posture that gives no measurement."""
     with noted():
-        turned = _turned(folder, wanted.plan, wanted.file)
-        broken = violations(turned)
-        found = [(i, without_posture(turned, i, broken)) for i in wanted.postures]
-    return [{"posture": i, "rest": None if own is None else asdict(own)} for i, own in found]
+        aimed = _aimed(folder, request.plan, request.file)
+        broken = violations(aimed)
+        checks = [(i, without_posture(aimed, i, broken)) for i in request.postures]
+    return [{"posture": i, "rest": None if rest is None else asdict(rest)} for i, rest in checks]
 
 
 def obstacles(folder: Folder, name: str) -> dict[str, Any]:
@@ -160,20 +162,20 @@ def obstacles(folder: Folder, name: str) -> dict[str, Any]:
     return {"file": folder.called(path), "obstacles": read_obstacles(path).model_dump(mode="json")}
 
 
-def write_obstacles_file(folder: Folder, wanted: AskedObstacles) -> dict[str, Any]:
+def write_obstacles_file(folder: Folder, request: AskedObstacles) -> dict[str, Any]:
     """Write obstacles as a new file or over an obstacles file; nothing else is ever replaced."""
-    path = folder.inside(wanted.file)
+    path = folder.inside(request.file)
     if path.suffix.lower() not in {".yaml", ".yml"}:
         raise BadInput(
-            "obstacles cannot have this name", found=wanted.file, allowed="a name that ends in .yaml"
+            "obstacles cannot have this name", found=request.file, allowed="a name that ends in .yaml"
         )
     if path.exists():
         read_obstacles(path)
-    write_obstacles(path, wanted.obstacles, force=path.exists())
+    write_obstacles(path, request.obstacles, force=path.exists())
     return {"file": folder.called(path)}
 
 
-def _turned(folder: Folder, content: dict[str, Any], file: str | None) -> AimedPlan:
+def _aimed(folder: Folder, content: dict[str, Any], file: str | None) -> AimedPlan:
     """The plan that a file with this content would be, its postures turned onto their targets."""
     path = folder.root / NOWHERE if file is None else folder.inside(file)
     postures = content.get("postures_deg")
@@ -184,30 +186,30 @@ def _turned(folder: Folder, content: dict[str, Any], file: str | None) -> AimedP
             allowed=f"at most {MOST_POSTURES}",
             remedy="use zerobeam check",
         )
-    return aim_plan(_stated(folder, content, path))
+    return aim_plan(_plan_of(folder, content, path))
 
 
-def _among(turned: AimedPlan, obstacles: Obstacles) -> AimedPlan:
+def _among(aimed: AimedPlan, obstacles: Obstacles) -> AimedPlan:
     """The same postures, judged by these obstacles."""
-    constraints = turned.plan.constraints.model_copy(update={"obstacles": obstacles})
-    return replace(turned, plan=replace(turned.plan, constraints=constraints))
+    constraints = aimed.plan.constraints.model_copy(update={"obstacles": obstacles})
+    return replace(aimed, plan=replace(aimed.plan, constraints=constraints))
 
 
-def _said(found: Check) -> dict[str, Any]:
+def _remarks(checked: Check) -> dict[str, Any]:
     """What the command prints besides the table: `worth`, the head of the column beside u and what it says of
     each offset, `lines` on the geometry, `advice` on the postures, `over_target`."""
-    head, of = worth_column(found.geometry)
-    units = {row.name: unit_of(row.unit) for row in found.parameters}
-    offsets, over = [row for row in found.parameters if row.group == "offset"], found.over_target
+    head, of = worth_column(checked.geometry)
+    units = {row.name: unit_of(row.unit) for row in checked.parameters}
+    offsets, over = [row for row in checked.parameters if row.group == "offset"], checked.over_target
     return {
         "worth": {"head": head, "of": {row.name: of(row) for row in offsets}},
-        "lines": check_lines(found),
-        "advice": None if found.advice is None else advice_sentence(found.advice),
+        "lines": check_lines(checked),
+        "advice": None if checked.advice is None else advice_sentence(checked.advice),
         "over_target": None if over is None else over_target_sentence(over, units),
     }
 
 
-def _stated(folder: Folder, content: dict[str, Any], path: Path) -> Plan:
+def _plan_of(folder: Folder, content: dict[str, Any], path: Path) -> Plan:
     """The plan that a file with this content would be; Refused with the key of what is wrong."""
     require_robot_inside(folder, content, path.parent)
     sha256 = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
@@ -227,42 +229,42 @@ class _Placed(Document):
 
     finder: Callable[[Place], int | None]
 
-    def line(self, place: Place) -> int | None:
-        return self.finder(place)
+    def line(self, keys: Place) -> int | None:
+        return self.finder(keys)
 
 
-def _scene(stated: Plan, seen: Postures) -> list[dict[str, Any]]:
+def _scene(scene_plan: Plan, aimed: Postures) -> list[dict[str, Any]]:
     """Per posture, as the servo will leave it: joints, the arm's points, the beam from the laser to its end
     (null for a probe), the target's place and name, whether beam or probe comes to it, and empty lists for
     what it breaks of the plan's constraints, in words, and what it touches."""
-    laser = stated.header.tool.kind == "laser"
-    joints = seen.joints * stated.robot.display
+    laser = scene_plan.header.tool.kind == "laser"
+    joints = aimed.joints * scene_plan.robot.display
     return [
         {
             "joints_deg": rounded(joints[i], 9),
-            "skeleton": rounded(seen.arm[i], 3),
-            "tool": rounded(seen.origin[i], 3),
-            "beam": rounded(np.array([seen.origin[i], seen.end[i]]), 3) if laser else None,
-            "target": rounded(seen.targets[stated.target_index[i]], 3),
-            "target_name": stated.targets[i],
-            "reaches": bool(seen.reaches[i]),
+            "skeleton": rounded(aimed.arm[i], 3),
+            "tool": rounded(aimed.origin[i], 3),
+            "beam": rounded(np.array([aimed.origin[i], aimed.end[i]]), 3) if laser else None,
+            "target": rounded(aimed.targets[scene_plan.target_index[i]], 3),
+            "target_name": scene_plan.targets[i],
+            "reaches": bool(aimed.reaches[i]),
             "violations": [],
             "touches": [],
         }
-        for i in range(len(stated.postures))
+        for i in range(len(scene_plan.postures))
     ]
 
 
-def _null_motion(found: Check) -> list[dict[str, Any]]:
+def _null_motion(checked: Check) -> list[dict[str, Any]]:
     """Per null-space direction, in the order of `identifiability.null_space`: how far each joint, target and
     tool parameter goes along it, in its own unit, for one prior standard deviation of the leading parameter.
 
     To first order, arm and target that move so keep the beam on the target.
     """
-    rows = {row.name: row for row in found.parameters}
-    offsets = [row.name for row in found.parameters if row.group == "offset"]
+    rows = {row.name: row for row in checked.parameters}
+    offsets = [row.name for row in checked.parameters if row.group == "offset"]
     motions = []
-    for direction in found.identifiability.null_space:
+    for direction in checked.identifiability.null_space:
         moved = {name: weight * rows[name].prior_std for name, weight in direction.combination.items()}
         motions.append(
             {

@@ -16,9 +16,9 @@ from ....model.likelihood.problem import Problem
 from ....words.findings import headline
 from ....words.rehearsal import SIMULATED
 from ....words.wording import person
-from ..begun import BegunRuns
 from ..folder import Folder
 from ..requests import EndPoint, noted
+from ..started_runs import StartedRuns
 
 _MOST = 20  # of its measurements after each of which u is said
 _MOST_RUNS = 5  # that are offered to be resumed
@@ -51,14 +51,14 @@ def recording(folder: Folder, name: str) -> dict[str, Any]:
 def unfinished(folder: Folder) -> list[dict[str, Any]]:
     """The runs that the app began and that have not reached their end, the newest first, `_MOST_RUNS` at the
     most: the same of each but what its measurements determine; `why_not` alone where it cannot be read."""
-    found = []
+    rows = []
     with noted():
-        for name in BegunRuns(folder).unfinished()[:_MOST_RUNS]:
+        for name in StartedRuns(folder).unfinished()[:_MOST_RUNS]:
             try:
-                found.append(_read(folder, name)[1])
+                rows.append(_read(folder, name)[1])
             except BadInput as error:
-                found.append({"file": name, "resume": None, "why_not": folder.without(str(error))})
-    return found
+                rows.append({"file": name, "resume": None, "why_not": folder.without(str(error))})
+    return rows
 
 
 def _read(folder: Folder, name: str) -> tuple[Run, dict[str, Any]]:
@@ -67,15 +67,15 @@ def _read(folder: Folder, name: str) -> tuple[Run, dict[str, Any]]:
     if path.stat().st_size > _LARGEST:
         remedy = "use zerobeam analyse"
         raise BadInput("the run is too long to be looked at here", remedy=remedy, file=Path(name))
-    called, begun = folder.called(path), BegunRuns(folder)
+    called, started = folder.called(path), StartedRuns(folder)
     run, torn = recorded(path.read_bytes(), path)
     resume, plan, why_not = _resume(folder, called, run)
     postures = None if plan is None else len(read_plan(folder.inside(plan)).postures)
     done = [shot.shot for shot in run.shots]
-    ended: bool | None = begun.ended(called)
+    ended: bool | None = started.ended(called)
     if not ended and postures is not None and set(range(postures)) <= set(done):
         ended = True
-    elif not ended and begun.command(called) is None:
+    elif not ended and started.command(called) is None:
         ended = None
     return run, {
         "file": called,
@@ -101,28 +101,28 @@ def _states(run: Run) -> list[tuple[int, SoFar]]:
 
 def _resume(folder: Folder, name: str, run: Run) -> tuple[list[str] | None, str | None, str | None]:
     """The command that goes on with a run, its plan, or why there is none."""
-    stated = run.header.provenance
-    plan = _of_hash(folder, "plan", stated.get(_SAID))
+    provenance = run.header.provenance
+    plan = _of_hash(folder, "plan", provenance.get(_SAID))
     if plan is None:
         return None, None, "the plan that it was begun with is not in this folder, or has changed"
-    command = BegunRuns(folder).command(name)
+    command = StartedRuns(folder).command(name)
     if command is not None:
         return [*command[:-1], plan], plan, None
     words = ["run", "--resume", f"--out={name}"]
-    origin = stated.get("origin")
+    origin = provenance.get("origin")
     if origin == _BY_HAND:
         return [*words, "--rig=manual", plan], plan, None
     if origin != SIMULATED:
         return None, plan, "how its controller is reached is not in the run file: use zerobeam run --resume"
-    cell = stated.get("cell sha256")
+    cell = provenance.get("cell sha256")
     if cell is not None:
-        found = _of_hash(folder, "cell", cell)
-        if found is None:
+        cell_file = _of_hash(folder, "cell", cell)
+        if cell_file is None:
             return None, plan, "the cell file that it was begun with is not in this folder, or has changed"
-        words.append(f"--cell={found}")
-    if stated.get("camera") is False:
+        words.append(f"--cell={cell_file}")
+    if provenance.get("camera") is False:
         words.append("--no-camera")
-    return [*words, f"--seed={stated.get('seed', 0)}", plan], plan, None
+    return [*words, f"--seed={provenance.get('seed', 0)}", plan], plan, None
 
 
 def _of_hash(folder: Folder, kind: str, sha256: object) -> str | None:

@@ -31,7 +31,7 @@ from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import Run
 from zerobeam.model.files.shot import Shot
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.reports.repeatability.comparison_folder import comparison_json
+from zerobeam.words.comparison_json import ComparisonDocument
 
 ROOT = Path(__file__).resolve().parents[3]
 Json = dict[str, Any]
@@ -39,11 +39,11 @@ Json = dict[str, Any]
 
 def compare(paths: Sequence[Path | str]) -> Json:
     """The answer as `compare --json` prints it."""
-    return comparison_json(compare_runs(paths))
+    return ComparisonDocument.of(compare_runs(paths)).to_json()
 
 
 def compared(kind: Kind, repeats: Sequence[Repeat], seed: int) -> Json:
-    return comparison_json(compared_runs(kind, repeats, seed))
+    return ComparisonDocument.of(compared_runs(kind, repeats, seed)).to_json()
 
 
 def sample(values: np.ndarray, covariances: np.ndarray | None = None, **changes: Any) -> Sample:

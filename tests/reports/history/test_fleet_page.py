@@ -117,7 +117,7 @@ def test_models_and_instruments_are_on_the_page(tmp_path: Path) -> None:
 
 
 def test_every_row_of_every_table_has_a_cell_for_each_column() -> None:
-    arms = [arm_history(over_years(3, serial=serial, psd="no. 1")).found for serial in ("A", "B")]
+    arms = [arm_history(over_years(3, serial=serial, psd="no. 1")).arm for serial in ("A", "B")]
     alone = fleet_drift(arms)
     biased = replace(alone, models=tuple(replace(own, biased=("no. 2",)) for own in alone.models))
     for found in (alone, biased):

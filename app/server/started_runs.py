@@ -1,4 +1,4 @@
-"""Which runs the app has begun, and by which command: so that they can be resumed after the server's end.
+"""Which runs the app has started, and by which command: so that they can be resumed after the server's end.
 
 It is kept in the folder, `.zerobeam/runs.json`. What was measured is in the run files alone.
 """
@@ -20,14 +20,14 @@ _RESUME = "--resume"
 _OURS = ("--json-lines", "--scene", "--")  # what the server adds to what was asked for
 
 
-class BegunRuns:
+class StartedRuns:
     """By the name of the run file in the folder; `ended` ones reached their end."""
 
     def __init__(self, folder: Folder) -> None:
         self._folder = folder
 
     def command(self, file: str) -> list[str] | None:
-        """The command that goes on with a run, None where the app has not begun it."""
+        """The command that goes on with a run, None where the app has not started it."""
         entry = self._read().get(file)
         if entry is None:
             return None
