@@ -12,12 +12,15 @@ import sys
 import time
 from collections import deque
 from collections.abc import AsyncIterator, Sequence
-from typing import Any
+from typing import Any, Literal
+
+from pydantic import Field
 
 from ...experiments.rigs.abb.access import PASSWORD
 from ...interruption import ATTENDED
 from ...model.errors import BadInput
 from ...model.files.confinement import WITHIN
+from ...model.files.json_document import JsonDocument
 from .folder import Folder
 from .started_runs import StartedRuns
 
@@ -39,12 +42,33 @@ PROGRESS = "ZEROBEAM_PROGRESS"  # what makes a command tell its progress in line
 _Told = tuple[int, str, Any]  # number, kind, data
 
 
+class JobBrief(JsonDocument):
+    """A job without its log and answer."""
+
+    id: str
+    command: list[str]
+    state: Literal["waiting", "running", "done", "stopped", "failed"]
+    share: float = Field(description="of the work that is done")
+    stage: str
+    passed_s: float | None = Field(description="since it began, seconds")
+    left_s: float | None = Field(description="until its end, seconds, where that can be estimated")
+    status: int | None = Field(description="exit status of the command")
+    asks: Literal["lines", "confirm"] | None = Field(description="`confirm`: it waits for yes or no")
+
+
+class JobWhole(JobBrief):
+    """A job."""
+
+    log: list[str] = Field(description="the last lines of standard error")
+    answer: Any = Field(description="the JSON that the command printed")
+
+
 class Job:
     """One command: `state` is waiting, running, done (it gave its answer), stopped or failed."""
 
     def __init__(self, number: int, command: Sequence[str]) -> None:
         self.number, self.command = number, list(command)
-        self.state = "waiting"
+        self.state: Literal["waiting", "running", "done", "stopped", "failed"] = "waiting"
         self.share, self.stage = 0.0, ""
         self.started_at: float | None = None
         self.took_s: float | None = None
@@ -54,7 +78,7 @@ class Job:
         self.process: asyncio.subprocess.Process | None = None
         self.cancelled = False
         self.task: asyncio.Task[None] | None = None
-        self.asks: str | None = None  # "lines": it reads them; "confirm": a yes or no; None: nothing
+        self.asks: Literal["lines", "confirm"] | None = None
         self.left_from = 0.0  # the share that was done before it began
         self._kept: deque[_Told] = deque(maxlen=MOST_EVENTS)
         self._passing: deque[_Told] = deque(maxlen=MOST_PASSING)
@@ -67,7 +91,7 @@ class Job:
     def ended(self) -> bool:
         return self.state not in ("waiting", "running")
 
-    def brief(self) -> dict[str, Any]:
+    def brief(self) -> JobBrief:
         """Without log and answer."""
         passed = self.took_s
         if passed is None and self.started_at is not None:
@@ -76,20 +100,21 @@ class Job:
         done = self.share - self.left_from
         if self.state == "running" and passed is not None and done > 0.02:
             left = round(passed * (1 - self.share) / done, 1)
-        return {
-            "id": str(self.number),
-            "command": self.command,
-            "state": self.state,
-            "share": round(self.share, 4),
-            "stage": self.stage,
-            "passed_s": None if passed is None else round(passed, 1),
-            "left_s": left,
-            "status": self.status,
-            "asks": self.asks,
-        }
+        return JobBrief(
+            id=str(self.number),
+            command=self.command,
+            state=self.state,
+            share=round(self.share, 4),
+            stage=self.stage,
+            passed_s=None if passed is None else round(passed, 1),
+            left_s=left,
+            status=self.status,
+            asks=self.asks,
+        )
 
-    def whole(self) -> dict[str, Any]:
-        return self.brief() | {"log": list(self.log), "answer": self.answer}
+    def whole(self) -> JobWhole:
+        """With log and answer."""
+        return JobWhole(**dict(self.brief()), log=list(self.log), answer=self.answer)
 
     async def tell(self, kind: str, data: Any) -> None:
         """Add an event, for all who follow."""
@@ -178,7 +203,7 @@ class Jobs:
             if text not in ("yes", "no"):
                 raise BadInput("this is no answer", found=text[:50], allowed="yes or no")
             job.asks = None
-            await job.tell("progress", job.brief())
+            await job.tell("progress", job.brief().to_json())
         process.stdin.write("".join(f"{line}\n" for line in text.splitlines()).encode())
         with contextlib.suppress(ConnectionError):
             await process.stdin.drain()
@@ -216,7 +241,7 @@ class Jobs:
             if not job.ended:
                 job.state = "stopped" if job.cancelled else "failed"
             job.took_s = None if job.started_at is None else time.monotonic() - job.started_at
-            await job.tell("end", job.whole())
+            await job.tell("end", job.whole().to_json())
 
     async def _run(self, job: Job, password: str | None) -> None:
         job.state, job.started_at = "running", time.monotonic()
@@ -279,7 +304,7 @@ class Jobs:
                 job.share = min(1.0, done / of)
             await job.tell("run", event)
             if kind in ("begin", "confirm", "recorded", "refused", "withdrawn"):
-                await job.tell("progress", job.brief())
+                await job.tell("progress", job.brief().to_json())
 
     async def _log(self, job: Job, stream: asyncio.StreamReader) -> None:
         """What a command says on standard error: progress, or a line for the log."""
@@ -291,7 +316,7 @@ class Jobs:
                 await job.tell("log", line[:2000])
             else:
                 job.share, job.stage = max(job.share, event[0]), event[1]
-                await job.tell("progress", job.brief())
+                await job.tell("progress", job.brief().to_json())
 
 
 async def _answer(job: Job, stream: asyncio.StreamReader) -> None:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import inspect
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_type_hints
 
-from pydantic import BaseModel
+from pydantic import BaseModel, TypeAdapter
 
 from ...model.errors import BadInput, ZerobeamError
 from ...model.files.reading import DEEPEST, MOST_VALUES, Place
@@ -19,7 +21,8 @@ from ...model.files.validation import Model, validate
 @dataclass(frozen=True)
 class EndPoint:
     """`answer` is called with the folder, and with what was sent as the model `sent`, or with the texts of
-    the query by the names in `asked` (empty where one is missing). It returns JSON or raises a ZerobeamError.
+    the query by the names in `query` (empty where one is missing). It returns a model, or raises a
+    ZerobeamError.
     A coroutine function waits for a process of its own; others are called one at a time.
     """
 
@@ -28,10 +31,21 @@ class EndPoint:
     says: str
     answer: Callable[..., Any]
     sent: type[BaseModel] | None = None
-    asked: tuple[str, ...] = ()
+    query: tuple[str, ...] = ()
+
+    @cached_property
+    def returned(self) -> TypeAdapter[Any]:
+        """What `answer` returns, by its annotation: how it is written, and its schema."""
+        hints = get_type_hints(inspect.unwrap(self.answer))
+        return TypeAdapter(hints["return"])
+
+    def plain(self, answer: object) -> Any:
+        """An answer as JSON has it."""
+        return self.returned.dump_python(answer, mode="json", by_alias=True)
 
 
 Answer = TypeVar("Answer")
+Content = dict[str, Any]  # of a YAML file, as it is sent
 
 
 class Refused(BadInput):
@@ -69,7 +83,7 @@ def _in_utf8(text: str) -> bool:
     return True
 
 
-def asked(model: type[Model], data: Any) -> Model:
+def as_model(model: type[Model], data: Any) -> Model:
     """What was sent, as the model; Refused with the key of what is wrong."""
     return keyed(data, lambda line: validate(model, data, file=None, line=line))
 

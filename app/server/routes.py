@@ -34,7 +34,7 @@ from .folder import Folder
 from .guard import LARGEST_BODY, SHOWN, Access, Guard, refusal
 from .job_commands import AskedJob, AskedLine, job_command
 from .jobs import Job, Jobs
-from .requests import EndPoint, asked, error_json, require_plain
+from .requests import EndPoint, as_model, error_json, require_plain
 
 _PAGE = Path(__file__).parents[1] / "page"
 PATIENCE_S = 120.0  # for the body of a request
@@ -131,14 +131,17 @@ class _Server:
         async def answered(request: Request) -> Response:
             async with self.places:
                 if point.sent is not None:
-                    return await self._calculated(request, point, asked(point.sent, await _content(request)))
-                texts = [request.query_params.get(name, "") for name in point.asked]
+                    return await self._calculated(
+                        request, point, as_model(point.sent, await _content(request))
+                    )
+                texts = [request.query_params.get(name, "") for name in point.query]
                 return await self._calculated(request, point, *texts)
 
         return answered
 
     async def files(self, request: Request) -> Response:
-        return JSONResponse(await asyncio.to_thread(self.folder.files))
+        files = await asyncio.to_thread(self.folder.files)
+        return JSONResponse([file.to_json() for file in files])
 
     async def download(self, request: Request) -> Response:
         path = self.folder.file(request.query_params.get("file", ""))
@@ -180,26 +183,26 @@ class _Server:
         return FileResponse(path, media_type="text/html", headers={"content-security-policy": _ALONE})
 
     async def jobs_told(self, request: Request) -> Response:
-        return JSONResponse([job.brief() for job in self.jobs.all()])
+        return JSONResponse([job.brief().to_json() for job in self.jobs.all()])
 
     async def begin_job(self, request: Request) -> Response:
-        request_sent = asked(AskedJob, await _content(request))
+        request_sent = as_model(AskedJob, await _content(request))
         command = await asyncio.to_thread(job_command, self.folder, request_sent.command)
         job = self.jobs.begin(command, request_sent.password)
         return JSONResponse({"id": str(job.number)}, status_code=201)
 
     async def job(self, request: Request) -> Response:
-        return JSONResponse(self._job(request).whole())
+        return JSONResponse(self._job(request).whole().to_json())
 
     async def end_job(self, request: Request) -> Response:
         job = self._job(request)
         self.jobs.cancel(job)
-        return JSONResponse(job.brief())
+        return JSONResponse(job.brief().to_json())
 
     async def job_line(self, request: Request) -> Response:
         job = self._job(request)
-        await self.jobs.answer(job, asked(AskedLine, await _content(request)).text)
-        return JSONResponse(job.brief())
+        await self.jobs.answer(job, as_model(AskedLine, await _content(request)).text)
+        return JSONResponse(job.brief().to_json())
 
     async def job_events(self, request: Request) -> Response:
         last = request.headers.get("last-event-id", "")
@@ -231,7 +234,7 @@ class _Server:
     async def _calculated(self, request: Request, point: EndPoint, *of: Any) -> Response:
         if inspect.iscoroutinefunction(point.answer):  # by a process of its own: nobody waits for it
             async with self.apart:
-                return JSONResponse(await point.answer(self.folder, *of))
+                return JSONResponse(point.plain(await point.answer(self.folder, *of)))
         async with self.turn:
             if await request.is_disconnected():  # while others were answered: a page asks anew at every move
                 raise ClientDisconnect
@@ -242,7 +245,7 @@ class _Server:
     def _confined(self, point: EndPoint, *of: Any) -> Any:
         """The answer; files that files name are refused where they are not below the folder."""
         with confined(self.folder.root):
-            return point.answer(self.folder, *of)
+            return point.plain(point.answer(self.folder, *of))
 
 
 async def _body(request: Request, largest: int) -> bytes:

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import asyncio
-import dataclasses
 import json
 import subprocess
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
-from ....experiments.importers.inspection.columns_found import head_of, layout_of, layout_stated
-from ....experiments.importers.inspection.contents import Contents, contents_of
+from pydantic import Field
+
+from ....experiments.importers.inspection.columns_found import (
+    Column,
+    Layout,
+    head_of,
+    layout_of,
+    layout_stated,
+)
+from ....experiments.importers.inspection.contents import Contents, Form, contents_of
 from ....model.errors import BadInput
+from ....model.files.json_document import JsonDocument
 
 PATIENCE_S = 60.0
 MOST_MEMORY = 4 * 10**9  # bytes of address space, of which libraries take one tenth
@@ -22,8 +29,84 @@ _PROGRAM = "from zerobeam.app.server.answers.contents_process import main; main(
 _COMMAND = [sys.executable, "-P", "-c", _PROGRAM]  # nothing is imported from the folder
 
 
-async def contents(path: Path, layout: Mapping[str, Any]) -> dict[str, Any]:
-    """What `contents_of` finds in a file, as JSON has it; `stated` is how a table is laid out.
+class Point(JsonDocument):
+    """A taught point, and whether it has joints."""
+
+    name: str
+    joints: bool
+
+
+class BagTopic(JsonDocument):
+    """A topic of a bag."""
+
+    name: str
+    type: str
+    messages: int
+    joints: list[str] = Field(description="in the first of its joint states")
+
+
+class Holdings(JsonDocument):
+    """What a recording holds (`Contents`)."""
+
+    form: Form = Field(description="what the file is")
+    why: str = Field(description="how that is seen")
+    count: str = Field(description="what it has, in words")
+    layout: Layout | None
+    columns: list[Column]
+    rows: int = Field(description="of a table: how many were looked at")
+    whole: bool = Field(description="of a table: these are all")
+    points: list[Point]
+    topics: list[BagTopic]
+    names: list[str] = Field(description="of joint states in text: the joints")
+    kind: str = Field(description="of a file of zerobeam")
+
+    @classmethod
+    def of(cls, contents: Contents) -> Holdings:
+        """The document of what was found."""
+        return cls(
+            form=contents.form,
+            why=contents.why,
+            count=contents.count,
+            layout=contents.layout,
+            columns=list(contents.columns),
+            rows=contents.rows,
+            whole=contents.whole,
+            points=[Point(name=name, joints=joints) for name, joints in contents.points],
+            topics=[
+                BagTopic(name=topic.name, type=topic.type, messages=topic.messages, joints=list(topic.joints))
+                for topic in contents.topics
+            ],
+            names=list(contents.names),
+            kind=contents.kind,
+        )
+
+
+class _Refusal(JsonDocument):
+    """The facts of a BadInput."""
+
+    what: str
+    found: str | None
+    allowed: str | None
+    remedy: str | None
+    file: str | None
+    line: int | None
+
+    @classmethod
+    def of(cls, error: BadInput) -> _Refusal:
+        facts = {name: getattr(error, name) for name in ("found", "allowed", "remedy", "file")}
+        texts = {name: None if fact is None else str(fact) for name, fact in facts.items()}
+        return cls(what=error.what, line=error.line, **texts)
+
+
+class _Answer(JsonDocument):
+    """What the process prints."""
+
+    holdings: Holdings | None = None
+    refusal: _Refusal | None = None
+
+
+async def contents(path: Path, layout: Mapping[str, object]) -> Holdings:
+    """What `contents_of` finds in a file; `layout` is what is stated of a table's.
 
     BadInput where it refuses, or where it takes more than `PATIENCE_S` or `MOST_MEMORY`.
     """
@@ -49,10 +132,11 @@ async def contents(path: Path, layout: Mapping[str, Any]) -> dict[str, Any]:
         if process.returncode < 0:
             raise _too_much(path, f"the process was ended by signal {-process.returncode}")
         raise RuntimeError(fault.decode("utf-8", "replace"))
-    holdings: dict[str, Any] = json.loads(answer)
-    if "refused" in holdings:
-        raise BadInput(**holdings["refused"])
-    return holdings
+    printed = _Answer.from_json(json.loads(answer))
+    if printed.holdings is None:
+        assert printed.refusal is not None
+        raise BadInput(**printed.refusal.to_json())
+    return printed.holdings
 
 
 def main() -> None:
@@ -60,15 +144,14 @@ def main() -> None:
     path, layout = Path(sys.argv[1]), json.loads(sys.argv[2])
     _limit()
     try:
-        holdings = _plain(
-            contents_of(path, layout_stated(layout_of(head_of(path)[0]), layout) if layout else None)
-        )
+        read = contents_of(path, layout_stated(layout_of(head_of(path)[0]), layout) if layout else None)
+        answer = _Answer(holdings=Holdings.of(read))
     except MemoryError:
         error = _too_much(path, f"more than {MOST_MEMORY // 10**9} GB of memory")
-        holdings = {"refused": _facts(error)}
+        answer = _Answer(refusal=_Refusal.of(error))
     except BadInput as error:
-        holdings = {"refused": _facts(error)}
-    sys.stdout.write(json.dumps(holdings, allow_nan=False))
+        answer = _Answer(refusal=_Refusal.of(error))
+    sys.stdout.write(json.dumps(answer.to_json(), allow_nan=False))
 
 
 def _limit() -> None:
@@ -90,17 +173,3 @@ def _too_much(path: Path, how_much: str) -> BadInput:
         remedy="use zerobeam import on the command line, if it is the right file",
         file=path,
     )
-
-
-def _facts(error: BadInput) -> dict[str, Any]:
-    facts = {name: getattr(error, name) for name in ("what", "found", "allowed", "remedy", "file")}
-    texts = {name: None if fact is None else str(fact) for name, fact in facts.items()}
-    return {**texts, "line": error.line}
-
-
-def _plain(recording: Contents) -> dict[str, Any]:
-    """As JSON has it: points and topics by name."""
-    holdings = dataclasses.asdict(recording)
-    holdings["points"] = [{"name": name, "joints": joints} for name, joints in recording.points]
-    holdings["topics"] = [topic._asdict() for topic in recording.topics]
-    return holdings

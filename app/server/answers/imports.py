@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -17,6 +16,7 @@ from ....experiments.schema import json_schema
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.header import Header, RobotRef, check_header, header_content, write_header
+from ....model.files.json_document import JsonDocument
 from ....model.files.limits import beyond_limits
 from ....model.files.reading import read_yaml
 from ....model.files.robot_file import load_robot
@@ -24,13 +24,14 @@ from ....model.files.validation import FileModel, as_tuple, validate
 from ....model.kinematics.pendant import Pendant
 from ....model.kinematics.robot import Robot
 from ..folder import Folder
-from ..requests import EndPoint, Refused, keyed, noted, refused
+from ..requests import Content, EndPoint, Refused, keyed, noted, refused
 from . import contents_process
 from .robots import require_robot_inside, rounded, whole_ref
 
 _MOST_FILES = 200
 _SHOWN = 8  # rows of a table
 _Value = TypeVar("_Value")
+Ends = tuple[float, float]
 
 
 class AskedTable(FileModel):
@@ -76,19 +77,83 @@ class AskedHeader(FileModel):
     """A header to check or to write."""
 
     file: str = Field(description="path below the folder (.yaml), which paths in the header are relative to")
-    header: dict[str, Any] = Field(description="the content of a header file")
+    header: Content = Field(description="the content of a header file")
 
 
-async def recording(folder: Folder, request: AskedRecording) -> dict[str, Any]:
-    """What a file is (`form`, `why`), what it holds (`count`), and what an import can choose from."""
+class RecordingAnswer(contents_process.Holdings):
+    """What a file is and holds, and what an import can choose from."""
+
+    file: str
+    bytes: int
+
+
+class JointColumn(JsonDocument):
+    """A joint as its column has it."""
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    recorded: Ends | None = Field(description="range of the column; null without one")
+    seen: Ends | None = Field(description="range of the joint; null where the unit is not stated")
+    outside: int | None = Field(description="rows outside the limits")
+    sign: readings.Reading | None
+
+
+class ProposedColumns(JsonDocument):
+    """Columns that are proposed for the joints."""
+
+    choice: list[str | None]
+    why: str
+
+
+class ColumnsAnswer(JsonDocument):
+    """Columns as joints, and what the limits say of unit, signs and joint 3 (null: nothing)."""
+
+    robot: str
+    rows: int
+    whole: bool = Field(description="all rows were looked at")
+    joints: list[JointColumn]
+    columns: ProposedColumns | None
+    units: readings.Reading | None
+    lengths: readings.Reading | None
+    j3: readings.Reading | None
+    first: list[list[float | None]] = Field(description="the first rows, as joints")
+
+
+class HeaderUse(JsonDocument):
+    """A header that can be used."""
+
+    robot: str
+    joints: int
+    target: str
+    notes: list[str]
+
+
+class WrittenHeader(HeaderUse):
+    """A header that was written."""
+
+    file: str
+
+
+class ReadHeader(JsonDocument):
+    """The header of a header file or a plan, as it is stated."""
+
+    file: str
+    header: Content
+    target: str
+    notes: list[str]
+
+
+async def recording(folder: Folder, request: AskedRecording) -> RecordingAnswer:
+    """What a file is and holds."""
     path = folder.file(request.file)
     holdings = await contents_process.contents(path, _layout(request))
-    return {"file": folder.called(path), "bytes": path.stat().st_size, **holdings}
+    return RecordingAnswer(file=folder.called(path), bytes=path.stat().st_size, **dict(holdings))
 
 
-def columns(folder: Folder, request: AskedColumns) -> dict[str, Any]:
-    """Per joint its column, the range seen against its limits and the rows outside; what the limits say of
-    unit, signs and joint 3 (null where there is nothing to say)."""
+def columns(folder: Folder, request: AskedColumns) -> ColumnsAnswer:
+    """Per joint its column, its range against its limits; what these say of unit, signs and joint 3."""
     robot = _robot(folder, request)
     chosen = request.columns
     if chosen is not None and len(chosen) != robot.n:
@@ -118,39 +183,37 @@ def columns(folder: Folder, request: AskedColumns) -> dict[str, Any]:
     lengths = readings.length_reading(robot, raw)
     sign = [None] * robot.n if pendant.ground else readings.sign_readings(robot, recorded)
     j3 = readings.j3_reading(robot, recorded * signs) if robot.n > 2 else None
-    return {
-        "robot": robot.name,
-        "rows": len(raw),
-        "whole": whole,
-        "joints": [
-            {
-                "name": joint.name,
-                "unit": joint.unit,
-                "lower": joint.lower * joint.display,
-                "upper": joint.upper * joint.display,
-                "recorded": _range(raw[:, i]),
-                "seen": _range(joints[:, i]),
-                "outside": None if np.isnan(joints[:, i]).all() else int(outside[:, i].sum()),
-                "sign": _reading(sign[i]),
-            }
+    return ColumnsAnswer(
+        robot=robot.name,
+        rows=len(raw),
+        whole=whole,
+        joints=[
+            JointColumn(
+                name=joint.name,
+                unit=joint.unit,
+                lower=joint.lower * joint.display,
+                upper=joint.upper * joint.display,
+                recorded=_range(raw[:, i]),
+                seen=_range(joints[:, i]),
+                outside=None if np.isnan(joints[:, i]).all() else int(outside[:, i].sum()),
+                sign=sign[i],
+            )
             for i, joint in enumerate(robot.joints)
         ],
-        "columns": None if proposed is None else {"choice": proposed[0], "why": proposed[1]},
-        "units": _reading(units),
-        "lengths": _reading(lengths),
-        "j3": _reading(j3),
-        "first": [
-            [None if np.isnan(value) else value for value in row] for row in rounded(joints[:_SHOWN], 6)
-        ],
-    }
+        columns=proposed and ProposedColumns(choice=list(proposed[0]), why=proposed[1]),
+        units=units,
+        lengths=lengths,
+        j3=j3,
+        first=[[None if np.isnan(value) else value for value in row] for row in rounded(joints[:_SHOWN], 6)],
+    )
 
 
-def schema(_: Folder) -> dict[str, Any]:
+def schema(_: Folder) -> Content:
     """JSON Schema of a header."""
     return json_schema("header")
 
 
-def header(folder: Folder, name: str) -> dict[str, Any]:
+def header(folder: Folder, name: str) -> ReadHeader:
     """The header of a header file or a plan, as it is stated."""
     path = folder.file(name)
     document = read_yaml(path)
@@ -164,32 +227,25 @@ def header(folder: Folder, name: str) -> dict[str, Any]:
         check_header(read, robot, file=path, line=document.line)
     plain = header_content(read, "zerobeam/plan/1")
     del plain["schema"]
-    return {"file": folder.called(path), "header": plain, "target": read.only_target, "notes": notes}
+    return ReadHeader(file=folder.called(path), header=plain, target=read.only_target, notes=notes)
 
 
-def check(folder: Folder, request: AskedHeader) -> dict[str, Any]:
+def check(folder: Folder, request: AskedHeader) -> HeaderUse:
     """Whether a header can be used, and with which robot; Refused with the key of what is wrong."""
-    read, robot, notes = _checked(folder, request)
-    return {"robot": robot.name, "joints": robot.n, "target": read.only_target, "notes": notes}
+    return _checked(folder, request)[1]
 
 
-def write(folder: Folder, request: AskedHeader) -> dict[str, Any]:
+def write(folder: Folder, request: AskedHeader) -> WrittenHeader:
     """Write a header as a new file, whole or not at all."""
     if Path(request.file).suffix.lower() not in {".yaml", ".yml"}:
         raise _wrong(("file",), "a header cannot have this name", request.file, "a name that ends in .yaml")
     path = _at(("file",), lambda: folder.new(request.file))
-    read, robot, notes = _checked(folder, request)
+    read, use = _checked(folder, request)
     write_header(path, read)
-    return {
-        "file": folder.called(path),
-        "robot": robot.name,
-        "joints": robot.n,
-        "target": read.only_target,
-        "notes": notes,
-    }
+    return WrittenHeader(file=folder.called(path), **dict(use))
 
 
-def _checked(folder: Folder, request: AskedHeader) -> tuple[Header, Robot, list[str]]:
+def _checked(folder: Folder, request: AskedHeader) -> tuple[Header, HeaderUse]:
     path = folder.inside(request.file)
 
     def use(line: Any) -> tuple[Header, Robot]:
@@ -207,7 +263,7 @@ def _checked(folder: Folder, request: AskedHeader) -> tuple[Header, Robot, list[
 
     with noted() as notes:
         read, robot = keyed(request.header, use, ("header",))
-    return read, robot, notes
+    return read, HeaderUse(robot=robot.name, joints=robot.n, target=read.only_target, notes=notes)
 
 
 def _robot(folder: Folder, request: AskedColumns) -> Robot:
@@ -215,7 +271,7 @@ def _robot(folder: Folder, request: AskedColumns) -> Robot:
     return _at(("robot",), lambda: load_robot(whole_ref(folder, request.robot, start), start))
 
 
-def _layout(request: AskedTable) -> dict[str, Any]:
+def _layout(request: AskedTable) -> Content:
     layout = request.model_dump(include={"header_row", "delimiter", "decimal"}, exclude_none=True)
     check_signs(layout.get("delimiter"), layout.get("decimal", "."))
     return layout
@@ -241,14 +297,10 @@ def _scale(robot: Robot, request: AskedColumns) -> Matrix:
     return np.array([angle if joint.kind == "revolute" else length for joint in robot.joints])
 
 
-def _range(values: Matrix) -> list[float] | None:
+def _range(values: Matrix) -> Ends | None:
     if np.isnan(values).any():
         return None
-    return [float(values.min()), float(values.max())]
-
-
-def _reading(reading: readings.Reading | None) -> dict[str, Any] | None:
-    return None if reading is None else dataclasses.asdict(reading)
+    return float(values.min()), float(values.max())
 
 
 def _wrong(key: tuple[str | int, ...], what: str, value: object, allowed: object) -> Refused:
@@ -270,7 +322,7 @@ END_POINTS = [
         "/api/columns", "POST", "Columns as joints: ranges, limits, units, signs.", columns, AskedColumns
     ),
     EndPoint("/api/header/schema", "GET", "JSON Schema of a header.", schema),
-    EndPoint("/api/header", "GET", "The header of a header file or plan.", header, asked=("file",)),
+    EndPoint("/api/header", "GET", "The header of a header file or plan.", header, query=("file",)),
     EndPoint("/api/header", "PUT", "Writes a header as a new file.", write, AskedHeader),
     EndPoint("/api/header/check", "POST", "Whether a header can be used.", check, AskedHeader),
 ]

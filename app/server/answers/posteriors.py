@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, Field
 
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
+from ....model.files.json_document import JsonDocument
 from ....model.files.validation import FileModel, as_tuple
 from ....model.likelihood.problem import Problem
 from ....words.wording import shown
@@ -111,23 +112,52 @@ def _member(group: Any, name: str) -> Any:
     return member
 
 
-def posterior(folder: Folder, name: str) -> dict[str, Any]:
+class PosteriorDraws(JsonDocument):
+    """Thinned draws of the offsets that the data determine: `draws` has a list for each of the `names`."""
+
+    file: str
+    converged: bool
+    total: int = Field(description="draws in the file")
+    names: list[str]
+    units: list[str]
+    draws: list[list[float]]
+    prior_only: list[str] = Field(description="offsets that the data do not determine")
+
+
+class BrushedShot(JsonDocument):
+    """A measurement: mean length of its normalised residual over all draws, and over the chosen ones."""
+
+    shot: int
+    all: float
+    chosen: float
+
+
+class Brushed(JsonDocument):
+    """What choosing some draws does to the residuals."""
+
+    draws: int
+    chosen: int
+    shots: list[BrushedShot]
+    reason: str | None = Field(description="why there is none")
+
+
+def posterior(folder: Folder, name: str) -> PosteriorDraws:
     """Thinned draws of the offsets that the data determine, and the names of those that they do not."""
     draws = _drawn(folder.file(name))
     offsets = [i for i, name in enumerate(draws.names) if _OFFSET.fullmatch(name)] if draws.converged else []
     offsets.sort(key=lambda i: int(draws.names[i][5:]))
-    return {
-        "file": name,
-        "converged": draws.converged,
-        "total": draws.total,
-        "names": [draws.names[i] for i in offsets],
-        "units": [draws.units[i] for i in offsets],
-        "draws": [np.round(draws.values[:, i], 7).tolist() for i in offsets],
-        "prior_only": [name for name in draws.prior if _OFFSET.fullmatch(name)],
-    }
+    return PosteriorDraws(
+        file=name,
+        converged=draws.converged,
+        total=draws.total,
+        names=[draws.names[i] for i in offsets],
+        units=[draws.units[i] for i in offsets],
+        draws=[np.round(draws.values[:, i], 7).tolist() for i in offsets],
+        prior_only=[name for name in draws.prior if _OFFSET.fullmatch(name)],
+    )
 
 
-def brush(folder: Folder, request: AskedBrush) -> dict[str, Any]:
+def brush(folder: Folder, request: AskedBrush) -> Brushed:
     """Per measurement the mean length of its normalised residual over all draws, and over the chosen ones.
 
     `reason` says why there is none: a parameter that the data do not determine has draws of its prior alone,
@@ -142,27 +172,26 @@ def brush(folder: Folder, request: AskedBrush) -> dict[str, Any]:
     for name, (low, high) in request.ranges.items():
         column = draws.values[:, draws.names.index(name)]
         chosen &= (column >= low) & (column <= high)
-    answer: dict[str, Any] = {
-        "draws": len(chosen),
-        "chosen": int(chosen.sum()),
-        "shots": [],
-        "reason": None,
-    }
+
+    def without_residuals(reason: str) -> Brushed:
+        return Brushed(draws=len(chosen), chosen=int(chosen.sum()), shots=[], reason=reason)
+
     if draws.prior:
         few = ", ".join(draws.prior[:6]) + (" …" if len(draws.prior) > 6 else "")
-        why = "their draws are of the prior alone and say nothing of the residuals"
-        return answer | {"reason": f"{few}: unidentifiable; {why}"}
-    own_run = fitted(folder.file(request.run))
-    if own_run.run.sha256 != draws.sha256:
+        return without_residuals(
+            f"{few}: unidentifiable; their draws are of the prior alone and say nothing of the residuals"
+        )
+    run = fitted(folder.file(request.run))
+    if run.run.sha256 != draws.sha256:
         raise BadInput("these draws are not of this run", found=f"SHA-256 {draws.sha256[:12]}…")
-    lengths, every = _RESIDUALS.of(path, lambda _: _lengths(own_run, draws))
+    lengths, every = _RESIDUALS.of(path, lambda _: _lengths(run, draws))
     among = chosen[::every]
     if not among.any():
-        return answer | {"reason": "no draw is in this region"}
+        return without_residuals("no draw is in this region")
     whole, part = lengths.mean(axis=0), lengths[among].mean(axis=0)
-    rows = zip(own_run.problem.shot_numbers, whole, part, strict=True)
-    shots = [{"shot": shot, "all": float(one), "chosen": float(other)} for shot, one, other in rows]
-    return answer | {"shots": shots}
+    rows = zip(run.problem.shot_numbers, whole, part, strict=True)
+    shots = [BrushedShot(shot=shot, all=float(one), chosen=float(other)) for shot, one, other in rows]
+    return Brushed(draws=len(chosen), chosen=int(chosen.sum()), shots=shots, reason=None)
 
 
 def _lengths(run: FittedRun, draws: Draws) -> tuple[Matrix, int]:
@@ -192,6 +221,6 @@ def _lengths(run: FittedRun, draws: Draws) -> tuple[Matrix, int]:
 
 
 END_POINTS = [
-    EndPoint("/api/posterior", "GET", "Thinned posterior draws of the offsets.", posterior, asked=("file",)),
+    EndPoint("/api/posterior", "GET", "Thinned posterior draws of the offsets.", posterior, query=("file",)),
     EndPoint("/api/brush", "POST", "Normalised residuals of some draws, and of all.", brush, AskedBrush),
 ]

@@ -240,7 +240,7 @@ def _sum(path: Path) -> str:
 
 
 def _runs(folder: Folder) -> Iterator[Path]:
-    return (folder.root / row["path"] for row in folder.files() if row["kind"] == "run")
+    return (folder.root / file.path for file in folder.files() if file.kind == "run")
 
 
 def _shared(path: Path, near: Path) -> tuple[str, ...]:
@@ -254,6 +254,6 @@ END_POINTS = [
         "GET",
         "A result for people: verdict, next steps, parameters, measurements, the files of its report.",
         result,
-        asked=("file",),
+        query=("file",),
     ),
 ]
