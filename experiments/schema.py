@@ -21,7 +21,8 @@ from .sensors.counts import PsdCalibration
 from .sensors.sensors_file import SensorsFile
 from .studies.sweeps.study_file import StudyFile
 
-_MODELS: dict[str, type[BaseModel]] = {
+# What people write, or importers.
+_FILES: dict[str, type[BaseModel]] = {
     "run-header": Header,
     "run-shot": Shot,
     "plan": PlanFile,
@@ -32,11 +33,14 @@ _MODELS: dict[str, type[BaseModel]] = {
     "sensors": SensorsFile,
     "psd-calibration": PsdCalibration,
     "study-file": StudyFile,
+}
+# What zerobeam writes.
+_ANSWERS: dict[str, type[BaseModel]] = {
     "compare": ComparisonDocument,
     "batch": BatchDocument,
     "history": HistoryDocument,
 }
-SCHEMA_NAMES = tuple(_MODELS)
+SCHEMA_NAMES = (*_FILES, *_ANSWERS)
 
 
 def json_schema(name: str) -> dict[str, Any]:
@@ -45,21 +49,21 @@ def json_schema(name: str) -> dict[str, Any]:
     It states what one value may be. What several mean together (limits of the robot, a laser's
     direction, unique measurement numbers) is checked on reading only.
     """
-    if name not in _MODELS:
+    model = _FILES.get(name) or _ANSWERS.get(name)
+    if model is None:
         raise BadInput(
             "there is no schema of this name",
             found=name,
             allowed=", ".join(SCHEMA_NAMES),
             remedy=did_you_mean(name, SCHEMA_NAMES),
         )
-    schema = _MODELS[name].model_json_schema(by_alias=True)
+    schema = model.model_json_schema(by_alias=True)
     identity = schema["properties"].get("schema", {})
     if name == "run-header":
-        identity = {"const": RUN_SCHEMA, "type": "string"}
-    if "const" in identity:  # also where the model has it as a default
-        about = {"description": "kind and version of the file"}
-        schema["properties"]["schema"] = {"const": identity["const"], "type": "string", **about}
-        required = [key for key in schema["required"] if key != "schema"]
-        schema["required"] = ["schema", *required]
+        identity = {"const": RUN_SCHEMA}
+    if name == "run-header" or name in _ANSWERS:  # it is always there, also where the model has a default
+        about = {"type": "string", "description": "kind and version of the file"}
+        schema["properties"]["schema"] = {"const": identity["const"], **about}
+        schema["required"] = ["schema", *schema["required"]]
     title = name.replace("-", " ")
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": f"zerobeam {title}"}

@@ -20,6 +20,8 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import JSONResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from .requests import ErrorAnswer, ErrorFacts
+
 LARGEST_BODY = 64 * 10**6  # bytes
 SHOWN = "/shown/"  # pages of the folder, by a ticket: a page in a sandbox sends no cookie with its links
 _ALONE = "frame-ancestors 'self'"
@@ -92,8 +94,8 @@ def _scope(page: str) -> str:
 
 def refusal(status: int, what: str, *, allowed: str | None = None, to_do: str | None = None) -> JSONResponse:
     """A refusal in the form of all errors."""
-    facts = {"what": what, "found": None, "allowed": allowed, "to_do": to_do, "key": None}
-    return JSONResponse({"error": facts}, status_code=status)
+    answer = ErrorAnswer(error=ErrorFacts(what=what, allowed=allowed, to_do=to_do))
+    return JSONResponse(answer.to_json(), status_code=status)
 
 
 class Guard:

@@ -11,9 +11,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
 
-from pydantic import BaseModel, TypeAdapter
+from pydantic import BaseModel, Field, TypeAdapter
 
 from ...model.errors import BadInput, ZerobeamError
+from ...model.files.json_document import JsonDocument
 from ...model.files.reading import DEEPEST, MOST_VALUES, Place
 from ...model.files.validation import Model, validate
 
@@ -122,21 +123,36 @@ def refused(error: BadInput, key: Place) -> Refused:
     return same
 
 
-def error_json(error: ZerobeamError, say: Callable[[str], str] = str) -> dict[str, Any]:
+class ErrorFacts(JsonDocument):
+    """What is wrong."""
+
+    what: str
+    found: str | None = None
+    allowed: str | None = None
+    to_do: str | None = None
+    key: list[str | int] | None = Field(default=None, description="leads to the value in what was sent")
+
+
+class ErrorAnswer(JsonDocument):
+    """A refusal."""
+
+    error: ErrorFacts
+
+
+def error_answer(error: ZerobeamError, say: Callable[[str], str] = str) -> ErrorAnswer:
     """An error as the page gets it; `say` has the last word on every text."""
     if not isinstance(error, BadInput):
-        return {"error": {"what": say(str(error)), **dict.fromkeys(("found", "allowed", "to_do", "key"))}}
+        return ErrorAnswer(error=ErrorFacts(what=say(str(error))))
     file = None if error.file is None or Path(error.file).name == NOWHERE else error.file
     where = "" if file is None else f"{file}: " if error.line is None else f"{file}, line {error.line}: "
-    key = error.key if isinstance(error, Refused) else ()
     facts = {"found": error.found, "allowed": error.allowed, "to_do": error.remedy}
-    return {
-        "error": {
-            "what": say(f"{where}{error.what}"),
+    return ErrorAnswer(
+        error=ErrorFacts(
+            what=say(f"{where}{error.what}"),
+            key=list(error.key) or None if isinstance(error, Refused) else None,
             **{name: None if fact is None else say(str(fact)) for name, fact in facts.items()},
-            "key": list(key) or None,
-        }
-    }
+        )
+    )
 
 
 NOWHERE = "plan"  # what a plan that is in no file is called

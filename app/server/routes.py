@@ -34,7 +34,7 @@ from .folder import Folder
 from .guard import LARGEST_BODY, SHOWN, Access, Guard, refusal
 from .job_commands import AskedJob, AskedLine, job_command
 from .jobs import Job, Jobs
-from .requests import EndPoint, as_model, error_json, require_plain
+from .requests import EndPoint, as_model, error_answer, require_plain
 
 _PAGE = Path(__file__).parents[1] / "page"
 PATIENCE_S = 120.0  # for the body of a request
@@ -229,7 +229,7 @@ class _Server:
     async def refuse(self, request: Request, error: Exception) -> Response:
         assert isinstance(error, ZerobeamError)
         status = 400 if isinstance(error, BadInput) else 422
-        return JSONResponse(error_json(error, self.folder.without), status_code=status)
+        return JSONResponse(error_answer(error, self.folder.without).to_json(), status_code=status)
 
     async def _calculated(self, request: Request, point: EndPoint, *of: Any) -> Response:
         if inspect.iscoroutinefunction(point.answer):  # by a process of its own: nobody waits for it
