@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from .face.planned import CheckedPlan, OptimalPlan, check, optimal_plan
     from .face.simulated import simulate
     from .model.errors import BadInput, FitFailed, RigFault, ZerobeamError
-    from .model.files.arrays import Laser, Noise, Probe
+    from .model.files.arguments import Laser, Noise, Probe
     from .model.files.plan import Plan, read_plan
     from .model.files.robot_file import load_robot
     from .model.files.run import Run, read_run
     from .model.kinematics.robot import Robot
-    from .reports.run.report_folder import write_report
+    from .reports.run.report import write_report
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "Analysed",
@@ -71,11 +71,11 @@ _HOME = {
     "Draws": "analysis.posterior.posterior",
     "Figure": "face.pictures",
     "FitFailed": "model.errors",
-    "Laser": "model.files.arrays",
-    "Noise": "model.files.arrays",
+    "Laser": "model.files.arguments",
+    "Noise": "model.files.arguments",
     "OptimalPlan": "face.planned",
     "Plan": "model.files.plan",
-    "Probe": "model.files.arrays",
+    "Probe": "model.files.arguments",
     "Result": "analysis.result",
     "RigFault": "model.errors",
     "Robot": "model.kinematics.robot",
@@ -91,7 +91,7 @@ _HOME = {
     "read_plan": "model.files.plan",
     "read_run": "model.files.run",
     "simulate": "face.simulated",
-    "write_report": "reports.run.report_folder",
+    "write_report": "reports.run.report",
 }
 
 

@@ -16,10 +16,9 @@ from ..model.likelihood.problem import Problem, rms_length
 from .diagnostics.accuracy import accuracy
 from .diagnostics.budget import budget
 from .diagnostics.diagnosis import diagnose
-from .diagnostics.hold_out import hold_out
+from .diagnostics.hold_out import hold_out, placement_result
 from .diagnostics.influence import shot_results
 from .diagnostics.outliers import robust_result
-from .diagnostics.placement_result import placement_result
 from .diagnostics.scene import scene
 from .estimation.fit import LikelihoodFit, start_at
 from .estimation.midpoint import MidpointFit, fit_midpoint

@@ -15,7 +15,7 @@ from .diagnostics.outliers import OUTLYING, Robust
 from .misfit import LACK_OF_FIT, Criterion
 from .optima import undecided_names
 from .posterior.posterior import PosteriorSummary
-from .recordings.steps import Steps
+from .recordings.steps import RecordingSteps
 from .solution import Solution
 
 
@@ -124,7 +124,7 @@ def findings(
     shots: Sequence[ShotResult],
     robust: Robust | None,
     held_out: HoldOut | None,
-    steps: Steps,
+    steps: RecordingSteps,
     warnings: Sequence[str],
 ) -> tuple[Finding, ...]:
     """All of a result, the gravest first; `warnings` are those of the run's file. A target that was off for

@@ -109,7 +109,7 @@ def held_out_rms(fit: LikelihoodFit) -> float | None:
     groups = placements(problem)
     if len(groups) < 2 or not fit.converged:
         return None
-    parameters, d = problem.parameters, problem.tool.miss_size
+    parameters, d = problem.parameters, problem.tool.residual_size
     free = parameters.free & ~parameters.group("noise")
     whitened = fit.whitened
     jacobian, residual = whitened.jacobian[:, free], whitened.residual.copy()

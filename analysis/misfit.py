@@ -141,10 +141,10 @@ def _lack_of_fit(fit: LikelihoodFit, rank: int) -> Iterator[LackOfFit]:
         yield LackOfFit(
             chi2, dof, p_value, rms_length(fit.whitened.residual_mm), geometry=_geometry(fit.problem)
         )
-    elif fit.chance is not None and fit.chance < CONTRADICTED:
+    elif fit.p_value is not None and fit.p_value < CONTRADICTED:
         residual, rms_mm = fit.whitened.residual, rms_length(fit.whitened.residual_mm)
         whole = float(residual @ residual + fit.z @ fit.z)
-        yield LackOfFit(whole, len(residual), fit.chance, rms_mm, with_priors=True)
+        yield LackOfFit(whole, len(residual), fit.p_value, rms_mm, with_priors=True)
 
 
 def _implausible_noise(fit: LikelihoodFit, identified: Identified) -> Iterator[ImplausibleNoise]:
@@ -200,7 +200,7 @@ def _disagreement(fit: LikelihoodFit) -> Iterator[PlacementsDisagree]:
     places = placements(problem)
     if len(places) < 2:
         return
-    free, d = problem.parameters.free, problem.tool.miss_size
+    free, d = problem.parameters.free, problem.tool.residual_size
     residual, jacobian, numbers = whitened.residual, whitened.jacobian, float(problem.measured_size)
     if not len(problem.tolerated):
         # What nominal geometry leaves is correlated by itself: the effective number must not excuse it.

@@ -13,11 +13,10 @@ from .covariance import OffsetsWithoutPrior
 from .diagnostics.accuracy import Accuracy
 from .diagnostics.budget import Budget
 from .diagnostics.diagnosis import Explanation
-from .diagnostics.hold_out import HoldOut
+from .diagnostics.hold_out import HoldOut, PlacementResult
 from .diagnostics.influence import ShotResult
 from .diagnostics.outliers import Robust
-from .diagnostics.placement_result import PlacementResult
-from .diagnostics.scene import Scene
+from .diagnostics.scene import RunScene
 from .findings import Finding
 from .misfit import Misfit
 from .observability.geometry import GeometryResult
@@ -180,7 +179,7 @@ class Result:
     robust: Robust | None
     hold_out: HoldOut | None
     placements: PlacementResult
-    scene: Scene | None
+    scene: RunScene | None
     misfit: Misfit | None
     findings: tuple[Finding, ...]
     inputs: Inputs

@@ -24,10 +24,9 @@ from ..model.likelihood.problem import Problem
 from .covariance import Covariance
 from .estimation.fit import AgainstNoise, LikelihoodFit, fit_likelihood
 from .misfit import Misfit, misfit_of
-from .observability.causes import Cause, Unconverged
-from .observability.consider import link_columns, tolerance_share
+from .observability.causes import Cause, Unconverged, cause_for
+from .observability.geometry import link_columns, tolerance_share
 from .observability.identifiability import Identified, identify, no_better_than
-from .observability.verdict import cause_for
 from .optima import undecided
 from .rows import Rows, frame
 from .status import (

@@ -15,9 +15,8 @@ from ..model.likelihood.problem import Problem
 from .estimation.fit import LikelihoodFit, fit_from
 from .estimation.tolerance_factors import Factors, with_open_factors
 from .ladder import climb_ladder
-from .observability.consider import link_columns
-from .observability.geometry import Rung
-from .recordings.effective import Effective, effective
+from .observability.geometry import Rung, link_columns
+from .recordings.recordings import Effective, effective
 from .solution import Solution, judge, too_few_for_noise
 
 

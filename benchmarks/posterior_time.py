@@ -29,11 +29,10 @@ from analyse_time import ROOT, panda_2
 from arviz_stats.base import array_stats
 from threadpoolctl import threadpool_limits
 
-from zerobeam.analysis.estimation.coordinates import SeenCoordinates
+from zerobeam.analysis.estimation.coordinates import FlangeCoordinates
 from zerobeam.analysis.estimation.fit import fit_likelihood
-from zerobeam.analysis.posterior.moves import IndependenceProposal, degrees_of_freedom
 from zerobeam.analysis.posterior.posterior import Whitening
-from zerobeam.analysis.posterior.sampler import sample_density
+from zerobeam.analysis.posterior.sampler import IndependenceProposal, degrees_of_freedom, sample_density
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.run import read_run
@@ -62,7 +61,7 @@ class Case:
         self.fit = fit_likelihood(self.problem, starts=0)
         self.density = Density(self.problem)
         self.size = self.density.size
-        self._coordinates = SeenCoordinates(self.density)
+        self._coordinates = FlangeCoordinates(self.density)
         self._whitening = Whitening.around(self.fit, self._coordinates)
 
     def parameters(self, w: Matrix) -> Matrix:

@@ -1,12 +1,13 @@
-"""Are the answers the same as before a change? Number by number, for the demo's runs and two real arms.
+"""Are the results the same as before a change? The demo's runs, two real arms, small studies.
 
     git stash, or a checkout of the state before:   python benchmarks/same_answers.py write FOLDER
     with the change:                                python benchmarks/same_answers.py compare FOLDER
 
-Every number, status and name of each `result.json` is compared exactly; times and versions are left aside.
-Sentences may be worded anew: how many differ is printed, and they do not count. Exit status 1 where a number,
-a name or a status differs. The arms' recordings are read from `../shared/data`, or from the folder that
-ZEROBEAM_SHARED_DATA names.
+Every number, status and name of each `result.json` and `study.json` is compared; times and versions are left
+aside. A number may differ by 1e-6 of the standard uncertainty that stands beside it, without one by 1e-6 of
+itself. Sentences may be worded anew: how many differ is printed, and they do not count. Exit status 1 where a
+number, a name or a status differs. The arms' recordings are read from `../shared/data`, or from the folder
+that ZEROBEAM_SHARED_DATA names.
 """
 
 from __future__ import annotations
@@ -28,6 +29,17 @@ ARMS = {
     "panda_2": ("panda.urdf", "panda_link0", "panda_hand_tcp", 32),
     "kuka_14": ("iiwa14.urdf", "base_link", "tool0", 40),
 }
+# Each study with as few runs as it takes.
+STUDIES = {
+    "coverage": ("--data-sets", 100),
+    "cell": ("--runs", 20, "--no-camera"),
+    "geometry": ("--arms", 20),
+    "drift": ("--arms", 20),
+    "table2": (),
+    "noise": ("--runs", 20),
+    "cost": ("--runs", 20),
+}
+TOLERANCE = 1e-6
 SENTENCES = {"headline", "reason", "remedy", "message", "notes", "place"}
 ASIDE = {"seconds", "versions", "sha256"}
 
@@ -80,10 +92,26 @@ def is_sentence(where: str) -> bool:
     return where.rpartition(".")[2].partition("[")[0] in SENTENCES
 
 
+def same(where: str, old: dict[str, Any], new: dict[str, Any]) -> bool:
+    before, after = old[where], new[where]
+    if before == after or not all(type(value) in (int, float) for value in (before, after)):
+        return before == after
+    std = old.get(f"{where.rpartition('.')[0]}.std") if where.endswith((".estimate", ".std")) else None
+    return abs(before - after) <= TOLERANCE * (std or abs(before))
+
+
+def answers(folder: Path) -> Iterator[tuple[str, Any]]:
+    for name, run in runs(folder):
+        yield name, json.loads(zerobeam("analyse", run, "--json"))
+    for study, options in STUDIES.items():
+        zerobeam("study", study, *options, "-o", folder / study)
+        yield f"study-{study}", json.loads((folder / study / "study.json").read_text(encoding="utf-8"))
+
+
 def compare(name: str, before: Any, after: Any) -> bool:
     old, new = dict(leaves(before)), dict(leaves(after))
     numbers = [where for where in old if not is_sentence(where)]
-    differ = [where for where in numbers if where not in new or new[where] != old[where]]
+    differ = [where for where in numbers if where not in new or not same(where, old, new)]
     added = {where.partition("[")[0] for where in new if where not in old and not is_sentence(where)}
     worded = sum(new.get(where) != text for where, text in old.items() if is_sentence(where))
     print(
@@ -98,18 +126,17 @@ def compare(name: str, before: Any, after: Any) -> bool:
 def main() -> int:
     if len(sys.argv) != 3 or sys.argv[1] not in ("write", "compare"):
         sys.exit(__doc__)
-    kept, same = Path(sys.argv[2]), True
+    kept, alike = Path(sys.argv[2]), True
     kept.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
-        for name, run in runs(Path(folder)):
-            answer = json.loads(zerobeam("analyse", run, "--json"))
+        for name, answer in answers(Path(folder)):
             file = kept / f"{name}.json"
             if sys.argv[1] == "write":
                 file.write_text(json.dumps(answer, indent=1), encoding="utf-8")
-                print(f"{name}: written to {file}")
+                print(f"{name}: written to {file}", flush=True)
             else:
-                same &= compare(name, json.loads(file.read_text(encoding="utf-8")), answer)
-    return 0 if same else 1
+                alike &= compare(name, json.loads(file.read_text(encoding="utf-8")), answer)
+    return 0 if alike else 1
 
 
 if __name__ == "__main__":

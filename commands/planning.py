@@ -123,8 +123,8 @@ def plan(
     from ..experiments.plans.obstacles import read_obstacles
     from ..model.files.header import read_header
     from ..model.files.plan import read_plan
+    from ..model.files.plan_file import Obstacles
     from ..model.files.robot_file import robot_path
-    from ..model.files.stated_plan.obstacles import Obstacles
     from ..model.files.whole_file import refuse_existing
     from ..reports.terminal.answers import print_proposal
 
@@ -157,7 +157,7 @@ def plan(
     if picture is not None and made.file is not None:
         from ..analysis.observability.aim import aim_plan
         from ..experiments.plans.constraints import check_plan
-        from ..reports.plan.plan_file import write_plan_page
+        from ..reports.plan.plan_page import write_plan_page
 
         turned = aim_plan(read_plan(made.file))
         write_plan_page(picture, turned, check_plan(turned.plan, turned))

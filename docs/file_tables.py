@@ -1,8 +1,8 @@
 """The tables of keys in docs/files.md, made of the models that read and write the files.
 
-`python docs/file_tables.py` writes them between their marks: `<!-- keys NAME -->` or `<!-- keys NAME PART -->`
-begins the table of a schema (`zerobeam schema NAME`), or of the keys below one of its keys, `<!-- end -->` ends
-it. `tests/experiments/test_schema.py` holds the page and the models equal.
+`python docs/file_tables.py` writes them between their marks: `<!-- keys NAME PART … -->` begins the table of
+a schema (`zerobeam schema NAME`), `<!-- end -->` ends it. With parts it has the keys below these alone, with
+`-PART` none below that one. `tests/experiments/test_schema.py` holds the page and the models equal.
 """
 
 from __future__ import annotations

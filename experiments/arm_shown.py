@@ -13,9 +13,9 @@ from ..model.arrays import Matrix
 from ..model.errors import BadInput
 from ..model.files.header import UrdfRef
 from ..model.files.robot_file import built_in_robots, load_robot, stated_rows
+from ..model.kinematics.inverse import longest_reach
 from ..model.kinematics.orientation import Orientation, orientation
 from ..model.kinematics.pendant import Pendant, beyond_limits, pendant_of
-from ..model.kinematics.reach import reach
 from ..model.kinematics.robot import J3, PendantUnit, Robot
 from ..words.wording import counted
 from .importers.typed import typed_joints
@@ -81,7 +81,9 @@ def _shown(ref: str | UrdfRef, pendant: Pendant, joints: Sequence[Matrix]) -> Sh
     rows = isinstance(ref, str) and (ref in built_in_robots() or ref.lower().endswith((".yaml", ".yml")))
     model = stated_rows(ref, Path()).model if rows and isinstance(ref, str) else None
     postures = joints or [np.zeros(robot.n)]
-    return ShownArm(robot, pendant, model, reach(robot), tuple(_pose(robot, posture) for posture in postures))
+    return ShownArm(
+        robot, pendant, model, longest_reach(robot), tuple(_pose(robot, posture) for posture in postures)
+    )
 
 
 def arm_json(arm: ShownArm) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from typing import Literal
 from pydantic import Field
 
 from ..analysis.analyse import Sampling
-from ..analysis.repeatability.odd_values import FEWEST, odd_values
+from ..analysis.diagnostics.outliers import FEWEST_VALUES, outlying_values
 from ..analysis.status import Status, UnsoundResult, Verdict, known, require_no_more_than, versions
 from ..model.errors import BadInput
 from ..model.files.json_document import JsonDocument
@@ -137,10 +137,10 @@ class Batch:
                 if offset.status == "identified" and offset.estimate is not None and row.robot is not None:
                     key = (row.robot, offset.name, offset.unit)
                     groups.setdefault(key, []).append((row, offset.estimate))
-        tested = {key: group for key, group in groups.items() if len(group) >= FEWEST}
+        tested = {key: group for key, group in groups.items() if len(group) >= FEWEST_VALUES}
         rows = []
         for (robot, name, unit), group in tested.items():
-            for index, off in odd_values([value for _, value in group], OUTLIER_ALARM / len(tested)):
+            for index, off in outlying_values([value for _, value in group], OUTLIER_ALARM / len(tested)):
                 row, value = group[index]
                 rows.append(OutlierArm(row.name, robot, row.serial, name, unit, value, off))
         return tuple(sorted(rows, key=lambda arm: -abs(arm.off)))

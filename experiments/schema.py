@@ -8,11 +8,10 @@ from pydantic import BaseModel
 
 from ..model.errors import BadInput
 from ..model.files.header import RUN_SCHEMA, Header
+from ..model.files.plan_file import Obstacles, PlanFile
 from ..model.files.reading import did_you_mean
 from ..model.files.robot_file import RobotFile
 from ..model.files.shot import Shot
-from ..model.files.stated_plan.obstacles import Obstacles
-from ..model.files.stated_plan.plan_file import PlanFile
 from ..words.comparison_json import ComparisonDocument
 from .batch import BatchDocument
 from .history.documents import HistoryDocument

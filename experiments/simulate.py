@@ -113,7 +113,7 @@ class Readings:
 
 def simulated_readings(problem: Problem, truths: Matrix, rng: np.random.Generator) -> Readings:
     """As `simulated_shots`, for many arms with the true parameters `truths` (W, p), side by side."""
-    count, shots, d = len(truths), problem.shots, problem.tool.miss_size
+    count, shots, d = len(truths), problem.shots, problem.tool.residual_size
     spots = rng.normal(size=(count, shots, d)) * problem.noise.spot
     all_shots = replace(
         problem,

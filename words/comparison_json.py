@@ -15,7 +15,7 @@ from ..analysis.repeatability.compare import (
     OffsetOfRun,
     Question,
 )
-from ..analysis.repeatability.consistency import LEVEL, AgainstOthers, Consistency, Drift, Interval
+from ..analysis.repeatability.consistency import LEVEL, AgainstOthers, Consistency, Interval, RunDrift
 from ..analysis.repeatability.repeat import Kind
 from ..model.files.json_document import JsonDocument
 from .comparison import failure, headline, notes
@@ -41,7 +41,7 @@ class ComparedOffsetRow(JsonDocument):
     dof: int | None
     p_value: float | None
     p_holm: float | None = Field(description="adjusted for the number of offsets")
-    drift: Drift | None = Field(description="slope in unit per `at_unit`")
+    drift: RunDrift | None = Field(description="slope in unit per `at_unit`")
     mean: float | None = Field(description="over the runs")
     mean_interval95: Interval | None
     mean_by: Literal["prediction", "scatter"] | None = Field(description="the source of the mean's interval")

@@ -37,7 +37,7 @@ _AGAINST: dict[type, str] = {
 
 
 @dataclass(frozen=True)
-class Entry:
+class EnteredValue:
     """What is to be entered of a joint: its `value` and expanded uncertainty (k = 2), rounded, with units."""
 
     name: str
@@ -46,7 +46,7 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Step:
+class NextStep:
     """A sentence, and the commands that do what it says."""
 
     text: str
@@ -57,31 +57,31 @@ class Step:
 class NextSteps:
     """`enter` is empty where nothing may be entered; the first of the `steps` then says why."""
 
-    enter: tuple[Entry, ...]
-    steps: tuple[Step, ...]
+    enter: tuple[EnteredValue, ...]
+    steps: tuple[NextStep, ...]
 
 
 def next_steps(result: Result) -> NextSteps:
     """What to do with an answer, whatever its verdict."""
-    against = [_AGAINST[type(own)] for own in result.findings if type(own) in _AGAINST]
+    against = [_AGAINST[type(finding)] for finding in result.findings if type(finding) in _AGAINST]
     if against:
-        return NextSteps((), (Step(against[0]),))
+        return NextSteps((), (NextStep(against[0]),))
     if result.verdict != "pass":
         return NextSteps((), _not_yet(result))
     return NextSteps(_values(result), _steps(result))
 
 
-def _not_yet(result: Result) -> tuple[Step, ...]:
+def _not_yet(result: Result) -> tuple[NextStep, ...]:
     """Nothing is offered: why, and what to do first."""
     if not result.likelihood.converged:
         return (
-            Step(
+            NextStep(
                 "Enter nothing: the fit did not converge. Look at the measurements, or record more of them."
             ),
         )
     if result.misfit is not None:
         return (
-            Step(
+            NextStep(
                 "Enter nothing: the model does not describe the measurements. Look for the cause first (joint"
                 " columns, signs, units, a moved target, geometry), then measure again."
             ),
@@ -91,8 +91,8 @@ def _not_yet(result: Result) -> tuple[Step, ...]:
     known = any(row.status == "identified" for row in offsets)
     named = open_ or [row.name for row in result.parameters if row.status in ("unidentifiable", "weak")]
     which = listed([label(name) for name in named]) if named else "the parameters together"
-    said = [
-        Step(
+    steps = [
+        NextStep(
             f"Enter nothing yet: {which}"
             f" {'is' if len(named) == 1 else 'are'} not determined well enough. Record more measurements, in"
             " postures that a plan chooses and a check approves:",
@@ -105,30 +105,30 @@ def _not_yet(result: Result) -> tuple[Step, ...]:
     if known and open_:
         command, file = _command(result)
         without = " ".join(f"--without {name}" for name in open_)
-        said.append(
-            Step(
+        steps.append(
+            NextStep(
                 "If the identified offsets are to be applied alone, at your decision:",
                 (f"zerobeam {command} {_run(result)} {without} -o {file}",),
             )
         )
-    return tuple(said)
+    return tuple(steps)
 
 
 def _entered(result: Result) -> list[ParameterResult]:
     return [row for row in result.parameters if row.group == "offset" and row.status == "identified"]
 
 
-def _values(result: Result) -> tuple[Entry, ...]:
+def _values(result: Result) -> tuple[EnteredValue, ...]:
     entries = []
     for row in _entered(result):
         assert row.estimate is not None
         assert row.std is not None
         value = numbers.estimate(row.estimate, row.std, row.unit)
-        entries.append(Entry(row.name, value, numbers.spread(2 * row.std, row.unit)))
+        entries.append(EnteredValue(row.name, value, numbers.spread(2 * row.std, row.unit)))
     return tuple(entries)
 
 
-def _steps(result: Result) -> tuple[Step, ...]:
+def _steps(result: Result) -> tuple[NextStep, ...]:
     run, (command, file) = _run(result), _command(result)
     gain = "2. What it gains at the TCP is not claimed: it depends on what is not determined."
     accuracy = result.accuracy
@@ -140,12 +140,12 @@ def _steps(result: Result) -> tuple[Step, ...]:
             " geometry taken as exact)."
         )
     return (
-        Step(
+        NextStep(
             "1. Write the file for this robot. It says how it is used.",
             (f"zerobeam {command} {run} -o {file}",),
         ),
-        Step(gain),
-        Step(
+        NextStep(gain),
+        NextStep(
             "3. Verify: measure a few postures of this run, chosen for the purpose, with the corrected robot."
             " The answer is pass, fail or inconclusive.",
             (f"zerobeam plan verify {run} -o verify.yaml", f"zerobeam verify {run} NEW.jsonl"),

@@ -18,7 +18,7 @@ import numpy as np
 
 from ..analysis.diagnostics.accuracy import Accuracy
 from ..analysis.diagnostics.diagnosis import Explanation
-from ..analysis.diagnostics.placement_result import PlacementResult
+from ..analysis.diagnostics.hold_out import PlacementResult
 from ..analysis.misfit import LackOfFit, Misfit
 from ..analysis.observability.causes import NullDirection
 from ..analysis.observability.check import Check
@@ -27,20 +27,19 @@ from ..analysis.observability.identifiability import Identifiability
 from ..analysis.result import RESULT_SCHEMA, LikelihoodSummary, MidpointSummary, Result
 from ..analysis.solution import ParameterResult
 from ..analysis.status import UnsoundResult
-from .causes import reason, remedy
-from .diagnosis import explanation_sentence
 from .findings import (
     accuracy_reason,
     headline,
     hold_out_message,
     likelihood_message,
     notes,
-    place,
     posterior_message,
     robust_message,
+    tcp_words,
 )
-from .misfit import criterion_sentence
+from .misfit import criterion_sentence, explanation_sentence
 from .next_steps import next_steps
+from .observability import reason, remedy
 from .verdict import check_headline, check_notes
 
 CHECK_SCHEMA = "zerobeam/check/1"
@@ -191,7 +190,7 @@ def _posterior(result: Result) -> dict[str, Any]:
 
 def _accuracy(accuracy: Accuracy) -> dict[str, Any]:
     own = _without(accuracy, "accuracy", "held", "causes", "joints", "converged")
-    return {**own, "place": place(accuracy), "reason": accuracy_reason(accuracy)}
+    return {**own, "place": tcp_words(accuracy), "reason": accuracy_reason(accuracy)}
 
 
 def _misfit(misfit: Misfit | None) -> dict[str, Any] | None:

@@ -32,6 +32,9 @@ POWER = 0.8  # against an error of the tolerance in each offset that was entered
 _STEPS = 5  # Gauss and Newton's, for the targets
 
 Acceptance = Literal["pass", "fail", "inconclusive"]
+FEWEST = 3
+MOST = 12
+_MOST_CANDIDATES = 60  # spread over the run: more are as good
 
 
 @dataclass(frozen=True)
@@ -77,11 +80,11 @@ class AcceptanceResult:
     @property
     def unseen(self) -> tuple[EnteredOffset, ...]:
         """Offsets of which an error of the tolerance would likely go unnoticed."""
-        return tuple(own for own in self.offsets if own.power < POWER)
+        return tuple(row for row in self.offsets if row.power < POWER)
 
 
 @dataclass(frozen=True, eq=False)
-class Predicted:
+class PredictedResiduals:
     """The new measurements at the calibration's mode, in the roots of their predicted covariance: `residual`
     (k,) and the `shift` (k, p) by scaled parameters, free of the targets; `rms` and `expected` mm."""
 
@@ -95,7 +98,7 @@ class Predicted:
         return len(self.residual)
 
 
-class Prediction:
+class AcceptancePrediction:
     """What the calibration predicts of new measurements with its offsets entered.
 
     `solution` is the calibration; `header` its header with the targets of the new measurements, `joints`
@@ -133,22 +136,24 @@ class Prediction:
         self._uncertain = [problem.parameters.index(name) for name in names]
         self._covariance = solution.fit.covariance[np.ix_(at, at)]
 
-    def shifted(self, offsets: Mapping[str, float]) -> Predicted:
+    def shifted(self, offsets: Mapping[str, float]) -> PredictedResiduals:
         """The prediction with some offsets (rad, mm) of the corrected arm not 0; targets where they fit."""
         x = self._x.copy()
         for name, value in offsets.items():
             x[self.problem.parameters.index(name)] = value
-        place = self.problem.parameters.block("target")
+        target = self.problem.parameters.block("target")
         parts = self.problem.split(x)
-        x[place] = self.problem.nearest_targets(parts.arm[None], parts.tool[None])[0].ravel()
+        x[target] = self.problem.nearest_targets(parts.arm[None], parts.tool[None])[0].ravel()
         for _ in range(_STEPS):
             residual, jacobian, _, _ = self._whitened(x)
-            step = np.linalg.lstsq(jacobian[:, place], residual, rcond=None)[0]
-            x[place] -= step * self.problem.parameters.prior_std[place]
+            step = np.linalg.lstsq(jacobian[:, target], residual, rcond=None)[0]
+            x[target] -= step * self.problem.parameters.prior_std[target]
         residual, jacobian, whitened, spread = self._whitened(x)
-        free = _left_of(jacobian[:, place])
+        free = _left_of(jacobian[:, target])
         predicted = float(np.sqrt(np.trace(spread) / self.problem.shots))
-        return Predicted(free.T @ residual, free.T @ jacobian, rms_length(whitened.residual_mm), predicted)
+        return PredictedResiduals(
+            free.T @ residual, free.T @ jacobian, rms_length(whitened.residual_mm), predicted
+        )
 
     def _whitened(self, x: Matrix) -> tuple[Matrix, Matrix, Whitened, Matrix]:
         """Residual (M,) and scaled Jacobian (M, p) in the roots of C; and C (M, M) in mm."""
@@ -157,7 +162,7 @@ class Prediction:
         by = jacobian[:, self._uncertain]
         covariance = np.eye(len(residual)) + by @ self._covariance @ by.T
         root = np.linalg.cholesky(covariance)
-        d = self.problem.tool.miss_size
+        d = self.problem.tool.residual_size
         in_mm = block_diag(*whitened.factor) / self._scale
         shots = self.problem.shots * d
         spread = in_mm @ covariance[:shots, :shots] @ in_mm.T
@@ -179,7 +184,7 @@ class Prediction:
             return float(stats.chi2.isf(FALSE_ALARM, k) / k)
         return float(stats.f.isf(FALSE_ALARM, k, self.noise_dof))
 
-    def p_value(self, predicted: Predicted) -> float | None:
+    def p_value(self, predicted: PredictedResiduals) -> float | None:
         k = predicted.dof
         if k == 0:
             return None
@@ -189,47 +194,56 @@ class Prediction:
         return float(stats.f.sf(statistic / k, k, self.noise_dof))
 
 
-def accept(prediction: Prediction, solution: Solution, tolerance: Mapping[str, float]) -> AcceptanceResult:
+def accept(
+    prediction: AcceptancePrediction, solution: Solution, tolerance: Mapping[str, float]
+) -> AcceptanceResult:
     """The answer for new measurements; `tolerance` by unit: deg, mm."""
-    found = prediction.shifted({})
-    p_value = prediction.p_value(found)
-    offsets = entered_offsets(prediction, found, solution, tolerance)
+    predicted = prediction.shifted({})
+    p_value = prediction.p_value(predicted)
+    offsets = entered_offsets(prediction, predicted, solution, tolerance)
     mistakes: tuple[Mistake, ...] = ()
     verdict: Acceptance = "inconclusive"
     if p_value is not None and p_value < FALSE_ALARM:
         verdict, mistakes = "fail", _mistakes(prediction)
-    elif p_value is not None and offsets and all(own.power >= POWER for own in offsets):
+    elif p_value is not None and offsets and all(row.power >= POWER for row in offsets):
         verdict = "pass"
-    statistic = float(found.residual @ found.residual) / found.dof if found.dof else None
+    statistic = float(predicted.residual @ predicted.residual) / predicted.dof if predicted.dof else None
     return AcceptanceResult(
         verdict,
         prediction.problem.shots,
-        found.dof,
+        predicted.dof,
         statistic,
         p_value,
         FALSE_ALARM,
-        found.rms,
-        found.expected,
+        predicted.rms,
+        predicted.expected,
         offsets,
         mistakes,
     )
 
 
 def entered_offsets(
-    prediction: Prediction, found: Predicted, solution: Solution, tolerance: Mapping[str, float]
+    prediction: AcceptancePrediction,
+    predicted: PredictedResiduals,
+    solution: Solution,
+    tolerance: Mapping[str, float],
 ) -> tuple[EnteredOffset, ...]:
     """What the test would notice of each offset."""
-    return tuple(_entered(prediction, found, solution, name, tolerance) for name in prediction.entered)
+    return tuple(_entered(prediction, predicted, solution, name, tolerance) for name in prediction.entered)
 
 
 def _entered(
-    prediction: Prediction, found: Predicted, solution: Solution, name: str, tolerance: Mapping[str, float]
+    prediction: AcceptancePrediction,
+    predicted: PredictedResiduals,
+    solution: Solution,
+    name: str,
+    tolerance: Mapping[str, float],
 ) -> EnteredOffset:
     row, parameters = solution[name], prediction.problem.parameters
     assert row.estimate is not None
     assert row.std is not None
     i = parameters.index(name)
-    along = found.shift[:, i] / (parameters.prior_std[i] * parameters.items[i].display)
+    along = predicted.shift[:, i] / (parameters.prior_std[i] * parameters.items[i].display)
     enough = tolerance[row.unit]
     return EnteredOffset(
         name,
@@ -242,15 +256,15 @@ def _entered(
     )
 
 
-def _mistakes(prediction: Prediction) -> tuple[Mistake, ...]:
+def _mistakes(prediction: AcceptancePrediction) -> tuple[Mistake, ...]:
     """Mistakes in entering one offset, or all, that the measurements do not contradict, likeliest first."""
-    own, found = prediction.estimate, []
+    estimate, mistakes = prediction.estimate, []
     for kind, times in (("not entered", 1.0), ("wrong sign", 2.0)):
-        for names in [*((name,) for name in own), tuple(own)]:
-            p = prediction.p_value(prediction.shifted({name: times * own[name] for name in names}))
+        for names in [*((name,) for name in estimate), tuple(estimate)]:
+            p = prediction.p_value(prediction.shifted({name: times * estimate[name] for name in names}))
             if p is not None and p >= FALSE_ALARM:
-                found.append(Mistake(kind, names, p))  # type: ignore[arg-type]
-    return tuple(sorted(dict.fromkeys(found), key=lambda mistake: -mistake.p_value))
+                mistakes.append(Mistake(kind, names, p))  # type: ignore[arg-type]
+    return tuple(sorted(dict.fromkeys(mistakes), key=lambda mistake: -mistake.p_value))
 
 
 def _left_of(columns: Matrix) -> Matrix:
@@ -258,3 +272,68 @@ def _left_of(columns: Matrix) -> Matrix:
     u, size, _ = np.linalg.svd(columns, full_matrices=True)
     rank = int((size > 1e-10 * max(size.max(initial=0.0), 1e-300)).sum())
     return np.asarray(u[:, rank:])
+
+
+@dataclass(frozen=True, eq=False)
+class VerificationPlan:
+    """The chosen measurements of the run by their index (`rows`), the `joints` (N, n) rad or mm that the
+    corrected robot reads there, and the power of the test, offset by offset."""
+
+    rows: tuple[int, ...]
+    joints: Matrix
+    targets: tuple[str, ...]
+    offsets: tuple[EnteredOffset, ...]
+
+    @property
+    def enough(self) -> bool:
+        return all(row.power >= POWER for row in self.offsets)
+
+
+def choose(
+    solution: Solution,
+    header: Header,
+    entered: tuple[str, ...],
+    tolerance: Mapping[str, float],
+    shots: int | None = None,
+) -> VerificationPlan:
+    """As few postures as give the test its power (or `shots` of them), one after the other: each the one that
+    raises the weakest offset most."""
+    problem = solution.problem
+    candidates = np.unique(np.linspace(0, problem.shots - 1, _MOST_CANDIDATES).round().astype(int)).tolist()
+    applied = np.zeros(problem.robot.n)
+    for j, item in enumerate(problem.parameters.items[problem.parameters.block("offset")]):
+        if item.name in entered:
+            applied[j] = solution.fit.x[problem.parameters.index(item.name)]
+
+    def planned(rows: list[int]) -> tuple[Matrix, tuple[str, ...], tuple[EnteredOffset, ...]]:
+        joints = problem.joints[rows] + applied
+        targets = tuple(problem.targets[problem.target_index[row]] for row in rows)
+        prediction = AcceptancePrediction(solution, header, joints, targets, None, entered)
+        predicted = prediction.shifted({})
+        return joints, targets, entered_offsets(prediction, predicted, solution, tolerance)
+
+    def score(rows: list[int]) -> tuple[float, float]:
+        powers = [row.power for row in planned(rows)[2]]
+        return min(powers), sum(powers)
+
+    most = min(shots or MOST, problem.shots)
+    rows = list(_farthest(problem.joints[candidates], candidates, min(FEWEST, most)))
+    while len(rows) < most:
+        if shots is None and score(rows)[0] >= POWER:
+            break
+        rest = [row for row in candidates if row not in rows]
+        if not rest:
+            break
+        rows.append(max(rest, key=lambda row: score([*rows, row])))
+    joints, targets, offsets = planned(sorted(rows))
+    return VerificationPlan(tuple(sorted(rows)), joints, targets, offsets)
+
+
+def _farthest(joints: Matrix, rows: list[int], count: int) -> list[int]:
+    """Postures far from one another: the first two apart most, then always the one farthest from all."""
+    apart = np.linalg.norm(joints[:, None] - joints[None], axis=2)
+    first = divmod(int(apart.argmax()), len(rows))
+    chosen = list(first) if len(rows) > 1 else [0]
+    while len(chosen) < count:
+        chosen.append(int(apart[:, chosen].min(axis=1).argmax()))
+    return [rows[i] for i in dict.fromkeys(chosen)]

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...model.arrays import Index, Matrix
+from ...model.arrays import Index, Mask, Matrix
 from ...model.errors import FitFailed
 
 Criterion = Literal["A", "D", "E"]
@@ -38,7 +37,7 @@ class Candidates:
     `offsets` (f,) True for the parameters that matter, the rest is nuisance."""
 
     roots: Matrix
-    offsets: NDArray[np.bool_]
+    offsets: Mask
 
     @property
     def count(self) -> int:
@@ -94,10 +93,10 @@ def continuous(
     weights = np.full(len(active), 1 / len(active))
     best_bound = 0.0
     for _ in range(_ROUNDS):
-        own = candidates.roots[active]
+        roots = candidates.roots[active]
         for _ in range(_INNER):
-            at = _Slope(candidates, own, weights, shots, criterion)
-            gain = at.gain(own)
+            at = _Slope(candidates, roots, weights, shots, criterion)
+            gain = at.gain(roots)
             total = float(weights @ gain)
             if gain.max() - total <= gap / 4 * at.scale:
                 break
@@ -136,14 +135,14 @@ class _Slope:
         size = roots.shape[2]
         stacked = (roots * np.sqrt(shots * weights)[:, None, None]).reshape(-1, size)
         inverse = np.linalg.inv(stacked.T @ stacked + np.eye(size))
-        own: Matrix = np.asarray(inverse[np.ix_(candidates.offsets, candidates.offsets)], dtype=float)
-        count = len(own)
+        covariance: Matrix = np.asarray(inverse[np.ix_(candidates.offsets, candidates.offsets)], dtype=float)
+        count = len(covariance)
         self._criterion, self._shots = criterion, shots
-        self.value = variance(own, criterion)
+        self.value = variance(covariance, criterion)
         if criterion == "A":
             root = np.eye(count) / np.sqrt(count)
         else:
-            root = np.linalg.cholesky(np.linalg.inv(own) / count)
+            root = np.linalg.cholesky(np.linalg.inv(covariance) / count)
         self._root = inverse[:, candidates.offsets] @ root
 
     @property
@@ -264,8 +263,8 @@ def _spread(candidates: Candidates, size: int) -> Index:
     information = np.eye(roots.shape[2])
     chosen: list[int] = []
     for _ in range(min(size, candidates.count)):
-        seen = roots @ np.linalg.cholesky(np.linalg.inv(information))
-        gain = (seen**2).sum(axis=(1, 2))
+        reduced = roots @ np.linalg.cholesky(np.linalg.inv(information))
+        gain = (reduced**2).sum(axis=(1, 2))
         gain[chosen] = -1.0
         best = int(np.argmax(gain))
         chosen.append(best)

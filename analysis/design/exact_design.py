@@ -1,13 +1,21 @@
-"""The best k of many candidates by D-, A- or E-optimality for the offsets, with a certified bound."""
+"""The best k of many candidates by D-, A- or E-optimality for the offsets, with a certified bound.
+
+For the E-criterion single exchanges end in poor designs, so two measurements are exchanged at once. All pairs
+of candidates are searched, and few of them looked at. With K the columns of the offsets, every vector u with
+K'u = v of length 1 bounds the smallest eigenvalue of the information on the offsets: S(M) <= u' M u
+(Pukelsheim 1993, section 3.14). The bound is a sum over measurements, so that it costs a pair one addition; a
+pair that is below the best design by one u is out. Each pair that is looked at gives the u that bound it
+tightly."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
-from ...model.arrays import Index, Matrix
+from ...model.arrays import Index, Mask, Matrix
 from .continuous_design import (
     SOFT,
     Candidates,
@@ -18,7 +26,6 @@ from .continuous_design import (
     power_mean,
     variance,
 )
-from .pair_exchange import exchange_pairs
 
 STARTS = 24
 _SWEEPS = 30
@@ -28,6 +35,9 @@ _SCREENED = 64  # candidates of which E looks at the eigenvalues, the most promi
 _SHARP = 32  # power of the mean of eigenvalues by which E chooses them
 _PAIRED = 300  # candidates of which E exchanges two at once
 _PAIRED_STARTS = 4  # different ones that are begun from
+_SEARCHES = 150  # of a start: with many measurements not every two of them are exchanged
+_LOOKS = 60  # at single pairs in one search
+_STEP = 1e-9  # relative: less is no improvement
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,11 +81,11 @@ def design(
     near = np.union1d(np.argsort(-ideal.gain)[: max(most, shots)], np.flatnonzero(ideal.weights > 0))
     few = Candidates(candidates.roots[near], candidates.offsets)
     rng = np.random.default_rng(seed)
-    found: dict[tuple[int, ...], float] = {}
-    begun = [_start(ideal.weights[near], shots, rng, rounded=start % 4 != 3) for start in range(starts)]
-    for value, rows in each(_exchanged, [(few, rows, criterion) for rows in begun]):
-        found[tuple(np.sort(rows).tolist())] = value
-    best = sorted(found, key=found.__getitem__)
+    value_of: dict[tuple[int, ...], float] = {}
+    first_rows = [_start(ideal.weights[near], shots, rng, rounded=start % 4 != 3) for start in range(starts)]
+    for value, rows in each(_exchanged, [(few, rows, criterion) for rows in first_rows]):
+        value_of[tuple(np.sort(rows).tolist())] = value
+    best = sorted(value_of, key=value_of.__getitem__)
     rows = np.array(best[0])
     if criterion == "E":
         promising = np.argsort(-ideal.gain[near], kind="stable")[:_PAIRED]
@@ -95,8 +105,8 @@ def _exchanged(start: Exchange) -> Ended:
 
 def _start(weights: Matrix, shots: int, rng: np.random.Generator, *, rounded: bool) -> Index:
     """Different candidates to start from: drawn by the continuous weights, or evenly."""
-    chance = weights + 1e-9 if rounded else np.ones_like(weights)
-    return rng.choice(len(weights), size=shots, replace=False, p=chance / chance.sum())
+    probability = weights + 1e-9 if rounded else np.ones_like(weights)
+    return rng.choice(len(weights), size=shots, replace=False, p=probability / probability.sum())
 
 
 def _exchange(candidates: Candidates, rows: Index, criterion: Measure) -> tuple[float, Index]:
@@ -105,13 +115,13 @@ def _exchange(candidates: Candidates, rows: Index, criterion: Measure) -> tuple[
     value = variance(offset_covariance(candidates, candidates.information(rows)), criterion)
     for _ in range(_SWEEPS):
         before = value
-        for place in range(len(rows)):
-            others = np.delete(rows, place)
+        for k in range(len(rows)):
+            others = np.delete(rows, k)
             values = _values_with(candidates, candidates.information(others), criterion)
             values[others] = np.inf
             best = int(np.argmin(values))
             if values[best] < value * (1 - 1e-12):
-                rows[place], value = best, float(values[best])
+                rows[k], value = best, float(values[best])
         if value > before * (1 - 1e-9):
             break
     return value, rows
@@ -124,8 +134,8 @@ def _exchange_two(
     ends = []
     for start in starts:
         among = np.union1d(promising, start)
-        own = np.searchsorted(among, start)
-        value, rows = exchange_pairs(candidates.roots[among], candidates.offsets, own, rng)
+        start_rows = np.searchsorted(among, start)
+        value, rows = exchange_pairs(candidates.roots[among], candidates.offsets, start_rows, rng)
         ends.append((value, among[rows]))
     return min(ends, key=lambda end: end[0])[1]
 
@@ -139,20 +149,20 @@ def _values_with(candidates: Candidates, information: Matrix, criterion: Measure
     covariance = np.linalg.inv(information)
     spread = roots @ covariance
     gram = spread @ roots.transpose(0, 2, 1) + np.eye(roots.shape[1])
-    own, on_offsets = covariance[np.ix_(offsets, offsets)], spread[:, :, offsets]
+    of_offsets, on_offsets = covariance[np.ix_(offsets, offsets)], spread[:, :, offsets]
     if criterion == "D":
-        log = np.linalg.slogdet(own)[1] - np.linalg.slogdet(gram)[1]
+        log = np.linalg.slogdet(of_offsets)[1] - np.linalg.slogdet(gram)[1]
         if not offsets.all():
             # The determinant of the whole over that of the nuisance's own information.
             inner = roots[:, :, ~offsets]
             alone = np.linalg.inv(information[np.ix_(~offsets, ~offsets)])
             within = inner @ alone @ inner.transpose(0, 2, 1) + np.eye(roots.shape[1])
             log = log + np.linalg.slogdet(within)[1]
-        return np.asarray(np.exp(log / len(own)))
+        return np.asarray(np.exp(log / len(of_offsets)))
     solved = np.linalg.solve(gram, on_offsets)
     if criterion == "A":
-        return np.asarray((np.trace(own) - (solved * on_offsets).sum(axis=(1, 2))) / len(own))
-    after = own - on_offsets.transpose(0, 2, 1) @ solved
+        return np.asarray((np.trace(of_offsets) - (solved * on_offsets).sum(axis=(1, 2))) / len(of_offsets))
+    after = of_offsets - on_offsets.transpose(0, 2, 1) @ solved
     if criterion == "soft":
         return power_mean(after, SOFT)
     largest = np.full(len(roots), np.inf)
@@ -160,3 +170,76 @@ def _values_with(candidates: Candidates, information: Matrix, criterion: Measure
     screened = np.argpartition(nearly, min(_SCREENED, len(nearly)) - 1)[:_SCREENED]
     largest[screened] = np.linalg.eigvalsh(after[screened])[:, -1]
     return largest
+
+
+def exchange_pairs(
+    roots: Matrix, offsets: Mask, rows: Index, rng: np.random.Generator
+) -> tuple[float, Index]:
+    """Replace two measurements of `rows` (k,) at a time by the best two of the candidates `roots` (C, d, f)
+    until none of these exchanges helps: the largest variance of the offsets, and the rows."""
+    count, size = len(roots), roots.shape[2]
+    unit = np.eye(size)
+    cuts, least = _cuts(_added(unit, roots[rows]), offsets, int(offsets.sum()))
+    pairs = list(combinations(range(len(rows)), 2))
+    order = rng.permutation(len(pairs))
+    failures = searches = 0
+    while failures < len(pairs) and searches < _SEARCHES:
+        kept = np.delete(rows, pairs[order[searches % len(pairs)]])
+        free = np.setdiff1d(np.arange(count), kept)
+        pair, better = _best_pair(roots[free], offsets, _added(unit, roots[kept]), cuts, least)
+        searches += 1
+        failures += 1
+        if pair is not None:
+            rows, least, failures = np.append(kept, free[pair]), better, 0
+            cuts, _ = _cuts(_added(unit, roots[rows]), offsets, int(offsets.sum()))
+    return 1 / least, rows
+
+
+def _best_pair(
+    roots: Matrix, offsets: Mask, information: Matrix, cuts: Matrix, least: float
+) -> tuple[Index | None, float]:
+    """The two measurements that added to `information` (f, f) raise its smallest eigenvalue most, and to
+    what; None where none raises it above `least`."""
+    rise = np.asarray(((roots @ cuts.T) ** 2).sum(axis=1))  # (C, cuts)
+    lacking = least - ((cuts @ information) * cuts).sum(axis=1)
+    # Coarsely by the first cuts, then one by one: a quarter of the memory, and most pairs are out.
+    coarse, enough = rise.astype(np.float32), (lacking - 1e-5 * np.abs(least)).astype(np.float32)
+    within = np.tri(len(roots), k=-1, dtype=bool)
+    for u in range(min(3, len(cuts))):
+        within &= coarse[:, None, u] + coarse[None, :, u] > enough[u]
+    first, second = np.nonzero(within)
+    spare = np.full(len(first), np.inf)
+    for u in range(len(cuts)):
+        margin = rise[first, u] + rise[second, u] - lacking[u]
+        left = margin > _STEP * least
+        first, second, spare = first[left], second[left], np.minimum(spare, margin)[left]
+    best: Index | None = None
+    for _ in range(_LOOKS):
+        if not len(first):
+            break
+        promising = int(spare.argmax())
+        pair = np.array([first[promising], second[promising]])
+        fresh, value = _cuts(_added(information, roots[pair]), offsets, 2)
+        spare[promising] = -np.inf
+        if value > least * (1 + _STEP):
+            spare -= value - least
+            best, least = pair, value
+        rise = np.asarray(((roots @ fresh.T) ** 2).sum(axis=1))
+        level = least - ((fresh @ information) * fresh).sum(axis=1)
+        spare = np.minimum(spare, (rise[first] + rise[second] - level).min(axis=1))
+        left = spare > _STEP * least
+        first, second, spare = first[left], second[left], spare[left]
+    return best, least
+
+
+def _added(information: Matrix, roots: Matrix) -> Matrix:
+    stacked = roots.reshape(-1, roots.shape[2])
+    return np.asarray(information + stacked.T @ stacked)
+
+
+def _cuts(information: Matrix, offsets: Mask, count: int) -> tuple[Matrix, float]:
+    """(count, f) vectors that bound the smallest eigenvalues of the information on the offsets tightly at
+    this design, and the smallest."""
+    inverse = np.linalg.inv(information)
+    values, vectors = np.linalg.eigh(inverse[offsets][:, offsets])
+    return (inverse[:, offsets] @ vectors[:, ::-1][:, :count] / values[::-1][:count]).T, 1 / float(values[-1])

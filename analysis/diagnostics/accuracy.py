@@ -132,12 +132,12 @@ def accuracy(solution: Solution, point: Matrix | None = None) -> Accuracy:
     status = solution.status[offsets]
     open_offsets = np.isin(status, ["unidentifiable", "held"])
     open_offsets[0] = False
-    place: Place = "stated point"
+    location: Place = "stated point"
     if point is None:
-        point, place = _default_point(problem, bool(open_offsets[-1]))
+        point, location = _default_point(problem, bool(open_offsets[-1]))
     limits = (problem.robot.lower, problem.robot.upper)
-    own = (problem.joints.min(axis=0), problem.joints.max(axis=0))
-    drawn = [spread_postures(*limits, _POSTURES), spread_postures(*own, _POSTURES // 4)]
+    recorded_limits = (problem.joints.min(axis=0), problem.joints.max(axis=0))
+    drawn = [spread_postures(*limits, _POSTURES), spread_postures(*recorded_limits, _POSTURES // 4)]
     joints = np.concatenate([_within(problem.robot, rows) for rows in drawn] + [problem.joints])
     position, jacobian = tool_point(problem, fit.x, point, joints)
     by_offset = jacobian.transpose(1, 2, 0)[:, offsets]
@@ -158,7 +158,7 @@ def accuracy(solution: Solution, point: Matrix | None = None) -> Accuracy:
         weak = tuple(names[i] for i in np.flatnonzero(enters & np.equal(status, "weak")))
     return Accuracy(
         point_mm=(float(point[0]), float(point[1]), float(point[2])),
-        place=place,
+        place=location,
         workspace=workspace,
         near_shots=near_shots,
         maps=maps,
@@ -190,10 +190,10 @@ def arm_covariance(problem: Problem, covariance: Matrix) -> Matrix:
     """(a, a) of offsets and geometry, rad or mm, from that of the scaled free parameters (f, f); 0 of what is
     held."""
     parameters = problem.parameters
-    own = np.flatnonzero(parameters.free & (np.arange(len(parameters)) < parameters.arm.stop))
-    at, std = parameters.among_free[own], parameters.prior_std[own]
+    estimated = np.flatnonzero(parameters.free & (np.arange(len(parameters)) < parameters.arm.stop))
+    at, std = parameters.among_free[estimated], parameters.prior_std[estimated]
     result = np.zeros((parameters.arm.stop, parameters.arm.stop))
-    result[np.ix_(own, own)] = covariance[np.ix_(at, at)] * np.outer(std, std)
+    result[np.ix_(estimated, estimated)] = covariance[np.ix_(at, at)] * np.outer(std, std)
     return result
 
 
@@ -307,7 +307,9 @@ def _maps(problem: Problem, position: Matrix, shots: Matrix, errors: _Errors) ->
         away = points - origin
         return np.stack([np.linalg.norm(np.cross(away, axis), axis=1), points @ axis]).T
 
-    before, after = (_Ranked(order := np.argsort(own), own[order]) for own in (errors.before, errors.after95))
+    before, after = (
+        _Ranked(order := np.argsort(values), values[order]) for values in (errors.before, errors.after95)
+    )
     across = (f"distance from {name}", "height")
     return (
         _map("vertical", across, beside_axis(position), beside_axis(shots), before, after),
@@ -349,8 +351,8 @@ def _map(
     filled = np.flatnonzero(count)
     end, count = np.cumsum(count)[filled], count[filled]
 
-    def levels(own: _Ranked) -> LevelMap:
-        value = own.value[np.argsort(where[own.order], kind="stable")]
+    def levels(ranked: _Ranked) -> LevelMap:
+        value = ranked.value[np.argsort(where[ranked.order], kind="stable")]
 
         def grid(pick: Index) -> Grid:
             numbers = np.full(rows * columns, None, dtype=object)

@@ -12,13 +12,13 @@ reports.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 import scipy
 
-from ...model.arrays import Matrix
+from ...model.arrays import NORMAL_95, Matrix
 from ..posterior.posterior import PosteriorParameter, PosteriorSummary
 from ..solution import Solution
 from ..status import Status, known, require_no_more_than
@@ -43,14 +43,14 @@ class BudgetRow:
     """
 
     kind: Kind
-    of: tuple[str, ...]
-    type: Literal["A", "B"] | None
-    std: float | None
-    unit: str | None
-    dof: float | None
-    sensitivity: float | None
-    contribution: float
-    share: float
+    of: tuple[str, ...] = ()
+    type: Literal["A", "B"] | None = None
+    std: float | None = None
+    unit: str | None = None
+    dof: float | None = None
+    sensitivity: float | None = None
+    contribution: float = 0.0
+    share: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -93,17 +93,6 @@ class Budget:
         require_no_more_than(self.name, self.status, budget=self.std)
 
 
-class _Source(NamedTuple):
-    """As in `BudgetRow`."""
-
-    kind: Kind
-    of: tuple[str, ...] = ()
-    type: Literal["A", "B"] | None = None
-    std: float | None = None
-    unit: str | None = None
-    dof: float | None = None
-
-
 def budget(solution: Solution, posterior: PosteriorSummary) -> tuple[Budget, ...]:
     """One for every offset and tool parameter that the data determine."""
     problem, fit = solution.problem, solution.fit
@@ -122,18 +111,14 @@ def budget(solution: Solution, posterior: PosteriorSummary) -> tuple[Budget, ...
     for j, i in enumerate(determined):
         item = parameters.items[i]
         std = float(np.sqrt(variances[j]) * scale[j])
-        factor = float(
-            scipy.special.stdtrit(dof[j], _TWO_SIDED)
-            if np.isfinite(dof[j])
-            else scipy.special.ndtri(_TWO_SIDED)
-        )
+        factor = float(scipy.special.stdtrit(dof[j], _TWO_SIDED)) if np.isfinite(dof[j]) else NORMAL_95
         value = item.shown(float(fit.x[i]))
         rows = []
         for source, part in zip(sources, parts[:, j].tolist(), strict=True):
             contribution = math.copysign(math.sqrt(abs(part)), part) * float(scale[j])
             sensitivity = contribution / source.std if source.std else None
             share = part / float(variances[j])
-            rows.append(BudgetRow(*source, sensitivity=sensitivity, contribution=contribution, share=share))
+            rows.append(replace(source, sensitivity=sensitivity, contribution=contribution, share=share))
         budgets.append(
             Budget(
                 name=item.name,
@@ -152,11 +137,11 @@ def budget(solution: Solution, posterior: PosteriorSummary) -> tuple[Budget, ...
     return tuple(budgets)
 
 
-def _sources(solution: Solution, at: Matrix) -> tuple[list[_Source], Matrix]:
+def _sources(solution: Solution, at: Matrix) -> tuple[list[BudgetRow], Matrix]:
     """All sources, and (sources, t) their parts in the scaled variances of the free parameters `at` (t,)."""
     problem, fit = solution.problem, solution.fit
     parameters, whitened = problem.parameters, fit.whitened
-    rows = problem.shots * problem.tool.miss_size
+    rows = problem.shots * problem.tool.residual_size
     noise = parameters.group("noise")[parameters.free]
     jacobian = whitened.jacobian[:, parameters.free][:, ~noise]
     by_residual, by_distance = jacobian[:rows], jacobian[rows:]
@@ -167,10 +152,10 @@ def _sources(solution: Solution, at: Matrix) -> tuple[list[_Source], Matrix]:
     gain = np.linalg.inv(information)[kept]
 
     # Of every reading: the residual's derivative by a joint is that by its offset, by the spot -1.
-    _, own = problem.linearise(fit.x)
+    _, jacobian_mm = problem.linearise(fit.x)
     blocks = jacobian[:rows].reshape(problem.shots, -1, jacobian.shape[1])
     by_spot = fit.weight * gain @ blocks.transpose(0, 2, 1) @ np.linalg.inv(whitened.factor)  # (N, t, d)
-    by_joint = by_spot @ problem.by_joints(own)
+    by_joint = by_spot @ problem.by_joints(jacobian_mm)
     variances = problem.variances(fit.x) / fit.weight
     parts = [
         (by_joint**2).sum(axis=0).T * variances[:-1, None],
@@ -185,28 +170,28 @@ def _sources(solution: Solution, at: Matrix) -> tuple[list[_Source], Matrix]:
         # The three coordinates of a target are one source.
         source: tuple[Kind, str] = ("target", item.of) if item.group == "target" else ("prior", item.name)
         groups.setdefault(source, []).append(i)
-    for (kind, name), places in groups.items():
-        first = items[places[0]]
-        sources.append(_Source(kind, (name,), "B", first.shown_prior[1], first.unit))
-        parts.append(squares[places].sum(axis=0)[None])
-    for stated in problem.distances:
-        between = (problem.targets[stated.first], problem.targets[stated.second])
-        sources.append(_Source("distance", between, "B", stated.sigma, "mm"))
+    for (kind, name), rows_of in groups.items():
+        first = items[rows_of[0]]
+        sources.append(BudgetRow(kind, (name,), "B", first.shown_prior[1], first.unit))
+        parts.append(squares[rows_of].sum(axis=0)[None])
+    for distance in problem.distances:
+        between = (problem.targets[distance.first], problem.targets[distance.second])
+        sources.append(BudgetRow("distance", between, "B", distance.sigma, "mm"))
     parts.append((by_distance @ gain.T) ** 2)
 
     left = np.diag(fit.covariance)[at] - np.diag(gain[:, kept])
     if noise.any():
         cross = fit.covariance[at][:, noise]
         factors = (cross * np.linalg.solve(fit.covariance[np.ix_(noise, noise)], cross.T).T).sum(axis=1)
-        sources.append(_Source("noise factors"))
+        sources.append(BudgetRow("noise factors"))
         parts.append(factors[None])
         left = left - factors
-    sources.append(_Source("curvature"))
+    sources.append(BudgetRow("curvature"))
     parts.append(left[None])
     return sources, np.concatenate(parts)
 
 
-def _noise_sources(solution: Solution, std: Matrix) -> list[_Source]:
+def _noise_sources(solution: Solution, std: Matrix) -> list[BudgetRow]:
     """The joints, then the spot, with the `std` (n + 1,) of one reading as it was found or stated."""
     problem, robot = solution.problem, solution.problem.robot
     kinds: list[tuple[Literal["A", "B"], float | None]] = [("B", None)] * (robot.n + 1)
@@ -216,14 +201,14 @@ def _noise_sources(solution: Solution, std: Matrix) -> list[_Source]:
         status = dict(zip(problem.parameters.names, solution.status, strict=True))
         variance = np.diag(_log_scales(solution))
         joint, spot = (
-            _of_factor(status[f"noise.{name}"], float(own))
-            for name, own in zip(("joint", "spot"), variance, strict=True)
+            _of_factor(status[f"noise.{name}"], float(value))
+            for name, value in zip(("joint", "spot"), variance, strict=True)
         )
         kinds = [joint] * robot.n + [spot]
     display = np.append(robot.display, 1.0)
     units = [*("deg" if joint.kind == "revolute" else "mm" for joint in robot.joints), "mm"]
     return [
-        _Source(
+        BudgetRow(
             "spot" if i == robot.n else "joint",
             () if i == robot.n else (str(i + 1),),
             kind,
@@ -246,16 +231,16 @@ def _log_scales(solution: Solution) -> Matrix:
     if solution.problem.noise.estimated:
         return np.array([[1 / (2 * solution.dof)]])
     parameters = solution.problem.parameters
-    own = parameters.group("noise")
+    noise = parameters.group("noise")
     result = np.zeros((len(parameters), len(parameters)))
     std = parameters.prior_std[parameters.free]
     result[np.ix_(parameters.free, parameters.free)] = solution.fit.covariance * np.outer(std, std)
-    return result[np.ix_(own, own)]
+    return result[np.ix_(noise, noise)]
 
 
 def _effective_dof(
     solution: Solution,
-    sources: list[_Source],
+    sources: list[BudgetRow],
     parts: Matrix,
     variances: Matrix,
 ) -> Matrix:
@@ -267,8 +252,8 @@ def _effective_dof(
     kinds = np.array([source.kind for source in sources])
     if noise.estimated:
         # All that was not stated has the one scale, curvature too.
-        stated = np.isin(kinds, ["prior", "target", "distance"])
-        groups = (variances - parts[stated].sum(axis=0))[:, None]
+        of_stated = np.isin(kinds, ["prior", "target", "distance"])
+        groups = (variances - parts[of_stated].sum(axis=0))[:, None]
     else:
         groups = np.array([parts[kinds == kind].sum(axis=0) for kind in ("joint", "spot")]).T
     spread = 2 * ((groups @ _log_scales(solution)) * groups).sum(axis=1)
@@ -281,7 +266,7 @@ def check_linear(value: float, std: float, half: float, row: PosteriorParameter)
     d_low, d_high = abs(value - half - row.q2_5), abs(value + half - row.q97_5)
     # A quantile's standard error is that of its probability over the density there, taken for a normal's.
     probability = math.sqrt(_TWO_SIDED * (1 - _TWO_SIDED) / row.ess_tail)
-    density = math.exp(-(float(scipy.special.ndtri(_TWO_SIDED)) ** 2) / 2) / math.sqrt(2 * math.pi)
+    density = math.exp(-(NORMAL_95**2) / 2) / math.sqrt(2 * math.pi)
     ends_std = probability / density * row.std
 
     def at(digits: int) -> LinearCheck:

@@ -19,9 +19,15 @@ from ...model.likelihood.constraint import shot_functions
 from ...model.likelihood.density import Density
 from ...model.likelihood.problem import Problem
 from ..solution import Solution
-from .hypotheses import Cause
-from .link_rival import with_links_freed
-from .trials import CHANCE, Left, lefts, lefts_at, tried
+from .hypotheses import (
+    SIGNIFICANCE,
+    Cause,
+    HypothesisFit,
+    fits_at,
+    fits_from,
+    hypothesis_fits,
+    with_links_freed,
+)
 
 _SLACK = 3.0  # an estimated noise may be so many times the stated
 _MOST = 5  # explanations
@@ -56,7 +62,7 @@ class Explanation:
 
 # One more hypothesis, such as link geometry as an uncertain parameter: what it leaves, None where it does not
 # apply. It gets the problem at the stated noise and where the fit as recorded ended there.
-Rival = Callable[[Problem, Matrix], Left | None]
+Rival = Callable[[Problem, Matrix], HypothesisFit | None]
 
 
 def diagnose(solution: Solution, *, rivals: Sequence[Rival] = (with_links_freed,)) -> tuple[Explanation, ...]:
@@ -67,23 +73,23 @@ def diagnose(solution: Solution, *, rivals: Sequence[Rival] = (with_links_freed,
     problem, x = _at_stated_noise(solution)
     slack = 1.0 if solution.problem.noise.known else _SLACK
     density = Density(problem)
-    (answer,) = lefts_at(density, x[None])
+    (answer,) = fits_at(density, x[None])
     if answer.agrees(slack):  # and so does the best fit at the stated noise
         return ()
-    ended, (base,) = lefts(density, x[None])
+    ended, (base,) = fits_from(density, x[None])
     if base.agrees(slack):
         return ()
-    found = [
-        *tried(problem, ended[0], base, solution.fit, slack),
+    fits = [
+        *hypothesis_fits(problem, ended[0], base, solution.fit, slack),
         *(left for rival in rivals if (left := rival(problem, ended[0])) is not None),
     ]
-    explained = _explanations(base, found, slack)
+    explained = _explanations(base, fits, slack)
     weighted = bool((solution.problem.weights != 1).any())
     if not solution.problem.noise.known or weighted or solution.dof == 0:
         return explained
     # As the answer itself has it: it judges what is determined at measurements that hit.
     before = float(np.sqrt(solution.against_noise.chi2 / solution.dof))
-    return tuple(replace(own, before=before) for own in explained)
+    return tuple(replace(explanation, before=before) for explanation in explained)
 
 
 def _at_stated_noise(solution: Solution) -> tuple[Problem, Matrix]:
@@ -103,38 +109,40 @@ def _at_stated_noise(solution: Solution) -> tuple[Problem, Matrix]:
 # Judgement
 
 
-def _explanations(base: Left, found: Sequence[Left], slack: float) -> tuple[Explanation, ...]:
+def _explanations(
+    base: HypothesisFit, fits: Sequence[HypothesisFit], slack: float
+) -> tuple[Explanation, ...]:
     """Those that explain, by the criterion: what is left, with a price for what was freed and for choice."""
-    choices = Counter(left.cause for left in found)
-    log_tried = float(np.logaddexp.reduce([0.0, *(left.log_choices for left in found)]))
-    agreeing = {i for i, left in enumerate(found) if left.agrees(slack)}
-    told = agreeing or {i for i, left in enumerate(found) if left.explains(base, slack)}
+    choices = Counter(left.cause for left in fits)
+    log_tried = float(np.logaddexp.reduce([0.0, *(left.log_choices for left in fits)]))
+    agreeing = {i for i, left in enumerate(fits) if left.agrees(slack)}
+    explaining = agreeing or {i for i, left in enumerate(fits) if left.explains(base, slack)}
     # What is left gives the noise its scale where it is more than the stated, or that is not certain.
     free_scale = not agreeing or slack > 1
 
-    def criterion(left: Left) -> float:
+    def criterion(left: HypothesisFit) -> float:
         # What was chosen to suit the data was chosen among others of its kind.
         count = float(np.log(choices[left.cause])) + left.log_choices if left.freed else 0.0
         price = left.freed * float(np.log(base.numbers)) + 2 * count
         return price - 2 * _log_ratio(base, left, free_scale)
 
     # Links within tolerances are no fault of the data: whatever blames the data has to be clearly likelier.
-    links = min((criterion(found[i]) for i in told if found[i].cause == "geometry"), default=np.inf)
+    links = min((criterion(fits[i]) for i in explaining if fits[i].cause == "geometry"), default=np.inf)
     claimed = {
         i
-        for i in told
-        if found[i].cause not in _BLAMES_THE_DATA or criterion(found[i]) < links + 2 * np.log(CHANCE)
+        for i in explaining
+        if fits[i].cause not in _BLAMES_THE_DATA or criterion(fits[i]) < links + 2 * np.log(SIGNIFICANCE)
     }
-    chances = {i: _chance(base, found[i], log_tried, free_scale) for i in claimed}
-    rows = sorted((criterion(found[i]), i) for i in claimed if chances[i] < CHANCE)
+    p_values = {i: _chance(base, fits[i], log_tried, free_scale) for i in claimed}
+    rows = sorted((criterion(fits[i]), i) for i in claimed if p_values[i] < SIGNIFICANCE)
     return tuple(
-        _explanation(base, found[i], chances[i], i in agreeing)
+        _explanation(base, fits[i], p_values[i], i in agreeing)
         for value, i in rows
-        if value <= rows[0][0] - 2 * np.log(CHANCE)
+        if value <= rows[0][0] - 2 * np.log(SIGNIFICANCE)
     )[:_MOST]
 
 
-def _log_ratio(base: Left, left: Left, free_scale: bool) -> float:
+def _log_ratio(base: HypothesisFit, left: HypothesisFit, free_scale: bool) -> float:
     """Logarithm of the ratio of the likelihoods, of a hypothesis to the data as recorded."""
     drop = base.cost - left.cost
     if free_scale:
@@ -142,7 +150,7 @@ def _log_ratio(base: Left, left: Left, free_scale: bool) -> float:
     return drop / 2 - base.numbers * left.volume
 
 
-def _explanation(base: Left, left: Left, chance: float, agrees: bool) -> Explanation:
+def _explanation(base: HypothesisFit, left: HypothesisFit, p_value: float, agrees: bool) -> Explanation:
     assert left.cause is not None
     return Explanation(
         cause=left.cause,
@@ -155,12 +163,12 @@ def _explanation(base: Left, left: Left, chance: float, agrees: bool) -> Explana
         farthest=left.farthest,
         farthest_before=base.farthest,
         freed=left.freed,
-        p_value=chance,
+        p_value=p_value,
         agrees=agrees,
     )
 
 
-def _chance(base: Left, left: Left, log_tried: float, free_scale: bool) -> float:
+def _chance(base: HypothesisFit, left: HypothesisFit, log_tried: float, free_scale: bool) -> float:
     """Of a gain as large by chance, by Bonferroni's bound over all that was tried.
 
     Without a freed parameter by the likelihood ratio (Markov's inequality), with some by the drop's
@@ -181,5 +189,5 @@ def _chance(base: Left, left: Left, log_tried: float, free_scale: bool) -> float
     return float(np.exp(min(log_p + log_tried, 0.0)))
 
 
-def _log(chance: float) -> float:
-    return float(np.log(max(chance, 1e-300)))
+def _log(probability: float) -> float:
+    return float(np.log(max(probability, 1e-300)))

@@ -19,7 +19,7 @@ import scipy
 from ...model.arrays import Index, Matrix
 from ..estimation.fit import LikelihoodFit
 
-_CHANCE = 1e-3  # that a run without a displacement is said to have one; that what is left is not noise
+_SIGNIFICANCE = 1e-3  # that a run without a displacement is said to have one; that what is left is not noise
 _REACH = 0.01  # what moves the residuals by less (stds, within its prior std) explains none of them
 _DETERMINED_MM = 10.0  # a direction that the measurements determine no better is free
 _DECIDES = 1e-4  # leverage 1: the fit leaves no more of the measurement's residual than this share
@@ -62,7 +62,7 @@ class Displacement:
     def significant(self) -> bool:
         """Not chance, not better explained by one measurement that is off, and enough to explain the
         residuals: where the model does not fit, a displacement takes up a part of that too."""
-        return self.p_value < _CHANCE and not self.better_alone and self.rest_agrees
+        return self.p_value < _SIGNIFICANCE and not self.better_alone and self.rest_agrees
 
 
 def displacement(fit: LikelihoodFit, rival: Matrix | None = None) -> Displacement | None:
@@ -74,7 +74,7 @@ def displacement(fit: LikelihoodFit, rival: Matrix | None = None) -> Displacemen
     None where no change point can be tested: no target has two shots, or the shots are so few that offsets,
     places and tool explain whatever a displacement would do.
     """
-    left = _Left.of(fit, rival)
+    left = _Residuals.of(fit, rival)
     points, gram, slope, floor = _displaced(fit, left)
     if not points:
         return None
@@ -91,7 +91,7 @@ def displacement(fit: LikelihoodFit, rival: Matrix | None = None) -> Displacemen
     size = float(np.linalg.norm(shift)) if determined.all() else None
     return Displacement(
         at=points[best],
-        p_value=min(1.0, left.chance(moved, best) * int((moved.rank > 0).sum())),
+        p_value=min(1.0, left.p_value(moved, best) * int((moved.rank > 0).sum())),
         shift_mm=tuple(float(v) if known else None for v, known in zip(shift, determined, strict=True)),
         std_mm=tuple(float(v) if known else None for v, known in zip(std, determined, strict=True)),
         size_mm=size,
@@ -119,7 +119,7 @@ class _Explained(NamedTuple):
     along: Matrix
 
 
-class _Left(NamedTuple):
+class _Residuals(NamedTuple):
     """What is left of the residuals once all that offsets, places and tool can do is taken out.
 
     `basis` (N, d, r) of what they can do, by shots; `residual` (N, d) what is left, in stds; `chi2` its sum
@@ -133,9 +133,9 @@ class _Left(NamedTuple):
     known: bool
 
     @classmethod
-    def of(cls, fit: LikelihoodFit, rival: Matrix | None = None) -> _Left:
+    def of(cls, fit: LikelihoodFit, rival: Matrix | None = None) -> _Residuals:
         problem, whitened = fit.problem, fit.whitened
-        shots, d = problem.shots, problem.tool.miss_size
+        shots, d = problem.shots, problem.tool.residual_size
         residual, columns = whitened.residual, whitened.jacobian[:, problem.parameters.free]
         tolerated = problem.parameters.among_free[problem.tolerated]
         if len(tolerated):
@@ -181,42 +181,42 @@ class _Left(NamedTuple):
         """(N, d, d) information on a measurement that alone is off: the residual's share that is left."""
         return np.eye(self.residual.shape[1]) - self.basis @ self.basis.transpose(0, 2, 1)
 
-    def agrees(self, found: _Explained, i: int) -> bool:
+    def agrees(self, explained: _Explained, i: int) -> bool:
         """Whether what an explanation leaves of the residuals is no more than the noise (if it is known)."""
-        dof = self.numbers - int(found.rank[i])
+        dof = self.numbers - int(explained.rank[i])
         return (
             not self.known
             or dof <= 0
-            or bool(scipy.special.chdtrc(dof, self.chi2 - found.drop[i]) >= _CHANCE)
+            or bool(scipy.special.chdtrc(dof, self.chi2 - explained.drop[i]) >= _SIGNIFICANCE)
         )
 
-    def chance(self, found: _Explained, i: int) -> float:
+    def p_value(self, explained: _Explained, i: int) -> float:
         """Of a drop as large by noise."""
-        drop, rank = float(found.drop[i]), int(found.rank[i])
+        drop, rank = float(explained.drop[i]), int(explained.rank[i])
         if self.known:
             return float(scipy.special.chdtrc(rank, drop))
         rest = self.numbers - rank
         return float(scipy.special.fdtrc(rank, rest, drop / rank * rest / max(self.chi2 - drop, 1e-300)))
 
-    def estimate(self, found: _Explained, i: int) -> tuple[Matrix, Matrix]:
+    def estimate(self, explained: _Explained, i: int) -> tuple[Matrix, Matrix]:
         """(a,) the explanation's size and its covariance (a, a), which is huge where it is not determined."""
-        values, vectors = found.values[i], found.vectors[i]
+        values, vectors = explained.values[i], explained.vectors[i]
         scale = 1.0
         if not self.known:
-            scale = (self.chi2 - float(found.drop[i])) / (self.numbers - int(found.rank[i]))
-        return vectors @ (found.along[i] / values), scale * (vectors / values) @ vectors.T
+            scale = (self.chi2 - float(explained.drop[i])) / (self.numbers - int(explained.rank[i]))
+        return vectors @ (explained.along[i] / values), scale * (vectors / values) @ vectors.T
 
 
-def _displaced(fit: LikelihoodFit, left: _Left) -> tuple[list[ChangePoint], Matrix, Matrix, float]:
+def _displaced(fit: LikelihoodFit, left: _Residuals) -> tuple[list[ChangePoint], Matrix, Matrix, float]:
     """All change points (C,), the information (C, 3, 3) on displacements there (1 / mm^2), the slopes (C, 3),
     and the information below which a direction is not determined."""
     problem, parameters = fit.problem, fit.problem.parameters
     shots, d = left.residual.shape
     rows = np.arange(shots)
-    own = problem.columns[:, parameters.in_shot("target")]
+    columns = problem.columns[:, parameters.in_shot("target")]
     by_place = fit.whitened.jacobian[: shots * d].reshape(shots, d, -1)
-    by_place = by_place[rows[:, None, None], np.arange(d)[:, None], own[:, None, :]]
-    by_place = by_place / parameters.prior_std[own][:, None, :]
+    by_place = by_place[rows[:, None, None], np.arange(d)[:, None], columns[:, None, :]]
+    by_place = by_place / parameters.prior_std[columns][:, None, :]
     by_residual = -(by_place.transpose(0, 2, 1) @ left.residual[:, :, None])[:, :, 0]
     squares = by_place.transpose(0, 2, 1) @ by_place
     shared = left.basis.transpose(0, 2, 1) @ by_place

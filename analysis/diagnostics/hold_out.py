@@ -1,9 +1,10 @@
-"""Placements that the fit has not seen: how well do its offsets and tool hit them?
+"""Placements that the fit has not seen: held out by name, each left out in turn, and the jackknife.
 
-The offsets, the tool and all else that is no target come from the other placements; only where the targets of
-a held-out placement are is found from their own measurements and distances. What is left there is judged
-against the noise and the uncertainty of what was carried over.
-"""
+The offsets, the tool and all else that is no target come from the other placements; only the positions of the
+held-out targets are estimated from their own measurements and distances. The residuals there are judged
+against the noise and the uncertainty of what was carried over. Leave-one-out and jackknife come from the same
+fits, one without each placement, from the mode of the whole. They see what differs between placements, be it
+noise or unmodelled error."""
 
 from __future__ import annotations
 
@@ -14,14 +15,26 @@ from fnmatch import fnmatchcase
 import numpy as np
 import scipy
 
-from ...model.arrays import Matrix
+from ...model.arrays import Index, Mask, Matrix
 from ...model.errors import BadInput
+from ...model.likelihood.density import Density
 from ...model.likelihood.problem import Problem, rms_length
-from ..estimation.fit import fit_likelihood
+from ..estimation.fit import fit_likelihood, modes, unbiased_weight
+from ..observability.gauges import information_root
 from ..placements import Placement, placements
+from ..recordings.recordings import Effective
+from ..recordings.steps import RecordingSteps, steps
+from ..solution import Solution
+from ..status import known
 
 _ROUNDS = 20
 _SEPARATORS = "_-. "
+_FEWEST = 3  # placements of a jackknife
+_STEPS = 12
+_SETTLED = (
+    0.02  # size of the gradient, in posterior stds: what is left is along gauges, where only priors pull
+)
+_ROUNDING = 1e-11  # singular values below this share are rounding
 
 
 @dataclass(frozen=True)
@@ -70,11 +83,11 @@ def hold_out(problem: Problem, patterns: Sequence[str], seed: int = 0) -> HoldOu
             " tied to it by distances",
         )
     names = [name for placement in groups for name in placement.targets]
-    seen = problem.without_targets(names)
-    fit = fit_likelihood(seen, starts=0, seed=seed)
+    rest = problem.without_targets(names)
+    fit = fit_likelihood(rest, starts=0, seed=seed)
     if not fit.converged:
-        return not_fitted(problem, groups, seen, fit.reason)
-    return judged(problem, groups, seen, fit.x, fit.covariance, fit.weight)
+        return not_fitted(problem, groups, rest, fit.reason)
+    return judged(problem, groups, rest, fit.x, fit.covariance, fit.weight)
 
 
 def chosen(every: Sequence[Placement], pattern: str) -> list[Placement]:
@@ -86,14 +99,14 @@ def chosen(every: Sequence[Placement], pattern: str) -> list[Placement]:
     """
     stem = pattern.removesuffix("*").rstrip(_SEPARATORS)
     separated = pattern.endswith("*") and pattern[-2:-1] in set(_SEPARATORS)
-    for own in (
+    for matching in (
         [p for p in every if p.name == pattern],
         [p for p in every if pattern in p.targets],
         [p for p in every if separated and p.name == stem],
         [p for p in every if any(fnmatchcase(name, pattern) for name in (p.name, *p.targets))],
     ):
-        if own:
-            return own
+        if matching:
+            return matching
     tied = [placement.name for placement in every if len(placement.targets) > 1]
     names = [*tied, *(name for placement in every for name in placement.targets)]
     raise BadInput(
@@ -103,20 +116,25 @@ def chosen(every: Sequence[Placement], pattern: str) -> list[Placement]:
     )
 
 
-def not_fitted(problem: Problem, groups: Sequence[Placement], seen: Problem, reason: str) -> HoldOut:
+def not_fitted(problem: Problem, groups: Sequence[Placement], rest: Problem, reason: str) -> HoldOut:
     """The hold-out of placements without which the fit did not converge."""
     return HoldOut(
         tuple(name for placement in groups for name in placement.targets),
         tuple(placement.name for placement in groups),
-        problem.shots - seen.shots,
-        seen.shots,
+        problem.shots - rest.shots,
+        rest.shots,
         *(None,) * 6,
         reason,
     )
 
 
 def judged(
-    problem: Problem, groups: Sequence[Placement], seen: Problem, x: Matrix, covariance: Matrix, weight: float
+    problem: Problem,
+    groups: Sequence[Placement],
+    fitted: Problem,
+    x: Matrix,
+    covariance: Matrix,
+    weight: float,
 ) -> HoldOut:
     """The placements `groups` of `problem` by a fit of the problem `seen` without them: its mode `x`, the
     `covariance` of its scaled free parameters, and `weight` 1 / noise scale^2.
@@ -127,22 +145,24 @@ def judged(
     """
     names = tuple(name for placement in groups for name in placement.targets)
     unseen = problem.without_targets(set(problem.targets) - set(names))
-    own, other = unseen.parameters, seen.parameters
-    carried = [item.name for item in other.items if item.group != "target"]
+    parameters, fitted_parameters = unseen.parameters, fitted.parameters
+    carried = [item.name for item in fitted_parameters.items if item.group != "target"]
     start = unseen.nominal()
     before = _settled(unseen, start, weight)
-    start[[own.index(name) for name in carried]] = x[[other.index(name) for name in carried]]
+    start[[parameters.index(name) for name in carried]] = x[
+        [fitted_parameters.index(name) for name in carried]
+    ]
     after = _settled(unseen, start, weight)
     whitened = unseen.whiten(after)
-    rows = unseen.shots * unseen.tool.miss_size
+    rows = unseen.shots * unseen.tool.residual_size
     scale = _row_scale(unseen, weight)
     residual, jacobian = whitened.residual * scale, whitened.jacobian * scale[:, None]
-    by_place = jacobian[:, own.group("target") & own.free]
-    free = [name for name in carried if other.free[other.index(name)]]
-    at = other.among_free[[other.index(name) for name in free]]
+    by_place = jacobian[:, parameters.group("target") & parameters.free]
+    free = [name for name in carried if fitted_parameters.free[fitted_parameters.index(name)]]
+    at = fitted_parameters.among_free[[fitted_parameters.index(name) for name in free]]
     values, vectors = np.linalg.eigh(covariance[np.ix_(at, at)])
     root = vectors * np.sqrt(np.maximum(values, 0.0))
-    by_rest = jacobian[:, [own.index(name) for name in free]] @ root
+    by_rest = jacobian[:, [parameters.index(name) for name in free]] @ root
     # Only what is carried over has a prior here: the places are free.
     prior = np.hstack([np.zeros((len(free), by_place.shape[1])), np.eye(len(free))])
     columns = np.vstack([np.hstack([by_place, by_rest]), prior])
@@ -151,7 +171,7 @@ def judged(
     rank = int(np.linalg.matrix_rank(by_place))
     basis = np.linalg.svd(by_place, full_matrices=False)[0][:, :rank]
     noise = whitened.factor / np.sqrt(weight)
-    d = unseen.tool.miss_size
+    d = unseen.tool.residual_size
     placed = basis[:rows].reshape(unseen.shots, d, -1)
     squares = float((noise**2).sum() - ((noise @ placed) ** 2).sum())
     rest = (by_rest - basis @ (basis.T @ by_rest))[:rows] / scale[:rows, None]
@@ -161,28 +181,28 @@ def judged(
         targets=names,
         placements=tuple(placement.name for placement in groups),
         shots=unseen.shots,
-        shots_fitted=seen.shots,
+        shots_fitted=fitted.shots,
         rms_mm=rms_length(whitened.residual_mm),
         rms_before_mm=rms_length(unseen.linearise(before)[0]),
         expected_mm=float(np.sqrt(max(squares, 0.0) / unseen.shots)),
         chi2=chi2 if dof > 0 else None,
         dof=max(dof, 0),
-        p_value=_chance(seen, chi2, dof) if dof > 0 else None,
+        p_value=_p_value(fitted, chi2, dof) if dof > 0 else None,
         failure=None,
     )
 
 
-def _chance(seen: Problem, chi2: float, dof: int) -> float:
-    """That chi-squared comes out as large: by F where the noise scale is estimated from the shots fitted."""
-    free = seen.data_size - int(seen.parameters.free.sum())
-    if not seen.noise.estimated or free <= 0:
+def _p_value(fitted: Problem, chi2: float, dof: int) -> float:
+    """Of chi-squared; by F where the noise scale is estimated from the measurements fitted."""
+    free = fitted.data_size - int(fitted.parameters.free.sum())
+    if not fitted.noise.estimated or free <= 0:
         return float(scipy.special.chdtrc(dof, chi2))
     return float(scipy.special.fdtrc(dof, free, chi2 / dof))
 
 
 def _row_scale(problem: Problem, weight: float) -> Matrix:
     """(M,) what multiplies whitened rows: the noise scale is that of measurements, not of distances."""
-    rows = problem.shots * problem.tool.miss_size
+    rows = problem.shots * problem.tool.residual_size
     return np.append(np.full(rows, np.sqrt(weight)), np.ones(len(problem.distances)))
 
 
@@ -199,3 +219,232 @@ def _settled(problem: Problem, x: Matrix, weight: float) -> Matrix:
         if np.abs(step).max(initial=0.0) < 1e-12:
             break
     return x
+
+
+@dataclass(frozen=True)
+class LeaveOneOut:
+    """Each placement as the others predict it.
+
+    `rows` are hold-outs of one placement each, in their order. `rms_mm` of all residuals at placements that
+    the fit had not seen, and `expected_mm` what it would be by noise and fits: None where a fit without a
+    placement did not converge.
+    """
+
+    rows: tuple[HoldOut, ...]
+    rms_mm: float | None
+    expected_mm: float | None
+
+
+@dataclass(frozen=True)
+class JackknifeOffset:
+    """An offset by the fits without one placement, in the `unit` that people read.
+
+    `estimates` without each placement, None where the remaining data do not determine it: the placements in
+    `needs`. `u` is the jackknife's standard uncertainty: None where one of the estimates is missing.
+    """
+
+    name: str
+    unit: str
+    estimates: tuple[float | None, ...]
+    needs: tuple[str, ...]
+    u: float | None
+
+
+@dataclass(frozen=True)
+class Jackknife:
+    """The delete-one-placement jackknife of the offsets that all data together determine.
+
+    `dof` is the number of placements less 1: so few values make up each u.
+    """
+
+    placements: tuple[str, ...]
+    dof: int
+    offsets: tuple[JackknifeOffset, ...]
+
+    def u(self, name: str) -> float | None:
+        """The jackknife's standard uncertainty of an offset; None where there is none."""
+        return next((row.u for row in self.offsets if row.name == name), None)
+
+
+@dataclass(frozen=True, eq=False)
+class FitWithoutPlacement:
+    """The fit `x` (p,) of `problem`, which lacks one placement; `reason` of how it ended.
+
+    `covariance` (f, f) is of its scaled free parameters, by Fisher's information."""
+
+    placement: Placement
+    problem: Problem
+    x: Matrix
+    covariance: Matrix
+    weight: float
+    converged: bool
+    reason: str
+
+
+def fits_without(solution: Solution) -> tuple[FitWithoutPlacement, ...]:
+    """A fit without each placement: scoring steps (exact gradient, Fisher's information) from the mode of the
+    whole, until the gradient is below 0.02 standard uncertainties; where they do not get there, Levenberg and
+    Marquardt's. Separate noise factors stay as all measurements together have them. Empty without an answer,
+    or for one placement."""
+    if not solution.converged:
+        return ()
+    problem, x = known_factors(solution)
+    every = placements(problem)
+    return tuple(fit_without(problem, x, placement) for placement in every) if len(every) > 1 else ()
+
+
+def known_factors(solution: Solution) -> tuple[Problem, Matrix]:
+    """The problem and its mode, separate noise factors taken as known."""
+    problem, x = solution.problem, solution.fit.x
+    return problem.with_noise_of(x) if problem.noise.separate else (problem, x)
+
+
+def fit_without(
+    problem: Problem, x: Matrix, placement: Placement, settled: float = _SETTLED
+) -> FitWithoutPlacement:
+    """The fit of all but a placement, begun at `x` (p,), until the gradient is below `settled`."""
+    rest = problem.without_targets(placement.targets)
+    start = x[[problem.parameters.index(name) for name in rest.parameters.names]]
+    density = Density(rest)
+    at, converged, reason = _scored(density, start, settled)
+    if not converged:
+        refitted = modes(density, start[None])
+        at, converged, reason = refitted.x[0], bool(refitted.converged[0]), refitted.reason[0]
+    weight = float(unbiased_weight(density, at[None])[0])
+    information = density.slopes(at[None]).information[0]
+    if rest.noise.estimated:
+        prior = density.prior_information(at[None])[0]
+        information = prior + (information - prior) * weight / float(density.noise_weight(at[None])[0])
+    return FitWithoutPlacement(placement, rest, at, np.linalg.inv(information), weight, converged, reason)
+
+
+def _scored(density: Density, start: Matrix, settled: float) -> tuple[Matrix, bool, str]:
+    """x (p,) by Fisher scoring from `start`, whether it converged, and why."""
+    parameters, x, size = density.problem.parameters, start.copy(), np.inf
+    free = parameters.free
+    for _ in range(_STEPS):
+        slopes = density.slopes(x[None])
+        gradient, information = slopes.gradient[0], slopes.information[0]
+        step = np.linalg.solve(information, gradient)
+        size = float(np.sqrt(max(gradient @ step, 0.0)))
+        if not np.isfinite(size) or size < settled:
+            break
+        x[free] += step * parameters.prior_std[free]
+    return x, size < settled, f"the gradient is {size:.1e} posterior standard deviations"
+
+
+def leave_one_out(solution: Solution, fits: Sequence[FitWithoutPlacement]) -> LeaveOneOut | None:
+    """Each placement as the fit without it predicts it; None for less than two placements."""
+    if not fits:
+        return None
+    whole, _ = known_factors(solution)
+    rows = tuple(
+        judged(whole, [fit.placement], fit.problem, fit.x, fit.covariance, fit.weight)
+        if fit.converged
+        else not_fitted(whole, [fit.placement], fit.problem, fit.reason)
+        for fit in fits
+    )
+    return LeaveOneOut(
+        rows,
+        _pooled([(row.shots, row.rms_mm) for row in rows]),
+        _pooled([(row.shots, row.expected_mm) for row in rows]),
+    )
+
+
+def _pooled(rows: Sequence[tuple[int, float | None]]) -> float | None:
+    """The rms over all measurements of the rms of each placement."""
+    squares = [count * value**2 for count, value in rows if value is not None]
+    if len(squares) < len(rows):
+        return None
+    return float(np.sqrt(sum(squares) / sum(count for count, _ in rows)))
+
+
+def jackknife(solution: Solution, fits: Sequence[FitWithoutPlacement]) -> Jackknife | None:
+    """The standard uncertainties of the offsets by the scatter of the fits without one placement.
+
+    Placements differ in size: the delete-m_j jackknife (Busing, Meijer & van der Leeden, Statistics and
+    Computing 9, 1999, eq. 3 to 7). Of an offset that the whole data do not determine there is none. None for
+    less than three placements, or where a fit did not converge.
+    """
+    if len(fits) < _FEWEST or not all(fit.converged for fit in fits):
+        return None
+    determined_by = _determined(solution, fits)
+    counts = np.array([len(fit.placement.rows) for fit in fits])
+    names = tuple(fit.placement.name for fit in fits)
+    problem, rows = solution.problem, []
+    for i in np.flatnonzero(problem.parameters.group("offset")):
+        item = problem.parameters.items[i]
+        if item.held or not known(solution.status[i]):
+            continue
+        values = np.array([fit.x[fit.problem.parameters.index(item.name)] for fit in fits])
+        determined = determined_by[:, i]
+        u = None
+        if determined.all():
+            u = item.shown_std(float(solution.fit.x[i]), delete_group_std(solution.fit.x[i], values, counts))
+        rows.append(
+            JackknifeOffset(
+                item.name,
+                item.unit,
+                tuple(item.shown(float(v)) if ok else None for v, ok in zip(values, determined, strict=True)),
+                tuple(name for name, ok in zip(names, determined, strict=True) if not ok),
+                u,
+            )
+        )
+    return Jackknife(names, len(fits) - 1, tuple(rows))
+
+
+def delete_group_std(whole: float, without: Matrix, counts: Index) -> float:
+    """The delete-m_j jackknife's std of an estimate: `whole` by all data, `without` (g,) each group, of
+    `counts` (g,) measurements. Equal groups: the root of (g - 1) / g times their sum of squares."""
+    times = counts.sum() / counts
+    pseudo = times * whole - (times - 1) * without
+    centre = len(without) * whole - ((1 - 1 / times) * without).sum()
+    return float(np.sqrt(((pseudo - centre) ** 2 / (times - 1)).mean()))
+
+
+def _determined(solution: Solution, fits: Sequence[FitWithoutPlacement]) -> Mask:
+    """(g, p) which parameters the data without each placement determine, by the rule of `identify`: the std
+    without prior is below the prior's. From the Jacobian of all data less the rows and columns of each."""
+    problem, free = solution.problem, solution.problem.parameters.free
+    _, jacobian, _ = information_root(problem, solution.fit.x, solution.fit.weight)
+    d, result = problem.tool.residual_size, np.zeros((len(fits), len(free)), dtype=bool)
+    for row, fit in enumerate(fits):
+        stay = ~problem.parameters.targets(fit.placement.targets)[free]
+        rows = np.delete(
+            np.arange(len(jacobian)),
+            d * np.repeat(fit.placement.rows, d) + np.tile(np.arange(d), len(fit.placement.rows)),
+        )
+        _, singular, right = np.linalg.svd(np.linalg.qr(jacobian[np.ix_(rows, stay)], mode="r"))
+        singular = np.append(singular, np.zeros(right.shape[1] - len(singular)))
+        floor = _ROUNDING * max(float(singular.max(initial=0.0)), 1.0)
+        std = np.sqrt(((right.T / np.maximum(singular, floor)) ** 2).sum(axis=1))
+        result[row, np.flatnonzero(free)[stay]] = std < 1.0
+    return result
+
+
+@dataclass(frozen=True)
+class PlacementResult:
+    """Placements by `names`; each left out in turn (None for one placement, or without an answer), the
+    jackknife (None for less than three); correlation of the recordings, by which the measurements count, and
+    their steps."""
+
+    names: tuple[str, ...]
+    leave_one_out: LeaveOneOut | None
+    jackknife: Jackknife | None
+    effective: Effective
+    steps: RecordingSteps
+
+
+def placement_result(
+    solution: Solution, effective: Effective, rival: Matrix | None = None
+) -> PlacementResult:
+    """Of a solution's measurements at their `effective` number; `rival` is what else may explain their
+    residuals (`link_columns`)."""
+    fits = fits_without(solution)
+    return PlacementResult(
+        tuple(placement.name for placement in placements(solution.problem)),
+        leave_one_out(solution, fits),
+        jackknife(solution, fits),
+        effective,
+        steps(solution, rival),
+    )

@@ -12,12 +12,11 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...model.arrays import Matrix
+from ...model.arrays import Mask, Matrix
 from ...model.likelihood.density import Density
 from ...model.likelihood.problem import Problem
-from ..estimation.coordinates import SeenCoordinates
+from ..estimation.coordinates import FlangeCoordinates
 from ..estimation.fit import LikelihoodFit, modes
 from ..estimation.robust import leverages
 
@@ -73,7 +72,7 @@ class Influence(NamedTuple):
 def influence(problem: Problem, fit: LikelihoodFit) -> Influence:
     """By N fits, each without one measurement, or by a step instead. Where one of them fails its measurement
     has nan."""
-    count, d = problem.shots, problem.tool.miss_size
+    count, d = problem.shots, problem.tool.residual_size
     root = np.sqrt(fit.weight)
     open_part, decides = leverages(problem.roots(fit.whitened) * root, fit.covariance)
     residual = fit.whitened.residual[: count * d].reshape(count, d) * root
@@ -99,13 +98,13 @@ def influence(problem: Problem, fit: LikelihoodFit) -> Influence:
     )
 
 
-def _stepped(problem: Problem, fit: LikelihoodFit, decides: NDArray[np.bool_]) -> Matrix:
+def _stepped(problem: Problem, fit: LikelihoodFit, decides: Mask) -> Matrix:
     """x (N, p) after one Newton step from the mode without each measurement, in the coordinates of a fit:
     (H - H_i) step = -g_i with its own slope and information; nothing of use where it `decides` (N,) alone."""
     known, _ = problem.with_noise_of(fit.x) if problem.noise.estimated else (problem, fit.x)
-    coordinates = SeenCoordinates(Density(problem))
+    coordinates = FlangeCoordinates(Density(problem))
     v = coordinates.from_parameters(fit.x[None])
-    place = coordinates.at(v)
+    local = coordinates.at(v)
     curvature = np.linalg.inv(coordinates.covariance(fit.x[None], fit.covariance[None]))
     x = np.empty((problem.shots, len(fit.x)))
     for k in range(len(problem.targets)):
@@ -113,12 +112,14 @@ def _stepped(problem: Problem, fit: LikelihoodFit, decides: NDArray[np.bool_]) -
         for mine in np.array_split(every, -(-len(every) // _ROWS)):
             # Data sets of one measurement each.
             one = replace(known.select(mine[:1]), distances=())
-            own = Density(one, *(part[mine][:, None] for part in (known.joints, known.spots, known.weights)))
-            slopes = own.slopes(np.tile(fit.x, (len(mine), 1)))
+            singles = Density(
+                one, *(part[mine][:, None] for part in (known.joints, known.spots, known.weights))
+            )
+            slopes = singles.slopes(np.tile(fit.x, (len(mine), 1)))
             gradient = (slopes.gradient + fit.z) * fit.weight
-            information = (slopes.information - np.eye(own.size)) * fit.weight
+            information = (slopes.information - np.eye(singles.size)) * fit.weight
             information[decides[mine]] = 0.0
-            left = curvature - place.information(information)
-            step = -np.linalg.solve(left, place.gradient(gradient)[:, :, None])[:, :, 0]
+            left = curvature - local.information(information)
+            step = -np.linalg.solve(left, local.gradient(gradient)[:, :, None])[:, :, 0]
             x[mine] = coordinates.to_parameters(v + step)
     return x

@@ -44,7 +44,7 @@ class SceneTarget:
 
 
 @dataclass(frozen=True)
-class Scene:
+class RunScene:
     """Shots and targets of a fit that converged; `radius2` is the squared radius, in standard deviations, of
     the ellipsoid that holds a target's place at 95 %."""
 
@@ -59,7 +59,7 @@ class Scene:
         return tuple(f"{name}.{axis}" for name in placed for axis in "xyz")
 
 
-def scene(solution: Solution) -> Scene | None:
+def scene(solution: Solution) -> RunScene | None:
     """The scene of a fit, None if it did not converge. Of more than 60 shots 60, evenly over the run."""
     if not solution.converged:
         return None
@@ -72,12 +72,12 @@ def scene(solution: Solution) -> Scene | None:
     length = (between * direction).sum(axis=1)
     end = origin + np.where(length >= 0, length, np.linalg.norm(between, axis=1))[:, None] * direction
     laser = problem.tool.kind == "laser"
-    return Scene(
+    return RunScene(
         shots=tuple(
             SceneShot(
                 shot=problem.shot_numbers[i],
                 target=problem.targets[problem.target_index[i]],
-                links=(*(_point(place) for place in points[row].T), _point(origin[row])),
+                links=(*(_point(joint_position) for joint_position in points[row].T), _point(origin[row])),
                 beam_to=_point(end[row]) if laser else None,
                 ahead=bool(length[row] >= 0),
             )
@@ -103,17 +103,17 @@ def _drawn(solution: Solution) -> Matrix:
 
 def _target(solution: Solution, k: int) -> SceneTarget:
     problem, fit = solution.problem, solution.fit
-    own = problem.parameters.block("target", k)
-    status = set(solution.status[own])
-    place = covariance = None
+    coordinates = problem.parameters.block("target", k)
+    status = set(solution.status[coordinates])
+    position = covariance = None
     if "unidentifiable" not in status:
-        place = _point(fit.x[own])
+        position = _point(fit.x[coordinates])
         if "held" not in status:
-            rows = problem.parameters.among_free[own]
-            std = problem.parameters.prior_std[own]
+            rows = problem.parameters.among_free[coordinates]
+            std = problem.parameters.prior_std[coordinates]
             matrix = fit.covariance[np.ix_(rows, rows)] * np.outer(std, std)
             covariance = (_point(matrix[0]), _point(matrix[1]), _point(matrix[2]))
-    return SceneTarget(problem.targets[k], place, covariance)
+    return SceneTarget(problem.targets[k], position, covariance)
 
 
 def _radius2(solution: Solution) -> float:

@@ -1,20 +1,21 @@
-"""What an arm's results say of its drift: rates of the walk, jumps, the offsets at each result.
+"""What an arm's results say of its drift: rates of the random walk, jumps, the offsets at each result.
 
-The rate of each offset's walk is unknown and integrated over (`importance.py`): its logarithm is normal about
+The drift rate of each offset is unknown and integrated over (`importance.py`): its logarithm is normal about
 `MEDIAN` with the standard deviation `SPREAD`, per root year.
 
 Jumps: an offset may change by any amount between two results. The test of one offset and interval is
-predictive. Given the rate and whatever of the data such a jump leaves unchanged, the score of the jump is
-standard normal; the rate's distribution is taken from that part of the data alone (`jump_test.py`). So the
-p-value is uniform if there is no jump, over the prior of the rates, and a jump does not hide itself by a
-larger rate. The p-values are multiplied by their number (Bonferroni): false alarms of an arm have at most the
-probability `ALARM`. The clearest jump is allowed for, and the rest tested again, until none is left.
-"""
+predictive. Given the rates and whatever of the data a jump leaves unchanged, the score of the jump is
+standard normal (de Jong and Penzer 1998); the rates have their distribution by that part of the data alone:
+the posterior with the likelihood of the jump divided out. So the p-value is uniform if there is no jump, over
+the prior of the rates, and a jump does not hide itself by a larger rate. Where a jump is large these two
+distributions lie far apart, and rates are sampled for the test itself. The p-values are multiplied by their
+number (Bonferroni): false alarms of an arm have at most the probability `ALARM`. The clearest jump is allowed
+for, and the rest tested again, until none is left."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
 
 import numpy as np
@@ -23,17 +24,151 @@ from scipy import special
 from ...model.arrays import Matrix
 from ...model.errors import BadInput
 from ..status import UnsoundResult
-from .importance import Pass, effective, normalised, over_passes, sampled
-from .jump_test import JumpTest, jump_tests
-from .series import Series
-from .smoother import Smoothed, smooth
+from .importance import ENOUGH, MOST, Pass, about, effective, from_pass, normalised, over_passes, sampled
+from .smoother import Series, Smoothed, smooth
 
+_KNOWN = 0.5  # std of a known log rate over that of its prior: three times the prior's information
+_STEPS = 60  # of a bisection
 ALARM = 0.01  # probability of a false alarm, of an arm
 MEDIAN, SPREAD = 0.01, 1.5  # deg or mm per root year, and of its natural logarithm
 LEVEL = 0.95
 _NODES = 256  # of each pass; a power of two
 _PASSES = 4  # after the first
 _MOST_JUMPS = 20
+
+
+@dataclass(frozen=True, eq=False)
+class JumpTest:
+    """Offset j between the results t and t + 1, of K rates with the `weights` (K,) that they have by all data
+    but the change itself.
+
+    `change` (K,) is the step by the results before and after, `noise` (K,) its variance by their uncertainty,
+    `drift_variance` (K,) that by the drift in the interval. `rate_known`: whether the other results determine
+    the rate of the drift, so that a change can be compared with it.
+    """
+
+    weights: Matrix
+    change: Matrix
+    noise: Matrix
+    drift_variance: Matrix
+    rate_known: bool
+
+    @property
+    def p_value(self) -> float:
+        """Two-sided, not adjusted: of so large a change without a jump."""
+        score = self.change / np.sqrt(self.noise + self.drift_variance)
+        below, above = self.weights @ special.ndtr(score), self.weights @ special.ndtr(-score)
+        return min(1.0, 2 * float(min(below, above)))
+
+    @property
+    def p_same(self) -> float:
+        """Two-sided, not adjusted: of so large a change with neither jump nor drift."""
+        return float(2 * self.weights @ special.ndtr(-np.abs(self.change) / np.sqrt(self.noise)))
+
+    def least_jump(self, p_value: float) -> float:
+        """The smallest change with this p-value."""
+        std = np.sqrt(self.noise + self.drift_variance)
+        low, high = 0.0, float(-special.ndtri(p_value / 2) * std.max())
+        for _ in range(_STEPS):
+            middle = (low + high) / 2
+            too_small = 2 * self.weights @ special.ndtr(-middle / std) > p_value
+            low, high = (middle, high) if too_small else (low, middle)
+        return high
+
+
+def jump_tests(
+    series: Series,
+    rates: Matrix,
+    smoothed: Smoothed,
+    passes: Sequence[Pass],
+    jumps: Matrix,
+    *,
+    nodes: int,
+    seed: int,
+) -> dict[tuple[int, int], JumpTest]:
+    """The tests by interval and offset, none where a jump is allowed already or one side has no result of the
+    offset. `smoothed` is of the `rates` (K, m), which were sampled from the `passes`, `nodes` from each."""
+    observed = series.observed
+    over = over_passes(np.log(rates), passes)
+    tests = {}
+    for j in range(jumps.shape[1]):
+        ends = [-1, *np.flatnonzero(jumps[:, j]).tolist(), len(jumps)]
+        for t in np.flatnonzero(np.logical_not(jumps[:, j])).tolist():
+            start = max(end for end in ends if end < t) + 1
+            stop = min(end for end in ends if end > t) + 1
+            if not (observed[start : t + 1, j].any() and observed[t + 1 : stop, j].any()):
+                continue
+            if not (smoothed.power[:, t, j] > 0).all():
+                continue
+            scored = _Scored.of(rates, smoothed, t, j)
+            tests[t, j] = _test(series, scored, over, passes, jumps, t, j, nodes, seed)
+    return tests
+
+
+@dataclass(frozen=True, eq=False)
+class _Scored:
+    """Rates (K, m) with what one test needs of them (K,)."""
+
+    rates: Matrix
+    log_likelihood: Matrix
+    score: Matrix
+    power: Matrix
+
+    @staticmethod
+    def of(rates: Matrix, smoothed: Smoothed, t: int, j: int) -> _Scored:
+        return _Scored(rates, smoothed.log_likelihood, smoothed.score[:, t, j], smoothed.power[:, t, j])
+
+    def weights(self, over: Matrix) -> Matrix:
+        """(K,) by the part of the data that a jump leaves unchanged, of rates with the prior `over` (K,) what
+        they were sampled from (its logarithm)."""
+        return normalised(self.log_likelihood + self.score**2 / 2 - np.log(self.power) / 2 + over)
+
+
+def _test(
+    series: Series,
+    scored: _Scored,
+    over: Matrix,
+    passes: Sequence[Pass],
+    jumps: Matrix,
+    t: int,
+    j: int,
+    nodes: int,
+    seed: int,
+) -> JumpTest:
+    """The test by these rates; where too few of them count, by more: first with the prior of the rate of the
+    tested offset, then about those that count."""
+    weights = scored.weights(over)
+    prior, more = passes[0], list(passes)
+    while effective(weights) < ENOUGH and len(more) < len(passes) + MOST:
+        more.append(
+            _with_prior_of(j, passes[-1], prior)
+            if len(more) == len(passes)
+            else about(np.log(scored.rates), weights)
+        )
+        rates = np.exp(from_pass(more[-1], nodes, seed + len(more) - 1))
+        added = _Scored.of(rates, smooth(series, rates, jumps), t, j)
+        scored = _Scored(*map(np.concatenate, zip(astuple(scored), astuple(added), strict=True)))
+        weights = scored.weights(over_passes(np.log(scored.rates), more))
+    variance = 1 / scored.power
+    drift_variance = scored.rates[:, j] ** 2 * series.gaps[t]
+    log_rate = np.log(scored.rates[:, j])
+    spread = weights @ (log_rate - weights @ log_rate) ** 2
+    return JumpTest(
+        weights=weights,
+        change=scored.score * np.sqrt(variance),
+        noise=np.maximum(variance - drift_variance, 0.0),
+        drift_variance=drift_variance,
+        rate_known=bool(spread <= (_KNOWN * prior[1][j, j]) ** 2),
+    )
+
+
+def _with_prior_of(j: int, about: Pass, prior: Pass) -> Pass:
+    """The pass `about`, its coordinate j independent with the prior."""
+    centre, root = about[0].copy(), about[1]
+    covariance = root @ root.T
+    covariance[j], covariance[:, j] = 0.0, 0.0
+    centre[j], covariance[j, j] = prior[0][j], prior[1][j, j] ** 2
+    return centre, np.asarray(np.linalg.cholesky(covariance), float)
 
 
 @dataclass(frozen=True)
@@ -115,17 +250,17 @@ class Drift:
 
     def shared_variance(self, along: Matrix) -> float:
         """What deviations of the geometry add, which many results do not average out: the most of any."""
-        found = [0.0]
-        for own in self.series.observations:
-            part = along[[self.series.names.index(name) for name in own.names]]
-            found.append(float(part @ own.shared @ part))
-        return max(found)
+        variances = [0.0]
+        for observation in self.series.observations:
+            part = along[[self.series.names.index(name) for name in observation.names]]
+            variances.append(float(part @ observation.shared @ part))
+        return max(variances)
 
     def walks(self, offset: str) -> bool:
         """Whether the results say anything of an offset's walk: two determine it without a jump or a reset in
         between. Where not, its rate is the prior alone."""
         j = self.series.names.index(offset)
-        breaks = {*self.series.reset, *(own.after for own in self.jumps if own.offset == offset)}
+        breaks = {*self.series.reset, *(jump.after for jump in self.jumps if jump.offset == offset)}
         segment = np.cumsum([0, *(t in breaks for t in range(len(self.series.observations) - 1))])
         return bool(np.bincount(segment[self.series.observed[:, j]], minlength=1).max() > 1)
 
@@ -136,16 +271,16 @@ class Drift:
     @property
     def allowed(self) -> Matrix:
         """(T - 1, m) where an offset may change by any amount: jumps that were found, and resets."""
-        return allowed(self.series, ((own.after, own.offset) for own in self.jumps))
+        return allowed(self.series, ((jump.after, jump.offset) for jump in self.jumps))
 
     def at_last(self) -> Drift:
         """The same with the states at the last result alone: a tenth of the memory, for many arms."""
-        own = self.smoothed
+        smoothed = self.smoothed
         few = Smoothed(
-            own.mean[:, -1:].copy(),
-            own.covariance[:, -1:].copy(),
-            own.log_likelihood,
-            *(part[:, :0].copy() for part in (own.score, own.power, own.step_variance)),
+            smoothed.mean[:, -1:].copy(),
+            smoothed.covariance[:, -1:].copy(),
+            smoothed.log_likelihood,
+            *(part[:, :0].copy() for part in (smoothed.score, smoothed.power, smoothed.step_variance)),
         )
         return replace(self, smoothed=few)
 
@@ -160,20 +295,20 @@ def drift(series: Series, *, alarm: float = ALARM, seed: int = 0) -> Drift:
         )
     jumps = allowed(series, ())
     p_first = np.full(jumps.shape, np.nan)
-    found: list[tuple[int, int, float]] = []
+    jumps_found: list[tuple[int, int, float]] = []
     while True:
         rates, log_weight, smoothed, passes = integrated(series, jumps, seed)
         tests = jump_tests(series, rates, smoothed, passes, jumps, nodes=_NODES, seed=seed)
-        p_values = {place: test.p_value for place, test in tests.items()}
-        if not found:
-            for place, p_value in p_values.items():
-                p_first[place] = p_value
+        p_values = {interval: test.p_value for interval, test in tests.items()}
+        if not jumps_found:
+            for interval, p_value in p_values.items():
+                p_first[interval] = p_value
         single = alarm / max(np.isfinite(p_first).sum(), 1)  # of each test
         clearest = min(p_values, key=p_values.__getitem__, default=None)
-        if clearest is None or p_values[clearest] > single or len(found) >= _MOST_JUMPS:
+        if clearest is None or p_values[clearest] > single or len(jumps_found) >= _MOST_JUMPS:
             break
         jumps[clearest] = True
-        found.append((*clearest, p_values[clearest] / single * alarm))
+        jumps_found.append((*clearest, p_values[clearest] / single * alarm))
     weights = normalised(log_weight)
     return Drift(
         series=series,
@@ -181,7 +316,7 @@ def drift(series: Series, *, alarm: float = ALARM, seed: int = 0) -> Drift:
         rates=rates,
         weights=weights,
         p_first=p_first,
-        jumps=tuple(_jump(series, smoothed, weights, *own) for own in sorted(found)),
+        jumps=tuple(_jump(series, smoothed, weights, *jump) for jump in sorted(jumps_found)),
         undecided=tuple(_undecided(series, tests, single)),
         changed=any(test.p_same <= single for test in tests.values()),
         effective=effective(weights),
@@ -191,19 +326,19 @@ def drift(series: Series, *, alarm: float = ALARM, seed: int = 0) -> Drift:
 
 def allowed(series: Series, jumps: Iterable[tuple[int, str]]) -> Matrix:
     """(T - 1, m) whether an offset may change by any amount: after `jumps` (result, offset), and resets."""
-    found = np.zeros((len(series.observations) - 1, len(series.names)), dtype=bool)
-    found[list(series.reset)] = True
+    result = np.zeros((len(series.observations) - 1, len(series.names)), dtype=bool)
+    result[list(series.reset)] = True
     for after, offset in jumps:
-        found[after, series.names.index(offset)] = True
-    return found
+        result[after, series.names.index(offset)] = True
+    return result
 
 
 def median_interval(values: Matrix, weights: Matrix) -> tuple[float, tuple[float, float]]:
     """Median and central 95 % interval of weighted values."""
     order = np.argsort(values)
     at = np.cumsum(weights[order])
-    places = np.minimum(np.searchsorted(at, (0.025, 0.5, 0.975)), len(values) - 1)
-    low, middle, high = values[order][places].tolist()
+    rows = np.minimum(np.searchsorted(at, (0.025, 0.5, 0.975)), len(values) - 1)
+    low, middle, high = values[order][rows].tolist()
     return middle, (low, high)
 
 
@@ -235,7 +370,7 @@ def integrated(series: Series, jumps: Matrix, seed: int) -> tuple[Matrix, Matrix
         return parts[-1].log_likelihood
 
     points, _ = sampled(log_likelihood, passes, _PASSES, _NODES, seed)
-    smoothed = Smoothed(*(np.concatenate(own) for own in zip(*map(astuple, parts), strict=True)))
+    smoothed = Smoothed(*(np.concatenate(field) for field in zip(*map(astuple, parts), strict=True)))
     log_weight = smoothed.log_likelihood + over_passes(points, passes)
     return np.exp(points), log_weight, smoothed, tuple(passes)
 

@@ -27,8 +27,7 @@ from scipy import optimize, special
 from ...model.arrays import Matrix
 from .drift import MEDIAN, SPREAD, Drift, median_interval
 from .importance import Pass, against_passes, effective, from_pass, normalised, over_passes, sampled
-from .series import Series
-from .smoother import smooth
+from .smoother import Series, smooth
 
 LEAST = 0.04  # of rho: rates of two arms of a model are never taken as equal (tau at least 0.3)
 ENOUGH = 100  # rates of an arm that agree with mu and rho: with fewer, more are sampled
@@ -87,15 +86,15 @@ class ModelRates:
 
 @dataclass(eq=False)
 class _Cloud:
-    """Logarithms of rates of an arm (K, m), their log-likelihood, and the passes they are points of; `places`
-    of its offsets among those of the model, -1 where that is not modelled."""
+    """Logarithms of rates of an arm (K, m), their log-likelihood, and the passes they are points of; the
+    `columns` of its offsets among those of the model, -1 where that is not modelled."""
 
     series: Series
     jumps: Matrix
     points: Matrix
     log_likelihood: Matrix
     passes: list[Pass]
-    places: Matrix
+    columns: Matrix
 
     def __post_init__(self) -> None:
         self._prepare()
@@ -103,36 +102,38 @@ class _Cloud:
     def _prepare(self) -> None:
         """What `log_weights` needs of the points. Those that the results all but exclude are left out."""
         base = self.log_likelihood + against_passes(self.points, self.passes)
-        base = base - 0.5 * ((self.points[:, self.places < 0] - _CENTRE) ** 2).sum(axis=1) / SPREAD**2
+        base = base - 0.5 * ((self.points[:, self.columns < 0] - _CENTRE) ** 2).sum(axis=1) / SPREAD**2
         kept = self.log_likelihood > self.log_likelihood.max() - _EXCLUDED
         self.kept = kept
         self._base = base[kept] - base[kept].max()
-        self.x = self.points[np.ix_(kept, self.places >= 0)] - _CENTRE
+        self.x = self.points[np.ix_(kept, self.columns >= 0)] - _CENTRE
         self._features = np.concatenate([self.x**2, self.x], axis=1).T
         self._single = self._features.astype(np.float32), self._base.astype(np.float32)
 
     def log_weights(self, mu: Matrix, tau: Matrix) -> Matrix:
         """(H, kept) for `mu`, `tau` (H, n), up to a constant of the arm. Of many H in single precision, which
         takes a fourth of the time and is far finer than the number of rates is."""
-        at = self.places[self.places >= 0]
+        at = self.columns[self.columns >= 0]
         precision, centre = 1 / tau[:, at] ** 2, mu[:, at] - _CENTRE
         constant = (0.5 * precision * centre**2 + np.log(tau[:, at])).sum(axis=1)
         features, base = (self._features, self._base) if len(mu) == 1 else self._single
-        found = np.concatenate([-0.5 * precision, precision * centre], axis=1).astype(base.dtype) @ features
-        found += base
-        found -= constant[:, None].astype(base.dtype)
-        return np.asarray(found)
+        log_weights = (
+            np.concatenate([-0.5 * precision, precision * centre], axis=1).astype(base.dtype) @ features
+        )
+        log_weights += base
+        log_weights -= constant[:, None].astype(base.dtype)
+        return np.asarray(log_weights)
 
     def extend(self, mu: Matrix, tau: Matrix, seed: int) -> None:
         """More rates about the product of the arm's likelihood, taken as normal, and of N(mu, tau^2)."""
-        own = normalised(self.log_likelihood + over_passes(self.points, self.passes))
+        weights = normalised(self.log_likelihood + over_passes(self.points, self.passes))
         x = (self.points - _CENTRE) / SPREAD  # standard normal by the prior
-        mean = own @ x
-        spread, axes = np.linalg.eigh((own[:, None] * (x - mean)).T @ (x - mean))
+        mean = weights @ x
+        spread, axes = np.linalg.eigh((weights[:, None] * (x - mean)).T @ (x - mean))
         sharper = np.maximum(1 / np.maximum(spread, 1e-6) - 1, 0.0)
         pulled = np.where(sharper > 0, (axes.T @ mean) / np.maximum(spread, 1e-6), 0.0)
-        modelled = self.places >= 0
-        at = self.places[modelled]
+        modelled = self.columns >= 0
+        at = self.columns[modelled]
         precision, centre = np.ones(len(mean)), np.zeros(len(mean))
         precision[modelled] = (SPREAD / tau[at]) ** 2
         centre[modelled] = (mu[at] - _CENTRE) / SPREAD
@@ -141,64 +142,66 @@ class _Cloud:
         root = _WIDER * SPREAD * np.linalg.cholesky(covariance)
         self.passes.append((_CENTRE + SPREAD * middle, root))
         near = from_pass(self.passes[-1], _MORE, seed)
-        found = smooth(self.series, np.exp(near), self.jumps).log_likelihood
+        log_likelihood = smooth(self.series, np.exp(near), self.jumps).log_likelihood
         self.points = np.concatenate([self.points, near])
-        self.log_likelihood = np.concatenate([self.log_likelihood, found])
+        self.log_likelihood = np.concatenate([self.log_likelihood, log_likelihood])
         self._prepare()
 
 
 def model_rates(drifts: Sequence[Drift], seed: int = 0) -> ModelRates:
     """The walks of the arms of one model, by the drift of each."""
-    walking = {name for own in drifts for name in own.series.names if own.walks(name)}
+    walking = {name for arm in drifts for name in arm.series.names if arm.walks(name)}
     names = tuple(sorted(walking, key=lambda name: (len(name), name)))
-    clouds = [_cloud(own, names) for own in drifts]
+    clouds = [_cloud(arm, names) for arm in drifts]
     for number in range(_ROUNDS):
         mode = _mode(clouds, len(names))
         (mu,), (tau,) = _model(mode[None])
-        few = [own for own in clouds if _agreeing(own, mu, tau) < ENOUGH]
-        for k, own in enumerate(few):
-            own.extend(mu, tau, seed + 1000 * (number + 1) + k)
+        few = [cloud for cloud in clouds if _agreeing(cloud, mu, tau) < ENOUGH]
+        for k, cloud in enumerate(few):
+            cloud.extend(mu, tau, seed + 1000 * (number + 1) + k)
         if not few:
             break
     mode = _mode(clouds, len(names))
     passes = [(np.zeros(len(mode)), np.eye(len(mode))), (mode, _about_mode(clouds, mode))]
 
     def log_likelihood(points: Matrix) -> Matrix:
-        found = np.zeros(len(points))
+        total = np.zeros(len(points))
         for part in range(0, len(points), _AT_ONCE):
             mu, tau = _model(points[part : part + _AT_ONCE])
-            for own in clouds:
-                found[part : part + _AT_ONCE] += _log_sum(own.log_weights(mu, tau))
-        return found
+            for cloud in clouds:
+                total[part : part + _AT_ONCE] += _log_sum(cloud.log_weights(mu, tau))
+        return total
 
-    points, found = sampled(log_likelihood, passes, _PASSES, _NODES, seed)
-    weights = normalised(found + over_passes(points, passes))
+    points, log_likelihoods = sampled(log_likelihood, passes, _PASSES, _NODES, seed)
+    weights = normalised(log_likelihoods + over_passes(points, passes))
     mu, tau = _model(points)
     some = np.searchsorted(np.cumsum(weights), (np.arange(_SOME) + 0.5) / _SOME)
-    arms = tuple(_arm(own, given, mu[some], tau[some]) for own, given in zip(clouds, drifts, strict=True))
+    arms = tuple(
+        _arm(cloud, arm_drift, mu[some], tau[some]) for cloud, arm_drift in zip(clouds, drifts, strict=True)
+    )
     return ModelRates(names, mu, tau, weights, effective(weights), arms)
 
 
-def _cloud(own: Drift, names: tuple[str, ...]) -> _Cloud:
-    places = [names.index(name) if name in names else -1 for name in own.series.names]
+def _cloud(drift: Drift, names: tuple[str, ...]) -> _Cloud:
+    columns = [names.index(name) if name in names else -1 for name in drift.series.names]
     return _Cloud(
-        own.series,
-        own.allowed,
-        np.log(own.rates),
-        own.smoothed.log_likelihood,
-        list(own.passes),
-        np.array(places),
+        drift.series,
+        drift.allowed,
+        np.log(drift.rates),
+        drift.smoothed.log_likelihood,
+        list(drift.passes),
+        np.array(columns),
     )
 
 
-def _arm(own: _Cloud, given: Drift, mu: Matrix, tau: Matrix) -> ArmRates:
-    of_each = normalised(own.log_weights(mu, tau).T.astype(float))  # (K, H)
+def _arm(cloud: _Cloud, drift: Drift, mu: Matrix, tau: Matrix) -> ArmRates:
+    of_each = normalised(cloud.log_weights(mu, tau).T.astype(float))  # (K, H)
     agreeing = float((1 / (of_each**2).sum(axis=0)).mean())
-    return ArmRates(given.series.names, np.exp(own.points[own.kept]), of_each.mean(axis=1), agreeing)
+    return ArmRates(drift.series.names, np.exp(cloud.points[cloud.kept]), of_each.mean(axis=1), agreeing)
 
 
-def _agreeing(own: _Cloud, mu: Matrix, tau: Matrix) -> float:
-    return effective(normalised(own.log_weights(mu[None], tau[None])[0]))
+def _agreeing(cloud: _Cloud, mu: Matrix, tau: Matrix) -> float:
+    return effective(normalised(cloud.log_weights(mu[None], tau[None])[0]))
 
 
 def _log_sum(log_weights: Matrix) -> Matrix:
@@ -221,7 +224,7 @@ def _mode(clouds: Sequence[_Cloud], size: int) -> Matrix:
     """(2 n,) where the density of mu and rho is highest."""
     if not size:
         return np.zeros(0)
-    found = optimize.minimize(
+    result = optimize.minimize(
         lambda at: tuple(-part for part in _density(clouds, at)),
         np.zeros(2 * size),
         jac=True,
@@ -229,7 +232,7 @@ def _mode(clouds: Sequence[_Cloud], size: int) -> Matrix:
         bounds=[(-6, 6)] * (2 * size),
         options={"gtol": 1e-3, "ftol": 1e-8},
     )
-    return np.asarray(found.x)
+    return np.asarray(result.x)
 
 
 def _density(clouds: Sequence[_Cloud], at: Matrix) -> tuple[float, Matrix]:
@@ -237,15 +240,15 @@ def _density(clouds: Sequence[_Cloud], at: Matrix) -> tuple[float, Matrix]:
     size = len(at) // 2
     (mu,), (tau,) = _model(at[None])
     value, by_mu, by_log_tau = -0.5 * float(at @ at), np.zeros(size), np.zeros(size)
-    for own in clouds:
-        log_weights = own.log_weights(mu[None], tau[None])[0]
+    for cloud in clouds:
+        log_weights = cloud.log_weights(mu[None], tau[None])[0]
         weights = np.exp(log_weights - log_weights.max())
         total = float(weights.sum())
         value += float(log_weights.max()) + math.log(total)
-        places = own.places[own.places >= 0]
-        apart = (own.x - (mu[places] - _CENTRE)) / tau[places]
-        by_mu[places] += weights @ apart / total / tau[places]
-        by_log_tau[places] += weights @ apart**2 / total - 1
+        columns = cloud.columns[cloud.columns >= 0]
+        apart = (cloud.x - (mu[columns] - _CENTRE)) / tau[columns]
+        by_mu[columns] += weights @ apart / total / tau[columns]
+        by_log_tau[columns] += weights @ apart**2 / total - 1
     within = (1 - LEAST) * special.ndtr(-at[size:])
     slope = (1 - LEAST) * np.exp(-0.5 * at[size:] ** 2) / math.sqrt(2 * math.pi)  # of rho
     by_rho = by_log_tau / (2 * (1 - within)) - by_mu * (SPREAD * at[:size]) / (2 * np.sqrt(within))

@@ -28,17 +28,17 @@ def sampled(
     """The points (K, d), `nodes` (a power of two) of each of the `passes`, the first of which is the prior,
     and of `rounds` more, which are appended to `passes`; and the log-likelihood of each point (K,). Up to
     `MOST` rounds follow while fewer than `ENOUGH` points count: where the data are far from the prior."""
-    points = np.concatenate([from_pass(own, nodes, seed + k) for k, own in enumerate(passes)])
-    found = log_likelihood(points)
+    points = np.concatenate([from_pass(one_pass, nodes, seed + k) for k, one_pass in enumerate(passes)])
+    log_likelihoods = log_likelihood(points)
     for number in range(max(rounds, MOST)):
-        weights = normalised(found + over_passes(points, passes))
+        weights = normalised(log_likelihoods + over_passes(points, passes))
         if number >= rounds and effective(weights) >= ENOUGH:
             break
         passes.append(about(points, weights))
         near = from_pass(passes[-1], nodes, seed + len(passes) - 1)
-        found = np.concatenate([found, log_likelihood(near)])
+        log_likelihoods = np.concatenate([log_likelihoods, log_likelihood(near)])
         points = np.concatenate([points, near])
-    return points, found
+    return points, log_likelihoods
 
 
 def effective(weights: Matrix) -> float:
@@ -54,9 +54,9 @@ def about(points: Matrix, weights: Matrix) -> Pass:
     return centre, np.asarray(_WIDER * np.linalg.cholesky(scatter), float)
 
 
-def from_pass(own: Pass, nodes: int, seed: int) -> Matrix:
+def from_pass(one_pass: Pass, nodes: int, seed: int) -> Matrix:
     """(nodes, d) Sobol points of a normal distribution."""
-    centre, root = own
+    centre, root = one_pass
     points = qmc.Sobol(len(centre), seed=seed).random(nodes)
     return np.asarray(centre + special.ndtri(np.clip(points, 1e-12, 1 - 1e-12)) @ root.T)
 
@@ -68,7 +68,7 @@ def over_passes(points: Matrix, passes: Sequence[Pass]) -> Matrix:
 
 def against_passes(points: Matrix, passes: Sequence[Pass]) -> Matrix:
     """(K,) minus the logarithm of the density of the mixture, up to a constant of the dimension."""
-    each = np.array([_log_normal(points, *own) for own in passes])
+    each = np.array([_log_normal(points, *one_pass) for one_pass in passes])
     return np.asarray(math.log(len(passes)) - np.logaddexp.reduce(each, axis=0))
 
 

@@ -1,18 +1,18 @@
 """Biases of instruments: what an instrument adds to an offset of every arm that it measures.
 
-A result is y = x + b + noise: x the offsets, which walk, and b those of the instrument, the same in all arms.
-Given the rates of the walks, the data are normal and linear in b: each arm adds to its information and
-score (generalised least squares, the offsets of the arm eliminated as nothing is known of where they begin).
-The rates are integrated over together with b, which has a flat prior, by Gibbs sampling: b given the rates is
+A result is y = x + b + noise: x the offsets, which drift, and b those of the instrument, the same in all
+arms. Given the drift rates, the data are normal and linear in b: each arm adds to its information and score
+(generalised least squares, the offsets of the arm eliminated as nothing is known of where they begin). The
+rates are integrated over together with b, which has a flat prior, by Gibbs sampling: b given the rates is
 normal; a rate of an arm given b has the weight of its likelihood. So intervals are exact, and p-values
 uniform without a bias, over the prior of the rates, as those of jumps (`drift.py`); a bias does not hide
-itself by faster walks.
+itself by a faster drift.
 
-What is determined follows from who measured what. A bias common to all instruments is a shift of all
-arms: only differences are determined. Two instruments are compared where one follows the other on an arm,
-both determine the offset, and no new zeros, nor a jump that was found, are in between. A jump of the arm at
-that time would look the same. So one such change determines nothing: two instruments are comparable
-(`comparable`) if they are connected without any one of the changes (2-edge-connected components).
+What is determined follows from who measured what. A bias common to all instruments is a shift of all arms:
+only differences are determined. Two instruments are compared where one follows the other on an arm, both
+determine the offset, and no new zeros, nor a jump that was found, are in between. A jump of the arm at that
+time would look the same. So one such change determines nothing: two instruments are comparable if they are
+connected without any one of the changes (2-edge-connected components).
 
 Each instrument is tested against the mean of those that it is comparable to. p-values are multiplied by the
 number of tests (Bonferroni): false alarms of the fleet have at most the probability `ALARM`. The clearest
@@ -20,36 +20,83 @@ bias is taken out of the mean and the rest tested again, until none is left; of 
 difference is known, not whose it is.
 
 A jump that is allowed where the instrument changes would hide its bias. So b is estimated without those
-first; then the results are corrected by it, and the jumps that still are found are allowed.
-"""
+first; then the results are corrected by it, and the jumps that still are found are allowed."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from scipy import special
 
 from ...model.arrays import Matrix
-from .comparable import Groups, change_at, changes, comparable_groups, connected
 from .drift import ALARM, LEVEL, Drift, drift, integrated, mixture_interval
 from .drift import allowed as allowed_at
 from .importance import normalised
-from .series import Observation, Series, series_of
+from .smoother import Observation, Series, series_of
 
-Column = tuple[str, str]  # instrument and offset
-Each = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]  # as `map`, in processes of its own
-
+Groups = tuple[tuple[str, ...], ...]
 _ROUNDS = 4  # of results corrected by the biases, at most
 _RATES = 256  # of an arm
 _DRAWS, _FIRST = 300, 30  # of the biases, and how many are forgotten
 
 
+def changes(series: Series, instruments: Sequence[str], allowed: Matrix) -> Iterator[tuple[str, str, str]]:
+    """Offset, and the instruments of two results that follow each other and determine it, where these differ
+    and no jump of the offset is `allowed` (T - 1, m) in between."""
+    observed = series.observed
+    for j, offset in enumerate(series.names):
+        for t, later in pairwise(np.flatnonzero(observed[:, j]).tolist()):
+            pair = instruments[t], instruments[later]
+            if pair[0] != pair[1] and not allowed[t:later, j].any():
+                yield offset, *pair
+
+
+def change_at(series: Series, instruments: Sequence[str], after: int, offset: str) -> tuple[str, str] | None:
+    """The instruments before and after a jump between the results `after` and `after` + 1, of the nearest
+    results that determine the offset; None where they are the same."""
+    determined = np.flatnonzero(series.observed[:, series.names.index(offset)])
+    pair = instruments[determined[determined <= after][-1]], instruments[determined[determined > after][0]]
+    return None if pair[0] == pair[1] else pair
+
+
+def comparable_groups(changes: Iterable[tuple[str, str]]) -> Groups:
+    """Instruments that are connected by `changes` from one to another without any one of these."""
+    number = Counter(tuple(sorted(pair)) for pair in changes)
+    pairs = list(number)
+    bridges = [
+        pair
+        for pair in pairs
+        if number[pair] == 1 and not _joined(pair, [other for other in pairs if other != pair])
+    ]
+    return connected([pair for pair in pairs if pair not in bridges])
+
+
+def connected(pairs: Sequence[tuple[str, ...]]) -> Groups:
+    """The groups that the pairs connect, by name."""
+    groups: list[set[str]] = []
+    for pair in pairs:
+        touched = [group for group in groups if group & set(pair)]
+        groups = [group for group in groups if not group & set(pair)]
+        groups.append(set(pair).union(*touched))
+    return tuple(sorted(tuple(sorted(group)) for group in groups))
+
+
+def _joined(pair: tuple[str, ...], others: Sequence[tuple[str, ...]]) -> bool:
+    return any(set(pair) <= set(group) for group in connected(others))
+
+
+Column = tuple[str, str]  # instrument and offset
+Each = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]  # as `map`, in processes of its own
+
+
 @dataclass(frozen=True, eq=False)
-class Measured:
+class MeasuredArm:
     """The drift of an arm, and the instrument of each of its results, "" where it is not stated."""
 
     drift: Drift
@@ -73,7 +120,7 @@ class Bias:
 
 
 @dataclass(frozen=True)
-class Comparable:
+class ComparableInstruments:
     """Of an offset, the instruments that determine it in groups: within one they are comparable, between two
     nothing is determined."""
 
@@ -87,12 +134,12 @@ class Instruments:
     are not used."""
 
     biases: tuple[Bias, ...]
-    comparable: tuple[Comparable, ...]
+    comparable: tuple[ComparableInstruments, ...]
     unstated: int
 
 
 @dataclass(frozen=True, eq=False)
-class _Arm:
+class _CorrectedArm:
     """An arm whose results are corrected by biases: its series, where jumps are `allowed`, and for each of
     its rates the information about its biases `columns`: `matrix` (K, q, q), `vector` (K, q); none where the
     instrument does not change."""
@@ -106,7 +153,7 @@ class _Arm:
 
 
 @dataclass(frozen=True, eq=False)
-class _Part:
+class _BiasInformation:
     """The information of an arm about the biases at the places `at` of all that are sampled."""
 
     at: list[int]
@@ -114,16 +161,16 @@ class _Part:
     vector: Matrix
 
     @staticmethod
-    def of(own: _Arm, places: Mapping[Column, int]) -> _Part:
+    def of(arm: _CorrectedArm, rows: Mapping[Column, int]) -> _BiasInformation:
         """Of columns that have no place there is no information: no change of instrument touches them."""
-        kept = [k for k, column in enumerate(own.columns) if column in places]
-        return _Part(
-            [places[own.columns[k]] for k in kept], own.matrix[:, kept][:, :, kept], own.vector[:, kept]
+        kept = [k for k, column in enumerate(arm.columns) if column in rows]
+        return _BiasInformation(
+            [rows[arm.columns[k]] for k in kept], arm.matrix[:, kept][:, :, kept], arm.vector[:, kept]
         )
 
 
 @dataclass(frozen=True, eq=False)
-class _Draws:
+class _BiasDraws:
     """Of the biases `columns`: means (D, q) and covariances (D, q, q) given the rates drawn."""
 
     columns: tuple[Column, ...]
@@ -132,12 +179,12 @@ class _Draws:
 
     def added_to(self, shift: Mapping[Column, float]) -> dict[Column, float]:
         """The biases that results were corrected by, and what their mean adds to it."""
-        own = dict(zip(self.columns, self.mean.mean(axis=0).tolist(), strict=True))
-        return {**shift, **{column: shift.get(column, 0.0) + value for column, value in own.items()}}
+        means = dict(zip(self.columns, self.mean.mean(axis=0).tolist(), strict=True))
+        return {**shift, **{column: shift.get(column, 0.0) + value for column, value in means.items()}}
 
 
 def instrument_biases(
-    arms: Sequence[Measured],
+    arms: Sequence[MeasuredArm],
     each: Each = map,
     *,
     alarm: float = ALARM,
@@ -145,8 +192,8 @@ def instrument_biases(
 ) -> Instruments:
     """The biases of all instruments that the arms were measured by. `each` does what is done for each arm, in
     the order of the arms."""
-    unstated = sum(own.instruments.count("") for own in arms)
-    raw = [own for own in each(partial(_stated, seed=seed), arms) if own is not None]
+    unstated = sum(arm.instruments.count("") for arm in arms)
+    raw = [arm for arm in each(partial(_stated, seed=seed), arms) if arm is not None]
     now, shift = raw, dict[Column, float]()
     draws = _drawn(now, seed)
     for _ in range(_ROUNDS):
@@ -155,7 +202,9 @@ def instrument_biases(
         shift = draws.added_to(shift)
         before, now = now, list(each(partial(_corrected, shift=shift, seed=seed), raw))
         draws = _drawn(now, seed)
-        if all(np.array_equal(own.allowed, one.allowed) for own, one in zip(now, before, strict=True)):
+        if all(
+            np.array_equal(arm.allowed, previous.allowed) for arm, previous in zip(now, before, strict=True)
+        ):
             break
     comparable = tuple(_comparable(now))
     return Instruments(tuple(_biases(now, comparable, draws, shift, alarm)), comparable, unstated)
@@ -167,64 +216,66 @@ def bias_information(series: Series, rates: Matrix, allowed: Matrix, design: Mat
     information, vector = series.information()
     count, size = vector.shape
     precision = np.zeros((len(rates), count * size, count * size))
-    walk = np.where(allowed, 0.0, 1 / (rates[:, None, :] ** 2 * series.gaps[:, None])).reshape(len(rates), -1)
+    step_precision = np.where(allowed, 0.0, 1 / (rates[:, None, :] ** 2 * series.gaps[:, None])).reshape(
+        len(rates), -1
+    )
     for t in range(count):
         at = slice(t * size, (t + 1) * size)
         precision[:, at, at] = information[t]
     before = np.arange((count - 1) * size)
     after = before + size
-    precision[:, before, before] += walk
-    precision[:, after, after] += walk
-    precision[:, before, after] -= walk
-    precision[:, after, before] -= walk
+    precision[:, before, before] += step_precision
+    precision[:, after, after] += step_precision
+    precision[:, before, after] -= step_precision
+    precision[:, after, before] -= step_precision
     flat = design.reshape(count * size, -1)
-    seen = np.einsum("tij,tjq->tiq", information, design).reshape(count * size, -1)
-    right = np.concatenate([seen, vector.reshape(-1, 1)], axis=1)
+    by_design = np.einsum("tij,tjq->tiq", information, design).reshape(count * size, -1)
+    right = np.concatenate([by_design, vector.reshape(-1, 1)], axis=1)
     states = np.linalg.solve(precision, np.broadcast_to(right, (len(rates), *right.shape)))
-    matrix = flat.T @ seen - seen.T @ states[:, :, :-1]
-    score = flat.T @ vector.ravel() - (seen.T @ states[:, :, -1:])[:, :, 0]
+    matrix = flat.T @ by_design - by_design.T @ states[:, :, :-1]
+    score = flat.T @ vector.ravel() - (by_design.T @ states[:, :, -1:])[:, :, 0]
     return (matrix + matrix.transpose(0, 2, 1)) / 2, score
 
 
-def _stated(own: Measured, seed: int) -> _Arm | None:
+def _stated(arm: MeasuredArm, seed: int) -> _CorrectedArm | None:
     """The arm by its results that state an instrument, without jumps where that changes."""
-    series, found = own.drift.series, own.drift
-    if "" in own.instruments:
+    series, arm_drift = arm.drift.series, arm.drift
+    if "" in arm.instruments:
         kept = [
             one if instrument else Observation(one.at, (), np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)))
-            for one, instrument in zip(series.observations, own.instruments, strict=True)
+            for one, instrument in zip(series.observations, arm.instruments, strict=True)
         ]
         series = series_of(kept, dict(zip(series.names, series.units, strict=True)), series.reset)
         if not series.names:
             return None
-        found = drift(series, seed=seed)
-    jumps = [(one.after, one.offset) for one in found.jumps]
-    elsewhere = [one for one in jumps if change_at(series, own.instruments, *one) is None]
+        arm_drift = drift(series, seed=seed)
+    jumps = [(one.after, one.offset) for one in arm_drift.jumps]
+    elsewhere = [one for one in jumps if change_at(series, arm.instruments, *one) is None]
     if elsewhere == jumps:
-        return _informed(series, own.instruments, found.rates, found.weights, found.allowed)
+        return _informed(series, arm.instruments, arm_drift.rates, arm_drift.weights, arm_drift.allowed)
     allowed = allowed_at(series, elsewhere)
     rates, log_weight, _, _ = integrated(series, allowed, seed)
-    return _informed(series, own.instruments, rates, normalised(log_weight), allowed)
+    return _informed(series, arm.instruments, rates, normalised(log_weight), allowed)
 
 
-def _corrected(own: _Arm, shift: Mapping[Column, float], seed: int) -> _Arm:
+def _corrected(arm: _CorrectedArm, shift: Mapping[Column, float], seed: int) -> _CorrectedArm:
     """The arm `own`, as it was measured, with the biases `shift` taken out of its results."""
-    if not own.columns:
-        return own
+    if not arm.columns:
+        return arm
     observations = tuple(
         replace(one, values=one.values - [shift.get((instrument, name), 0.0) for name in one.names])
-        for one, instrument in zip(own.series.observations, own.instruments, strict=True)
+        for one, instrument in zip(arm.series.observations, arm.instruments, strict=True)
     )
-    found = drift(replace(own.series, observations=observations), seed=seed)
-    return _informed(found.series, own.instruments, found.rates, found.weights, found.allowed)
+    arm_drift = drift(replace(arm.series, observations=observations), seed=seed)
+    return _informed(arm_drift.series, arm.instruments, arm_drift.rates, arm_drift.weights, arm_drift.allowed)
 
 
 def _informed(
     series: Series, instruments: tuple[str, ...], rates: Matrix, weights: Matrix, allowed: Matrix
-) -> _Arm:
+) -> _CorrectedArm:
     """By rates that are taken at equal steps of their weights, so that each counts the same."""
     if not any(changes(series, instruments, allowed)):
-        return _Arm(series, instruments, allowed, (), np.zeros((0, 0, 0)), np.zeros((0, 0)))
+        return _CorrectedArm(series, instruments, allowed, (), np.zeros((0, 0, 0)), np.zeros((0, 0)))
     columns = tuple((name, offset) for name in sorted({*instruments} - {""}) for offset in series.names)
     design = np.zeros((len(instruments), len(series.names), len(columns)))
     for k, (instrument, offset) in enumerate(columns):
@@ -232,110 +283,115 @@ def _informed(
         design[rows, series.names.index(offset), k] = 1.0
     some = np.searchsorted(np.cumsum(weights), (np.arange(_RATES) + 0.5) / _RATES)
     matrix, vector = bias_information(series, rates[np.minimum(some, len(rates) - 1)], allowed, design)
-    return _Arm(series, instruments, allowed, columns, matrix, vector)
+    return _CorrectedArm(series, instruments, allowed, columns, matrix, vector)
 
 
-def _by_offset(arms: Sequence[_Arm]) -> dict[str, list[tuple[str, str]]]:
-    found: dict[str, list[tuple[str, str]]] = {}
-    for own in arms:
-        for offset, *pair in changes(own.series, own.instruments, own.allowed):
-            found.setdefault(offset, []).append((pair[0], pair[1]))
-    return found
+def _by_offset(arms: Sequence[_CorrectedArm]) -> dict[str, list[tuple[str, str]]]:
+    pairs: dict[str, list[tuple[str, str]]] = {}
+    for arm in arms:
+        for offset, *pair in changes(arm.series, arm.instruments, arm.allowed):
+            pairs.setdefault(offset, []).append((pair[0], pair[1]))
+    return pairs
 
 
-def _comparable(arms: Sequence[_Arm]) -> Iterator[Comparable]:
+def _comparable(arms: Sequence[_CorrectedArm]) -> Iterator[ComparableInstruments]:
     pairs = _by_offset(arms)
-    names = {name for own in arms for name in own.series.names}
+    names = {name for arm in arms for name in arm.series.names}
     for offset in sorted(names, key=lambda name: (len(name), name)):
         groups = comparable_groups(pairs.get(offset, []))
         single = {
             instrument
-            for own in arms
-            for one, instrument in zip(own.series.observations, own.instruments, strict=True)
-            if offset in one.names
+            for arm in arms
+            for observation, instrument in zip(arm.series.observations, arm.instruments, strict=True)
+            if offset in observation.names
         }.difference(*groups)
-        yield Comparable(offset, (*groups, *((own,) for own in sorted(single))))
+        yield ComparableInstruments(offset, (*groups, *((name,) for name in sorted(single))))
 
 
-def _drawn(arms: Sequence[_Arm], seed: int) -> _Draws:
+def _drawn(arms: Sequence[_CorrectedArm], seed: int) -> _BiasDraws:
     """Gibbs sampling of the biases and of the rates of each arm. A shift of all instruments that changes
     connect is not determined: it is held at zero."""
     groups = {offset: connected(pairs) for offset, pairs in _by_offset(arms).items()}
-    columns = tuple((name, offset) for offset, found in groups.items() for own in found for name in own)
+    columns = tuple(
+        (name, offset)
+        for offset, connected_groups in groups.items()
+        for group in connected_groups
+        for name in group
+    )
     size = len(columns)
     if not size:
-        return _Draws((), np.zeros((0, 0)), np.zeros((0, 0, 0)))
+        return _BiasDraws((), np.zeros((0, 0)), np.zeros((0, 0, 0)))
     random = np.random.default_rng(seed)
-    places = {column: k for k, column in enumerate(columns)}
-    parts = [_Part.of(own, places) for own in arms if own.columns]
+    rows = {column: k for k, column in enumerate(columns)}
+    parts = [_BiasInformation.of(arm, rows) for arm in arms if arm.columns]
     held = np.zeros((size, size))
-    for offset, found in groups.items():
-        for group in found:
+    for offset, connected_groups in groups.items():
+        for group in connected_groups:
             at = [columns.index((name, offset)) for name in group]
             held[np.ix_(at, at)] = 1.0
-    typical = sum(float(np.trace(own.matrix.mean(axis=0))) for own in parts) / size
+    typical = sum(float(np.trace(part.matrix.mean(axis=0))) for part in parts) / size
     held *= typical
     chosen = [0] * len(parts)
     means, covariances = [], []
     for _ in range(_FIRST + _DRAWS):
         matrix, vector = held.copy(), np.zeros(size)
-        for own, k in zip(parts, chosen, strict=True):
-            matrix[np.ix_(own.at, own.at)] += own.matrix[k]
-            vector[own.at] += own.vector[k]
+        for part, k in zip(parts, chosen, strict=True):
+            matrix[np.ix_(part.at, part.at)] += part.matrix[k]
+            vector[part.at] += part.vector[k]
         covariance = np.linalg.inv(matrix)
         mean = covariance @ vector
         bias = mean + np.linalg.cholesky(covariance) @ random.normal(size=size)
-        chosen = [_choose(own, bias[own.at], random.random()) for own in parts]
+        chosen = [_choose(part, bias[part.at], random.random()) for part in parts]
         means.append(mean)
         covariances.append(covariance)
-    return _Draws(columns, np.array(means[_FIRST:]), np.array(covariances[_FIRST:]))
+    return _BiasDraws(columns, np.array(means[_FIRST:]), np.array(covariances[_FIRST:]))
 
 
-def _choose(own: _Part, bias: Matrix, share: float) -> int:
-    squared = own.matrix.reshape(len(own.matrix), -1) @ np.outer(bias, bias).ravel()
-    cumulated = np.cumsum(normalised(own.vector @ bias - squared / 2))
+def _choose(part: _BiasInformation, bias: Matrix, share: float) -> int:
+    squared = part.matrix.reshape(len(part.matrix), -1) @ np.outer(bias, bias).ravel()
+    cumulated = np.cumsum(normalised(part.vector @ bias - squared / 2))
     return min(int(np.searchsorted(cumulated, share)), len(cumulated) - 1)
 
 
 def _biases(
-    arms: Sequence[_Arm],
-    comparable: Sequence[Comparable],
-    draws: _Draws,
+    arms: Sequence[_CorrectedArm],
+    comparable: Sequence[ComparableInstruments],
+    draws: _BiasDraws,
     shift: Mapping[Column, float],
     alarm: float,
 ) -> Iterator[Bias]:
     units = {
-        name: unit for own in arms for name, unit in zip(own.series.names, own.series.units, strict=True)
+        name: unit for arm in arms for name, unit in zip(arm.series.names, arm.series.units, strict=True)
     }
-    tested = [(own.offset, group) for own in comparable for group in own.groups if len(group) > 1]
+    tested = [(row.offset, group) for row in comparable for group in row.groups if len(group) > 1]
     tests = sum(len(group) if len(group) > 2 else 1 for _, group in tested)
     for offset, group in tested:
         biased: list[str] = []
         while True:
-            rest = [own for own in group if own not in biased]
+            rest = [name for name in group if name not in biased]
             named = group[1:] if len(group) == 2 else group
-            found = [
+            biases = [
                 _bias(
                     draws,
                     shift,
                     (offset, units[offset]),
-                    own,
-                    [one for one in rest if one != own],
+                    instrument,
+                    [other for other in rest if other != instrument],
                     tests,
                     alarm,
                 )
-                for own in named
-                if rest != [own]
+                for instrument in named
+                if rest != [instrument]
             ]
-            odd = [own.instrument for own in found if own.alarm and own.instrument not in biased]
-            if not odd:
+            outlying = [bias.instrument for bias in biases if bias.alarm and bias.instrument not in biased]
+            if not outlying:
                 break
             explained = _explained(draws, shift, offset, rest)
-            biased.append(max(odd, key=lambda name: explained[rest.index(name)]))
-        yield from found
+            biased.append(max(outlying, key=lambda name: explained[rest.index(name)]))
+        yield from biases
 
 
-def _explained(draws: _Draws, shift: Mapping[Column, float], offset: str, rest: Sequence[str]) -> Matrix:
+def _explained(draws: _BiasDraws, shift: Mapping[Column, float], offset: str, rest: Sequence[str]) -> Matrix:
     """(n,) by how much chi-squared of the differences falls if one instrument is biased and the others are
     equal: the contrasts alone do not say whose bias it is, where that one has few results."""
     at = [draws.columns.index((name, offset)) for name in rest]
@@ -348,7 +404,7 @@ def _explained(draws: _Draws, shift: Mapping[Column, float], offset: str, rest: 
 
 
 def _bias(
-    draws: _Draws,
+    draws: _BiasDraws,
     shift: Mapping[Column, float],
     of: tuple[str, str],
     instrument: str,

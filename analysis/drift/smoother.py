@@ -1,21 +1,105 @@
-"""The exact smoother of a random walk, in information form, for many walk rates at once.
+"""The results of an arm over time, and the exact smoother of their random walk for many drift rates at once.
 
     x[t+1] = x[t] + w[t],  w[t] ~ N(0, diag(rate^2) gap[t]);   information J[t], J[t] y[t] of each result
 
-with nothing known of x[0]. The precision of all states is block tridiagonal: forward elimination, backward
-substitution (Rauch, Tung and Striebel in information form). A result that does not determine a direction has
-no information in it and adds nothing. Where a jump is allowed, the walk has no information: 0 in place of
-1 / (rate^2 gap).
-"""
+with nothing known of x[0], in information form. The precision of all states is block tridiagonal: forward
+elimination, backward substitution (Rauch, Tung and Striebel). A result that does not determine a direction
+has no information in it and adds nothing. Where a jump is allowed, the walk has no information: 0 in place of
+1 / (rate^2 gap)."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from ...model.arrays import Matrix
-from .series import Series
+from ..status import UnsoundResult
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """One result: `at` in years, the offsets that it determines without any prior (m of them), their
+    `covariance` (m, m) in full, and what the tolerances of the geometry add to it, the same in all results of
+    the arm (`shared`, m x m; 0 for nominal geometry)."""
+
+    at: float
+    names: tuple[str, ...]
+    values: Matrix
+    covariance: Matrix
+    shared: Matrix
+
+    def __post_init__(self) -> None:
+        size = len(self.names)
+        if self.values.shape != (size,) or not self.covariance.shape == self.shared.shape == (size, size):
+            raise UnsoundResult("values and covariance of a result are not of the offsets that it names")
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Results in the order of time. `reset` are the intervals (number of the result before) after which every
+    offset begins anew: the controller got new zeros."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    observations: tuple[Observation, ...]
+    reset: tuple[int, ...] = ()
+
+    @property
+    def gaps(self) -> Matrix:
+        """(T - 1,) years between the results; at least an hour, so that two at one time may differ."""
+        return np.asarray(
+            np.maximum(np.diff([observation.at for observation in self.observations]), 1 / 8766)
+        )
+
+    @property
+    def observed(self) -> Matrix:
+        """(T, m) whether a result determines an offset."""
+        return np.array(
+            [[name in observation.names for name in self.names] for observation in self.observations]
+        )
+
+    @property
+    def determined(self) -> Matrix:
+        """(T, m) whether a result since the last reset, or until the next, determines an offset: where none
+        does, nothing is known of it."""
+        result = np.zeros((len(self.observations), len(self.names)), dtype=bool)
+        ends = [0, *(t + 1 for t in sorted(self.reset)), len(result)]
+        for begin, end in pairwise(ends):
+            result[begin:end] = self.observed[begin:end].any(axis=0)
+        return result
+
+    def information(self) -> tuple[Matrix, Matrix]:
+        """(T, m, m) and (T, m): the information of each result, 0 in every direction that it does not
+        determine, and its product with the values.
+
+        Where an offset is not `determined` between two resets, 1 stands at the first result of these: it
+        bears on nothing else, and the states of the offset there mean nothing.
+        """
+        count, size = len(self.observations), len(self.names)
+        matrix, vector = np.zeros((count, size, size)), np.zeros((count, size))
+        for t, observation in enumerate(self.observations):
+            at = [self.names.index(name) for name in observation.names]
+            inverse = np.linalg.inv(observation.covariance + observation.shared)
+            matrix[t][np.ix_(at, at)] = (inverse + inverse.T) / 2
+            vector[t, at] = inverse @ observation.values
+        nowhere = np.logical_not(self.determined)
+        for begin in (0, *(t + 1 for t in self.reset)):
+            matrix[begin, nowhere[begin], nowhere[begin]] = 1.0
+        return matrix, vector
+
+
+def series_of(
+    observations: Sequence[Observation], units: dict[str, str], reset: Sequence[int] = ()
+) -> Series:
+    """A series over every offset that any of the observations determines, joint 1 first."""
+    ordered = tuple(sorted(observations, key=lambda observation: observation.at))
+    names = sorted(
+        {name for observation in ordered for name in observation.names}, key=lambda name: (len(name), name)
+    )
+    return Series(tuple(names), tuple(units[name] for name in names), ordered, tuple(reset))
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +123,7 @@ def smooth(series: Series, rates: Matrix, jumps: Matrix) -> Smoothed:
     count, size = vector.shape
     gaps = series.gaps
     variance = rates[:, None, :] ** 2 * gaps[:, None]  # (K, T - 1, m)
-    walk = np.where(jumps, 0.0, 1 / variance)
+    step_precision = np.where(jumps, 0.0, 1 / variance)
     diagonal = np.arange(size)
     rows = len(rates)
     left = np.empty((rows, count, size, size))  # the inverse of each eliminated block
@@ -50,32 +134,34 @@ def smooth(series: Series, rates: Matrix, jumps: Matrix) -> Smoothed:
         block = information[t] + before
         if t < count - 1:
             block = block.copy()
-            block[:, diagonal, diagonal] += walk[:, t]
+            block[:, diagonal, diagonal] += step_precision[:, t]
         reduced[:, t] = vector[t] + pulled
         left[:, t] = np.linalg.inv(block)
         log_det += np.linalg.slogdet(block)[1]
         if t < count - 1:
-            carried = walk[:, t, :, None] * left[:, t]
-            before = -carried * walk[:, t, None, :]
-            before[:, diagonal, diagonal] += walk[:, t]
+            carried = step_precision[:, t, :, None] * left[:, t]
+            before = -carried * step_precision[:, t, None, :]
+            before[:, diagonal, diagonal] += step_precision[:, t]
             pulled = np.einsum("kij,kj->ki", carried, reduced[:, t])
     mean, covariance = np.empty((rows, count, size)), np.empty((rows, count, size, size))
     score, power, changed = (np.zeros((rows, count - 1, size)) for _ in range(3))
     mean[:, -1] = np.einsum("kij,kj->ki", left[:, -1], reduced[:, -1])
     covariance[:, -1] = left[:, -1]
     for t in range(count - 2, -1, -1):
-        gain = left[:, t] * walk[:, t, None, :]
-        pull = reduced[:, t] + walk[:, t] * mean[:, t + 1]
+        gain = left[:, t] * step_precision[:, t, None, :]
+        pull = reduced[:, t] + step_precision[:, t] * mean[:, t + 1]
         mean[:, t] = np.einsum("kij,kj->ki", left[:, t], pull)
         along = gain @ covariance[:, t + 1]
         covariance[:, t] = left[:, t] + along @ gain.transpose(0, 2, 1)
         of_step = covariance[:, t] + covariance[:, t + 1] - along - along.transpose(0, 2, 1)
         changed[:, t] = of_step[:, diagonal, diagonal]
-        w = walk[:, t]
-        own = w - w**2 * changed[:, t]
-        power[:, t] = np.maximum(own, 0.0)
+        w = step_precision[:, t]
+        jump_information = w - w**2 * changed[:, t]
+        power[:, t] = np.maximum(jump_information, 0.0)
         step = w * (mean[:, t + 1] - mean[:, t])
-        score[:, t] = np.where(power[:, t] > 0, step / np.sqrt(np.where(power[:, t] > 0, own, 1.0)), 0.0)
+        score[:, t] = np.where(
+            power[:, t] > 0, step / np.sqrt(np.where(power[:, t] > 0, jump_information, 1.0)), 0.0
+        )
     walked = np.where(jumps, 0.0, np.log(variance)).sum(axis=(1, 2))
     quadratic = (vector * mean).sum(axis=(1, 2))
     return Smoothed(mean, covariance, (quadratic - log_det - walked) / 2, score, power, changed)

@@ -18,7 +18,7 @@ from ...model.likelihood.c_source import GridInput, per_both, per_inner
 from ...model.likelihood.density import Density, together
 
 
-class Place(NamedTuple):
+class MappedPoint(NamedTuple):
     """Parameter vectors x (W, p), and `jacobian` (W, f, f) of the scaled free parameters z by v."""
 
     x: Matrix
@@ -33,7 +33,7 @@ class Place(NamedTuple):
         return np.asarray(self.jacobian.transpose(0, 2, 1) @ by_z @ self.jacobian)
 
 
-class SeenCoordinates:
+class FlangeCoordinates:
     """v (f,): free parameters scaled by their priors, but targets as seen, over their prior std.
 
     Rows are those of the density: `of` (W,) names the data set of each.
@@ -57,19 +57,21 @@ class SeenCoordinates:
         # A product with one nonzero a column is exact, and dearer indexing is spared.
         self._to_x = (np.eye(len(parameters)) * parameters.prior_std)[self._free]
         own_scale = np.repeat(self._scale, 3)
-        self._to_seen = np.eye(len(parameters))[self._free][:, self._places.reshape(-1)] * own_scale
+        self._to_in_flange = np.eye(len(parameters))[self._free][:, self._places.reshape(-1)] * own_scale
         every = len(moved) == count
         self._where = parameters.block("target") if every else self._places.reshape(-1)
         at_v = parameters.among_free
         turning = np.flatnonzero(self._free[parameters.arm])  # the arm is at the start of x
-        own = np.broadcast_to(self._scale[:, None], (len(moved), 3))
-        by_scale = np.hstack([np.tile(parameters.prior_std[turning], (len(moved), 1)), own])
+        target_scales = np.broadcast_to(self._scale[:, None], (len(moved), 3))
+        by_scale = np.hstack([np.tile(parameters.prior_std[turning], (len(moved), 1)), target_scales])
         self._by_scale = by_scale[:, None, :] / parameters.prior_std[self._places][:, :, None]
         self._columns = np.append(turning, parameters.arm.stop + np.arange(3))  # of `placed`
         self._moving = together(self._columns)
         # Where z of each moved target is by the v that move it, in (f * f,).
         self._size = int(self._free.sum())
-        self._moves = np.array([np.append(at_v[turning], at_v[place]) for place in self._places], dtype=int)
+        self._moves = np.array(
+            [np.append(at_v[turning], at_v[columns]) for columns in self._places], dtype=int
+        )
         rows = at_v[self._places]
         where = rows[:, :, None] * self._size + self._moves.reshape(len(moved), 1, -1 if len(moved) else 0)
         self._where_by = where.reshape(-1)
@@ -79,30 +81,30 @@ class SeenCoordinates:
         parameters = self._problem.parameters
         z = (x - parameters.prior_mean) / parameters.prior_std
         if len(self._targets):
-            z[:, self._places] = self._seen(x, of) / self._scale[:, None]
+            z[:, self._places] = self._targets_in_flange(x, of) / self._scale[:, None]
         return z[:, self._free]
 
     def to_parameters(self, v: Matrix, of: Index | None = None) -> Matrix:
         """x (W, p) of coordinates v (W, f); what is held stays at its prior mean."""
-        x, seen = self._spread_out(v)
+        x, in_flange = self._spread_out(v)
         if len(self._targets):
-            (placed,) = self._each("place", of, self._problem.split(x).arm, seen)
+            (placed,) = self._each("place", of, self._problem.split(x).arm, in_flange)
             x[:, self._where] = placed.reshape(len(v), 3 * len(self._targets))
         return x
 
-    def at(self, v: Matrix, of: Index | None = None) -> Place:
+    def at(self, v: Matrix, of: Index | None = None) -> MappedPoint:
         """x (W, p) of coordinates v (W, f), and how it moves with v."""
-        x, seen = self._spread_out(v)
+        x, in_flange = self._spread_out(v)
         jacobian = np.zeros((len(v), self._size * self._size))
         jacobian[:, :: self._size + 1] = 1.0
         if len(self._targets):
-            placed, by = self._each("placed", of, self._problem.split(x).arm, seen)
+            placed, by = self._each("placed", of, self._problem.split(x).arm, in_flange)
             x[:, self._where] = placed.reshape(len(v), 3 * len(self._targets))
             by = by.reshape(len(v), len(self._targets), 3, by.shape[-1])
             jacobian[:, self._where_by] = (by[..., self._moving] * self._by_scale).reshape(
                 len(v), len(self._where_by)
             )
-        return Place(x, jacobian.reshape(len(v), self._size, self._size))
+        return MappedPoint(x, jacobian.reshape(len(v), self._size, self._size))
 
     def jacobian(self, x: Matrix, of: Index | None = None) -> Matrix:
         """(W, f, f) of the scaled free parameters z by v, at x (W, p)."""
@@ -127,13 +129,13 @@ class SeenCoordinates:
     def _spread_out(self, v: Matrix) -> tuple[Matrix, Matrix]:
         """(W, p) x but for the moved targets, and (W, moved, 3) mm these as seen."""
         x = self._problem.parameters.prior_mean + v @ self._to_x
-        return x, (v @ self._to_seen).reshape(len(v), len(self._targets), 3)
+        return x, (v @ self._to_in_flange).reshape(len(v), len(self._targets), 3)
 
-    def _seen(self, x: Matrix, of: Index | None) -> Matrix:
+    def _targets_in_flange(self, x: Matrix, of: Index | None) -> Matrix:
         """(W, moved, 3) mm."""
         parts = self._problem.split(x)
-        (seen,) = self._each("seen", of, parts.arm, parts.targets[:, self._targets])
-        return seen.reshape(len(x), len(self._targets), 3)
+        (in_flange,) = self._each("seen", of, parts.arm, parts.targets[:, self._targets])
+        return in_flange.reshape(len(x), len(self._targets), 3)
 
     def _each(self, name: str, of: Index | None, arm: Matrix, points: Matrix) -> tuple[Matrix, ...]:
         """A function of joints, arm and a point, for every row and moved target."""
@@ -150,6 +152,6 @@ class SeenCoordinates:
 
 
 @lru_cache(maxsize=8)
-def seen_coordinates(density: Density) -> SeenCoordinates:
+def flange_coordinates(density: Density) -> FlangeCoordinates:
     """Those of a density, made once."""
-    return SeenCoordinates(density)
+    return FlangeCoordinates(density)

@@ -5,7 +5,7 @@ Fits are rows: the starts of one run, or one start of each of many runs, go up s
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -15,16 +15,75 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ...model.arrays import Index, Matrix
+from ...model.arrays import Index, Mask, Matrix
 from ...model.likelihood.density import Density, density_of
 from ...model.likelihood.problem import Problem, Whitened
-from .climb import MOST_STEPS, Climb
-from .compiled_climb import compiled_climb
-from .coordinates import seen_coordinates
-from .elimination import eliminated
-from .levenberg_marquardt import Minima
+from .climb import MOST_STEPS, Climb, compiled_climb
+from .coordinates import flange_coordinates
+from .levenberg_marquardt import Minima, least_squares, levenberg_marquardt
 from .noise_factors import marginal_noise
 from .threads import threads
+
+_REFRESHES = 30
+_SETTLED = 1e-6  # prior stds
+
+
+def eliminated(problem: Problem, start: Matrix) -> Matrix:
+    """x (p,) from `start` (p,): offsets and tool by Levenberg-Marquardt, the targets in closed form.
+
+    A residual is linear in its target: with the weights S^-1 kept, the targets that go with given offsets and
+    tool are a linear least-squares solution (variable projection: Golub & Pereyra 1973, with Kaufman's
+    Jacobian). The weights are refreshed until they settle.
+
+    Raises ValueError where the elimination is not exact: stated distances, or noise that is a parameter.
+    """
+    if problem.distances or problem.noise.separate:
+        raise ValueError("targets are not eliminated from stated distances or noise factors")
+    parameters = problem.parameters
+    targets = parameters.group("target") & parameters.free
+    rest = parameters.free & ~targets
+    x = start.copy()
+    for _ in range(_REFRESHES):
+        refreshed = _projected(problem, x, targets, rest)
+        moved = np.abs((refreshed - x) / parameters.prior_std)[rest].max(initial=0.0)
+        x = refreshed
+        if moved < _SETTLED:
+            break
+    return x
+
+
+def _projected(problem: Problem, x: Matrix, targets: Mask, rest: Mask) -> Matrix:
+    """x (p,) where the weights of `x` are kept."""
+    parameters = problem.parameters
+    scale, mean = parameters.prior_std, parameters.prior_mean
+    factor = problem.whiten(x).factor
+    root = float(np.sqrt(Density(problem).noise_weight(x[None])[0]))
+    count = int(targets.sum())
+
+    def at(point: Matrix) -> tuple[Whitened, Matrix, Matrix]:
+        """At x = own (p,): residuals and the targets' columns, both with the targets' priors below."""
+        whitened = problem.whiten(point, factor)
+        residuals = np.append(whitened.residual * root, (point - mean)[targets] / scale[targets])
+        return whitened, residuals, np.vstack([whitened.jacobian[:, targets] * root, np.eye(count)])
+
+    def with_targets(z: Matrix) -> Matrix:
+        """x with offsets and tool at z, and the targets that are best for them."""
+        point = x.copy()
+        point[rest] = mean[rest] + z * scale[rest]
+        _, residuals, columns = at(point)
+        point[targets] -= np.linalg.lstsq(columns, residuals, rcond=None)[0] * scale[targets]
+        return point
+
+    def residual(z: Matrix, _: Index) -> tuple[Matrix, Matrix]:
+        whitened, residuals, columns = at(with_targets(z[0]))
+        by_rest = np.vstack([whitened.jacobian[:, rest] * root, np.zeros((count, z.shape[1]))])
+        basis, _ = np.linalg.qr(columns)
+        by_rest -= basis @ (basis.T @ by_rest)  # what the targets do not take up
+        return np.append(residuals, z[0])[None], np.vstack([by_rest, np.eye(z.shape[1])])[None]
+
+    z = (x - mean)[rest] / scale[rest]
+    return with_targets(levenberg_marquardt(least_squares(residual), z[None], tolerance=1e-12).x[0])
+
 
 _SAME_BASIN = 0.5  # posterior stds: two modes nearer than this are one
 CONTRADICTED = 1e-4  # a chance below which residuals and priors together are no chance
@@ -110,13 +169,13 @@ class LikelihoodFit:
         return np.sqrt(np.diag(self.covariance))
 
     @property
-    def chance(self) -> float | None:
+    def p_value(self) -> float | None:
         """That residuals and scaled parameters are as large together, where the noise is known: at the mode
         their squares have the chi-squared of as many degrees of freedom as there are numbers. Unlike
         `against_noise` it tells of a wrong basin even if no number is left over."""
         if not self.problem.noise.known:
             return None
-        return chance(self.problem, self.whitened.residual, self.z)
+        return fit_p_value(self.problem, self.whitened.residual, self.z)
 
     def against_noise(self, rank: int) -> AgainstNoise:
         """The residuals, and the geometry by its tolerances, against what is stated of both; `rank` numbers
@@ -128,7 +187,7 @@ class LikelihoodFit:
         return AgainstNoise(chi2, dof, float(scipy.special.chdtrc(dof, chi2)) if judged else None)
 
 
-def chance(problem: Problem, residual: Matrix, z: Matrix) -> float:
+def fit_p_value(problem: Problem, residual: Matrix, z: Matrix) -> float:
     """That whitened residuals (M,) and scaled parameters (f,) are as large at a mode, their noise known."""
     return float(scipy.special.chdtrc(problem.measured_size, float(residual @ residual + z @ z)))
 
@@ -148,50 +207,52 @@ def fit_likelihood(
     start = start_at(problem, z)
     if eliminate_targets:
         start = np.array([eliminated(problem, x) for x in start])
-    found = fit_rows(density, start, np.zeros(len(z), dtype=np.int64))
-    fit = _best_of(problem, found, 0, len(z))
+    fits = fit_rows(density, start, np.zeros(len(z), dtype=np.int64))
+    fit = _best_of(problem, fits, 0, len(z))
     doubtful = 0 < starts < MANY_STARTS and _has_few_numbers(problem)
-    if doubtful and fit.chance is not None and fit.chance < CONTRADICTED:
+    if doubtful and fit.p_value is not None and fit.p_value < CONTRADICTED:
         return fit_likelihood(problem, starts=MANY_STARTS, seed=seed, eliminate_targets=eliminate_targets)
     return _settled(fit)
 
 
-def _best_of(problem: Problem, found: Fits, first: int, starts: int) -> LikelihoodFit:
+def _best_of(problem: Problem, fits: Fits, first: int, starts: int) -> LikelihoodFit:
     """The best of so many rows from `first`, those of the starts of one run, with the other basins."""
     rows = slice(first, first + starts)
-    best = first + int(_best_start(found.converged[None, rows], found.log_posterior[None, rows])[0])
+    best = first + int(_best_start(fits.converged[None, rows], fits.log_posterior[None, rows])[0])
     basins = [best]
     for row in range(first, first + starts):
-        near = found.log_posterior[row] >= found.log_posterior[best] - _WORTH_TELLING
-        if found.converged[row] and near and all(_apart(found, row, known) for known in basins):
+        near = fits.log_posterior[row] >= fits.log_posterior[best] - _WORTH_TELLING
+        if fits.converged[row] and near and all(_apart(fits, row, known) for known in basins):
             basins.append(row)
-    return single(problem, found, best, basins[1:])
+    return single(problem, fits, best, basins[1:])
 
 
 def fit_alike(problems: Sequence[Problem], *, seed: int = 0) -> list[LikelihoodFit]:
     """`fit_likelihood` of each of these problems, which differ in what was recorded alone: bit for bit the
     same, but all starts of all of them climb side by side. Only what climbs in C does."""
     first = problems[0]
-    joints, spots = (np.array([getattr(own, part) for own in problems]) for part in ("joints", "spots"))
+    joints, spots = (
+        np.array([getattr(problem, part) for problem in problems]) for part in ("joints", "spots")
+    )
     density = Density(first, joints, spots)
-    if compiled_climb(density, seen_coordinates(density)) is None:
-        return [fit_likelihood(own, seed=seed) for own in problems]
+    if compiled_climb(density, flange_coordinates(density)) is None:
+        return [fit_likelihood(problem, seed=seed) for problem in problems]
     z = _start_points(density.size, STARTS, seed)
-    start = np.concatenate([start_at(own, z) for own in problems])
-    found = fit_rows(density, start, np.repeat(np.arange(len(problems)), len(z)))
+    start = np.concatenate([start_at(problem, z) for problem in problems])
+    rows = fit_rows(density, start, np.repeat(np.arange(len(problems)), len(z)))
     fits = []
-    for k, own in enumerate(problems):
-        fit = _best_of(own, found, k * len(z), len(z))
-        if _has_few_numbers(own) and fit.chance is not None and fit.chance < CONTRADICTED:
-            fit = fit_likelihood(own, seed=seed)  # from more starts
+    for k, problem in enumerate(problems):
+        fit = _best_of(problem, rows, k * len(z), len(z))
+        if _has_few_numbers(problem) and fit.p_value is not None and fit.p_value < CONTRADICTED:
+            fit = fit_likelihood(problem, seed=seed)  # from more starts
         fits.append(_settled(fit))
     return fits
 
 
 def fit_from(problem: Problem, start: Matrix) -> LikelihoodFit:
     """The fit from one start x (p,) alone: for a mode that is known to be near."""
-    found = fit_rows(Density(problem), start[None])
-    return _settled(single(problem, found, 0))
+    fits = fit_rows(Density(problem), start[None])
+    return _settled(single(problem, fits, 0))
 
 
 def _settled(fit: LikelihoodFit) -> LikelihoodFit:
@@ -222,19 +283,19 @@ def fit_each(problem: Problem, joints: Matrix, spots: Matrix, *, starts: int = S
     density, count = Density(problem, joints, spots), len(joints)
     z = _start_points(density.size, starts, seed)
     of = np.repeat(np.arange(count), len(z))
-    found = modes(density, start_at(problem, np.tile(z, (count, 1)), joints[of]), of)
-    best = _best_start(found.converged.reshape(count, -1), -found.cost.reshape(count, -1))
-    fits = fit_rows(density, found.x[np.arange(count) * len(z) + best])
+    minima = modes(density, start_at(problem, np.tile(z, (count, 1)), joints[of]), of)
+    best = _best_start(minima.converged.reshape(count, -1), -minima.cost.reshape(count, -1))
+    fits = fit_rows(density, minima.x[np.arange(count) * len(z) + best])
     x, scaled, covariance = fits.x.copy(), fits.z.copy(), fits.covariance.copy()
     converged, log_posterior = fits.converged.copy(), fits.log_posterior.copy()
     doubtful = problem.noise.known and starts < MANY_STARTS and _has_few_numbers(problem)
     for row in range(count if doubtful or problem.noise.separate else 0):
-        own, more = problem.moved(joints[row], spots[row]), starts
+        moved, more = problem.moved(joints[row], spots[row]), starts
         if doubtful:
-            if chance(own, own.whiten(x[row]).residual, scaled[row]) >= CONTRADICTED:
+            if fit_p_value(moved, moved.whiten(x[row]).residual, scaled[row]) >= CONTRADICTED:
                 continue
             more = MANY_STARTS
-        again = fit_likelihood(own, starts=more, seed=seed)
+        again = fit_likelihood(moved, starts=more, seed=seed)
         x[row], scaled[row], covariance[row] = again.x, again.z, again.covariance
         converged[row], log_posterior[row] = again.converged, again.log_posterior
     return replace(
@@ -261,21 +322,21 @@ def _has_few_numbers(problem: Problem) -> bool:
     return problem.data_size < _FEW_NUMBERS * int(problem.parameters.free.sum())
 
 
-def single(problem: Problem, found: Fits, row: int, others: Sequence[int] = ()) -> LikelihoodFit:
+def single(problem: Problem, fits: Fits, row: int, others: Sequence[int] = ()) -> LikelihoodFit:
     """A row of fits, that of `problem`; `others` are those of other optima."""
     return LikelihoodFit(
         problem=problem,
-        x=found.x[row],
-        z=found.z[row],
-        covariance=found.covariance[row],
-        weight=float(found.weight[row]),
-        log_posterior=float(found.log_posterior[row]),
-        gradient=float(found.gradient[row]),
-        iterations=int(found.iterations[row]),
-        converged=bool(found.converged[row]),
-        reason=found.reason[row],
+        x=fits.x[row],
+        z=fits.z[row],
+        covariance=fits.covariance[row],
+        weight=float(fits.weight[row]),
+        log_posterior=float(fits.log_posterior[row]),
+        gradient=float(fits.gradient[row]),
+        iterations=int(fits.iterations[row]),
+        converged=bool(fits.converged[row]),
+        reason=fits.reason[row],
         others=tuple(
-            Optimum(found.z[k], found.std[k], float(found.log_posterior[row] - found.log_posterior[k]))
+            Optimum(fits.z[k], fits.std[k], float(fits.log_posterior[row] - fits.log_posterior[k]))
             for k in others
         ),
     )
@@ -303,13 +364,13 @@ def fit_rows(density: Density, start: Matrix, of: Index | None = None) -> Fits:
         return _fit_together(density, start, of)
     parts = [slice(first, first + _TOGETHER) for first in range(0, len(start), _TOGETHER)]
     with ThreadPoolExecutor(threads()) as pool:
-        found = list(pool.map(lambda part: _fit_together(density, start[part], of[part]), parts))
+        fitted = list(pool.map(lambda part: _fit_together(density, start[part], of[part]), parts))
     joined = {
-        item.name: np.concatenate([getattr(part, item.name) for part in found])
+        item.name: np.concatenate([getattr(part, item.name) for part in fitted])
         for item in fields(Fits)
         if item.name != "reason"
     }
-    return Fits(**joined, reason=tuple(reason for part in found for reason in part.reason))
+    return Fits(**joined, reason=tuple(reason for part in fitted for reason in part.reason))
 
 
 def _fit_together(density: Density, start: Matrix, of: Index) -> Fits:
@@ -347,8 +408,8 @@ def modes(
     """The modes alone, to some 1e-4 posterior stds: Levenberg-Marquardt on the exact log-posterior with
     Fisher's information, from each start x (W, p). The `x` of the minima are parameter vectors (W, p)."""
     climb = Climb(density, of, len(start))
-    found = climb.up(climb.coordinates.from_parameters(start, climb.of), most_steps)
-    return found._replace(x=climb.coordinates.to_parameters(found.x, climb.of))
+    minima = climb.up(climb.coordinates.from_parameters(start, climb.of), most_steps)
+    return minima._replace(x=climb.coordinates.to_parameters(minima.x, climb.of))
 
 
 def _apart(fits: Fits, a: int, b: int) -> bool:
@@ -366,3 +427,30 @@ def unbiased_weight(density: Density, x: Matrix, of: Index | None = None) -> Mat
     numbers = density.numbers(of)
     chi2 = numbers / density.noise_weight(x, of)
     return np.asarray(np.maximum(numbers - (density.size - rigid), 1e-3) / chi2)
+
+
+def fits_of(problems: Sequence[Problem], *, seed: int = 0) -> list[LikelihoodFit]:
+    """`fit_likelihood` of each, bit for bit: it does not depend on what is fitted beside it."""
+    groups: dict[Hashable, list[int]] = {}
+    for k, problem in enumerate(problems):
+        groups.setdefault(_apart_from_readings(problem), []).append(k)
+    by_index: dict[int, LikelihoodFit] = {}
+    for group in groups.values():
+        fits = fit_alike([problems[k] for k in group], seed=seed)
+        by_index.update(zip(group, fits, strict=True))
+    return [by_index[k] for k in range(len(problems))]
+
+
+def _apart_from_readings(problem: Problem) -> Hashable:
+    """What problems must have in common to differ in what was recorded alone."""
+    noise = problem.noise
+    arrays = (problem.target_index, problem.weights, problem.guessed, noise.variances)
+    return (
+        id(problem.functions),  # the same for arms and tools that are the same
+        problem.parameters.items,
+        problem.targets,
+        problem.distances,
+        noise.estimated,
+        noise.separate,
+        *(part.tobytes() for part in arrays),
+    )

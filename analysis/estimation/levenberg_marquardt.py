@@ -28,7 +28,7 @@ class Quadratic(NamedTuple):
 
 
 # At points (W, f) of the minimisations of these numbers (W,).
-Model = Callable[[Matrix, Index], Quadratic]
+QuadraticModel = Callable[[Matrix, Index], Quadratic]
 
 
 class Minima(NamedTuple):
@@ -51,7 +51,7 @@ class Minima(NamedTuple):
         self.slope[rows], self.curvature[rows] = slope, curvature
 
 
-def least_squares(residual: Callable[[Matrix, Index], tuple[Matrix, Matrix]]) -> Model:
+def least_squares(residual: Callable[[Matrix, Index], tuple[Matrix, Matrix]]) -> QuadraticModel:
     """The model of |r|^2 / 2 from residuals (W, M) and their Jacobian (W, M, f): Gauss and Newton's."""
 
     def model(x: Matrix, rows: Index) -> Quadratic:
@@ -63,7 +63,7 @@ def least_squares(residual: Callable[[Matrix, Index], tuple[Matrix, Matrix]]) ->
 
 
 def levenberg_marquardt(
-    model: Model,
+    model: QuadraticModel,
     start: Matrix,
     *,
     max_iterations: int = 200,
@@ -124,18 +124,18 @@ def levenberg_marquardt(
             x, cost, slope, curvature = (v[left] for v in (x, cost, slope, curvature))
             mu, nu, step, predicted = (v[left] for v in (mu, nu, step, predicted))
         trial = x + step
-        found = model(trial, active)
+        quadratic = model(trial, active)
         with np.errstate(invalid="ignore", over="ignore"):
-            gain = (cost - found.cost) / predicted
+            gain = (cost - quadratic.cost) / predicted
             taken = gain > 0  # never for what is no number
             easier = np.maximum(1 / 3, 1 - (2 * np.minimum(gain, 2.0) - 1) ** 3)
             mu, nu = np.where(taken, mu * easier, mu * nu), np.where(taken, 2.0, 2 * nu)
         if taken.all():
-            x, cost, slope, curvature = trial, *found
+            x, cost, slope, curvature = trial, *quadratic
         else:
-            x, cost = np.where(taken[:, None], trial, x), np.where(taken, found.cost, cost)
-            slope = np.where(taken[:, None], found.gradient, slope)
-            curvature = np.where(taken[:, None, None], found.curvature, curvature)
+            x, cost = np.where(taken[:, None], trial, x), np.where(taken, quadratic.cost, cost)
+            slope = np.where(taken[:, None], quadratic.gradient, slope)
+            curvature = np.where(taken[:, None, None], quadratic.curvature, curvature)
     if len(active):
         result.keep(active, x, cost, slope, curvature)
     return result
@@ -147,9 +147,9 @@ def solve_rows(matrices: Matrix, right: Matrix) -> Matrix:
         return np.asarray(np.linalg.solve(matrices, right), dtype=float)
     except np.linalg.LinAlgError:
         result = np.full_like(right, np.nan)
-        for row, (matrix, own) in enumerate(zip(matrices, right, strict=True)):
+        for row, (matrix, side) in enumerate(zip(matrices, right, strict=True)):
             try:
-                result[row] = np.linalg.solve(matrix, own)
+                result[row] = np.linalg.solve(matrix, side)
             except np.linalg.LinAlgError:
                 continue
         return result

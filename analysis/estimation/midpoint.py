@@ -70,11 +70,11 @@ def fit_midpoint(problem: Problem) -> MidpointFit:
         nothing = float("nan")
         start = problem.parameters.prior_mean
         return MidpointFit(names, start, False, False, "not defined", 0, nothing, nothing, message)
-    found = _fitted(middles, problem.joints[None])
-    cost = float(found.cost[0])
-    rms = float(np.sqrt(2 * cost / found.points))
-    converged, iterations = bool(found.converged[0]), int(found.iterations[0])
-    return MidpointFit(names, found.x[0], True, converged, found.reason[0], iterations, cost, rms, message)
+    fits = _fitted(middles, problem.joints[None])
+    cost = float(fits.cost[0])
+    rms = float(np.sqrt(2 * cost / fits.points))
+    converged, iterations = bool(fits.converged[0]), int(fits.iterations[0])
+    return MidpointFit(names, fits.x[0], True, converged, fits.reason[0], iterations, cost, rms, message)
 
 
 def fit_midpoints(problem: Problem, joints: Matrix) -> MidpointFits:
@@ -107,17 +107,17 @@ def _fitted(middles: _Middles, joints: Matrix, with_covariance: bool = False) ->
         return centred, by_z.reshape(*centred.shape, by_z.shape[-1])
 
     start, tolerance = np.zeros((len(joints), int(free.sum()))), _TOLERANCE[middles.sampled]
-    found = levenberg_marquardt(least_squares(residual), start, tolerance=tolerance)
-    x = at(found.x)
+    minima = levenberg_marquardt(least_squares(residual), start, tolerance=tolerance)
+    x = at(minima.x)
     points, _, by_shots = middles.at(x, joints)
     x[:, parameters.group("target")] = middles.means(points).reshape(len(x), -1)
     covariance = np.zeros((len(x), 0, 0))
     if with_covariance:
-        _, jacobian = residual(found.x, np.arange(len(x)))
+        _, jacobian = residual(minima.x, np.arange(len(x)))
         covariance = _sandwich(middles, jacobian, by_shots)
-    converged = found.converged & np.isfinite(covariance).all(axis=(1, 2))
+    converged = minima.converged & np.isfinite(covariance).all(axis=(1, 2))
     return MidpointFits(
-        x, covariance, free, found.cost, points.shape[1], found.iterations, converged, found.reason
+        x, covariance, free, minima.cost, points.shape[1], minima.iterations, converged, minima.reason
     )
 
 
@@ -174,7 +174,7 @@ class _Middles:
         kept = np.linalg.norm(np.cross(direction[first], direction[second]), axis=1) > _PARALLEL
         if not kept.all():
             pairs, lost = len(kept), np.flatnonzero(~kept)
-            i, j = (problem.shot_numbers[own[lost[0]]] for own in (first, second))
+            i, j = (problem.shot_numbers[shots[lost[0]]] for shots in (first, second))
             parallel = (
                 f"{len(lost)} of {pairs} pairs of beams are parallel and have no"
                 f" middle (measurements {i} and {j}, for one): they are left out"
@@ -193,16 +193,16 @@ class _Middles:
         turned = [joints[:, shots].reshape(count * m, n) for shots in self.shots]
         if len(turned) == 2:
             middle = problem.functions.kernel("midpoint")
-            points, own, *by_shots = middle(*turned, arm, tool)
+            points, by_unknowns, *by_shots = middle(*turned, arm, tool)
         else:
             tip = tool if tool.shape[1] else np.tile(problem.tool.point, (count * m, 1))
             points, by = problem.functions.kernel("placed")(*turned, arm, tip)
-            own = by if tool.shape[1] else by[:, :, : arm.shape[1]]
-            by_shots = [own[:, :, parameters.block("offset")]]
+            by_unknowns = by if tool.shape[1] else by[:, :, : arm.shape[1]]
+            by_shots = [by_unknowns[:, :, parameters.block("offset")]]
         jacobian = np.zeros((count, m, 3, len(parameters)))
-        own = own.reshape(count, m, 3, -1)
-        jacobian[..., parameters.arm] = own[..., : arm.shape[1]]
-        jacobian[..., parameters.block("tool")] = own[..., arm.shape[1] :]
+        by_unknowns = by_unknowns.reshape(count, m, 3, -1)
+        jacobian[..., parameters.arm] = by_unknowns[..., : arm.shape[1]]
+        jacobian[..., parameters.block("tool")] = by_unknowns[..., arm.shape[1] :]
         return points.reshape(count, m, 3), jacobian, [by.reshape(count, m, 3, n) for by in by_shots]
 
     def means(self, values: Matrix) -> Matrix:

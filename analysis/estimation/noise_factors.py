@@ -25,34 +25,36 @@ def marginal_noise(problem: Problem, start: Matrix) -> tuple[Matrix, Matrix, boo
     """x (p,) with the noise factors at their marginal mode and all else at its mode given them, its
     covariance (f, f) by the scaled parameters, and whether it settled; `start` (p,) is a fit near it."""
     parameters, density = problem.parameters, Density(problem)
-    own = np.flatnonzero(parameters.group("noise")[parameters.free])  # the noise among the free ones
-    count = len(own)
+    columns = np.flatnonzero(parameters.group("noise")[parameters.free])  # the noise among the free ones
+    count = len(columns)
     units = np.eye(count)
     pairs = [units[i] + units[j] for i, j in zip(*np.tril_indices(count, -1), strict=True)]
     points = _STEP * np.array([np.zeros(count), *units, *-units, *pairs, *(-pair for pair in pairs)])
     held = np.zeros((len(points), density.size), dtype=bool)
-    held[:, own] = True
+    held[:, columns] = True
     climb = Climb(density, np.zeros(len(points), dtype=int), len(points), held)
     v = climb.coordinates.from_parameters(start[None])[0]
     settled = False
     for _ in range(_ROUNDS):
         near = np.tile(v, (len(points), 1))
-        near[:, own] += points
-        found = climb.up(near)
+        near[:, columns] += points
+        minima = climb.up(near)
         # The held have a 1 in the information and no part in its determinant.
-        log_det = np.linalg.slogdet(found.curvature)[1]
-        slope, curvature = _quadratic(-found.cost - log_det / 2, count)
+        log_det = np.linalg.slogdet(minima.curvature)[1]
+        slope, curvature = _quadratic(-minima.cost - log_det / 2, count)
         values, vectors = np.linalg.eigh(curvature)
         step = vectors @ (vectors.T @ slope / np.maximum(np.abs(values), 1e-3))
         step *= min(1.0, _LONGEST / max(float(np.abs(step).max(initial=0.0)), 1e-300))
-        by_noise = (found.x[1 : 1 + count] - found.x[1 + count : 1 + 2 * count]).T / (2 * _STEP)  # (f, count)
-        v = found.x[0] + by_noise @ step
+        by_noise = (minima.x[1 : 1 + count] - minima.x[1 + count : 1 + 2 * count]).T / (
+            2 * _STEP
+        )  # (f, count)
+        v = minima.x[0] + by_noise @ step
         if np.abs(step).max(initial=0.0) < _SETTLED:
-            settled = bool(found.converged.all() and (values > 1e-3).all())
+            settled = bool(minima.converged.all() and (values > 1e-3).all())
             break
     x = climb.coordinates.to_parameters(v[None])[0]
-    rest = np.linalg.inv(found.curvature[0])  # what is held has 1 there, and no part in the others
-    rest[own, own] = 0.0
+    rest = np.linalg.inv(minima.curvature[0])  # what is held has 1 there, and no part in the others
+    rest[columns, columns] = 0.0
     covariance = rest + by_noise @ np.linalg.inv(curvature) @ by_noise.T
     by_v = climb.coordinates.jacobian(x[None])[0]
     return x, by_v @ covariance @ by_v.T, settled

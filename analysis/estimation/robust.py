@@ -53,7 +53,7 @@ def fit_robust(problem: Problem, fit: LikelihoodFit, loss: Loss) -> RobustFit:
     An estimated noise scale is taken from the median residual, which outliers hardly move; noise factors are
     kept as they were fitted, and x is without them.
     """
-    d = problem.tool.miss_size
+    d = problem.tool.residual_size
     known, x = problem.with_noise_of(fit.x)
     tuning = float(np.sqrt(scipy.special.chdtri(d, 1 - _HUBER_SHARE))) if loss == "huber" else STUDENT_NU
     density, weights = Density(known), np.ones(problem.shots)
@@ -81,11 +81,11 @@ def fit_robust(problem: Problem, fit: LikelihoodFit, loss: Loss) -> RobustFit:
         if settled:
             converged, reason = True, "the weights settled"
             break
-        found = modes(density.weighted((weights / scale**2)[None]), x[None])
-        if not found.converged[0]:
-            reason = found.reason[0]
+        minima = modes(density.weighted((weights / scale**2)[None]), x[None])
+        if not minima.converged[0]:
+            reason = minima.reason[0]
             break
-        x = found.x[0]
+        x = minima.x[0]
     length = np.sqrt(density.quads(x)) / scale
     return RobustFit(
         loss,
@@ -122,7 +122,7 @@ def _sandwich(
     The bread is the curvature of the loss and not the weights': a far residual pulls less the farther it is,
     and Student's even less than before (Huber & Ronchetti 2009, section 7.6).
     """
-    d, rows = problem.tool.miss_size, problem.shots * problem.tool.miss_size
+    d, rows = problem.tool.residual_size, problem.shots * problem.tool.residual_size
     whitened = problem.whiten(x)
     jacobian = problem.roots(whitened) / scale
     residuals = whitened.residual[:rows].reshape(problem.shots, d) / scale
@@ -144,10 +144,10 @@ def _sandwich(
     return covariance
 
 
-def outlying(length: Matrix, d: int, chance: float, dof: int | None = None) -> Index:
+def outlying(length: Matrix, d: int, level: float, dof: int | None = None) -> Index:
     """Shots whose whitened residuals are longer than one of N normal residuals is with probability `chance`,
     the longest first. `dof` are those of an estimated noise scale: the squares are then F's."""
-    share = chance / max(len(length), 1)
+    share = level / max(len(length), 1)
     limit = np.sqrt(
         scipy.special.chdtri(d, share) if dof is None else d * scipy.special.fdtri(d, dof, 1 - share)
     )

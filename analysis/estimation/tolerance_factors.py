@@ -41,10 +41,10 @@ def with_factors(fit: LikelihoodFit) -> tuple[LikelihoodFit, Factors]:
     at = np.zeros(2)
     for _ in range(_ROUNDS):
         near = _Linear(fit, at)
-        found = scipy.optimize.minimize(
-            lambda own, near=near: -near.log_evidence(own), at, method="BFGS", options={"eps": 1e-4}
+        logarithms = scipy.optimize.minimize(
+            lambda trial, near=near: -near.log_evidence(trial), at, method="BFGS", options={"eps": 1e-4}
         ).x
-        moved, at = float(np.abs(found - at).max()), found
+        moved, at = float(np.abs(logarithms - at).max()), logarithms
         fit = fit_from(fit.problem.with_geometry(nominal.scaled(*np.exp(at).tolist())), fit.x)
         if moved < _SETTLED or not fit.converged:
             break
@@ -70,7 +70,7 @@ class _Linear:
     def __init__(self, fit: LikelihoodFit, at: Matrix) -> None:
         problem, root = fit.problem, np.sqrt(fit.weight)
         free = problem.parameters.free
-        rows = problem.shots * problem.tool.miss_size
+        rows = problem.shots * problem.tool.residual_size
         jacobian, residual = fit.whitened.jacobian[:, free].copy(), fit.whitened.residual.copy()
         jacobian[:rows] *= root
         residual[:rows] *= root
@@ -96,7 +96,7 @@ class _Linear:
 
     def slopes(self, at: Matrix) -> Matrix:
         """(f, 2) of the mode by the logarithms, in the units of the fit."""
-        ends = [(self._step(at + own)[0], self._step(at - own)[0]) for own in _STEP * np.eye(2)]
+        ends = [(self._step(at + step)[0], self._step(at - step)[0]) for step in _STEP * np.eye(2)]
         return np.array([(up - down) / (2 * _STEP) for up, down in ends]).T
 
     def curvature(self, at: Matrix) -> Matrix:
@@ -121,5 +121,5 @@ def _kinds(problem: Problem) -> Matrix:
     items = [item for item in problem.parameters.items if not item.held]
     lengths = [item.of.startswith("link") and item.axis not in ANGLES for item in items]
     angles = [item.of.startswith("link") and item.axis in ANGLES for item in items]
-    own = np.array([item.group == "geometry" for item in items])
-    return np.stack([own & np.array(lengths), own & np.array(angles)], axis=1).astype(float)
+    of_geometry = np.array([item.group == "geometry" for item in items])
+    return np.stack([of_geometry & np.array(lengths), of_geometry & np.array(angles)], axis=1).astype(float)

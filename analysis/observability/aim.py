@@ -10,9 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...model.arrays import Matrix
+from ...model.arrays import Mask, Matrix
 from ...model.files.plan import Plan
 from ...model.likelihood.problem import Problem
 from ..estimation.threads import one_blas_thread
@@ -32,8 +31,8 @@ class Aimed:
 
     problem: Problem
     off_mm: Matrix
-    hit: NDArray[np.bool_]
-    ahead: NDArray[np.bool_]
+    hit: Mask
+    ahead: Mask
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,40 +82,42 @@ def aim(problem: Problem, x: Matrix, weights: Matrix) -> Aimed:
     """
     scale = np.array([1.0 if joint.kind == "revolute" else 1000.0 for joint in problem.robot.joints])
     weights = weights * scale**2
-    d = problem.tool.miss_size
+    d = problem.tool.residual_size
     joints = problem.joints.copy()
-    miss, jacobian = problem.linearise(x)
-    off = np.linalg.norm(miss, axis=1)
-    best, best_miss = joints.copy(), off.copy()
+    residual, jacobian = problem.linearise(x)
+    off = np.linalg.norm(residual, axis=1)
+    best, smallest = joints.copy(), off.copy()
     active = np.arange(problem.shots)
     # Where no joint may be turned there is nothing to do.
     before_last_step = np.full(problem.shots, np.inf if weights.any() else 0.0)
     for _ in range(_ITERATIONS):
         # One step more than the hit needs: an exact gauge shows as one only where the miss is rounding.
         going_on = before_last_step[active] >= _HIT_MM * 1e-3
-        active, miss, jacobian = active[going_on], miss[going_on], jacobian[going_on]
+        active, residual, jacobian = active[going_on], residual[going_on], jacobian[going_on]
         if len(active) == 0:
             break
-        before_last_step[active] = best_miss[active]
+        before_last_step[active] = smallest[active]
         by_joints = problem.by_joints(jacobian)
         gram = (by_joints * weights) @ by_joints.transpose(0, 2, 1)
         damping = 1e-12 * np.trace(gram, axis1=1, axis2=2) + 1e-30
         gram += damping[:, None, None] * np.eye(d)
-        step = -(weights * (by_joints.transpose(0, 2, 1) @ np.linalg.solve(gram, miss[:, :, None]))[:, :, 0])
+        step = -(
+            weights * (by_joints.transpose(0, 2, 1) @ np.linalg.solve(gram, residual[:, :, None]))[:, :, 0]
+        )
         largest = np.abs(step / scale).max(axis=1)
         step *= np.minimum(1.0, _LARGEST_STEP / np.maximum(largest, 1e-300))[:, None]
         joints[active] += step
-        miss, jacobian = problem.linearise(x, joints[active], active)
-        size = np.linalg.norm(miss, axis=1)
-        better = size < best_miss[active]
+        residual, jacobian = problem.linearise(x, joints[active], active)
+        size = np.linalg.norm(residual, axis=1)
+        better = size < smallest[active]
         nearer = active[better]
-        best[nearer], best_miss[nearer] = joints[nearer], size[better]
+        best[nearer], smallest[nearer] = joints[nearer], size[better]
     aimed = problem.moved(best)
-    return Aimed(aimed, off, best_miss < _HIT_MM, _ahead(aimed, x))
+    return Aimed(aimed, off, smallest < _HIT_MM, _ahead(aimed, x))
 
 
-def _ahead(problem: Problem, x: Matrix) -> NDArray[np.bool_]:
+def _ahead(problem: Problem, x: Matrix) -> Mask:
     origin, direction = problem.beams(x)
     targets = problem.split(np.broadcast_to(x, (problem.shots, x.shape[-1]))).targets
-    own = targets[np.arange(problem.shots), problem.target_index]
-    return np.asarray(((own - origin) * direction).sum(axis=1) >= 0)
+    targets_of_shots = targets[np.arange(problem.shots), problem.target_index]
+    return np.asarray(((targets_of_shots - origin) * direction).sum(axis=1) >= 0)

@@ -1,13 +1,16 @@
-"""Why a parameter is held, or the data do not determine it: causes as data. Their sentences and remedies are
-made in `words`."""
+"""Why a parameter is held, or the data do not determine it: causes as data, and the null-space direction that
+a status is due to. Their sentences and remedies are made in `words`."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from ...model.likelihood.parameters import HeldBy
+from ...model.likelihood.parameters import HeldBy, Parameter
 from ...model.likelihood.tool import ToolKind
+from ..status import Status
 
 
 @dataclass(frozen=True)
@@ -174,3 +177,34 @@ class NullDirection:
     kind: Literal["exact", "noise", "optima"]
     cause: Cause
     data_std: float | None = None
+
+
+def worst_direction(null_space: Sequence[NullDirection], name: str) -> NullDirection:
+    """The direction that a weak or unidentifiable parameter owes its status to.
+
+    A parameter is part of the way to another optimum only if it would be determined without that optimum.
+    """
+    taking_part = [direction for direction in null_space if name in direction.combination]
+    taking_part = [direction for direction in taking_part if direction.kind == "optima"] or taking_part
+    if not taking_part:
+        return NullDirection({name: 1.0}, "noise", NotResolvable())
+    return max(taking_part, key=lambda direction: _share(direction, name))
+
+
+def _share(direction: NullDirection, name: str) -> float:
+    """Std that the direction gives to one of its parameters, in prior stds (infinite for a gauge)."""
+    if direction.data_std is None:
+        return math.inf
+    weights = direction.combination
+    return abs(weights[name]) * direction.data_std / math.hypot(*weights.values())
+
+
+def cause_for(null_space: Sequence[NullDirection], item: Parameter, status: Status) -> Cause | None:
+    """Why a parameter has no number, or a poor one; None for an identified one."""
+    if item.held_by is not None:
+        return Held(item.held_by)
+    if item.group == "geometry" and status == "unidentifiable":
+        return ToleranceOnly()
+    if status == "unvalidated":
+        return NotTheModel()
+    return None if status == "identified" else worst_direction(null_space, item.name).cause

@@ -1,15 +1,14 @@
-"""Will this plan work? The verdict on a plan before any shot."""
+"""The verdict on a plan before any measurement."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...model.arrays import Matrix
+from ...model.arrays import Mask, Matrix
 from ...model.errors import BadInput
 from ...model.files.plan import Plan
 from ...model.kinematics.pendant import beyond_limits, nearest_limit
@@ -19,16 +18,45 @@ from ..estimation.threads import one_blas_thread
 from ..rows import Rows, frame
 from ..status import Status, Verdict, known, require_no_more_than, verdict_of, versions
 from .aim import Aimed, AimedPlan, aim_plan
-from .causes import Cause
-from .consider import tolerance_share
-from .geometry import GeometryResult, geometry_result
+from .causes import Cause, cause_for
+from .geometry import GeometryResult, geometry_result, tolerance_share
 from .identifiability import Identifiability, identify
 from .outlook import Advice, CurvePoint, OverTarget, advice, curve, over_target, predicted_covariance
-from .verdict import cause_for
-from .violations import PlanVerdict, Violation
 
 if TYPE_CHECKING:
     import pandas as pd
+
+# "violated": the plan breaks its own constraints, whatever it would determine.
+PlanVerdict = Verdict | Literal["violated"]
+Condition = Literal["limits", "behind", "beam_mm", "facing", "itself", "cell", "beam"]
+
+
+@dataclass(frozen=True)
+class Violation:
+    """Posture `posture` (from 0) breaks `constraint`, a key of the plan's `constraints`.
+
+    `condition`: "limits" (a joint is nearer to a limit than the margin), "beam_mm", "facing", "itself" (the
+    arm touches itself), "cell" (it touches the floor or a box), "beam" (a box is in the beam's way). `at` is
+    the value found, `lowest` to `highest` are allowed, in `unit`; None for what is touched. `joint` (from 1)
+    is that of "limits", `via` (from 0) an intermediate posture on the way to the posture. `planned`: it is
+    broken by the posture as written, and no longer once the wrist is turned onto the target.
+    """
+
+    posture: int
+    constraint: Literal["acceptance_deg", "beam_mm", "margin_deg", "obstacles"]
+    condition: Condition
+    at: float | None = None
+    lowest: float | None = None
+    highest: float | None = None
+    unit: str | None = None
+    joint: int | None = None
+    via: int | None = None
+    planned: bool = False
+
+    @property
+    def unseen(self) -> bool:
+        """Whether the posture gives no measurement: the beam does not come to the front of the target."""
+        return self.condition in ("facing", "beam")
 
 
 @dataclass(frozen=True)
@@ -273,11 +301,11 @@ def without_posture(
         posture,
         verdict_of(identified.status[offsets]),
         {item.name: status for item, status, _ in judged},
-        {item.name: float(own) * item.display if known(status) else None for item, status, own in judged},
+        {item.name: float(value) * item.display if known(status) else None for item, status, value in judged},
     )
 
 
-def _taken(aimed: Aimed, violations: tuple[Violation, ...]) -> NDArray[np.bool_]:
+def _taken(aimed: Aimed, violations: tuple[Violation, ...]) -> Mask:
     """(N,) which postures give a measurement; all that hit where no beam comes to its target's face."""
     taken = aimed.hit & aimed.ahead
     taken[[each.posture for each in violations if each.unseen]] = False
@@ -304,9 +332,9 @@ def _stated_spread(plan: Plan, problem: Problem) -> Matrix:
     """(p,) std of each target's position, mm; 0 where the header does not state its sigma."""
     spread = np.zeros(len(problem.parameters))
     for k, name in enumerate(problem.targets):
-        stated = plan.header.targets.get(name)
-        if stated is not None and "sigma_mm" in stated.model_fields_set and stated.guess_mm is not None:
-            spread[problem.parameters.block("target", k)] = stated.sigma_mm
+        target = plan.header.targets.get(name)
+        if target is not None and "sigma_mm" in target.model_fields_set and target.guess_mm is not None:
+            spread[problem.parameters.block("target", k)] = target.sigma_mm
     return spread
 
 

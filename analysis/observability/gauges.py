@@ -8,12 +8,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...model.arrays import Matrix
+from ...model.arrays import Mask, Matrix
 from ...model.likelihood.problem import Problem
 from .aim import aim, moving_joints
-from .tolerances import spanned
 
 ROUNDING = 1e-11  # singular values below this share of a unit column are rounding
 _ROUNDING_SPECIAL = 1e-9  # the same beside a special point, where shots come to hit by small steps only
@@ -42,10 +40,10 @@ class Gauge:
     aimed: Problem
     jacobian: Matrix
     basis: Matrix
-    part: NDArray[np.bool_]
+    part: Mask
     dimension: int
-    exact_part: NDArray[np.bool_]
-    spanned: NDArray[np.bool_]
+    exact_part: Mask
+    spanned: Mask
 
 
 def gauge_of(problem: Problem, x: Matrix, weight: float) -> Gauge:
@@ -70,54 +68,52 @@ def gauge_of(problem: Problem, x: Matrix, weight: float) -> Gauge:
             aimed, jacobian, _ = information_root(problem, least_told.x, weight)
             null = _null_space(jacobian, _ROUNDING_SPECIAL)
     dimension, exact_part = _confirm(null, near_by, followed)
-    taken_up += [spanned(own.jacobian, tolerated) for own in near_by if own.same or not followed]
+    taken_up += [spanned(point.jacobian, tolerated) for point in near_by if point.same or not followed]
     every = np.any(taken_up, axis=0)
     return Gauge(aimed, jacobian, null.basis, null.part, dimension, exact_part, every)
 
 
-def information_root(problem: Problem, x: Matrix, weight: float) -> tuple[Problem, Matrix, NDArray[np.bool_]]:
+def information_root(problem: Problem, x: Matrix, weight: float) -> tuple[Problem, Matrix, Mask]:
     """The problem at shots that hit the centre, A (M, f) there by the free parameters, and (N,) which hit."""
     return _information_root(problem, x.tobytes(), weight)
 
 
 @lru_cache(maxsize=1)  # of one run it is asked for several times
-def _information_root(problem: Problem, x: bytes, weight: float) -> tuple[Problem, Matrix, NDArray[np.bool_]]:
-    (found,) = information_roots(problem, np.frombuffer(x)[None], weight)
-    for own in found[1:]:
-        own.flags.writeable = False
-    return found
+def _information_root(problem: Problem, x: bytes, weight: float) -> tuple[Problem, Matrix, Mask]:
+    (root,) = information_roots(problem, np.frombuffer(x)[None], weight)
+    for array in root[1:]:
+        array.flags.writeable = False
+    return root
 
 
-def information_roots(
-    problem: Problem, xs: Matrix, weight: float
-) -> list[tuple[Problem, Matrix, NDArray[np.bool_]]]:
+def information_roots(problem: Problem, xs: Matrix, weight: float) -> list[tuple[Problem, Matrix, Mask]]:
     """`information_root` at many points (k, p), whose shots are aimed side by side.
 
     Recorded spots are noise: kept, they would pass for information on the roll of the beam's axes.
     """
     centred, shots = problem.moved(problem.joints, np.zeros_like(problem.spots)), problem.shots
     weights, at_once = moving_joints(problem.joints), max(1, _AIMED_AT_ONCE // max(shots, 1))
-    found = []
+    roots = []
     for some in (xs[i : i + at_once] for i in range(0, len(xs), at_once)):
         every = centred.select(np.tile(np.arange(shots), len(some)))
         aimed = aim(every, np.repeat(some, shots, axis=0), weights)
         for k, x in enumerate(some):
-            own = slice(k * shots, (k + 1) * shots)
-            there = centred.moved(aimed.problem.joints[own])
-            found.append((there, _root(there, x, weight), aimed.hit[own]))
-    return found
+            rows = slice(k * shots, (k + 1) * shots)
+            there = centred.moved(aimed.problem.joints[rows])
+            roots.append((there, _root(there, x, weight), aimed.hit[rows]))
+    return roots
 
 
 def _root(aimed: Problem, x: Matrix, weight: float) -> Matrix:
     """A (M, f) for the free parameters, of shots that hit at x."""
     whitened = aimed.whiten(x)
-    rows = aimed.shots * aimed.tool.miss_size
+    rows = aimed.shots * aimed.tool.residual_size
     jacobian, parameters = whitened.jacobian, aimed.parameters
     jacobian[:rows] *= np.sqrt(weight)
     if aimed.noise.separate:
         # The misses tell the noise by their scatter, not by where they are.
-        _, own = aimed.linearise(x)
-        root = np.linalg.cholesky(aimed.noise_information(x, own, whitened.factor)).T
+        _, jacobian_mm = aimed.linearise(x)
+        root = np.linalg.cholesky(aimed.noise_information(x, jacobian_mm, whitened.factor)).T
         noise = parameters.group("noise")
         jacobian = np.vstack([jacobian, np.zeros((2, len(noise)))])
         jacobian[-2:, noise] = root * parameters.prior_std[noise]
@@ -131,7 +127,7 @@ class _NullSpace:
     """Numerical null space: an orthonormal `basis` (f, g), and (f,) which parameters have a `part` in it."""
 
     basis: Matrix
-    part: NDArray[np.bool_]
+    part: Mask
 
     @property
     def size(self) -> int:
@@ -164,6 +160,26 @@ def _null_space(jacobian: Matrix, rounding: float = ROUNDING) -> _NullSpace:
     return _NullSpace(basis, part)
 
 
+def spanned(jacobian: Matrix, tolerated: Mask) -> Mask:
+    """(g,) which geometry parameters do to the data what the others that are free can do as well.
+
+    From A (M, f), of which the last g rows are the tolerances. Rounding hides it in a std: one direction that
+    the data see a million times better than a tolerance is enough.
+    """
+    count = int(tolerated.sum())
+    if count == 0:
+        return np.zeros(0, dtype=bool)
+    data = jacobian[: len(jacobian) - count]
+    geometry, others = data[:, tolerated], data[:, ~tolerated]
+    length = np.linalg.norm(others, axis=0)
+    left, singular, _ = np.linalg.svd(others / np.where(length > 0, length, 1.0), full_matrices=False)
+    kept = left[:, singular > ROUNDING * max(1.0, float(singular.max(initial=0.0)))]
+    beyond = geometry - kept @ (kept.T @ geometry)
+    largest = float(np.linalg.norm(jacobian, axis=0).max(initial=0.0))
+    bound = np.maximum(PART * np.linalg.norm(geometry, axis=0), ROUNDING * max(1.0, largest))
+    return np.asarray(np.linalg.norm(beyond, axis=0) <= bound)
+
+
 def complement(basis: Matrix) -> Matrix:
     """(f, f - g) orthonormal basis of what is orthogonal to `basis` (f, g)."""
     if basis.shape[1] == 0:
@@ -171,7 +187,7 @@ def complement(basis: Matrix) -> Matrix:
     return np.linalg.qr(basis, mode="complete")[0][:, basis.shape[1] :]
 
 
-def _followed(aimed: Problem, x: Matrix, hit: NDArray[np.bool_], moving: NDArray[np.bool_]) -> bool:
+def _followed(aimed: Problem, x: Matrix, hit: Mask, moving: Mask) -> bool:
     """Whether the shots of `hit` (N,) can go on hitting, by a small turn of the joints `moving` (n,), where x
     changes a little.
 
@@ -179,9 +195,9 @@ def _followed(aimed: Problem, x: Matrix, hit: NDArray[np.bool_], moving: NDArray
     function theorem). If not, the shots that hit near by are others, and may tell less: a beam along the
     last axis hits at any turn of that joint, one beside it at two turns only.
     """
-    _, own = aimed.linearise(x)
-    by_joints = (aimed.by_joints(own) * _joint_scale(aimed))[hit][:, :, moving]
-    if by_joints.shape[2] < aimed.tool.miss_size:
+    _, jacobian_mm = aimed.linearise(x)
+    by_joints = (aimed.by_joints(jacobian_mm) * _joint_scale(aimed))[hit][:, :, moving]
+    if by_joints.shape[2] < aimed.tool.residual_size:
         return len(by_joints) == 0
     singular = np.linalg.svd(by_joints, compute_uv=False)
     return bool((singular[:, -1] > _CANNOT_FOLLOW * singular[:, 0]).all())
@@ -198,7 +214,7 @@ class _NearBy:
     same: bool
 
 
-def _near_by(problem: Problem, x: Matrix, aimed: Problem, hit: NDArray[np.bool_]) -> list[_NearBy]:
+def _near_by(problem: Problem, x: Matrix, aimed: Problem, hit: Mask) -> list[_NearBy]:
     """A few points beside x at which all shots of `hit` (N,), `aimed` at x, hit. There may be none.
 
     A shot that misses breaks a gauge that it has where it hits, and so does one that jumps to another
@@ -218,12 +234,10 @@ def _near_by(problem: Problem, x: Matrix, aimed: Problem, hit: NDArray[np.bool_]
     return _hit_near(problem, x, hit, steps, _CONFIRMATIONS, _NEARER_FOLLOWED, judged)
 
 
-def _near_special(
-    problem: Problem, x: Matrix, hit: NDArray[np.bool_], target_mm: float, points: int
-) -> list[_NearBy]:
+def _near_special(problem: Problem, x: Matrix, hit: Mask, target_mm: float, points: int) -> list[_NearBy]:
     """At most `points` points beside x, with the target about `target_mm` off, at which all shots of `hit`
     (N,) can hit: they need not be the same. Joints fewer than a miss has coordinates reach no other point."""
-    if np.count_nonzero(moving_joints(problem.joints)) < problem.tool.miss_size:
+    if np.count_nonzero(moving_joints(problem.joints)) < problem.tool.residual_size:
         return []
     # Other directions at every distance.
     rng = np.random.default_rng([2014, int(10 * target_mm)])
@@ -238,7 +252,7 @@ def _near_special(
 def _hit_near(
     problem: Problem,
     x: Matrix,
-    hit: NDArray[np.bool_],
+    hit: Mask,
     steps: Iterator[Matrix],
     points: int,
     nearer: int,
@@ -250,7 +264,7 @@ def _hit_near(
     All are tried side by side, then those again that have not hit, by half the way, up to `nearer` times.
     `judged` says of one that hits (x and A there) what it is, and whether it will do.
     """
-    found: list[tuple[int, _NearBy]] = []
+    points_found: list[tuple[int, _NearBy]] = []
     left = list(range(points))
     for halved in range(nearer):
         others = np.array([x + next(steps) / 2**halved for _ in left]).reshape(len(left), len(x))
@@ -261,11 +275,11 @@ def _hit_near(
             enough = False
             if still[hit].all():
                 point, enough = judged(other, jacobian)
-                found.append((k, point))
+                points_found.append((k, point))
             if not enough:
                 missing.append(k)
         left = missing
-    return [point for _, point in sorted(found, key=lambda own: own[0])]
+    return [point for _, point in sorted(points_found, key=lambda numbered: numbered[0])]
 
 
 def _step(problem: Problem, rng: np.random.Generator, target_mm: float) -> Matrix:
@@ -279,20 +293,20 @@ def _step(problem: Problem, rng: np.random.Generator, target_mm: float) -> Matri
     return np.where(parameters.free, rng.normal(size=len(parameters)) * size, 0.0)
 
 
-def _same_shots(aimed: Problem, x: Matrix, other: Matrix, hit: NDArray[np.bool_], weights: Matrix) -> bool:
+def _same_shots(aimed: Problem, x: Matrix, other: Matrix, hit: Mask, weights: Matrix) -> bool:
     """Whether the shots of `hit` (N,), aimed at x, come to hit at `other` as their Jacobian at x foretells:
     one step of Newton's by the joints with a weight (n,) leaves little of what they miss by."""
     weights = weights * _joint_scale(aimed) ** 2
-    _, own = aimed.linearise(x)
-    miss, _ = aimed.linearise(other)
-    by_joints = aimed.by_joints(own)[hit]
+    _, jacobian_mm = aimed.linearise(x)
+    residual, _ = aimed.linearise(other)
+    by_joints = aimed.by_joints(jacobian_mm)[hit]
     gram = (by_joints * weights) @ by_joints.transpose(0, 2, 1)
     gram += 1e-12 * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(gram.shape[1])  # as `aim` does
-    across = np.linalg.solve(gram, miss[hit][:, :, None])
+    across = np.linalg.solve(gram, residual[hit][:, :, None])
     joints = aimed.joints.copy()
     joints[hit] -= weights * (by_joints.transpose(0, 2, 1) @ across)[:, :, 0]
     left, _ = aimed.linearise(other, joints)
-    before, after = (np.linalg.norm(own_miss[hit], axis=1) for own_miss in (miss, left))
+    before, after = (np.linalg.norm(moved[hit], axis=1) for moved in (residual, left))
     return bool((after <= _FORETOLD * before + _HIT_MM).all())
 
 
@@ -301,7 +315,7 @@ def _joint_scale(problem: Problem) -> Matrix:
     return np.array([1.0 if joint.kind == "revolute" else 1000.0 for joint in problem.robot.joints])
 
 
-def _confirm(null: _NullSpace, near_by: list[_NearBy], followed: bool) -> tuple[int, NDArray[np.bool_]]:
+def _confirm(null: _NullSpace, near_by: list[_NearBy], followed: bool) -> tuple[int, Mask]:
     """Dimension of the exact gauge and (f,) which parameters have a part in it, from the null space
     at the point judged and those near by.
 

@@ -1,31 +1,147 @@
-"""What the data can tell, and what not: statuses, null directions and why (section 2 of the design).
+"""What the data determine, and what not: statuses, null-space directions and their causes (design, section
+2).
 
-Everything follows from A, the Jacobian of the whitened misses by the scaled parameters, taken at
-shots that hit. There is no pseudo-inverse here: where the data say nothing, the answer is None.
-"""
+Everything follows from A, the Jacobian of the whitened residuals by the scaled parameters, taken at
+measurements that hit. There is no pseudo-inverse here: where the data say nothing, the answer is None.
+
+The cause of a direction is tested, not guessed. A mechanism is a set of parameters that can move together
+without changing the residuals. It explains a null-space direction if a direction within that set alone is
+null (or as nearly null) too."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...model.arrays import Matrix
+from ...model.arrays import Mask, Matrix
 from ...model.likelihood.parameters import Parameters
 from ...model.likelihood.problem import Problem
 from ..status import Status
-from .causes import NullDirection
+from .causes import (
+    BaseFrame,
+    Cause,
+    CommonMotion,
+    NoiseSplit,
+    NullDirection,
+    OnAxis,
+    OnePosition,
+    ParallelAxes,
+    TargetUnseen,
+    TooFewMeasurements,
+    ToolAgainstTarget,
+    ToolRotation,
+    Unexplained,
+)
 from .gauges import PART, ROUNDING, complement, gauge_of
-from .mechanisms import Mechanism, mechanisms, unexplained
-from .tolerances import without_own
 
+_CONSTANT = 1e-9  # degrees or mm
+_NEARLY_CONSTANT_DEG = 10.0
+_NEARLY_CONSTANT_MM = 50.0
+_PARALLEL = 1e-9  # of the cosine
+_NO_SUPPORT = np.zeros(0, dtype=bool)
+_NO_INFORMATION = 1e-8  # on a geometry parameter, beside that of its tolerance
 _AS_KNOWN = 1 - 1e-6  # singular value of a direction of which the data tell no more than a unit prior
 _NEW = 1e-4  # a null direction is not yet told if this part of it is outside those found
 _AS_NEARLY_NULL = 3.0  # a mechanism explains a direction if it is null to within this factor
 _NEGLIGIBLE = 1e-3  # terms of a combination whose effect is below this share are left out
 _LARGEST_TERMS = 8  # of a direction without a known mechanism, which may have a little of everything
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanism:
+    """`support` (p,) marks the parameters that move together."""
+
+    support: Mask
+    cause: Cause
+
+
+def mechanisms(problem: Problem) -> Iterator[Mechanism]:
+    """The known mechanisms for these measurements, the most special first."""
+    n, parameters, free = problem.robot.n, problem.parameters, problem.parameters.free
+    targets, tool = parameters.group("target"), parameters.group("tool")
+
+    def offset(i: int) -> Mask:
+        return np.equal(np.arange(len(parameters)), i)
+
+    for which, name in enumerate(problem.targets):
+        only = np.zeros(len(parameters), dtype=bool)
+        only[parameters.block("target", which)] = True
+        yield Mechanism(only, TargetUnseen(name, int((problem.target_index == which).sum())))
+    # Without its own offset among the unknowns a mechanism would explain what others do.
+    if free[0]:
+        yield Mechanism(offset(0) | targets, BaseFrame())
+    if problem.noise.separate:
+        yield Mechanism(parameters.group("noise"), NoiseSplit())
+    yield Mechanism(offset(n - 1), OnAxis(problem.tool.kind, n))
+    if tool.any() and free[n - 1]:
+        yield Mechanism(offset(n - 1) | tool, ToolRotation(problem.tool.kind, n))
+    spread = np.ptp(problem.joints, axis=0) * problem.robot.display
+    for k in range(1, n):
+        if free[k]:
+            yield Mechanism(offset(k) | targets, _common_motion(problem, spread, k))
+    # Of too few measurements almost any pair of axes looks inseparable: that is no property of the axes.
+    enough = too_few_measurements(problem, int(free.sum())) is None
+    parallel = _parallel_axes(problem)
+    for i, j in combinations(np.flatnonzero(free[:n]), 2):
+        if enough and parallel[i, j]:
+            yield Mechanism(offset(int(i)) | offset(int(j)) | targets, ParallelAxes(int(i) + 1, int(j) + 1))
+    if tool.any():
+        yield Mechanism(tool | targets, ToolAgainstTarget())
+
+
+def _common_motion(problem: Problem, spread: Matrix, k: int) -> CommonMotion:
+    """The motion of everything after joint k (1 … k do not change, or hardly).
+
+    `spread` (n,) is the range of each joint over the measurements, degrees or mm.
+    """
+    revolute = np.array([joint.kind == "revolute" for joint in problem.robot.joints])
+    before, turning = spread[:k], revolute[:k]
+
+    def largest(chosen: Mask) -> float | None:
+        return float(before[chosen].max()) if chosen.any() else None
+
+    return CommonMotion(
+        joint=k + 1,
+        revolute=tuple(bool(each) for each in revolute[: k + 1]),
+        range_deg=largest(turning),
+        range_mm=largest(~turning),
+        constant=bool(before.max() <= _CONSTANT),
+        nearly_constant=bool((before <= np.where(turning, _NEARLY_CONSTANT_DEG, _NEARLY_CONSTANT_MM)).all()),
+    )
+
+
+def _parallel_axes(problem: Problem) -> Mask:
+    """(n, n) True where two joint axes are parallel in every shot."""
+    (axes,) = problem.functions.kernel("axes")(
+        problem.joints, problem.split(problem.parameters.prior_mean).arm
+    )
+    axes = axes.reshape(-1, 3, problem.robot.n)  # the kernel gives one column without its axis
+    cosine = np.abs(axes.transpose(0, 2, 1) @ axes).min(axis=0)
+    return np.asarray(cosine > 1 - _PARALLEL)
+
+
+def unexplained(problem: Problem, size: int) -> Mechanism:
+    """What explains a direction that no single mechanism explains."""
+    few = too_few_measurements(problem, size)
+    if few is not None:
+        return few
+    one_position = problem.tool.kind == "probe" and len(problem.targets) == 1
+    return Mechanism(_NO_SUPPORT, OnePosition() if one_position else Unexplained())
+
+
+def too_few_measurements(problem: Problem, size: int) -> Mechanism | None:
+    """The mechanism of having fewer numbers than unknowns, or None where there are enough."""
+    if problem.data_size >= size:
+        return None
+    needed = -(-size // problem.tool.residual_size)
+    return Mechanism(
+        np.ones(len(problem.parameters), dtype=bool),
+        TooFewMeasurements(problem.shots, problem.data_size, size, needed),
+    )
 
 
 @dataclass(frozen=True)
@@ -58,8 +174,8 @@ def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
     `weight` is 1 / noise scale^2 (shots only).
     """
     parameters, free = problem.parameters, problem.parameters.free
-    found = gauge_of(problem, x, weight)
-    jacobian, gauge = found.jacobian, found.basis
+    gauge_found = gauge_of(problem, x, weight)
+    jacobian, gauge = gauge_found.jacobian, gauge_found.basis
     keep = complement(gauge)
     _, singular, right = np.linalg.svd(jacobian @ keep, full_matrices=False)
     floor = ROUNDING * max(float(singular.max(initial=0.0)), 1.0)
@@ -69,15 +185,17 @@ def identify(problem: Problem, x: Matrix, weight: float = 1.0) -> Identified:
         singular = np.append(singular, np.full(directions.shape[1] - len(singular), floor))
     share = (directions / singular) ** 2
     scaled_std = np.sqrt(share.sum(axis=1))
-    scaled_std = np.where(found.part, np.maximum(scaled_std, 1 / floor), scaled_std)
-    scaled_std = np.where(found.exact_part, np.inf, scaled_std)
+    scaled_std = np.where(gauge_found.part, np.maximum(scaled_std, 1 / floor), scaled_std)
+    scaled_std = np.where(gauge_found.exact_part, np.inf, scaled_std)
 
     tolerated = parameters.group("geometry")[free]
-    scaled_std[tolerated] = without_own(scaled_std[tolerated], found.spanned)
+    scaled_std[tolerated] = _without_own_tolerance(scaled_std[tolerated], gauge_found.spanned)
     status, data_std = _statuses(parameters, scaled_std)
     null_space = [
-        *_exact_directions(found.aimed, jacobian, gauge, found.dimension),
-        *_noise_directions(found.aimed, jacobian, directions, singular, share, status, found.exact_part),
+        *_exact_directions(gauge_found.aimed, jacobian, gauge, gauge_found.dimension),
+        *_noise_directions(
+            gauge_found.aimed, jacobian, directions, singular, share, status, gauge_found.exact_part
+        ),
     ]
     size = int(free.sum())
     spectrum = np.append(singular, np.zeros(gauge.shape[1]))
@@ -98,8 +216,8 @@ def no_better_than(problem: Problem, identified: Identified, std: Matrix) -> Ide
     larger than the one that the Jacobian promises.
     """
     status: list[Status] = [
-        "weak" if own == "identified" and spread > item.tolerance else own
-        for own, item, spread in zip(identified.status, problem.parameters.items, std, strict=True)
+        "weak" if status_of == "identified" and spread > item.tolerance else status_of
+        for status_of, item, spread in zip(identified.status, problem.parameters.items, std, strict=True)
     ]
     return replace(identified, status=tuple(status))
 
@@ -117,6 +235,13 @@ def observability(singular: Matrix, shots: int) -> dict[str, float | None]:
         "O4": smallest**2 / largest,
         "O5": float(1 / (1 / singular).sum()),
     }
+
+
+def _without_own_tolerance(scaled_std: Matrix, unbounded: Mask) -> Matrix:
+    """(g,) std of geometry parameters, in tolerances, without the tolerance of each its own (that of the
+    others stays): what the data add, nothing for those that are `unbounded` (g,)."""
+    added = np.where(unbounded, 0.0, 1 / scaled_std**2 - 1)
+    return np.where(added > _NO_INFORMATION, 1 / np.sqrt(np.maximum(added, _NO_INFORMATION)), np.inf)
 
 
 def _statuses(parameters: Parameters, scaled_std: Matrix) -> tuple[tuple[Status, ...], Matrix]:
@@ -138,7 +263,7 @@ def _exact_directions(
 ) -> list[NullDirection]:
     """Name the null space direction by direction: known mechanisms first, then what is left."""
     free = problem.parameters.free
-    found: list[tuple[Matrix, Mechanism]] = []
+    named: list[tuple[Matrix, Mechanism]] = []
     left = gauge  # what of the gauge is orthogonal to the directions found
     for mechanism in mechanisms(problem):
         support = mechanism.support[free]
@@ -150,15 +275,15 @@ def _exact_directions(
         within = gauge @ right[singular <= PART].T
         fresh, amount, _ = np.linalg.svd(within.T @ left, full_matrices=False)
         for direction in (within @ fresh[:, amount > _NEW]).T:
-            found.append((direction, mechanism))
-        if found:
-            taken = np.array([direction for direction, _ in found]).T
+            named.append((direction, mechanism))
+        if named:
+            taken = np.array([direction for direction, _ in named]).T
             left = gauge @ complement(np.linalg.qr(gauge.T @ taken)[0])
     rest = unexplained(problem, int(free.sum()))
-    found += [(column, rest) for column in left.T]
+    named += [(column, rest) for column in left.T]
     return [
         _named(problem, jacobian, direction, "exact" if i < dimension else "noise", mechanism)
-        for i, (direction, mechanism) in enumerate(found)
+        for i, (direction, mechanism) in enumerate(named)
     ]
 
 
@@ -169,19 +294,19 @@ def _noise_directions(
     singular: Matrix,
     share: Matrix,
     status: tuple[Status, ...],
-    exact_part: NDArray[np.bool_],
+    exact_part: Mask,
 ) -> list[NullDirection]:
     """Directions that the noise hides: worse than the prior, or the main cause of a poor offset."""
     parameters = problem.parameters
     free_items = [item for item in parameters.items if not item.held]
     free_status = [s for s, item in zip(status, parameters.items, strict=True) if not item.held]
-    wanted = {int(k) for k in np.flatnonzero(singular < _AS_KNOWN)}
+    chosen = {int(k) for k in np.flatnonzero(singular < _AS_KNOWN)}
     for row, (item, state) in enumerate(zip(free_items, free_status, strict=True)):
         if item.group == "offset" and state in ("weak", "unidentifiable") and not exact_part[row]:
-            wanted.add(int(np.argmax(share[row])))
-    found: list[NullDirection] = []
+            chosen.add(int(np.argmax(share[row])))
+    null_directions: list[NullDirection] = []
     explained: list[Matrix] = []
-    for k in sorted(wanted, key=lambda k: singular[k]):
+    for k in sorted(chosen, key=lambda k: singular[k]):
         direction, mechanism = directions[:, k], unexplained(problem, len(free_items))
         for candidate in mechanisms(problem):
             support = candidate.support[parameters.free]
@@ -200,8 +325,8 @@ def _noise_directions(
             direction, mechanism = vector, candidate
             break
         explained.append(direction)
-        found.append(_named(problem, jacobian, direction, "noise", mechanism))
-    return found
+        null_directions.append(_named(problem, jacobian, direction, "noise", mechanism))
+    return null_directions
 
 
 def _named(

@@ -83,9 +83,9 @@ def over_target(problem: Problem, x: Matrix, spread: Matrix) -> OverTarget | Non
     every = problem.select(np.tile(np.arange(count), _DRAWS))
     aimed = aim(every, np.repeat(there, count, axis=0), servo_joints(problem))
     largest = np.zeros(int(problem.parameters.free.sum()))
-    for k, own in enumerate(there):
+    for k, values in enumerate(there):
         hit = k * count + np.flatnonzero(aimed.hit[k * count : (k + 1) * count])
-        largest = np.maximum(largest, predicted_std(aimed.problem.select(hit), own))
+        largest = np.maximum(largest, predicted_std(aimed.problem.select(hit), values))
     worst = dict(_offsets(problem, largest))
     return OverTarget(_DRAWS, float(aimed.hit.mean()), worst)
 
@@ -105,11 +105,11 @@ def advice(problem: Problem, x: Matrix) -> Advice | None:
     aimed = aim(problem.select(rows).moved(joints), x, servo_joints(problem))
     turned = aimed.problem.joints
     inside = np.asarray(~beyond_limits(robot, turned, 0.0).any(axis=1))
-    own = _informations(problem, x)
+    planned = _informations(problem, x)
     new = _informations(aimed.problem, x)
     total = _information(problem, x)
     before = float(_worst(problem, _stds(total)))
-    replaced, added = (_worst(problem, _stds(total + new - old)) for old in (own[rows], 0.0))
+    replaced, added = (_worst(problem, _stds(total + new - old)) for old in (planned[rows], 0.0))
     best: Advice | None = None
     for row, (i, j, sign) in enumerate(tries):
         if not (aimed.hit[row] and aimed.ahead[row] and inside[row]):
@@ -130,7 +130,7 @@ def _information(problem: Problem, x: Matrix) -> Matrix:
 
 def _besides(problem: Problem, whitened: Whitened) -> Matrix:
     """(f, f) the information of distances and priors."""
-    rows = problem.shots * problem.tool.miss_size
+    rows = problem.shots * problem.tool.residual_size
     jacobian = whitened.jacobian[rows:, problem.parameters.free]
     return jacobian.T @ jacobian + np.eye(jacobian.shape[1])
 
@@ -158,6 +158,6 @@ def _offsets(problem: Problem, scaled: Matrix) -> list[tuple[str, float]]:
 def _worst(problem: Problem, scaled: Matrix) -> Matrix:
     """(…) the largest std (deg; mm) of the offsets, from those of the free parameters (…, f)."""
     items = [item for item in problem.parameters.items if not item.held]
-    own = [i for i, item in enumerate(items) if item.group == "offset"]
-    units = np.array([items[i].prior_std * items[i].display for i in own])
-    return np.asarray((scaled[..., own] * units).max(axis=-1, initial=0.0))
+    offsets = [i for i, item in enumerate(items) if item.group == "offset"]
+    units = np.array([items[i].prior_std * items[i].display for i in offsets])
+    return np.asarray((scaled[..., offsets] * units).max(axis=-1, initial=0.0))

@@ -1,1 +1,1 @@
-"""The posterior, sampled by emcee."""
+"""The posterior, sampled."""

@@ -17,14 +17,13 @@ from ...model.arrays import Matrix, ShareDone
 from ...model.likelihood.density import Density
 from ...model.likelihood.parameters import Parameter
 from ...model.likelihood.problem import Problem
-from ..estimation.coordinates import SeenCoordinates
+from ..estimation.coordinates import FlangeCoordinates
 from ..estimation.fit import LikelihoodFit
 from ..estimation.threads import threads
 from ..solution import Solution
 from ..status import Status, UnsoundResult, known, require_no_more_than
 from .convergence import error_of_mean, tail_effective
-from .moves import IndependenceProposal, degrees_of_freedom
-from .sampler import RHAT_GATE, Sampled, sample_density
+from .sampler import RHAT_GATE, IndependenceProposal, Sampled, degrees_of_freedom, sample_density
 
 _KEPT_PER_WALKER = 400
 
@@ -162,7 +161,7 @@ class Whitening:
         self.centre, self.factor = centre, factor
 
     @classmethod
-    def around(cls, fit: LikelihoodFit, coordinates: SeenCoordinates) -> Whitening:
+    def around(cls, fit: LikelihoodFit, coordinates: FlangeCoordinates) -> Whitening:
         """By the covariance of a fit."""
         covariance = coordinates.covariance(fit.x[None], fit.covariance[None])[0]
         factor = np.asarray(np.linalg.cholesky(covariance), dtype=float)
@@ -184,7 +183,7 @@ def sample_posterior(
     began = time.perf_counter()
     problem, fit = solution.problem, solution.fit
     density = Density(problem)
-    coordinates = SeenCoordinates(density)
+    coordinates = FlangeCoordinates(density)
     whitening = Whitening.around(fit, coordinates)
 
     def log_density(w: Matrix) -> Matrix:

@@ -1,4 +1,4 @@
-"""Sampling of a density by emcee: an independence move from a multivariate t, and differential evolution.
+"""Sampling of a density: an independence move from a multivariate t, and differential evolution.
 
 Nothing here knows of robots: a vectorised log-density goes in, draws and their diagnostics come out. A run
 that mixes badly continues in the coordinates of a triangular map with many more walkers, up to a stated
@@ -8,18 +8,146 @@ budget.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from ...model.arrays import Matrix, ShareDone
+from ...model.arrays import Index, Matrix, ShareDone
 from .convergence import effective, nested_rhat, normal_scores
-from .ensemble import load_emcee
-from .moves import DifferentialMove, IndependenceMove, IndependenceProposal
 from .triangular_map import TriangularMap
+
+LogDensity = Callable[[Matrix], Matrix]
+_ROWS = 16_384  # of one call of the density
+
+
+class IndependenceProposal:
+    """A multivariate t to propose from: location (f,), lower Cholesky factor (f, f), nu."""
+
+    def __init__(self, location: Matrix, factor: Matrix, nu: float) -> None:
+        self.location, self.factor, self.nu = location, factor, nu
+        self._inverse = np.linalg.inv(factor)
+
+    def log_density(self, points: Matrix) -> Matrix:
+        """(W,) up to a constant."""
+        inner = (points - self.location) @ self._inverse.T
+        size = len(self.location)
+        result: Matrix = -(self.nu + size) / 2 * np.log1p(np.einsum("ij,ij->i", inner, inner) / self.nu)
+        return result
+
+    def draw(self, count: int, random: np.random.Generator) -> Matrix:
+        normal = random.standard_normal((count, len(self.location)))
+        chi2 = random.chisquare(self.nu, size=count)
+        result: Matrix = self.location + (normal * np.sqrt(self.nu / chi2)[:, None]) @ self.factor.T
+        return result
+
+    def refitted(self, draws: Matrix, fewest: int) -> IndependenceProposal:
+        """With the centre and spread of draws (N, f); itself where fewer than `fewest` of them differ."""
+        size = len(self.location)
+        if len(np.unique(draws[:, 0])) < fewest:
+            return self
+        try:
+            factor = np.asarray(np.linalg.cholesky(np.cov(draws.T).reshape(size, size)), dtype=float)
+        except np.linalg.LinAlgError:
+            return self
+        return IndependenceProposal(draws.mean(axis=0), factor, self.nu)
+
+
+def degrees_of_freedom(size: int) -> float:
+    """nu of the proposal: heavy tails (6) in few dimensions, lighter in many, where the radius of a t
+    with few degrees of freedom would scatter far more than the posterior's."""
+    return max(6.0, 2.0 * size)
+
+
+@dataclass
+class Walkers:
+    """Where walkers are: `points` (W, f), and the `log_density` (W,) there."""
+
+    points: Matrix
+    log_density: Matrix
+
+
+class _Move:
+    """A move proposes new points to walkers, and those that are accepted are there."""
+
+    def __init__(self, random: np.random.Generator) -> None:
+        self.random = random
+        self.accepted = self.proposed = 0
+
+    def settle(
+        self, walkers: Walkers, chosen: Index, points: Matrix, log_density: Matrix, factors: Matrix | float
+    ) -> None:
+        """Metropolis and Hastings for the walkers `chosen` (indices)."""
+        # From -inf to -inf is NaN, and no move.
+        with np.errstate(invalid="ignore"):
+            gain = log_density - walkers.log_density[chosen] + factors
+        moved = -self.random.standard_exponential(len(points)) < gain
+        walkers.points[chosen[moved]] = points[moved]
+        walkers.log_density[chosen[moved]] = log_density[moved]
+        self.accepted += int(moved.sum())
+        self.proposed += len(moved)
+
+
+class IndependenceMove(_Move):
+    """Every walker to a draw of the proposal.
+
+    The draws do not depend on where the walkers are: those of `ahead` steps go to the density together.
+    """
+
+    def __init__(self, proposal: IndependenceProposal, random: np.random.Generator, ahead: int = 1) -> None:
+        super().__init__(random)
+        self.proposal = proposal
+        self.ahead = ahead
+        self._drawn: Iterator[tuple[Matrix, Matrix, Matrix]] = iter(())
+
+    def step(self, log_density: LogDensity, walkers: Walkers) -> None:
+        count = len(walkers.points)
+        drawn = next(self._drawn, None)
+        if drawn is None:
+            steps = max(1, min(self.ahead, _ROWS // count))
+            self.ahead -= steps
+            points = self.proposal.draw(steps * count, self.random)
+            many = (points, log_density(points), self.proposal.log_density(points))
+            self._drawn = zip(*(np.split(values, steps) for values in many), strict=True)
+            drawn = next(self._drawn)
+        points, density_there, proposal_there = drawn
+        factors = self.factors(self.proposal.log_density(walkers.points), proposal_there)
+        self.settle(walkers, np.arange(count), points, density_there, factors)
+
+    def factors(self, here: Matrix, there: Matrix) -> Matrix:
+        """(W,) what the proposal itself favours: ln g of the walkers and of what is proposed to them."""
+        return here - there
+
+
+class DifferentialMove(_Move):
+    """Differential evolution (Ter Braak 2006; Nelson et al. 2013), half of the walkers by pairs of the other.
+
+    With `groups` the walkers are so many groups of one size, one after the other, and every pair is of the
+    walker's own group.
+    """
+
+    def __init__(self, random: np.random.Generator, groups: int = 1) -> None:
+        super().__init__(random)
+        self.groups = groups
+
+    def step(self, log_density: LogDensity, walkers: Walkers) -> None:
+        count, size = walkers.points.shape
+        starts = np.arange(self.groups)[:, None] * (count // self.groups)
+        halves = np.array_split(self.random.permutation(count // self.groups), 2)
+        # Now and then a whole difference: from one mode to another.
+        scale = 1.0 if self.random.random() < 0.1 else 2.38 / np.sqrt(2 * size)
+        for half, other in (halves, halves[::-1]):
+            chosen = (starts + half).reshape(-1)
+            first = self.random.integers(len(other), size=len(chosen))
+            second = (first + self.random.integers(1, len(other), size=len(chosen))) % len(other)
+            start = np.repeat(starts[:, 0], len(half))
+            stretch = scale * (1 + 1e-5 * self.random.standard_normal((len(chosen), 1)))
+            steps = stretch * (walkers.points[start + other[first]] - walkers.points[start + other[second]])
+            points = walkers.points[chosen] + steps
+            self.settle(walkers, chosen, points, log_density(points), 0.0)
+
 
 _CHUNK = 2048  # rows of one call of the density, whatever the number of threads: the numbers must be the same
 ENSEMBLES = 4
@@ -44,8 +172,6 @@ _MAPPED_ROUNDS = (6, 12)
 _FITTED = 8_000  # draws to fit a triangular map to
 _LOOK_WALKERS = 128  # of an ensemble, to take diagnostics of
 _TURNOVER = 2  # effective draws for each walker: on average it has left its start behind
-
-LogDensity = Callable[[Matrix], Matrix]
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +210,10 @@ def possible_density(log_density: LogDensity, points: Matrix) -> Matrix:
 
 
 class Moves:
-    """The walk of one ensemble by emcee: a `share` of the steps by differential evolution, the others by the
-    proposal. With `groups` the walkers are of so many data sets, as many of each, one set after the other."""
+    """The steps of one ensemble: a `share` of them by differential evolution, the others by the proposal.
+
+    With `groups` the walkers are of so many data sets, as many of each, one set after the other.
+    """
 
     def __init__(
         self, proposal: IndependenceProposal, random: np.random.Generator, share: float, groups: int = 1
@@ -94,23 +222,23 @@ class Moves:
         self.differential = DifferentialMove(random, groups)
         self._random, self._share = random, share
 
-    def walk(self, log_density: LogDensity, start: Matrix, steps: int, *, last: bool = False) -> Matrix:
+    def advance(self, log_density: LogDensity, start: Matrix, steps: int, *, last: bool = False) -> Matrix:
         """(walkers, steps, f) from `start` (walkers, f); only the `last` step if asked for."""
-        emcee = load_emcee()
-        moves = [(self.independence, 1 - self._share), (self.differential, self._share)]
-        sampler = emcee.EnsembleSampler(*start.shape, log_density, moves=moves, vectorize=True)
-        sampler.log_prob_fn = log_density  # emcee's own prints a traceback at Ctrl-C
+        moves = (self.independence, self.differential)
         self.independence.ahead = round((1 - self._share) * steps)
-        # emcee's legacy generator has no more to do than to choose between the moves.
-        choice = np.random.RandomState(self._random.integers(2**32)).get_state()
-        state = emcee.State(start, log_prob=log_density(start), random_state=choice)
-        state = sampler.run_mcmc(state, steps, skip_initial_state_check=True, store=not last)
-        chain = state.coords[:, None] if last else sampler.get_chain().transpose(1, 0, 2)
-        return np.asarray(chain)
+        # The generator of emcee, which made these steps once, with its choices.
+        choice = np.random.RandomState(self._random.integers(2**32))
+        walkers = Walkers(start.copy(), log_density(start))
+        chain = np.empty((steps if not last else 0, *start.shape))
+        for i, k in enumerate(choice.choice(2, size=steps, p=[1 - self._share, self._share])):
+            moves[k].step(log_density, walkers)
+            if not last:
+                chain[i] = walkers.points
+        return walkers.points[:, None] if last else chain.transpose(1, 0, 2)
 
 
 class _Run:
-    """Independent ensembles, carried out as one by emcee, and what they have learnt so far.
+    """Independent ensembles, carried out as one, and what they have learnt so far.
 
     Points come and go as (ensembles, walkers, [steps,] f) in the caller's coordinates.
     """
@@ -156,8 +284,10 @@ class _Run:
 
     def spread(self, values: Matrix, walkers: int) -> Matrix:
         """Starts for as many walkers, from each ensemble's own draws."""
-        own = values.reshape(ENSEMBLES, -1, values.shape[-1])
-        return np.stack([self.random.choice(draws, walkers, replace=len(draws) < walkers) for draws in own])
+        ensembles = values.reshape(ENSEMBLES, -1, values.shape[-1])
+        return np.stack(
+            [self.random.choice(draws, walkers, replace=len(draws) < walkers) for draws in ensembles]
+        )
 
     def advance(self, starts: Matrix, steps: int) -> Matrix:
         """So many steps of every walker."""
@@ -173,7 +303,7 @@ class _Run:
             start = transport.back(start)
         share = SHARE if transport is None else MAPPED_SHARE
         moves = Moves(self._proposal, self.random, share, groups=ENSEMBLES)
-        chain = moves.walk(lambda points: self._mapped(density, points), start, steps)
+        chain = moves.advance(lambda points: self._mapped(density, points), start, steps)
         if transport is not None:
             chain = self._mapped(transport.forth, chain.reshape(-1, size))
         both = (moves.independence, moves.differential)
@@ -269,30 +399,30 @@ def sample_density(
         starts = run.start(few)
         if starts is None:
             values = np.tile(proposal.location, (ENSEMBLES, few, 8, 1))
-            found = _Grown(values, *diagnostics(judged(values)), False, False)
+            grown = _Grown(values, *diagnostics(judged(values)), False, False)
         else:
             values = run.burn_in(starts, ROUNDS)
             if walkers > few:
                 values = run.advance(run.spread(values, walkers), ROUND // 2)
-            found = run.grow(values[:, :, -1], ess, _PLAIN_STEPS, shown)
-            if not (found.enough and found.settled):
+            grown = run.grow(values[:, :, -1], ess, _PLAIN_STEPS, shown)
+            if not (grown.enough and grown.settled):
                 many = max(walkers, _MAPPED_WALKERS)
-                starts = run.spread(found.values, many)
-                run.refit(found.values, mapped=True)
+                starts = run.spread(grown.values, many)
+                run.refit(grown.values, mapped=True)
                 values = run.burn_in(starts, _MAPPED_ROUNDS)
                 left = BUDGET + _PER_ESS * ess - run.evaluations
                 limit = max(_FIRST_LOOK, int(left / (ENSEMBLES * many)))
-                found = run.grow(values[:, :, -1], ess, limit, shown)
+                grown = run.grow(values[:, :, -1], ess, limit, shown)
     looking = time.perf_counter() - began - run.seconds
     return Sampled(
-        values=found.values,
+        values=grown.values,
         acceptance=run.acceptance,
-        rhat=found.rhat,
-        ess_bulk=found.bulk,
+        rhat=grown.rhat,
+        ess_bulk=grown.bulk,
         seconds=run.seconds,
         looking=looking,
         evaluations=run.evaluations,
-        settled=found.settled,
+        settled=grown.settled,
     )
 
 

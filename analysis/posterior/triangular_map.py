@@ -35,19 +35,19 @@ class TriangularMap:
         terms = _Terms(len(inner), inner.shape[1])
         ends = []
         for row in straight:
-            ends.append(len(terms.seen))
+            ends.append(len(terms.products))
             terms.append(row)
         # One Gram matrix and one Cholesky factor serve all coordinates: the terms of each are the first few.
-        seen = terms.seen[: ends[-1]]
-        gram = seen @ seen.T + _RIDGE * seen.shape[1] * np.eye(len(seen))
+        products = terms.products[: ends[-1]]
+        gram = products @ products.T + _RIDGE * products.shape[1] * np.eye(len(products))
         lower = np.linalg.cholesky(gram)
         inverse = np.linalg.inv(lower)
         self._coefficients = [
-            inverse[:end, :end].T @ (inverse[:end, :end] @ (seen[:end] @ row))
+            inverse[:end, :end].T @ (inverse[:end, :end] @ (products[:end] @ row))
             for end, row in zip(ends, straight, strict=True)
         ]
         self._left = [
-            max(float(np.std(row - c @ seen[: len(c)])), 1e-6)
+            max(float(np.std(row - c @ products[: len(c)])), 1e-6)
             for c, row in zip(self._coefficients, straight, strict=True)
         ]
 
@@ -63,7 +63,7 @@ class TriangularMap:
         straight = np.empty(u.T.shape)
         terms = _Terms(u.shape[1], len(u))
         for j, (coefficients, left) in enumerate(zip(self._coefficients, self._left, strict=True)):
-            straight[j] = left * u[:, j] + coefficients @ terms.seen
+            straight[j] = left * u[:, j] + coefficients @ terms.products
             terms.append(straight[j])
         result: Matrix = self._centre + (self._factor @ straight).T
         return result
@@ -73,7 +73,7 @@ class TriangularMap:
         result = np.empty(w.shape)
         terms = _Terms(w.shape[1], len(w))
         for j, (coefficients, left) in enumerate(zip(self._coefficients, self._left, strict=True)):
-            result[:, j] = (straight[j] - coefficients @ terms.seen) / left
+            result[:, j] = (straight[j] - coefficients @ terms.products) / left
             terms.append(straight[j])
         return result
 
@@ -91,7 +91,7 @@ class _Terms:
             self._sums[-1][0] = 1.0
 
     @property
-    def seen(self) -> Matrix:
+    def products(self) -> Matrix:
         return self._sums[-1][: self._counts[-1]]
 
     def append(self, row: Matrix) -> None:

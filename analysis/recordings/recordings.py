@@ -1,4 +1,5 @@
-"""Recordings: the consecutive measurements of one target, and what is left of their residuals at a fit.
+"""Recordings: the consecutive measurements of one target, the correlation of their residuals at a fit, and
+the effective number of measurements: how many independent ones would say as much.
 
 The residuals r of a fit are no independent numbers even if the errors are: with whitened Jacobian A and
 C = (A'A + I)^-1 their covariance is M = I - A C A'. With errors of covariance R it is M R M + A C^2 A', if
@@ -6,29 +7,42 @@ the parameters are as their priors say. With C^-1 = L L' and B = A L'^-1, the Ja
 I - B B', and the parts of one recording follow from its own rows of B and from B' R B. What is needed of a
 long recording's covariance (its traces, its product with a vector, draws) follows from them without the
 matrix, whose size grows with the square of the measurements.
-"""
+
+Residuals that follow each other in a recording are alike where something drifts slowly: temperature, a socket
+that settles, an arm whose errors change slowly along a row of postures. n measurements with lag-1 correlation
+rho then say as much as n / kappa independent ones, kappa = (1 + rho) / (1 - rho) (Bayley & Hammersley 1946,
+for an autoregressive process of order 1)."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
+import scipy
 
 from ...model.arrays import Index, Matrix
 from ...model.likelihood.problem import Problem, Whitened
 from ..estimation.fit import LikelihoodFit
 
 _NOTHING = 1e-18  # a correlation below rounding
+SIGNIFICANCE = 0.01  # p-value below which a correlation is used
+_FEWEST = 4  # measurements of a recording with a correlation of its own
+_GRID = np.array([-0.9, -0.6, -0.3, -0.1, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9])
+LARGE = 600  # residuals of a recording whose covariance is no longer written out
+_LEFT = 1e-3  # of the variance of an error: a recording with less left of all its errors is not tested
+_HALVINGS = 60  # of an interval, to the last digit
 
 
 def by_targets(problem: Problem, whitened: Whitened) -> Matrix:
     """(N, d, 3) of the whitened residuals by their targets' coordinates in mm, held or not."""
-    parameters, d = problem.parameters, problem.tool.miss_size
-    own = problem.columns[:, parameters.in_shot("target")]
+    parameters, d = problem.parameters, problem.tool.residual_size
+    columns = problem.columns[:, parameters.in_shot("target")]
     jacobian = whitened.jacobian[: problem.shots * d].reshape(problem.shots, d, -1)
-    by_scaled = np.take_along_axis(jacobian, np.repeat(own[:, None, :], d, axis=1), axis=2)
-    return np.asarray(by_scaled / parameters.prior_std[own][:, None, :])
+    by_scaled = np.take_along_axis(jacobian, np.repeat(columns[:, None, :], d, axis=1), axis=2)
+    return np.asarray(by_scaled / parameters.prior_std[columns][:, None, :])
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +63,7 @@ class Recording:
 
 
 @dataclass(frozen=True, eq=False)
-class Recorded:
+class RecordingSet:
     """All recordings of a fit, and (f, f) the information of the priors, in posterior stds."""
 
     every: tuple[Recording, ...]
@@ -58,8 +72,8 @@ class Recorded:
     def shared(self, rho: float) -> Matrix:
         """(f, f) the covariance of B'r if errors within recordings have the correlation `rho`."""
         total = self.prior.copy()
-        for own in self.every:
-            total += own.jacobian.T @ times_errors(own, rho)
+        for recording in self.every:
+            total += recording.jacobian.T @ times_errors(recording, rho)
         return total
 
 
@@ -71,13 +85,13 @@ def recording_rows(problem: Problem) -> list[Index]:
     return [np.asarray(part) for part in np.split(np.arange(problem.shots), change)]
 
 
-def recordings(fit: LikelihoodFit, rival: Matrix | None = None) -> Recorded:
+def recordings(fit: LikelihoodFit, rival: Matrix | None = None) -> RecordingSet:
     """The recordings of a fit, each measurement as it is (however often it counts), noise scale taken out.
 
     `rival` (M, g) are whitened columns of what the fit does not have but may explain the residuals too, times
     the prior stds of their parameters, such as link tolerances: they are fitted as well, by one linear step.
     """
-    problem, d = fit.problem, fit.problem.tool.miss_size
+    problem, d = fit.problem, fit.problem.tool.residual_size
     parameters, count = problem.parameters, problem.shots * d
     scale = np.ones((len(fit.whitened.residual), 1))
     scale[:count, 0] = np.sqrt(np.repeat(fit.weight / problem.weights, d))
@@ -103,16 +117,16 @@ def recordings(fit: LikelihoodFit, rival: Matrix | None = None) -> Recorded:
         )
         for rows in recording_rows(problem)
     )
-    return Recorded(every, inverse @ inverse.T)
+    return RecordingSet(every, inverse @ inverse.T)
 
 
-def times_errors(own: Recording, rho: float) -> Matrix:
+def times_errors(recording: Recording, rho: float) -> Matrix:
     """(n d, f) R B of a recording: errors of variance 1, with the correlation rho^k k measurements apart."""
     if rho == 0:
-        return own.jacobian
-    blocks = own.jacobian.reshape(own.shots, -1)
+        return recording.jacobian
+    blocks = recording.jacobian.reshape(recording.shots, -1)
     both = _decaying(blocks, rho) + _decaying(blocks[::-1], rho)[::-1] - blocks
-    return np.asarray(both.reshape(own.jacobian.shape))
+    return np.asarray(both.reshape(recording.jacobian.shape))
 
 
 def _decaying(values: Matrix, rho: float) -> Matrix:
@@ -124,42 +138,46 @@ def _decaying(values: Matrix, rho: float) -> Matrix:
     return total
 
 
-def traces(own: Recording, rho: float, shared: Matrix) -> tuple[float, float]:
+def traces(recording: Recording, rho: float, shared: Matrix) -> tuple[float, float]:
     """The traces of the covariance of a recording's residuals: of measurements with themselves, and with
     those that follow them. `shared` is that of all recordings at `rho`."""
-    d, jacobian = own.residual.shape[1], own.jacobian
-    by_errors, by_shared = times_errors(own, rho), jacobian @ shared
-    plain = own.shots * d - 2 * (jacobian * by_errors).sum() + (by_shared * jacobian).sum()
-    following = (own.shots - 1) * d * rho
+    d, jacobian = recording.residual.shape[1], recording.jacobian
+    by_errors, by_shared = times_errors(recording, rho), jacobian @ shared
+    plain = recording.shots * d - 2 * (jacobian * by_errors).sum() + (by_shared * jacobian).sum()
+    following = (recording.shots - 1) * d * rho
     following -= (jacobian[:-d] * by_errors[d:]).sum() + (by_errors[:-d] * jacobian[d:]).sum()
     following += (by_shared[:-d] * jacobian[d:]).sum()
     return float(plain), float(following)
 
 
-def white_times(own: Recording, shared: Matrix, vector: Matrix) -> Matrix:
+def white_times(recording: Recording, shared: Matrix, vector: Matrix) -> Matrix:
     """(n d,) the covariance of a recording's residuals without correlation times a vector (n d,)."""
-    along = own.jacobian.T @ vector
-    return np.asarray(vector + own.jacobian @ (shared @ along - 2 * along))
+    along = recording.jacobian.T @ vector
+    return np.asarray(vector + recording.jacobian @ (shared @ along - 2 * along))
 
 
-def covariance(own: Recording, rho: float, shared: Matrix) -> Matrix:
+def covariance(recording: Recording, rho: float, shared: Matrix) -> Matrix:
     """(n d, n d) of the residuals of a recording if errors have the correlation `rho`."""
-    d = own.residual.shape[1]
-    apart = np.abs(np.subtract.outer(np.arange(own.shots), np.arange(own.shots)))
-    errors = np.kron(np.eye(own.shots) if rho == 0 else rho ** apart.astype(float), np.eye(d))
-    cross = own.jacobian @ times_errors(own, rho).T
-    return np.asarray(errors - cross - cross.T + own.jacobian @ shared @ own.jacobian.T, dtype=float)
+    d = recording.residual.shape[1]
+    apart = np.abs(np.subtract.outer(np.arange(recording.shots), np.arange(recording.shots)))
+    errors = np.kron(np.eye(recording.shots) if rho == 0 else rho ** apart.astype(float), np.eye(d))
+    cross = recording.jacobian @ times_errors(recording, rho).T
+    return np.asarray(
+        errors - cross - cross.T + recording.jacobian @ shared @ recording.jacobian.T, dtype=float
+    )
 
 
-def drawn(own: Recording, rho: float, shared: Matrix, count: int, rng: np.random.Generator) -> Matrix:
+def drawn(recording: Recording, rho: float, shared: Matrix, count: int, rng: np.random.Generator) -> Matrix:
     """(count, n, d) residuals of a recording with that covariance, at random."""
-    n, d = own.residual.shape
+    n, d = recording.residual.shape
     errors = rng.normal(size=(n, count, d))
     errors[1:] *= np.sqrt(1 - rho**2)
     errors = _decaying(errors, rho).transpose(1, 0, 2)
-    others = _root(shared - own.jacobian.T @ times_errors(own, rho))
-    along = rng.normal(size=(count, len(others))) @ others.T - errors.reshape(count, n * d) @ own.jacobian
-    return errors + (along @ own.jacobian.T).reshape(count, n, d)
+    others = _root(shared - recording.jacobian.T @ times_errors(recording, rho))
+    along = (
+        rng.normal(size=(count, len(others))) @ others.T - errors.reshape(count, n * d) @ recording.jacobian
+    )
+    return errors + (along @ recording.jacobian.T).reshape(count, n, d)
 
 
 def drawn_by_covariance(covariance: Matrix, count: int, rng: np.random.Generator) -> Matrix:
@@ -171,3 +189,204 @@ def drawn_by_covariance(covariance: Matrix, count: int, rng: np.random.Generator
 def _root(covariance: Matrix) -> Matrix:
     values, vectors = np.linalg.eigh(covariance)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+@dataclass(frozen=True)
+class RecordingCorrelation:
+    """The correlation of the residuals that follow each other in a recording.
+
+    `first_shot` and `last_shot` are its measurements' numbers. `rho` is without the bias that the fit's
+    residuals have, `kappa` what it makes of the number of measurements, `p_value` the probability of a
+    correlation as large if there is none (one-sided). None where a recording is too short.
+    """
+
+    target: str
+    first_shot: int
+    last_shot: int
+    shots: int
+    rho: float | None
+    kappa: float | None
+    p_value: float | None
+
+
+@dataclass(frozen=True)
+class Effective:
+    """The effective number of measurements: `shots` / `divisor`.
+
+    `rho`, `kappa` and `p_value` of all recordings together, None where none is long enough. `divisor` is what
+    the information of the measurements is to be divided by: `kappa` where the correlation is positive beyond
+    chance, else 1.
+    """
+
+    recordings: tuple[RecordingCorrelation, ...]
+    shots: int
+    rho: float | None
+    kappa: float | None
+    p_value: float | None
+    divisor: float
+
+    @property
+    def number(self) -> float:
+        """How many independent measurements would say as much."""
+        return self.shots / self.divisor
+
+
+def effective(fit: LikelihoodFit, rival: Matrix | None = None) -> Effective:
+    """The lag-1 correlations of the residuals at a mode, per recording and of all; `rival` as of
+    `recordings`."""
+    problem, numbers = fit.problem, fit.problem.shot_numbers
+    every = recording_rows(problem)
+    lags_of: dict[int, RecordingLag] = {}
+    if fit.converged and any(len(rows_of) >= _FEWEST for rows_of in every):
+        lags_of = lags(recordings(fit, rival))
+    alone, rows = {i: correlation([lag]) for i, lag in lags_of.items()}, []
+    for i, rows_of in enumerate(every):
+        rho, p_value = alone.get(i, (None, None))
+        kappa = None if rho is None else _kappa(rho)
+        target, first, last = (
+            problem.targets[problem.target_index[rows_of[0]]],
+            numbers[rows_of[0]],
+            numbers[rows_of[-1]],
+        )
+        rows.append(RecordingCorrelation(target, first, last, len(rows_of), rho, kappa, p_value))
+    shots = problem.shots
+    if not lags_of:
+        return Effective(tuple(rows), shots, None, None, None, 1.0)
+    if len(alone) == 1:
+        ((rho, p_value),) = alone.values()
+    else:
+        rho, p_value = correlation(equalised(list(lags_of.values())))
+    kappa = _kappa(rho)
+    return Effective(
+        tuple(rows), shots, rho, kappa, p_value, max(kappa, 1.0) if p_value < SIGNIFICANCE else 1.0
+    )
+
+
+def _kappa(rho: float) -> float:
+    return (1 + rho) / (1 - rho)
+
+
+class RecordingLag(NamedTuple):
+    """Of a recording: `product` the sum over its neighbours of the products of their residuals, `square` the
+    sum of squares; `products` and `squares` (grid,) what they are expected to be for the correlations of the
+    grid; `size` n d. Of the covariance of the residuals without correlation: its trace `left`, that of
+    neighbours as a share of it `bias`, and `forms`: `square` as a sum of chi-squares by its weights (n d,),
+    `product` in the same errors by its matrix (n d, n d); None of a long recording."""
+
+    shots: int
+    product: float
+    square: float
+    products: Matrix
+    squares: Matrix
+    size: int
+    left: float
+    bias: float
+    forms: tuple[Matrix, Matrix] | None
+
+
+def lags(recorded: RecordingSet) -> dict[int, RecordingLag]:
+    """Of the recordings that are long enough, by their place."""
+    by_rho = [(float(rho), recorded.shared(float(rho))) for rho in _GRID]
+    none = int(np.argmin(np.abs(_GRID)))
+    result = {}
+    for i, recording in enumerate(recorded.every):
+        d, residual = recording.residual.shape[1], recording.residual
+        left, neighbours = traces(recording, *by_rho[none])
+        # A fit that takes up all errors leaves rounding.
+        if recording.shots < _FEWEST or left < _LEFT * recording.shots * d:
+            continue
+        expected = [traces(recording, *at) for at in by_rho]
+        result[i] = RecordingLag(
+            recording.shots,
+            float((residual[1:] * residual[:-1]).sum()),
+            float((residual**2).sum()),
+            np.array([products for _, products in expected]),
+            np.array([squares for squares, _ in expected]),
+            recording.shots * d,
+            left,
+            neighbours / left,
+            _forms(covariance(recording, *by_rho[none]), d) if recording.shots * d <= LARGE else None,
+        )
+    return result
+
+
+def _forms(white: Matrix, d: int) -> tuple[Matrix, Matrix]:
+    """Sum of squares and sum of products of neighbours (d apart) of normal residuals with that covariance, in
+    independent errors: the weights of their squares, and a matrix."""
+    values, vectors = np.linalg.eigh(white)
+    values = np.maximum(values, 0.0)
+    root = vectors * np.sqrt(values)
+    half = root[d:].T @ root[:-d] / 2
+    return values, np.asarray(half + half.T)
+
+
+def equalised(lags: Sequence[RecordingLag]) -> list[RecordingLag]:
+    """The same, with residuals larger than in the middle one of the recordings scaled down to its.
+
+    A target that slips while it is measured makes large residuals that are all alike: by the plain sums that
+    one recording would speak for all.
+    """
+    mean_square = np.array([lag.square / lag.left for lag in lags])
+    middle = float(np.median(mean_square))
+    times = [middle / value if value > middle else 1.0 for value in mean_square]
+    return [
+        lag._replace(product=lag.product * by, square=lag.square * by)
+        for lag, by in zip(lags, times, strict=True)
+    ]
+
+
+def correlation(lags: Sequence[RecordingLag]) -> tuple[float, float]:
+    """The lag-1 correlation of some recordings together and the one-sided p-value of one as large by chance.
+
+    The correlation is the one for which the ratio of the expected sums is the ratio that was found: so the
+    bias of residuals of a fit (about -1 / n for a mean alone) is out. The p-value is that of a ratio of
+    quadratic forms of normal errors, by the saddle point (Kuonen, Biometrika 86, 1999, eq. 3), and does not
+    depend on the size of the noise.
+    """
+    ratio = _ratio(lags)
+    return rho_of(lags), _chance(np.concatenate([_values(lag, ratio) for lag in lags]))
+
+
+def rho_of(lags: Sequence[RecordingLag]) -> float:
+    """`correlation` without its p-value."""
+    expected = sum(lag.products for lag in lags) / sum(lag.squares for lag in lags)
+    return float(np.interp(_ratio(lags), expected, _GRID))
+
+
+def _ratio(lags: Sequence[RecordingLag]) -> float:
+    return sum(lag.product for lag in lags) / max(sum(lag.square for lag in lags), 1e-300)
+
+
+def _values(lag: RecordingLag, ratio: float) -> Matrix:
+    """Weights of the chi-squares of which product - ratio * square is the sum."""
+    if lag.forms is None:
+        # Of a long recording: those of independent errors, shifted by the bias.
+        angles = np.pi * np.arange(1, lag.shots + 1) / (lag.shots + 1)
+        return np.repeat(np.cos(angles) - (ratio - lag.bias), lag.size // lag.shots)
+    squares, products = lag.forms
+    return np.asarray(np.linalg.eigvalsh(products - ratio * np.diag(squares)))
+
+
+def _chance(weights: Matrix) -> float:
+    """That a sum of chi-squares of one degree of freedom each, times `weights`, is above 0."""
+    scale = float(np.abs(weights).max(initial=0.0))
+    if scale == 0.0:
+        return 1.0
+    weights = weights[np.abs(weights) > 1e-10 * scale] / scale
+    if weights.min() > 0 or weights.max() < 0:
+        return float(weights.min() > 0)
+    low, high = 0.5 / weights.min(), 0.5 / weights.max()
+    for _ in range(_HALVINGS):  # to where the slope, which rises all the way, is 0
+        t = (low + high) / 2
+        if (weights / (1 - 2 * t * weights)).sum() < 0:
+            low = t
+        else:
+            high = t
+    open_part = 1 - 2 * t * weights
+    bend = float((2 * (weights / open_part) ** 2).sum())
+    height = max(float(np.log(open_part).sum()), 0.0)
+    w, v = np.sign(t) * np.sqrt(height), t * np.sqrt(bend)
+    if abs(w) < 1e-4:
+        skew = float(8 * (weights**3).sum()) / float(2 * (weights**2).sum()) ** 1.5
+        return float(0.5 - skew / (6 * np.sqrt(2 * np.pi)))
+    return float(scipy.special.ndtr(-(w + np.log(v / w) / w)))

@@ -14,14 +14,26 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...model.arrays import Index, Matrix
+from ...model.arrays import Index, Mask, Matrix
 from ..estimation.fit import LikelihoodFit
 from ..holm import holm
 from ..solution import Solution
-from .effective import CHANCE, LARGE, correlation, equalised, lags, rho_of
-from .recordings import Recording, covariance, drawn, drawn_by_covariance, recordings, traces, white_times
+from .recordings import (
+    LARGE,
+    SIGNIFICANCE,
+    Recording,
+    correlation,
+    covariance,
+    drawn,
+    drawn_by_covariance,
+    equalised,
+    lags,
+    recordings,
+    rho_of,
+    traces,
+    white_times,
+)
 
 _FEWEST = 6  # measurements of a recording that is tested
 _FEWEST_LEFT = 12.0  # degrees of freedom that the fit leaves to it
@@ -35,7 +47,7 @@ _RHO_STEP = 0.05
 
 
 @dataclass(frozen=True)
-class Step:
+class RecordingStep:
     """A run of measurements of one recording that are off together.
 
     `first_shot` to `last_shot` are off the rest of the recording by `shift_mm` of the target (base frame;
@@ -54,11 +66,11 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Steps:
+class RecordingSteps:
     """`rows` are the significant steps, one at most of each recording, the clearest first; `tested` of
     `recordings` are long enough."""
 
-    rows: tuple[Step, ...]
+    rows: tuple[RecordingStep, ...]
     tested: int
     recordings: int
 
@@ -72,81 +84,87 @@ class Runs(NamedTuple):
     end: Index
     whitening: Matrix
     vectors: Matrix
-    determined: NDArray[np.bool_]
+    determined: Mask
 
 
-def steps(solution: Solution, rival: Matrix | None = None) -> Steps:
+def steps(solution: Solution, rival: Matrix | None = None) -> RecordingSteps:
     """The significant steps inside the recordings at the mode; `rival` as of `recordings`."""
-    found, count = all_steps(solution.fit, rival) if solution.converged else ([], 0)
-    rows = tuple(sorted((step for step in found if step.p_value < CHANCE), key=lambda step: step.p_value))
-    return Steps(rows, len(found), count)
+    clearest, count = all_steps(solution.fit, rival) if solution.converged else ([], 0)
+    rows = tuple(
+        sorted((step for step in clearest if step.p_value < SIGNIFICANCE), key=lambda step: step.p_value)
+    )
+    return RecordingSteps(rows, len(clearest), count)
 
 
-def all_steps(fit: LikelihoodFit, rival: Matrix | None = None, seed: int = 0) -> tuple[list[Step], int]:
+def all_steps(
+    fit: LikelihoodFit, rival: Matrix | None = None, seed: int = 0
+) -> tuple[list[RecordingStep], int]:
     """The clearest run of each recording that is long enough, significant or not, and how many recordings
     there are."""
     recorded = recordings(fit, rival)
     every, plain = recorded.every, recorded.shared(0.0)
     tested = [
         i
-        for i, own in enumerate(every)
-        if own.shots >= _FEWEST and traces(own, 0.0, plain)[0] >= _FEWEST_LEFT
+        for i, recording in enumerate(every)
+        if recording.shots >= _FEWEST and traces(recording, 0.0, plain)[0] >= _FEWEST_LEFT
     ]
     lag = lags(recorded) if tested else {}
     tested = [i for i in tested if i in lag]
     if not tested:
         return [], len(every)
-    pooled, chance = correlation(equalised(list(lag.values())))
-    shared = pooled if chance < CHANCE else 0.0
+    pooled, p_value = correlation(equalised(list(lag.values())))
+    shared = pooled if p_value < SIGNIFICANCE else 0.0
     by_rho: dict[float, Matrix] = {0.0: plain}
-    found = []
+    clearest = []
     rng = np.random.default_rng(seed)
     for i in tested:
-        own = every[i]
-        runs = _runs(own)
-        best, size = _largest(own, runs, own.residual[None])
-        size_mm, design = _size(own, runs, int(best[0]))
-        moved = white_times(own, by_rho[0.0], design.reshape(-1, 3) @ size_mm)
-        left = own.residual + moved.reshape(own.residual.shape)
+        recording = every[i]
+        runs = _runs(recording)
+        best, size = _largest(recording, runs, recording.residual[None])
+        size_mm, design = _size(recording, runs, int(best[0]))
+        moved = white_times(recording, by_rho[0.0], design.reshape(-1, 3) @ size_mm)
+        left = recording.residual + moved.reshape(recording.residual.shape)
         alone = lag[i]._replace(product=float((left[1:] * left[:-1]).sum()), square=float((left**2).sum()))
         rho = max(0.0, shared, rho_of([alone]))
         rho = min(0.95, round(rho / _RHO_STEP) * _RHO_STEP)
         if rho not in by_rho:
             by_rho[rho] = recorded.shared(rho)
-        simulated = _simulated(own, runs, rho, by_rho[rho], rng)
-        found.append(_step(fit, own, runs, int(best[0]), _gumbel(float(size[0]), simulated)))
-    adjusted = holm([step.p_value for step in found])
-    return [replace(step, p_value=p) for step, p in zip(found, adjusted, strict=True)], len(every)
+        simulated = _simulated(recording, runs, rho, by_rho[rho], rng)
+        clearest.append(_step(fit, recording, runs, int(best[0]), _gumbel(float(size[0]), simulated)))
+    adjusted = holm([step.p_value for step in clearest])
+    return [replace(step, p_value=p) for step, p in zip(clearest, adjusted, strict=True)], len(every)
 
 
-def _simulated(own: Recording, runs: Runs, rho: float, shared: Matrix, rng: np.random.Generator) -> Matrix:
+def _simulated(
+    recording: Recording, runs: Runs, rho: float, shared: Matrix, rng: np.random.Generator
+) -> Matrix:
     """(B,) the largest of simulated recordings without a step."""
-    size = own.residual.size
+    size = recording.residual.size
     if size <= LARGE:
-        errors = drawn_by_covariance(covariance(own, rho, shared), _SIMULATED, rng)
-        return _largest(own, runs, errors.reshape(_SIMULATED, *own.residual.shape))[1]
+        errors = drawn_by_covariance(covariance(recording, rho, shared), _SIMULATED, rng)
+        return _largest(recording, runs, errors.reshape(_SIMULATED, *recording.residual.shape))[1]
     # Of a long recording some at a time, in bounded memory.
     at_once = max(1, min(_SIMULATED, _NUMBERS // size))
     counts = [min(at_once, _SIMULATED - k) for k in range(0, _SIMULATED, at_once)]
-    parts = [_largest(own, runs, drawn(own, rho, shared, count, rng))[1] for count in counts]
+    parts = [_largest(recording, runs, drawn(recording, rho, shared, count, rng))[1] for count in counts]
     return np.concatenate(parts)
 
 
-def _runs(own: Recording) -> Runs:
+def _runs(recording: Recording) -> Runs:
     """All runs that are tested, by their information D'MD on a shift; M is what is left of errors."""
-    shots, d = own.residual.shape
+    shots, d = recording.residual.shape
     stride = -(-shots // _PLACES)
-    places = np.unique(np.append(np.arange(0, shots, stride), shots))
-    first, end = (places[k] for k in np.triu_indices(len(places), 1))
+    changes = np.unique(np.append(np.arange(0, shots, stride), shots))
+    first, end = (changes[k] for k in np.triu_indices(len(changes), 1))
     size = end - first
     # Of two complementary runs, which are one and the same step, the shorter.
     inside = (first > 0) & (end < shots)
     edge = ~inside & (2 * size <= shots)
     keep = (size >= _SHORTEST) & (size <= shots - _SHORTEST) & (inside | edge)
     first, end = first[keep], end[keep]
-    blocks = own.jacobian.reshape(shots, d, -1)
-    shared = blocks.transpose(0, 2, 1) @ own.by_target
-    gram = _between(np.einsum("nda,ndb->nab", own.by_target, own.by_target), first, end)
+    blocks = recording.jacobian.reshape(shots, d, -1)
+    shared = blocks.transpose(0, 2, 1) @ recording.by_target
+    gram = _between(np.einsum("nda,ndb->nab", recording.by_target, recording.by_target), first, end)
     cross = _between(shared, first, end)
     gram = gram - cross.transpose(0, 2, 1) @ cross
     values, vectors = np.linalg.eigh(gram)
@@ -162,9 +180,9 @@ def _between(parts: Matrix, first: Index, end: Index) -> Matrix:
     return np.asarray(total[end] - total[first])
 
 
-def _largest(own: Recording, runs: Runs, residuals: Matrix) -> tuple[Index, Matrix]:
+def _largest(recording: Recording, runs: Runs, residuals: Matrix) -> tuple[Index, Matrix]:
     """(B,) of recordings (B, n, d) the run whose shift explains most, and -log(1 - share of the squares)."""
-    pull = np.einsum("nda,bnd->nba", own.by_target, residuals)
+    pull = np.einsum("nda,bnd->nba", recording.by_target, residuals)
     total = _between(pull, runs.first, runs.end)
     drop = ((total @ runs.whitening.transpose(0, 2, 1)) ** 2).sum(axis=2)
     share = drop / np.maximum((residuals**2).sum(axis=(1, 2)), 1e-300)
@@ -173,26 +191,26 @@ def _largest(own: Recording, runs: Runs, residuals: Matrix) -> tuple[Index, Matr
     return best, -np.log1p(-largest)
 
 
-def _size(own: Recording, runs: Runs, best: int) -> tuple[Matrix, Matrix]:
+def _size(recording: Recording, runs: Runs, best: int) -> tuple[Matrix, Matrix]:
     """(3,) mm by which a target elsewhere over a run would explain its residuals, and (n, d, 3) the columns
     of the residuals by such a shift."""
-    design = np.zeros((*own.residual.shape, 3))
+    design = np.zeros((*recording.residual.shape, 3))
     run = slice(int(runs.first[best]), int(runs.end[best]))
-    design[run] = own.by_target[run]
+    design[run] = recording.by_target[run]
     root = runs.whitening[best]
-    return -(root.T @ root) @ np.einsum("nda,nd->a", design, own.residual), design
+    return -(root.T @ root) @ np.einsum("nda,nd->a", design, recording.residual), design
 
 
-def _step(fit: LikelihoodFit, own: Recording, runs: Runs, best: int, p_value: float) -> Step:
+def _step(fit: LikelihoodFit, recording: Recording, runs: Runs, best: int, p_value: float) -> RecordingStep:
     first, end = int(runs.first[best]), int(runs.end[best])
-    shift, _ = _size(own, runs, best)
+    shift, _ = _size(recording, runs, best)
     # A component with a part in an undetermined direction is undetermined.
     lost = np.abs(runs.vectors[best][:, ~runs.determined[best]]).sum(axis=1) > 1e-6
     numbers = fit.problem.shot_numbers
-    return Step(
-        own.target,
-        numbers[own.rows[first]],
-        numbers[own.rows[end - 1]],
+    return RecordingStep(
+        recording.target,
+        numbers[recording.rows[first]],
+        numbers[recording.rows[end - 1]],
         end - first,
         tuple(None if gone else float(value) for value, gone in zip(shift, lost, strict=True)),
         None if lost.any() else float(np.linalg.norm(shift)),
@@ -204,5 +222,5 @@ def _gumbel(value: float, simulated: Matrix) -> float:
     """That a largest value is as large, by Gumbel's distribution of the moments of the simulated ones: the
     tail of -log(1 - share) is exponential (of a beta distribution), and simulations do not reach it."""
     scale = float(simulated.std(ddof=1)) * np.sqrt(6) / np.pi
-    place = float(simulated.mean()) - _EULER * scale
-    return float(-np.expm1(-np.exp(-(value - place) / scale)))
+    location = float(simulated.mean()) - _EULER * scale
+    return float(-np.expm1(-np.exp(-(value - location) / scale)))

@@ -17,9 +17,9 @@ from ..status import UnsoundResult, versions
 from .consistency import (
     AgainstOthers,
     Consistency,
-    Drift,
     Mean,
-    Sample,
+    RunDrift,
+    RunSample,
     Scatter,
     against_others,
     consistency,
@@ -33,8 +33,8 @@ from .repeats import read_repeats, times
 Question = Literal["consistency", "offsets", "odd", "drift"]
 Agreement = Literal["agrees", "does not agree", "not tested", "misfit"]
 
-Adjustable = Consistency | Drift | AgainstOthers
-Row = TypeVar("Row", Consistency, Drift, AgainstOthers)
+Adjustable = Consistency | RunDrift | AgainstOthers
+Row = TypeVar("Row", Consistency, RunDrift, AgainstOthers)
 
 CHANCE = 0.01  # of a false alarm over all questions together
 
@@ -56,7 +56,7 @@ class ComparedOffset:
     scatter: Scatter | None
     predicted_std: float | None
     test: Consistency | None
-    drift: Drift | None
+    drift: RunDrift | None
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ class ComparedRun:
     @property
     def undetermined(self) -> list[str]:
         """Names of the free offsets that the run does not determine."""
-        return [own.name for own in self.offsets if own.status == "unidentifiable" and self.failure is None]
+        return [row.name for row in self.offsets if row.status == "unidentifiable" and self.failure is None]
 
 
 @dataclass(frozen=True)
@@ -154,8 +154,8 @@ def compare(
     Raises BadInput for files that cannot be used or runs that cannot be compared. A run whose fit did not
     converge is named under `failed` and has no numbers.
     """
-    given = [Path(one) if isinstance(one, str) else one for one in runs]
-    kind, repeats = read_repeats(given, seed, progress or (lambda stage, share: None))
+    paths = [Path(one) if isinstance(one, str) else one for one in runs]
+    kind, repeats = read_repeats(paths, seed, progress or (lambda stage, share: None))
     return compared(kind, repeats, seed)
 
 
@@ -167,57 +167,59 @@ def compared(kind: Kind, repeats: Sequence[Repeat], seed: int) -> Comparison:
     sample = sample_of([repeats[r] for r in used], at[used], len(names))
     each = [sample.offset(i) for i in range(len(names))]
     whole = consistency(sample)
-    tests = _adjusted([consistency(own) if len(own.values) else None for own in each])
-    drifts = _adjusted([drift(own) for own in each])
-    odd = _adjusted([against_others(sample, k) for k in range(len(used))])
+    tests = _adjusted(
+        [consistency(sample_of_offset) if len(sample_of_offset.values) else None for sample_of_offset in each]
+    )
+    drifts = _adjusted([drift(sample_of_offset) for sample_of_offset in each])
+    against = _adjusted([against_others(sample, k) for k in range(len(used))])
     answers: dict[Question, Sequence[Adjustable | None]] = {
         "consistency": [whole],
         "offsets": tests,
-        "odd": odd,
+        "odd": against,
         "drift": drifts,
     }
-    asked = tuple(question for question, rows in answers.items() if any(rows))
-    bound = CHANCE / max(len(asked), 1)
-    found = {
+    questions = tuple(question for question, rows in answers.items() if any(rows))
+    bound = CHANCE / max(len(questions), 1)
+    significant = {
         question: [row is not None and row.p_holm < bound for row in rows]
         for question, rows in answers.items()
     }
     verdict: Agreement = "not tested"
-    if any(map(any, found.values())):
+    if any(map(any, significant.values())):
         verdict = "does not agree"
     elif whole or any(tests):
         verdict = "agrees"
     if verdict != "does not agree" and any(repeats[r].misfit for r in used):
         verdict = "misfit"
-    outlier = _outlier(sample, odd, bound) if any(found["odd"]) else None
-    of_run = dict(zip(used, odd, strict=True))
+    outlier = _outlier(sample, against, bound) if any(significant["odd"]) else None
+    of_run = dict(zip(used, against, strict=True))
     return Comparison(
         kind=kind,
         verdict=verdict,
         odd_run=None if outlier is None else repeats[used[outlier]].name,
-        differing=tuple(compress(names, found["offsets"])),
-        drifting=tuple(compress(names, found["drift"])),
+        differing=tuple(compress(names, significant["offsets"])),
+        drifting=tuple(compress(names, significant["drift"])),
         consistency=whole,
         offsets=tuple(
             ComparedOffset(
                 name=names[i],
                 unit=units[i],
-                runs=len(own.values),
+                runs=len(sample_of_offset.values),
                 unvalidated=any(repeats[r].status[i] == "unvalidated" for r in used),
                 mean=mean_of(sample, i, verdict == "agrees"),
-                scatter=scatter(own),
-                predicted_std=None if tests[i] is None else own.predicted_std,
+                scatter=scatter(sample_of_offset),
+                predicted_std=None if tests[i] is None else sample_of_offset.predicted_std,
                 test=tests[i],
                 drift=drifts[i],
             )
-            for i, own in enumerate(each)
+            for i, sample_of_offset in enumerate(each)
         ),
         runs=tuple(
             _run(repeat, float(at[r]), _factor(repeats), of_run.get(r)) for r, repeat in enumerate(repeats)
         ),
         held=repeats[0].held,
         noise_estimated=any(repeat.noise_dof is not None for repeat in repeats),
-        asked=asked,
+        asked=questions,
         by_time=by_time,
         seed=seed,
         versions=versions(),
@@ -244,7 +246,7 @@ def _factor(repeats: Sequence[Repeat]) -> float:
     return float(np.sqrt(np.average([repeat.noise_scale**2 for repeat in estimated], weights=dof)))
 
 
-def sample_of(repeats: Sequence[Repeat], at: Matrix, size: int) -> Sample:
+def sample_of(repeats: Sequence[Repeat], at: Matrix, size: int) -> RunSample:
     """The sample of `size` offsets of runs that have numbers; an offset that fewer than two of them determine
     is compared in none."""
     values = np.array([repeat.value for repeat in repeats]).reshape(-1, size)
@@ -256,11 +258,11 @@ def sample_of(repeats: Sequence[Repeat], at: Matrix, size: int) -> Sample:
         covariances = None
     names = sorted({name for repeat in repeats for name in repeat.geometry})
     by_geometry = np.zeros((len(repeats), size, len(names)))
-    for own, repeat in zip(by_geometry, repeats, strict=True):
-        own[:, [names.index(name) for name in repeat.geometry]] = repeat.by_geometry
+    for rows, repeat in zip(by_geometry, repeats, strict=True):
+        rows[:, [names.index(name) for name in repeat.geometry]] = repeat.by_geometry
     dof = [repeat.noise_dof for repeat in repeats if repeat.noise_dof is not None]
     joint = all(repeat.joint for repeat in repeats)
-    return Sample(values, covariances, joint, sum(dof) if dof else None, at, by_geometry)
+    return RunSample(values, covariances, joint, sum(dof) if dof else None, at, by_geometry)
 
 
 def _adjusted(rows: Sequence[Row | None]) -> list[Row | None]:
@@ -269,14 +271,14 @@ def _adjusted(rows: Sequence[Row | None]) -> list[Row | None]:
     return [None if row is None else replace(row, p_holm=next(p_holm)) for row in rows]
 
 
-def _outlier(sample: Sample, odd: Sequence[AgainstOthers | None], bound: float) -> int | None:
+def _outlier(sample: RunSample, against: Sequence[AgainstOthers | None], bound: float) -> int | None:
     """The run that is farthest from the others; None where they disagree without it as well."""
-    worst = min((own.p_value, k) for k, own in enumerate(odd) if own is not None)[1]
+    worst = min((test.p_value, k) for k, test in enumerate(against) if test is not None)[1]
     rest = consistency(sample.without(worst))
     return worst if rest is None or rest.p_value >= bound else None
 
 
-def _run(repeat: Repeat, at: float, factor: float, odd: AgainstOthers | None) -> ComparedRun:
+def _run(repeat: Repeat, at: float, factor: float, against: AgainstOthers | None) -> ComparedRun:
     std = np.full(len(repeat.names), np.nan)
     if repeat.covariance is not None:
         std = np.sqrt(factor**2 * np.diag(repeat.covariance) + (repeat.by_geometry**2).sum(axis=1))
@@ -290,16 +292,16 @@ def _run(repeat: Repeat, at: float, factor: float, odd: AgainstOthers | None) ->
         at=at,
         failure=repeat.failure,
         misfit=repeat.misfit and repeat.failure is None,
-        odd=odd,
+        odd=against,
         offsets=tuple(
             OffsetOfRun(
                 name=name,
                 unit=unit,
                 status=status,
                 estimate=value if np.isfinite(value) else None,
-                std=own if np.isfinite(value + own) else None,
+                std=deviation if np.isfinite(value + deviation) else None,
             )
-            for name, unit, status, value, own in rows
+            for name, unit, status, value, deviation in rows
         ),
         findings=repeat.findings,
     )

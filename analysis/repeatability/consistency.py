@@ -14,10 +14,9 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
-from ...model.arrays import Matrix
+from ...model.arrays import NORMAL_95, Mask, Matrix
 
 Interval = tuple[float, float]
 
@@ -66,7 +65,7 @@ class Mean:
 
 
 @dataclass(frozen=True)
-class Drift:
+class RunDrift:
     """The slope over the runs (a unit of `at`) with its 95 % interval, and the p-value of one as large."""
 
     slope: float
@@ -87,7 +86,7 @@ class AgainstOthers:
 
 
 @dataclass(frozen=True, eq=False)
-class Common:
+class CommonMean:
     """The common `mean` (m,) of runs with its `covariance`; their scatter about it, in squares of what is
     predicted, with its degrees of freedom."""
 
@@ -98,7 +97,7 @@ class Common:
 
 
 @dataclass(frozen=True, eq=False)
-class Sample:
+class RunSample:
     """R runs of m offsets: `values` (R, m), nan where a run does not determine one; `at` (R,) hours or
     numbers.
 
@@ -116,26 +115,30 @@ class Sample:
     by_geometry: Matrix
 
     @cached_property
-    def determined(self) -> NDArray[np.bool_]:
+    def determined(self) -> Mask:
         """(R, m) whether a run determines an offset."""
         return np.isfinite(self.values)
 
-    def offset(self, i: int) -> Sample:
+    def offset(self, i: int) -> RunSample:
         """One offset of those runs that determine it: then a variance is all there is to know."""
         rows = self.determined[:, i]
-        own = None if self.covariances is None else self.covariances[rows][:, i : i + 1, i : i + 1]
+        covariances = None if self.covariances is None else self.covariances[rows][:, i : i + 1, i : i + 1]
         by_geometry = self.by_geometry[rows][:, i : i + 1]
-        return Sample(self.values[rows][:, i : i + 1], own, True, self.noise_dof, self.at[rows], by_geometry)
+        return RunSample(
+            self.values[rows][:, i : i + 1], covariances, True, self.noise_dof, self.at[rows], by_geometry
+        )
 
-    def without(self, run: int) -> Sample:
+    def without(self, run: int) -> RunSample:
         """All runs but one, by its place."""
         rows = np.arange(len(self.values)) != run
-        own = None if self.covariances is None else self.covariances[rows]
+        covariances = None if self.covariances is None else self.covariances[rows]
         by_geometry = self.by_geometry[rows]
-        return Sample(self.values[rows], own, self.joint, self.noise_dof, self.at[rows], by_geometry)
+        return RunSample(
+            self.values[rows], covariances, self.joint, self.noise_dof, self.at[rows], by_geometry
+        )
 
     @cached_property
-    def common(self) -> Common:
+    def common(self) -> CommonMean:
         """The mean weighted by the covariances (Aitken 1935), of runs that determine every offset."""
         assert self.covariances is not None
         count, size, deviations = self.by_geometry.shape
@@ -147,7 +150,7 @@ class Sample:
         both = covariance @ np.einsum("rik,rij,rj->k", design, precisions, self.values, optimize=True)
         off = self.values - design @ both
         chi2 = float(np.einsum("ri,rij,rj->", off, precisions, off) + (both[size:] ** 2).sum())
-        return Common(both[:size], covariance[:size, :size], chi2, off.size - size)
+        return CommonMean(both[:size], covariance[:size, :size], chi2, off.size - size)
 
     def p_value(self, chi2: float, dof: int) -> float:
         """The p-value of a sum of squares, if all runs scatter as predicted."""
@@ -164,11 +167,10 @@ class Sample:
     @property
     def quantile(self) -> float:
         """Coverage factor of an interval by the prediction."""
-        tail = (1 + LEVEL) / 2
-        return float(stats.norm.ppf(tail) if self.noise_dof is None else stats.t.ppf(tail, self.noise_dof))
+        return NORMAL_95 if self.noise_dof is None else float(stats.t.ppf((1 + LEVEL) / 2, self.noise_dof))
 
 
-def consistency(sample: Sample) -> Consistency | None:
+def consistency(sample: RunSample) -> Consistency | None:
     """All offsets of a sample against the prediction; None where there is no whole prediction."""
     if sample.covariances is None or not sample.joint:
         return None
@@ -184,45 +186,45 @@ def consistency(sample: Sample) -> Consistency | None:
     return Consistency(common.chi2, dof, sample.noise_dof, p_value, p_value, ratio, interval)
 
 
-def scatter(own: Sample) -> Scatter | None:
+def scatter(sample: RunSample) -> Scatter | None:
     """How far one offset scatters; None for fewer than two runs."""
-    values = own.values[:, 0]
+    values = sample.values[:, 0]
     if len(values) < 2:
         return None
     std, (low, high) = float(values.std(ddof=1)), of_a_std(len(values) - 1)
     return Scatter(std, (std * low, std * high))
 
 
-def mean_of(sample: Sample, i: int, as_predicted: bool) -> Mean | None:
+def mean_of(sample: RunSample, i: int, as_predicted: bool) -> Mean | None:
     """The mean of offset i, None where it is not compared. Its interval is that of the prediction only where
     the runs scatter as predicted; else it is from their scatter (Student's t), about the plain mean."""
-    own = sample.offset(i)
-    values = own.values[:, 0]
+    of_offset = sample.offset(i)
+    values = of_offset.values[:, 0]
     if len(values) < 2:
         return None
     if as_predicted:
-        common = (sample if sample.joint else own).common
+        common = (sample if sample.joint else of_offset).common
         k = i if sample.joint else 0
         mean, half = float(common.mean[k]), float(sample.quantile * np.sqrt(common.covariance[k, k]))
         return Mean(mean, (mean - half, mean + half), "prediction")
     mean, count = float(values.mean()), len(values)
     half = float(stats.t.ppf((1 + LEVEL) / 2, count - 1) * values.std(ddof=1) / np.sqrt(count))
     # What the arm's deviations add to all runs alike is not in their scatter.
-    shared = float(np.linalg.norm(own.by_geometry[:, 0].mean(axis=0)))
-    half = float(np.hypot(half, stats.norm.ppf((1 + LEVEL) / 2) * shared))
+    shared = float(np.linalg.norm(of_offset.by_geometry[:, 0].mean(axis=0)))
+    half = float(np.hypot(half, NORMAL_95 * shared))
     return Mean(mean, (mean - half, mean + half), "scatter")
 
 
-def drift(own: Sample) -> Drift | None:
+def drift(sample: RunSample) -> RunDrift | None:
     """The slope over time of one offset, by weights where runs differ; its interval is from the scatter about
     the line (Student's t), so that it holds whatever was predicted. None for two runs, or without scatter."""
-    values, weight, dof = own.values[:, 0], np.ones(len(own.values)), len(own.values) - 2
+    values, weight, dof = sample.values[:, 0], np.ones(len(sample.values)), len(sample.values) - 2
     if dof < 1:
         return None
-    if own.covariances is not None:
-        weight = 1 / own.covariances[:, 0, 0]
+    if sample.covariances is not None:
+        weight = 1 / sample.covariances[:, 0, 0]
     weight = weight / weight.sum()
-    at = own.at - weight @ own.at
+    at = sample.at - weight @ sample.at
     spread = float(weight @ at**2)
     if spread == 0:
         return None
@@ -234,10 +236,10 @@ def drift(own: Sample) -> Drift | None:
     std = float(np.sqrt(rest / dof / spread))
     half = float(stats.t.ppf((1 + LEVEL) / 2, dof)) * std
     p_value = float(2 * stats.t.sf(abs(slope) / std, dof))
-    return Drift(slope, (slope - half, slope + half), dof, p_value, p_value)
+    return RunDrift(slope, (slope - half, slope + half), dof, p_value, p_value)
 
 
-def against_others(sample: Sample, run: int) -> AgainstOthers | None:
+def against_others(sample: RunSample, run: int) -> AgainstOthers | None:
     """With all covariances: what the run adds to the sum of squares, which is its distance from the mean of
     the others in what is predicted of it. Else offset by offset, Bonferroni over them."""
     if len(sample.values) < 3:
@@ -250,13 +252,13 @@ def against_others(sample: Sample, run: int) -> AgainstOthers | None:
         return AgainstOthers(chi2, dof, p_value, p_value)
     p_values = []
     for i in np.flatnonzero(sample.determined[run]):
-        own = sample.offset(int(i))
-        place = int(sample.determined[:run, i].sum())
-        others = own.without(place)
-        if own.covariances is not None:
-            p_values.append(own.p_value(max(own.common.chi2 - others.common.chi2, 0.0), 1))
+        of_offset = sample.offset(int(i))
+        row = int(sample.determined[:run, i].sum())
+        others = of_offset.without(row)
+        if of_offset.covariances is not None:
+            p_values.append(of_offset.p_value(max(of_offset.common.chi2 - others.common.chi2, 0.0), 1))
         elif len(others.values) >= 2 and (std := float(others.values.std(ddof=1))) > 0:
-            off = float(own.values[place, 0] - others.values.mean())
+            off = float(of_offset.values[row, 0] - others.values.mean())
             t = abs(off) / (std * np.sqrt(1 + 1 / len(others.values)))
             p_values.append(float(2 * stats.t.sf(t, len(others.values) - 1)))
     if not p_values:

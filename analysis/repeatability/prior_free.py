@@ -41,19 +41,19 @@ def without_prior(fit: LikelihoodFit, columns: Sequence[int]) -> WithoutPrior:
     """
     problem, parameters = fit.problem, fit.problem.parameters
     _, root, _ = information_root(problem, fit.x, fit.weight)
-    own = parameters.among_free[list(columns)]
-    rest = np.setdiff1d(np.arange(root.shape[1]), own)
+    selected = parameters.among_free[list(columns)]
+    rest = np.setdiff1d(np.arange(root.shape[1]), selected)
     length = np.linalg.norm(root[:, rest], axis=0)
     length[length == 0] = 1.0
-    by_rest = np.linalg.lstsq(root[:, rest] / length, root[:, own], rcond=_ROUNDING)[0] / length[:, None]
-    left = root[:, own] - root[:, rest] @ by_rest
+    by_rest = np.linalg.lstsq(root[:, rest] / length, root[:, selected], rcond=_ROUNDING)[0] / length[:, None]
+    left = root[:, selected] - root[:, rest] @ by_rest
     covariance = np.linalg.inv(left.T @ left)
     by_row = covariance @ left.T
     by_noise, by_geometry = np.split(by_row, [len(left) - len(problem.tolerated)], axis=1)
     # A tolerance of the geometry is knowledge, which stays.
     pulled = np.where(parameters.group("geometry")[parameters.free], 0.0, fit.z)
     at_mode = float(Density(problem).noise_weight(fit.x[None])[0])
-    step = covariance @ (pulled[own] - by_rest.T @ pulled[rest]) * fit.weight / at_mode
+    step = covariance @ (pulled[selected] - by_rest.T @ pulled[rest]) * fit.weight / at_mode
     scale = parameters.prior_std[list(columns)]
     noise = fit.weight * np.asarray(by_noise @ by_noise.T)
     return WithoutPrior(
@@ -64,19 +64,19 @@ def without_prior(fit: LikelihoodFit, columns: Sequence[int]) -> WithoutPrior:
 def offsets_without_prior(solution: Solution) -> OffsetsWithoutPrior | None:
     """The offsets that the measurements determine, without any prior; None where there is none."""
     problem, parameters = solution.problem, solution.problem.parameters
-    places = range(*parameters.block("offset").indices(len(parameters)))
-    columns = [column for column in places if column in solution.known]
+    indices = range(*parameters.block("offset").indices(len(parameters)))
+    columns = [column for column in indices if column in solution.known]
     if not columns:
         return None
-    own, display = without_prior(solution.fit, columns), parameters.display[columns]
-    covariance = own.covariance * np.outer(display, display) * solution.noise_scale**2
+    free_of_prior, display = without_prior(solution.fit, columns), parameters.display[columns]
+    covariance = free_of_prior.covariance * np.outer(display, display) * solution.noise_scale**2
     return OffsetsWithoutPrior(
         names=tuple(parameters.names[column] for column in columns),
         units=tuple(parameters.items[column].unit for column in columns),
         status=tuple(solution.status[column] for column in columns),
-        values=tuple((own.value * display).tolist()),
+        values=tuple((free_of_prior.value * display).tolist()),
         covariance=tuple(map(tuple, covariance.tolist())),
         geometry=tuple(parameters.names[column] for column in problem.tolerated),
-        by_geometry=tuple(map(tuple, (own.by_geometry * display[:, None]).tolist())),
+        by_geometry=tuple(map(tuple, (free_of_prior.by_geometry * display[:, None]).tolist())),
         dof=None if problem.noise.known else max(solution.dof, 1),
     )

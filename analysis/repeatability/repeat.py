@@ -14,6 +14,7 @@ from ..findings import FileWarning, OtherBasins
 from ..misfit import Criterion
 from ..status import Status
 
+WHEN = "when"  # the key of a header's provenance that says when a run was made
 Kind = Literal["runs", "results", "table"]
 # `prior`: a prior has a part in it. `stated`, `not stated`: of a table.
 RepeatStatus = Status | Literal["prior", "stated", "not stated"]
@@ -55,7 +56,7 @@ RunFinding = (
 )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Repeat:
     """One run: what its measurements say of the free offsets `names` (m,).
 
@@ -69,26 +70,26 @@ class Repeat:
 
     name: str
     sha256: str | None
-    robot: str | None
-    shots: int | None
-    when: str | None
+    robot: str | None = None
+    shots: int | None = None
+    when: str | None = None
     names: tuple[str, ...]
     units: tuple[str, ...]
-    held: tuple[str, ...]
+    held: tuple[str, ...] = ()
     status: tuple[RepeatStatus, ...]
     value: Matrix
-    covariance: Matrix | None
+    covariance: Matrix | None = None
     by_geometry: Matrix
-    geometry: tuple[str, ...]
+    geometry: tuple[str, ...] = ()
     joint: bool
-    noise_scale: float
-    noise_dof: int | None
-    findings: tuple[RunFinding, ...]
-    failure: str | None
+    noise_scale: float = 1.0
+    noise_dof: int | None = None
+    findings: tuple[RunFinding, ...] = ()
+    failure: str | None = None
 
     @property
     def misfit(self) -> bool:
         """Whether the model does not describe the run."""
         return "unvalidated" in self.status or any(
-            isinstance(own, Criterion | StatedMisfit) for own in self.findings
+            isinstance(finding, Criterion | StatedMisfit) for finding in self.findings
         )

@@ -1,9 +1,13 @@
-"""The runs that `compare` compares: read from their files, refused where they are no repeats."""
+"""The runs that `compare` compares: run files, results, or a table; refused where they are no repeats."""
 
 from __future__ import annotations
 
+import csv
 import hashlib
-from collections.abc import Sequence
+import io
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
@@ -13,74 +17,236 @@ import numpy as np
 from ...model.arrays import Matrix, Progress
 from ...model.errors import BadInput
 from ...model.files.header import Header
-from ...model.files.reading import LARGEST_RECORDING, read_bytes
+from ...model.files.reading import LARGEST_RECORDING, read_bytes, read_text, shown
 from ...model.files.run import Run, read_run
+from ...model.files.validation import LARGEST
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
 from ..estimation.threads import one_blas_thread
-from .offset_table import read_table
-from .repeat import Kind, Repeat
+from ..findings import FileWarning, OtherBasins, moved_target
+from ..optima import undecided_names
+from ..solution import Solution, require_noise_data
+from ..solved import solved
+from .prior_free import without_prior
+from .repeat import WHEN, Kind, Repeat, RunFinding, SharedDistances, SharedTolerances
 from .result_files import read_result
-from .run_files import fitted, problem_of, unfitted
 
 _SAME = 1e-9  # relative: two descriptions of one arm
 
 
-def read_repeats(given: Sequence[Path | Run], seed: int, progress: Progress) -> tuple[Kind, list[Repeat]]:
+def read_table(path: Path) -> Iterator[Repeat]:
+    """A run for each row: `run`, then columns such as `delta2_deg`; an empty cell is an offset not given."""
+    text, sha256 = read_text(path)
+    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    try:
+        rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(row)]
+    except csv.Error as error:
+        raise BadInput(f"the file is not valid CSV: {error}", file=path, line=reader.line_num) from None
+    if not rows:
+        raise BadInput("the table has no rows", file=path)
+    line, head = rows[0]
+    offsets = [_column(name, path, line) for name in head[1:]]
+    names = tuple(name for name, _ in offsets)
+    if head[0] != "run" or not offsets or len(set(names)) != len(names):
+        raise BadInput(
+            "the header row of a table of offsets is wrong",
+            found=shown(",".join(head)),
+            allowed="run, then each offset once with its unit: run,delta2_deg,delta3_deg",
+            file=path,
+            line=line,
+        )
+    if len(rows) < 3:
+        raise BadInput("one run cannot be compared", found=f"{len(rows) - 1} rows", file=path)
+    names_read: set[str] = set()
+    for line, row in rows[1:]:
+        if len(row) != len(head) or not row[0] or row[0] in names_read:
+            raise BadInput(
+                "this row of the table cannot be used",
+                found=shown(",".join(row)),
+                allowed=f"{len(head)} cells, the first a name that no other run has",
+                file=path,
+                line=line,
+            )
+        names_read.add(row[0])
+        units = [unit for _, unit in offsets]
+        cells = zip(row[1:], units, strict=True)
+        value = np.array([_number(cell, LARGEST[unit], path, line) for cell, unit in cells])
+        yield Repeat(
+            name=row[0],
+            sha256=sha256,
+            names=names,
+            units=tuple(units),
+            status=tuple("not stated" if math.isnan(number) else "stated" for number in value),
+            value=value,
+            by_geometry=np.zeros((len(names), 0)),
+            joint=False,
+        )
+
+
+def _column(column: str, path: Path, line: int) -> tuple[str, str]:
+    """delta2_deg: name and unit."""
+    name, _, unit = column.rpartition("_")
+    if not name or unit not in LARGEST:
+        raise BadInput(
+            "a column of a table of offsets has no unit in its name",
+            found=shown(column),
+            allowed=f"a name and one of {', '.join('_' + unit for unit in LARGEST)}, such as delta2_deg",
+            file=path,
+            line=line,
+        )
+    return name, unit
+
+
+def _number(cell: str, most: float, path: Path, line: int) -> float:
+    if not cell:
+        return math.nan
+    try:
+        value = float(cell) if "_" not in cell else math.nan
+    except ValueError:
+        value = math.nan
+    if not -most <= value <= most:
+        raise BadInput(
+            "this is not an offset",
+            found=shown(cell),
+            allowed=f"a number up to {most:g} with a decimal point; an empty cell where none is given",
+            file=path,
+            line=line,
+        )
+    return value
+
+
+def problem_of(run: Run) -> Problem:
+    """The problem of a run; BadInput, with its file, where it cannot be analysed."""
+    try:
+        run.require_analysable()
+        problem = Problem.from_run(run)
+        require_noise_data(problem)
+    except BadInput as error:
+        raise error.at(run.path, run.header_line) from error
+    return problem
+
+
+def unfitted(run: Run, problem: Problem, name: str) -> Repeat:
+    """What is known of a run before its fit."""
+    items = [item for item in problem.parameters.items if item.group == "offset"]
+    free = [item for item in items if not item.held]
+    when = run.header.provenance.get(WHEN)
+    return Repeat(
+        name=name,
+        sha256=run.sha256,
+        robot=run.robot.name,
+        shots=problem.shots,
+        when=when if isinstance(when, str) else None,
+        names=tuple(item.name for item in free),
+        units=tuple(item.unit for item in free),
+        held=tuple(item.name for item in items if item.held),
+        status=tuple("unidentifiable" for _ in free),
+        value=np.full(len(free), np.nan),
+        covariance=np.full((len(free), len(free)), np.nan),
+        by_geometry=np.zeros((len(free), 0)),
+        joint=True,
+        noise_dof=None if problem.noise.known else 1,
+        findings=tuple(map(FileWarning, run.warnings)),
+    )
+
+
+def fitted(repeat: Repeat, problem: Problem, header: Header, seed: int) -> Repeat:
+    """The same run with what its measurements say, each number without any prior."""
+    solution = solved(problem, header, seed=seed).solution
+    problem = solution.problem
+    if not solution.converged:
+        return replace(repeat, failure=solution.fit.reason)
+    parameters = problem.parameters
+    columns = [parameters.index(name) for name in repeat.names]
+    value, covariance = repeat.value.copy(), np.full_like(np.outer(repeat.value, repeat.value), np.nan)
+    geometry = tuple(parameters.names[column] for column in problem.tolerated)
+    by_geometry = np.full((len(columns), len(geometry)), np.nan)
+    known = [k for k, column in enumerate(columns) if column in solution.known]
+    if known:
+        known_columns = [columns[k] for k in known]
+        offsets = without_prior(solution.fit, known_columns)
+        display = parameters.display[known_columns]
+        value[known] = offsets.value * display
+        covariance[np.ix_(known, known)] = offsets.covariance * np.outer(display, display)
+        by_geometry[known] = offsets.by_geometry * display[:, None]
+    return replace(
+        repeat,
+        status=tuple(solution.status[column] for column in columns),
+        value=value,
+        covariance=covariance,
+        by_geometry=by_geometry,
+        geometry=geometry,
+        noise_scale=solution.noise_scale,
+        noise_dof=None if problem.noise.known else max(solution.dof, 1),
+        findings=(*_on_the_fit(solution), *repeat.findings),
+    )
+
+
+def _on_the_fit(solution: Solution) -> Iterator[RunFinding]:
+    if solution.misfit is not None:
+        yield from solution.misfit.criteria
+    if (moved := moved_target(solution)) is not None:
+        yield moved
+    if solution.fit.other_basins:
+        undecided = undecided_names(solution.identified.facts.null_space)
+        yield OtherBasins(solution.fit.other_basins, undecided)
+    if solution.problem.distances:
+        yield SharedDistances()
+    if len(solution.problem.tolerated):
+        yield SharedTolerances()
+
+
+def read_repeats(runs: Sequence[Path | Run], seed: int, progress: Progress) -> tuple[Kind, list[Repeat]]:
     """The runs in files: run files, results of `analyse --json`, or one table (see `docs/compare.md`); or the
     runs themselves.
 
     Raises BadInput for fewer than two, for one that is given twice, and for runs that cannot be compared.
     """
-    if any(isinstance(one, Path) and one.suffix == ".csv" for one in given):
-        if len(given) > 1:
+    paths = [one if isinstance(one, Path) else one.path for one in runs]
+    if any(isinstance(one, Path) and one.suffix == ".csv" for one in runs):
+        if len(runs) > 1:
             raise BadInput(
                 "a table is compared alone: its runs have no uncertainties",
-                found=f"{len(given)} files",
+                found=f"{len(runs)} files",
                 allowed="one table (.csv), or run files and results",
             )
-        return "table", list(read_table(_paths(given)[0]))
-    if len(given) < 2:
+        return "table", list(read_table(paths[0]))
+    if len(runs) < 2:
         raise BadInput(
             "one run cannot be compared",
-            found=str(_paths(given)[0]) if given else "no file",
+            found=str(paths[0]) if runs else "no file",
             allowed="two runs or more, or a table of published offsets (.csv)",
         )
-    names = _names(given)
-    _refuse_twice([(name, _sha256(one)) for name, one in zip(names, given, strict=True)])
+    names = _names(paths)
+    _refuse_twice([(name, _sha256(one)) for name, one in zip(names, runs, strict=True)])
     # All that could forbid a comparison comes before the first fit.
-    found: list[Repeat] = []
+    repeats: list[Repeat] = []
     problems: dict[int, tuple[Problem, Header]] = {}
     arms: list[tuple[str, Robot]] = []
-    for k, (one, name) in enumerate(zip(given, names, strict=True)):
+    for k, (one, name) in enumerate(zip(runs, names, strict=True)):
         if isinstance(one, Path) and one.suffix == ".json":
-            found.append(read_result(one, name))
+            repeats.append(read_result(one, name))
             continue
         run = read_run(one) if isinstance(one, Path) else one
         problem = problem_of(run)
         problems[k] = problem, run.header
-        found.append(unfitted(run, problem, name))
+        repeats.append(unfitted(run, problem, name))
         arms.append((name, run.robot))
-    _refuse_twice([(repeat.name, repeat.sha256 or "") for repeat in found])
+    _refuse_twice([(repeat.name, repeat.sha256 or "") for repeat in repeats])
     for (first, robot), (other, another) in pairwise(arms):
         _require_same_arm(first, robot, other, another)
-    for one_repeat, other_repeat in pairwise(found):
+    for one_repeat, other_repeat in pairwise(repeats):
         _require_comparable(one_repeat, other_repeat)
     with one_blas_thread():
         for k, (problem, header) in problems.items():
-            progress(f"fit, run {k + 1}/{len(given)}", k / len(given))
-            found[k] = fitted(found[k], problem, header, seed)
-    return "runs" if len(problems) == len(given) else "results", found
+            progress(f"fit, run {k + 1}/{len(runs)}", k / len(runs))
+            repeats[k] = fitted(repeats[k], problem, header, seed)
+    return "runs" if len(problems) == len(runs) else "results", repeats
 
 
-def _paths(given: Sequence[Path | Run]) -> list[Path]:
-    return [one if isinstance(one, Path) else one.path for one in given]
-
-
-def _names(given: Sequence[Path | Run]) -> list[str]:
+def _names(paths: Sequence[Path]) -> list[str]:
     """What the runs are called: their files' names, with the folders where two are the same, and a number
     where that is not enough."""
-    paths = _paths(given)
     names = [path.name for path in paths]
     if len(set(names)) < len(names):
         names = [str(path) for path in paths]
@@ -165,7 +331,7 @@ def _require_comparable(one: Repeat, other: Repeat) -> None:
 def times(repeats: Sequence[Repeat]) -> list[datetime] | None:
     """When the runs were made, if all of them say so (ISO 8601) and not all at once; else None."""
     try:
-        found = [datetime.fromisoformat(repeat.when or "") for repeat in repeats]
-        return found if max(found) > min(found) else None
+        dates = [datetime.fromisoformat(repeat.when or "") for repeat in repeats]
+        return dates if max(dates) > min(dates) else None
     except (ValueError, TypeError):  # no date, or one with a time zone beside one without
         return None

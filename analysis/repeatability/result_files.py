@@ -15,6 +15,7 @@ from ..misfit import LACK_OF_FIT, LackOfFit
 from ..result import RESULT_SCHEMA as SCHEMA
 from ..status import known
 from .repeat import (
+    WHEN,
     PriorInEstimate,
     Repeat,
     RepeatStatus,
@@ -22,7 +23,6 @@ from .repeat import (
     SharedTolerances,
     StatedMisfit,
 )
-from .run_files import WHEN
 
 _WITHOUT_PRIOR = 0.98  # std over the one without priors: from here on they have no part in an estimate
 

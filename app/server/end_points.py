@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, TypeAdapter
 
-from ...model.files.stated_plan.plan_file import PlanFile
+from ...model.files.plan_file import PlanFile
 from .answers import history, imports, plans, posteriors, recordings, refits, results, robots
 from .folder import FolderFile
 from .job_commands import AskedJob, AskedLine

@@ -15,7 +15,7 @@ from pydantic import BaseModel, Field, TypeAdapter
 
 from ...model.errors import BadInput, ZerobeamError
 from ...model.files.json_document import JsonDocument
-from ...model.files.reading import DEEPEST, MOST_VALUES, Place
+from ...model.files.reading import DEEPEST, MOST_VALUES, KeyPath
 from ...model.files.validation import Model, validate
 
 
@@ -52,7 +52,7 @@ Content = dict[str, Any]  # of a YAML file, as it is sent
 class Refused(BadInput):
     """Bad input of which the key is known: `key` leads to the value in what was sent."""
 
-    key: Place = ()
+    key: KeyPath = ()
 
 
 def require_plain(content: Any) -> None:
@@ -89,14 +89,16 @@ def as_model(model: type[Model], data: Any) -> Model:
     return keyed(data, lambda line: validate(model, data, file=None, line=line))
 
 
-def keyed(data: Any, use: Callable[[Callable[[Place], int | None]], Answer], before: Place = ()) -> Answer:
+def keyed(
+    data: Any, use: Callable[[Callable[[KeyPath], int | None]], Answer], before: KeyPath = ()
+) -> Answer:
     """What `use` makes of `data`; it is given what finds the line of a place, as if each had one of its own.
 
     A BadInput with a line is raised again as Refused, with the place that the line stands for.
     """
-    all_keys: list[Place] = []
+    all_keys: list[KeyPath] = []
 
-    def enter(value: Any, keys: Place) -> None:
+    def enter(value: Any, keys: KeyPath) -> None:
         all_keys.append(keys)
         inner = (
             value.items() if isinstance(value, dict) else enumerate(value if isinstance(value, list) else ())
@@ -107,7 +109,7 @@ def keyed(data: Any, use: Callable[[Callable[[Place], int | None]], Answer], bef
     enter(data, ())
     lines = {keys: number for number, keys in enumerate(all_keys, start=1)}
 
-    def line(keys: Place) -> int | None:
+    def line(keys: KeyPath) -> int | None:
         return next((lines[keys[:n]] for n in range(len(keys), -1, -1) if keys[:n] in lines), None)
 
     try:
@@ -116,7 +118,7 @@ def keyed(data: Any, use: Callable[[Callable[[Place], int | None]], Answer], bef
         raise refused(error, (*before, *all_keys[error.line - 1]) if error.line else before) from error
 
 
-def refused(error: BadInput, key: Place) -> Refused:
+def refused(error: BadInput, key: KeyPath) -> Refused:
     """The same error with the key of what is wrong, and without the line that stood for it."""
     same = Refused(error.what, found=error.found, allowed=error.allowed, remedy=error.remedy, file=error.file)
     same.key = key

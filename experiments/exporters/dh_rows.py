@@ -17,8 +17,7 @@ import numpy as np
 
 from ...model.arrays import Matrix
 from ...model.files.robot_file import RobotFile
-from ...model.kinematics.denavit_hartenberg import DHRow
-from ...model.kinematics.robot import Robot, rotation_about, shift
+from ...model.kinematics.robot import DHRow, Robot, rotation_about, shift
 
 _NEARLY_PARALLEL = float(np.sin(np.radians(5.0)))  # as of the geometry's parameters
 _NO_LENGTH = 1e-10  # mm: has no direction

@@ -13,8 +13,8 @@ from ...model.files.header import UrdfRef
 from ...model.files.reading import shown
 from ...model.files.robot_file import RobotFile, StatedJoint, StatedTransform, stated_rows
 from ...model.files.run import Run
-from ...model.kinematics.denavit_hartenberg import DHRow
 from ...model.kinematics.orientation import angles_of
+from ...model.kinematics.robot import DHRow
 from .ascii_line import one_line
 from .calibration import Calibration
 from .dh_rows import Table, beyond_rows, corrected_table

@@ -8,8 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from ...analysis.acceptance.acceptance_test import AcceptanceResult, Prediction, accept
-from ...analysis.acceptance.postures import VerificationPlan, choose
+from ...analysis.acceptance.acceptance_test import (
+    AcceptancePrediction,
+    AcceptanceResult,
+    VerificationPlan,
+    accept,
+    choose,
+)
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.solution import Solution
 from ...model.errors import BadInput
@@ -72,7 +77,7 @@ def accepted(path: Path, new: Path, tolerance: float | None) -> AcceptanceResult
             update={"distances": (), "targets": {name: stated[name] for name in targets if name in stated}}
         )
         laser = run.header.tool.kind == "laser"
-        prediction = Prediction(
+        prediction = AcceptancePrediction(
             solution, header, verified.joints, targets, verified.spots if laser else None, entered
         )
         return accept(prediction, solution, _tolerances(run.header, tolerance))

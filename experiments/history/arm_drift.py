@@ -9,10 +9,10 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from ...analysis.drift.comparable import change_at
 from ...analysis.drift.drift import Drift, Jump, Undecided, drift
-from ...analysis.drift.due import HORIZON_YEARS, due_after
-from ...analysis.drift.series import Observation, series_of
+from ...analysis.drift.forecast import HORIZON_YEARS, due_after
+from ...analysis.drift.instruments import change_at
+from ...analysis.drift.smoother import Observation, series_of
 from .content import Event, StoredResult
 
 YEAR = timedelta(days=365.25)

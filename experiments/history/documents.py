@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import AfterValidator, Field, PlainSerializer
 
 from ...analysis.drift.drift import Jump, Undecided
-from ...analysis.drift.instruments import Bias, Comparable
+from ...analysis.drift.instruments import Bias, ComparableInstruments
 from ...analysis.status import Verdict
 from ...model.files.json_document import JsonDocument, is_none
 from .arm_drift import ArmDrift, DatedChange
@@ -344,7 +344,7 @@ class FleetDriftRow(JsonDocument):
     biases: list[Bias] = Field(
         description="of `instrument` less the mean of `against`; p-values adjusted for the number of tests"
     )
-    comparable: list[Comparable] = Field(
+    comparable: list[ComparableInstruments] = Field(
         description="by offset: groups of instruments; nothing is determined between two groups"
     )
     unstated: int = Field(description="results that state no instrument")

@@ -12,7 +12,16 @@ from typing import Any
 
 from ...model.errors import BadInput
 from ...model.files.reading import LARGEST_RECORDING, read_text
-from ...words.provenance import DATE, KEYS, OPERATOR, SERIAL, by_plain_key, first_stated, instrument, stated
+from ...words.provenance import (
+    DATE,
+    KEYS,
+    OPERATOR,
+    SERIAL,
+    by_plain_key,
+    first_entry,
+    instrument,
+    provenance_entry,
+)
 from .content import (
     DAMAGED,
     StoredCovariance,
@@ -128,8 +137,8 @@ class _Origin:
 
 def _origin(stated_by: Mapping[str, object], path: Path, serial: str | None, when: str | None) -> _Origin:
     own = by_plain_key(stated_by)
-    serial = first_stated(own, KEYS[SERIAL]) or serial
-    when = first_stated(own, KEYS[DATE]) or when
+    serial = first_entry(own, KEYS[SERIAL]) or serial
+    when = first_entry(own, KEYS[DATE]) or when
     for value, what, key in (
         (serial, "serial number of the arm", "serial"),
         (when, "date of the measurements", "when"),
@@ -143,7 +152,7 @@ def _origin(stated_by: Mapping[str, object], path: Path, serial: str | None, whe
             )
     assert serial is not None
     assert when is not None
-    return _Origin(serial, moment(when, path), stated(own, KEYS[OPERATOR]), own)
+    return _Origin(serial, moment(when, path), provenance_entry(own, KEYS[OPERATOR]), own)
 
 
 def _entry(answer: dict[str, Any], text: str, origin: _Origin) -> Entry:

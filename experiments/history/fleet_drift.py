@@ -15,7 +15,7 @@ import numpy as np
 
 from ...analysis.drift.drift import ALARM, SPREAD, Drift, Jump
 from ...analysis.drift.fleet import ArmRates, ModelRates, model_rates
-from ...analysis.drift.instruments import Bias, Comparable, Measured, instrument_biases
+from ...analysis.drift.instruments import Bias, ComparableInstruments, MeasuredArm, instrument_biases
 from ...model.arrays import Matrix
 from ..processes import side_by_side
 from .arm_drift import ArmDrift, DatedChange, arm_drift
@@ -93,7 +93,7 @@ class FleetDrift:
     models: tuple[ModelWalk, ...]
     arms: tuple[ArmWalks, ...]
     biases: tuple[Bias, ...]
-    comparable: tuple[Comparable, ...]
+    comparable: tuple[ComparableInstruments, ...]
     unstated: int
     suspects: tuple[Suspect, ...]
     too_few: int
@@ -147,7 +147,7 @@ def fleet_drift(
     )
     rates: dict[str, ModelRates] = dict(zip(models, rates_of_models, strict=True))
     biases = instrument_biases(
-        [Measured(found, tuple(one.instrument for one in own.used)) for own, found in counted],
+        [MeasuredArm(found, tuple(one.instrument for one in own.used)) for own, found in counted],
         lambda work, jobs: _each(
             work, jobs, len(jobs), len(jobs), lambda share: tell("instruments", (1 + 2 * share) / 3)
         ),

@@ -18,7 +18,7 @@ from ...model.errors import BadInput
 from ...model.files.header import Header, check_header, read_header
 from ...model.files.limits import check_limits
 from ...model.files.plan import Plan
-from ...model.files.reading import Place, read_yaml
+from ...model.files.reading import KeyPath, read_yaml
 from ...model.files.robot_file import load_robot, rebased
 from ...model.files.shot import Shot, check_distances, check_shot, unknown_targets
 from ...model.files.validation import validate
@@ -252,7 +252,7 @@ def uncollected() -> Iterator[None]:
             gc.enable()
 
 
-def _nowhere(_: Place) -> None:
+def _nowhere(_: KeyPath) -> None:
     """The line of a value: `_shots` knows that of the whole row."""
 
 

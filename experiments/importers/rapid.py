@@ -12,7 +12,7 @@ import numpy as np
 from ...model.arrays import Matrix
 from ...model.errors import BadInput
 from ...model.files.reading import shown
-from ...model.kinematics.poses import from_quaternion, stated_numbers
+from ...model.kinematics.orientation import from_quaternion, stated_numbers
 from .imported import Imported, Job, Stated
 from .robtargets import Robtargets
 from .taught import Point, import_points

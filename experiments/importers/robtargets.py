@@ -14,7 +14,7 @@ from ...model.errors import BadInput
 from ...model.files.robot_file import load_robot
 from ...model.kinematics.branches import Branches, is_abb_configuration
 from ...model.kinematics.inverse import Solver
-from ...model.kinematics.poses import from_quaternion
+from ...model.kinematics.orientation import from_quaternion
 from ...model.kinematics.robot import Robot, same_arm, shift
 
 _FLANGE_OF_IRB1600 = 65.0  # mm

@@ -26,9 +26,8 @@ from ...model.errors import BadInput
 from ...model.files.reading import did_you_mean, read_text, read_yaml
 from ...model.files.robot_file import RobotFile, built_in_robots, load_robot, stated_rows
 from ...model.files.urdf import MILLIMETRES
-from ...model.kinematics.denavit_hartenberg import DHRow, dh_chain
 from ...model.kinematics.orientation import roll_pitch_yaw
-from ...model.kinematics.robot import Robot, shift
+from ...model.kinematics.robot import DHRow, Robot, dh_chain, shift
 
 DELTAS = ("delta_theta", "delta_a", "delta_d", "delta_alpha")
 LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")

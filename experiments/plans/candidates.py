@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...analysis.observability.aim import aim, servo_joints
-from ...analysis.observability.violations import Condition
+from ...analysis.observability.check import Condition
 from ...model.arrays import Mask, Matrix
 from ...model.errors import BadInput
 from ...model.files.header import Header
-from ...model.files.stated_plan.obstacles import Obstacles
+from ...model.files.plan_file import Obstacles
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem
 from .constraints import Conditions, View

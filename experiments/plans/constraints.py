@@ -9,13 +9,12 @@ import numpy as np
 
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.observability.aim import AimedPlan, aim_plan
-from ...analysis.observability.check import Check
+from ...analysis.observability.check import Check, Condition, Violation
 from ...analysis.observability.check import check as check_observability
-from ...analysis.observability.violations import Condition, Violation
 from ...model.arrays import Index, Mask, Matrix
 from ...model.errors import BadInput
 from ...model.files.plan import Plan
-from ...model.files.stated_plan.constraints import StatedConstraints
+from ...model.files.plan_file import StatedConstraints
 from ...model.kinematics.pendant import beyond_limits
 from ...model.kinematics.robot import Robot
 from ...model.likelihood.problem import Problem

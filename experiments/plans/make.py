@@ -12,12 +12,11 @@ from ...analysis.design.continuous_design import Criterion
 from ...analysis.observability.check import Check
 from ...model.arrays import Progress
 from ...model.errors import BadInput
-from ...model.files.arrays import checked
+from ...model.files.arguments import checked
 from ...model.files.header import DEFAULT_TARGETS, Header, StatedTarget
 from ...model.files.plan import Plan, read_plan, write_plan
+from ...model.files.plan_file import UNCONSTRAINED, Obstacles, StatedConstraints
 from ...model.files.robot_file import load_robot, rebased
-from ...model.files.stated_plan.constraints import UNCONSTRAINED, StatedConstraints
-from ...model.files.stated_plan.obstacles import Obstacles
 from ...model.files.whole_file import refuse_existing
 from ...words import numbers
 from ...words.result_json import check_json

@@ -9,7 +9,7 @@ import numpy as np
 from ruamel.yaml import YAML
 
 from ...model.arrays import Mask, Matrix
-from ...model.files.stated_plan.obstacles import Box, Obstacles
+from ...model.files.plan_file import Box, Obstacles
 from ...model.files.validation import read_model
 from ...model.files.whole_file import refuse_existing, write_whole
 from ...model.kinematics.robot import Robot

@@ -112,7 +112,7 @@ class _BeamAt:
 
         found = levenberg_marquardt(least_squares(residual), seed[None], max_iterations=60)
         value, _ = residual(found.x, np.zeros(1, dtype=np.int64))
-        if np.abs(value[0, : 3 + self._problem.tool.miss_size]).max() > _HIT_MM:
+        if np.abs(value[0, : 3 + self._problem.tool.residual_size]).max() > _HIT_MM:
             return None
         origin, direction = self._beam(found.x, parts.arm, parts.tool)
         ahead = float(direction[0] @ (self._target - origin[0])) > 0

@@ -14,11 +14,11 @@ from ...model.files.validation import (
     Count,
     FileModel,
     Name,
-    Pair,
-    Point,
+    NumberPair,
     Positive,
     SourcedModel,
     TargetName,
+    Vector,
     as_tuple,
     read_model,
     refusal,
@@ -48,11 +48,11 @@ class PsdBeside(FileModel):
         description="std of one sample at full light at the centre, as measured with the arm at rest, "
         "millimetres"
     )
-    markers_mm: Annotated[tuple[Point, Point] | None, BeforeValidator(as_tuple)] = Field(
+    markers_mm: Annotated[tuple[Vector, Vector] | None, BeforeValidator(as_tuple)] = Field(
         default=None,
         description="the two LEDs in the PSD's frame, millimetres; a camera needs them, and nothing else",
     )
-    normal: Annotated[Point | Literal["beam"], BeforeValidator(face_normal)] = Field(
+    normal: Annotated[Vector | Literal["beam"], BeforeValidator(face_normal)] = Field(
         description="outward normal of its face, base frame; beam: it is turned towards each beam"
     )
     turn_deg: float = Field(
@@ -66,8 +66,8 @@ class PsdBeside(FileModel):
 class Mount(FileModel):
     """The pose of the camera's frame (z forward, x right, y down in the picture) in the flange frame."""
 
-    xyz_mm: Point = Field(description="its origin, millimetres")
-    rpy_deg: Point = Field(description="its rotation about fixed x, y, z of the flange, degrees")
+    xyz_mm: Vector = Field(description="its origin, millimetres")
+    rpy_deg: Vector = Field(description="its rotation about fixed x, y, z of the flange, degrees")
 
 
 class CameraBeside(FileModel):
@@ -91,8 +91,10 @@ class CameraBeside(FileModel):
     )
     width_px: Count = Field(description="columns")
     height_px: Count = Field(description="rows")
-    focal_px: Pair = Field(description="focal lengths along x and y, pixels")
-    centre_px: Pair = Field(description="the optical axis in the picture, the first pixel's centre (0, 0)")
+    focal_px: NumberPair = Field(description="focal lengths along x and y, pixels")
+    centre_px: NumberPair = Field(
+        description="the optical axis in the picture, the first pixel's centre (0, 0)"
+    )
     distortion: Annotated[tuple[float, float, float, float, float], tuple_of(5)] = Field(
         description="k1, k2, p1, p2, k3 (Brown-Conrady, in OpenCV's order)"
     )

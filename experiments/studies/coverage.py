@@ -222,7 +222,7 @@ def coverage_study(
             draws=DRAWS,
             bins=BINS,
             chance=_CHANCE,
-            posterior=f"at least {ROUND + LEAST_STEPS} steps of emcee for each of {DRAWS} walkers",
+            posterior=f"at least {ROUND + LEAST_STEPS} steps for each of {DRAWS} walkers",
         ),
         seconds=time.perf_counter() - began,
         versions=versions(),

@@ -14,7 +14,7 @@ import numpy as np
 from scipy import stats
 
 from ...analysis.drift.drift import ALARM, LEVEL, MEDIAN, SPREAD, Drift, drift
-from ...analysis.drift.series import Observation, Series, series_of
+from ...analysis.drift.smoother import Observation, Series, series_of
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.repeatability.prior_free import offsets_without_prior
 from ...analysis.solved import solved

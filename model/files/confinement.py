@@ -36,8 +36,8 @@ def confined(folder: Path) -> Iterator[None]:
 
 def confining_folder() -> Path | None:
     """The folder that this calculation or process is confined to; None where it is not."""
-    stated = os.environ.get(WITHIN)
-    return _confined.get() or (None if stated is None else Path(stated))
+    folder = os.environ.get(WITHIN)
+    return _confined.get() or (None if folder is None else Path(folder))
 
 
 def resolved(folder: Path, name: str, start: Path | None = None, *, hidden: bool = False) -> Path:

@@ -6,7 +6,7 @@ are those of `docs/files.md`; what is not among them is an error.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -16,17 +16,16 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 from ..arrays import Matrix
 from ..errors import BadInput
 from ..kinematics.robot import Robot
-from .reading import Place, read_yaml, shown
-from .stated_conventions import StatedEncoder, StatedMounting, StatedPendant, UrdfLimits
-from .stated_geometry import StatedGeometry
+from .conventions import StatedEncoder, StatedMounting, StatedPendant, UrdfLimits
+from .reading import KeyPath, read_yaml, shown
 from .validation import (
     FileModel,
     Name,
     NotNegative,
-    Point,
     Positive,
     PositiveOrList,
     TargetName,
+    Vector,
     as_tuple,
     positive_or_list,
     refusal,
@@ -35,6 +34,113 @@ from .validation import (
     without_length,
 )
 from .whole_file import short_in_one_line, write_whole, yaml_text
+
+
+def _direction(value: object) -> object:
+    if isinstance(value, list | tuple) and len(value) == 3 and not any(value):
+        raise refusal(
+            "geometry.up has no length",
+            found=shown(value),
+            allowed="the direction of up in the base frame, such as [0, 0, 1]",
+        )
+    return value
+
+
+def _switch(value: object) -> object:
+    if value != "auto" and not isinstance(value, bool):
+        raise refusal(
+            "this rung of the geometry is neither asked for nor left out",
+            found=shown(value),
+            allowed="auto, true or false",
+        )
+    return value
+
+
+class StatedLinkTolerance(FileModel):
+    """Standard deviations of the link parameters about their nominal values."""
+
+    length_mm: Annotated[PositiveOrList, positive_or_list("a tolerance of the geometry")] = Field(
+        default=0.3, description="of each length a, d, millimetres: one number, or one for each link"
+    )
+    angle_deg: Annotated[PositiveOrList, positive_or_list("a tolerance of the geometry")] = Field(
+        default=0.1, description="of each angle alpha, beta, degrees: one number, or one for each link"
+    )
+
+    def of_links(self, robot: Robot) -> tuple[Matrix, Matrix]:
+        """(n,) of lengths, mm, and (n,) of angles, rad; BadInput for lists of another length."""
+        return self.each("length_mm", robot), np.radians(self.each("angle_deg", robot))
+
+    def each(self, key: Literal["length_mm", "angle_deg"], robot: Robot) -> Matrix:
+        """(n,) of the lengths, mm, or of the angles, degrees; BadInput for a list of another length."""
+        values = np.atleast_1d(np.array(getattr(self, key), dtype=float))
+        if len(values) not in (1, robot.n) or (len(values) == 1 and isinstance(getattr(self, key), tuple)):
+            raise BadInput(
+                f"geometry.tolerance.{key} has the wrong number of values",
+                found=f"{len(values)} values",
+                allowed=f"one number, or {robot.n} numbers ({robot.name} has {robot.n} joints)",
+                remedy="state one number for all links, or one for each",
+            )
+        return np.broadcast_to(values, robot.n).copy()
+
+
+Switch = Annotated[Literal["auto"] | bool, BeforeValidator(_switch)]
+
+
+class StatedGeometry(FileModel):
+    """How far the arm may deviate from its nominal geometry; without this key the geometry is nominal."""
+
+    tolerance: StatedLinkTolerance = Field(
+        default=StatedLinkTolerance(), description="prior standard deviations of the link parameters"
+    )
+    scale: Literal["known", "estimated"] = Field(
+        default="known",
+        description="estimated: the tolerances are right up to one factor for lengths and one for angles",
+    )
+    gravity: Switch = Field(
+        default="auto",
+        description="deflection of the joints under the weight of the links; auto: if it predicts better",
+    )
+    harmonics: Switch = Field(
+        default="auto",
+        description="first harmonic of each joint's reading; auto: if it predicts better",
+    )
+    masses_kg: Annotated[tuple[NotNegative, ...], BeforeValidator(as_tuple)] | None = Field(
+        default=None, description="mass of each link, at its far end (default: equal masses)"
+    )
+    up: Annotated[Vector, BeforeValidator(_direction)] = Field(
+        default=(0.0, 0.0, 1.0), description="direction of up in the base frame, any length"
+    )
+
+    def masses(self, robot: Robot) -> Matrix:
+        """(n,) kg, 1 of each link where none are stated; BadInput for another number of masses."""
+        if self.masses_kg is None:
+            return np.ones(robot.n)
+        if len(self.masses_kg) != robot.n:
+            raise BadInput(
+                "geometry.masses_kg has the wrong number of values",
+                found=f"{len(self.masses_kg)} values",
+                allowed=f"{robot.n} numbers: {robot.name} has {robot.n} joints",
+                remedy="state one mass for each link, the last with the tool, or none",
+            )
+        return np.array(self.masses_kg, dtype=float)
+
+    def require_revolute(self, robot: Robot) -> None:
+        """BadInput where harmonics are asked for and a joint is prismatic."""
+        if self.harmonics is True and any(joint.kind == "prismatic" for joint in robot.joints):
+            raise BadInput(
+                "geometry.harmonics is asked for, but harmonics are of revolute joints",
+                found=f"harmonics: true, and {robot.name} has a prismatic joint",
+                allowed="false; or auto, which takes the revolute joints alone",
+                remedy="state harmonics: auto",
+            )
+
+    def checks(self, robot: Robot) -> Iterator[tuple[KeyPath, Callable[[], object]]]:
+        """What must suit the robot: the place below `geometry`, and what raises BadInput if it does not."""
+        yield ("tolerance", "length_mm"), lambda: self.tolerance.each("length_mm", robot)
+        yield ("tolerance", "angle_deg"), lambda: self.tolerance.each("angle_deg", robot)
+        yield ("masses_kg",), lambda: self.masses(robot)
+        yield ("harmonics",), lambda: self.require_revolute(robot)
+
 
 RUN_SCHEMA: Literal["zerobeam/run/1"] = "zerobeam/run/1"
 PLAN_SCHEMA: Literal["zerobeam/plan/1"] = "zerobeam/plan/1"
@@ -120,10 +226,10 @@ class StatedTool(FileModel):
         description="laser: a beam that must pass the target; probe: a tip that must meet it"
     )
     calibrated: bool = Field(default=True, description="false: the tool is estimated along with the offsets")
-    point_mm: Point = Field(
+    point_mm: Vector = Field(
         description="a point on the beam, or the tip of the probe, in the flange frame, millimetres"
     )
-    direction: Point | None = Field(
+    direction: Vector | None = Field(
         default=None,
         description="direction of the beam in the flange frame, any length; required for a laser",
     )
@@ -166,8 +272,8 @@ class StatedTool(FileModel):
             if "shift_mm" not in self.sigma.model_fields_set:
                 # The default depends on the kind. It does not count as stated, so that it is not
                 # written out with the header.
-                own = StatedSigma.model_construct(_fields_set=set(), tilt_deg=3.0, shift_mm=50.0)
-                object.__setattr__(self, "sigma", own)
+                sigma = StatedSigma.model_construct(_fields_set=set(), tilt_deg=3.0, shift_mm=50.0)
+                object.__setattr__(self, "sigma", sigma)
         return self
 
 
@@ -252,7 +358,7 @@ class StatedPrior(FileModel):
 class StatedTarget(FileModel):
     """What is known of a target before the shots."""
 
-    guess_mm: Point | None = Field(default=None, description="approximate position, base frame, millimetres")
+    guess_mm: Vector | None = Field(default=None, description="approximate position, base frame, millimetres")
     sigma_mm: Positive = Field(
         default=10_000.0, description="standard deviation of that, each direction, millimetres"
     )
@@ -348,24 +454,24 @@ def write_header(path: Path, header: Header) -> None:
 
 
 def check_header(
-    header: Header, robot: Robot, *, file: Path | None, line: Callable[[Place], int | None]
+    header: Header, robot: Robot, *, file: Path | None, line: Callable[[KeyPath], int | None]
 ) -> None:
     """BadInput where the header's noise or geometry does not suit the robot."""
-    stated = header.noise
-    if stated.joint_mm is not None and all(joint.kind == "revolute" for joint in robot.joints):
+    noise = header.noise
+    if noise.joint_mm is not None and all(joint.kind == "revolute" for joint in robot.joints):
         raise BadInput(
             f"noise.joint_mm is stated, but {robot.name} has no prismatic joint",
-            found=f"joint_mm: {stated.joint_mm:g}",
+            found=f"joint_mm: {noise.joint_mm:g}",
             remedy="remove it",
             file=file,
             line=line(("noise", "joint_mm")),
         )
-    checks: list[tuple[Place, Callable[[], object]]] = [
-        (("noise", "joint_deg"), lambda: stated.of_joints(robot))
+    checks: list[tuple[KeyPath, Callable[[], object]]] = [
+        (("noise", "joint_deg"), lambda: noise.of_joints(robot))
     ]
     if header.geometry is not None:
-        checks += [(("geometry", *place), check) for place, check in header.geometry.checks(robot)]
-    for place, check in checks:
+        checks += [(("geometry", *key), check) for key, check in header.geometry.checks(robot)]
+    for key, check in checks:
         try:
             check()
         except BadInput as error:
@@ -375,5 +481,5 @@ def check_header(
                 allowed=error.allowed,
                 remedy=error.remedy,
                 file=file,
-                line=line(place),
+                line=line(key),
             ) from None

@@ -22,7 +22,7 @@ from .run import Run, header_text, recorded, shot_text
 from .shot import Shot, check_shot
 from .whole_file import Closing, lock, refuse_existing, sync_folder, write_whole
 
-Fits = Callable[[Run], None]  # raises BadInput for a recording that must not be gone on with
+RunCheck = Callable[[Run], None]  # raises BadInput for a recording that must not be gone on with
 
 
 class RunJournal(Closing):
@@ -45,7 +45,7 @@ class RunJournal(Closing):
         self._open(path, header)
 
     @classmethod
-    def resumed(cls, path: Path | str, header: Header, fits: Fits | None = None) -> Self:
+    def resumed(cls, path: Path | str, header: Header, fits: RunCheck | None = None) -> Self:
         """Go on with a run file that was begun with the same header, even if it has no shot yet.
 
         A torn last line is taken out, and `torn` is a sentence that says so. BadInput, and the file is
@@ -87,7 +87,7 @@ class RunJournal(Closing):
             self._file.seek(self._end)
         del self._shots[number], self._places[number]
 
-    def _open(self, path: Path, header: Header, fits: Fits | None = None) -> None:
+    def _open(self, path: Path, header: Header, fits: RunCheck | None = None) -> None:
         require_within(path)
         if not path.is_file():
             raise BadInput(
@@ -170,17 +170,17 @@ class RunJournal(Closing):
         self._file.close()
 
 
-def _require_same(recorded: Header, wanted: Header, *, file: Path, line: int | None) -> None:
+def _require_same(recorded: Header, required: Header, *, file: Path, line: int | None) -> None:
     """BadInput for the first key in which a recorded header is not the wanted one."""
     difference = _first_difference(
         header_content(recorded, RUN_SCHEMA),
-        header_content(wanted, RUN_SCHEMA),
+        header_content(required, RUN_SCHEMA),
     )
     if difference:
-        key, found, allowed = difference
+        key, actual, allowed = difference
         raise BadInput(
             f"the recording was begun with another header: {key} differs",
-            found=found,
+            found=actual,
             allowed=allowed,
             remedy="go on with the plan, the cell and the seed that it was begun with, or start without"
             " --resume under another name",
@@ -197,6 +197,6 @@ def _first_difference(one: dict[str, Any], other: dict[str, Any]) -> tuple[str, 
             if inner := _first_difference(a, b):
                 return f"{key}.{inner[0]}", *inner[1:]
         elif json.dumps(a) != json.dumps(b):  # where 1, 1.0 and true are three values
-            found, wanted = ("not stated" if value is None else shown(value) for value in (a, b))
-            return key, found, wanted
+            actual, required = ("not stated" if value is None else shown(value) for value in (a, b))
+            return key, actual, required
     return None

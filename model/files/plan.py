@@ -16,7 +16,7 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ..arrays import Matrix
 from ..errors import BadInput
 from ..kinematics.robot import Robot
-from .arrays import (
+from .arguments import (
     Laser,
     Noise,
     Probe,
@@ -29,11 +29,10 @@ from .arrays import (
 )
 from .header import PLAN_SCHEMA, Header, check_header, header_content
 from .limits import check_limits, require_joint_count
+from .plan_file import UNCONSTRAINED, PlanFile, StatedConstraints, StatedPosture
 from .reading import Document, read_yaml, require_schema
 from .robot_file import load_robot
 from .shot import check_distances, unknown_targets
-from .stated_plan.constraints import UNCONSTRAINED, StatedConstraints
-from .stated_plan.plan_file import PlanFile, StatedPosture
 from .validation import validate
 from .whole_file import flow, refuse_existing, short_in_one_line, write_whole, yaml_text
 
@@ -141,9 +140,9 @@ class Plan:
         BadInput
             Names the argument, what was found, what is allowed and what to do.
         """
-        stated, arm = stated_header(robot, tool, noise, target_priors, {"schema": PLAN_SCHEMA, **header})
+        parsed, arm = stated_header(robot, tool, noise, target_priors, {"schema": PLAN_SCHEMA, **header})
         positions = joint_positions(postures, "postures", arm, unit)
-        names = target_of_each(targets, stated, len(positions), "postures")
+        names = target_of_each(targets, parsed, len(positions), "postures")
         try:
             for target in names:
                 validate(
@@ -153,7 +152,12 @@ class Plan:
             raise error.of_argument("targets") from None
         try:
             return cls.of_postures(
-                stated, arm, positions, names, name, checked(StatedConstraints, plain(constraints or {}))
+                parsed,
+                arm,
+                positions,
+                names,
+                name,
+                checked(StatedConstraints, plain(constraints or {})),
             )
         except BadInput as error:
             raise error.of_argument("postures") from None
@@ -306,13 +310,13 @@ def _checked_via(
 
 def _only_target(header: Header, posture: int, file: Path | None, line: int | None) -> str:
     """The target of a row that names none: the header's only one, or that of its tool."""
-    stated = tuple(header.targets)
-    if len(stated) > 1:
+    names = tuple(header.targets)
+    if len(names) > 1:
         raise BadInput(
             f"posture {posture} does not say which target it is for",
-            found=f"{len(stated)} targets under `targets`",
-            allowed=", ".join(stated),
-            remedy=f"write it as {{joints_deg: […], target: {stated[0]}}}",
+            found=f"{len(names)} targets under `targets`",
+            allowed=", ".join(names),
+            remedy=f"write it as {{joints_deg: […], target: {names[0]}}}",
             file=file,
             line=line,
         )
@@ -373,10 +377,10 @@ def _plan_text(
     constraints: StatedConstraints = UNCONSTRAINED,
 ) -> str:
     """The text of a plan file: `rows` (N, n) degrees or mm."""
-    stated = header_content(header, PLAN_SCHEMA)
+    keys = header_content(header, PLAN_SCHEMA)
     if constraints.model_fields_set:
-        stated["constraints"] = constraints.model_dump(mode="json", exclude_unset=True)
-    content = CommentedMap(short_in_one_line(stated))
+        keys["constraints"] = constraints.model_dump(mode="json", exclude_unset=True)
+    content = CommentedMap(short_in_one_line(keys))
     plain = len(header.targets) < 2 and set(targets) == {header.only_target} and not via
     content["postures_deg"] = CommentedSeq(
         flow(row) if plain else flow({"joints_deg": flow(row), "target": target})

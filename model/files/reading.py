@@ -26,7 +26,7 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ..errors import BadInput
 from .confinement import require_within
 
-Place = tuple[str | int, ...]
+KeyPath = tuple[str | int, ...]
 Schema = Literal[
     "zerobeam/run/1",
     "zerobeam/plan/1",
@@ -165,13 +165,13 @@ class Document:
     data: Any
     file: Path
     sha256: str
-    lines: Mapping[Place, int]
+    lines: Mapping[KeyPath, int]
 
-    def line(self, place: Place) -> int | None:
+    def line(self, key: KeyPath) -> int | None:
         """Line of a place, or of the nearest one around it (for a key that is missing)."""
-        for length in range(len(place), -1, -1):
-            if place[:length] in self.lines:
-                return self.lines[place[:length]]
+        for length in range(len(key), -1, -1):
+            if key[:length] in self.lines:
+                return self.lines[key[:length]]
         return None
 
 
@@ -218,7 +218,7 @@ def read_yaml(path: Path) -> Document:
             file=path,
             line=None if node is None else node.start_mark.line + 1,
         )
-    lines: dict[Place, int] = {(): node.start_mark.line + 1}
+    lines: dict[KeyPath, int] = {(): node.start_mark.line + 1}
     return Document(_plain(node, (), path, lines), path, sha256, lines)
 
 
@@ -237,10 +237,10 @@ TAGS = {f"tag:yaml.org,2002:{kind}" for kind in ("null", "bool", "int", "float",
 TEXT_TAGS = {f"tag:yaml.org,2002:{kind}" for kind in ("timestamp", "value", "merge")}
 
 
-def _plain(node: Node, place: Place, file: Path, lines: dict[Place, int]) -> Any:
+def _plain(node: Node, path: KeyPath, file: Path, lines: dict[KeyPath, int]) -> Any:
     """Plain values of a node by the core schema (YAML 1.2.2, section 10.3)."""
     line = node.start_mark.line + 1
-    if len(place) > DEEPEST:
+    if len(path) > DEEPEST:
         raise BadInput("the values are nested too deeply", file=file, line=line)
     if node.tag not in TAGS and not (isinstance(node, ScalarNode) and node.tag in TEXT_TAGS):
         raise BadInput("a YAML tag is not allowed here", found=node.tag, file=file, line=line)
@@ -249,12 +249,12 @@ def _plain(node: Node, place: Place, file: Path, lines: dict[Place, int]) -> Any
     if isinstance(node, SequenceNode):
         items = []
         for i, item in enumerate(node.value):
-            _at(item, (*place, i), file, lines)
-            items.append(_plain(item, (*place, i), file, lines))
+            _at(item, (*path, i), file, lines)
+            items.append(_plain(item, (*path, i), file, lines))
         return items
     mapping: dict[str, Any] = {}
     for key_node, value_node in node.value:
-        key = _plain(key_node, place, file, {}) if isinstance(key_node, ScalarNode) else None
+        key = _plain(key_node, path, file, {}) if isinstance(key_node, ScalarNode) else None
         line = key_node.start_mark.line + 1
         if not isinstance(key, str):
             raise BadInput(
@@ -267,22 +267,22 @@ def _plain(node: Node, place: Place, file: Path, lines: dict[Place, int]) -> Any
         if key in mapping:
             raise BadInput(
                 f"duplicate key {key!r}",
-                found=f"first on line {lines[(*place, key)]}",
+                found=f"first on line {lines[(*path, key)]}",
                 allowed="each key once",
                 remedy="remove one of them",
                 file=file,
                 line=line,
             )
-        _at(key_node, (*place, key), file, lines)
-        mapping[key] = _plain(value_node, (*place, key), file, lines)
+        _at(key_node, (*path, key), file, lines)
+        mapping[key] = _plain(value_node, (*path, key), file, lines)
     return mapping
 
 
-def _at(node: Node, place: Place, file: Path, lines: dict[Place, int]) -> None:
-    lines[place] = node.start_mark.line + 1
+def _at(node: Node, path: KeyPath, file: Path, lines: dict[KeyPath, int]) -> None:
+    lines[path] = node.start_mark.line + 1
     if len(lines) > MOST_VALUES:
         # Aliases of aliases grow without bound in a file of a few lines.
-        raise BadInput(f"the file holds more than {MOST_VALUES} values", file=file, line=lines[place])
+        raise BadInput(f"the file holds more than {MOST_VALUES} values", file=file, line=lines[path])
 
 
 def _scalar(node: ScalarNode, file: Path, line: int) -> Any:
@@ -366,14 +366,61 @@ def shown(value: object) -> str:
 
 def require_schema(data: object, schema: Schema, *, file: Path, line: int | None) -> None:
     """Say which kind of file is wanted before its keys are judged one by one."""
-    found = data.get("schema") if isinstance(data, dict) else None
-    if found != schema:
+    actual = data.get("schema") if isinstance(data, dict) else None
+    if actual != schema:
         kind = schema.split("/")[1]
         raise BadInput(
             f"this is not a {kind} file of this version",
-            found="no 'schema' key" if found is None else f"schema: {shown(found)}",
+            found="no 'schema' key" if actual is None else f"schema: {shown(actual)}",
             allowed=f"schema: {schema}",
-            remedy=f"give a {kind} file" if found is not None else f"if this is a {kind} file, add the key",
+            remedy=f"give a {kind} file" if actual is not None else f"if this is a {kind} file, add the key",
             file=file,
             line=line,
         )
+
+
+def json_rows(content: bytes, path: Path) -> tuple[list[tuple[int, Any]], int | None]:
+    """(line, value) of every line that is not blank, and the number of the last one if that is torn."""
+    raw = [(i, line) for i, line in enumerate(content.split(b"\n"), start=1) if line.strip()]
+    rows: list[tuple[int, Any]] = []
+    for number, line in raw:
+        # A line that breaks off is never JSON, as its last brace is missing. After a power cut it may
+        # also end in bytes of no meaning.
+        last = number == raw[-1][0] and rows
+        try:
+            text = decode(line, file=path, line=number)
+        except BadInput:
+            if last:
+                return rows, number
+            if not rows and b"\0" in content:
+                raise BadInput(
+                    "this is a binary file, not text",
+                    allowed="text in UTF-8",
+                    remedy="give a run file (.jsonl)",
+                    file=path,
+                ) from None
+            raise
+        try:
+            rows.append((number, parse_json(text, file=path, line=number)))
+        except json.JSONDecodeError as error:
+            if last:
+                return rows, number
+            raise BadInput(
+                f"the line is not JSON: {error.msg} at character {error.pos + 1}",
+                found=shown(text[:70]),
+                allowed="one JSON object a line: the header, then the measurements",
+                remedy="remove the line if the recording broke off here"
+                if rows
+                else "give a run file (.jsonl)",
+                file=path,
+                line=number,
+            ) from None
+    return rows, None
+
+
+# Made once: json.dumps makes one for each line.
+_ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+
+
+def json_line(content: dict[str, Any]) -> str:
+    return _ENCODER.encode(content) + "\n"

@@ -14,14 +14,11 @@ from pydantic_core import PydanticCustomError
 
 from ..arrays import Matrix
 from ..errors import BadInput
-from ..kinematics.denavit_hartenberg import DHRow, dh_chain
 from ..kinematics.orientation import roll_pitch_yaw
 from ..kinematics.plausible import doubtful_rows, too_long, warn_of
-from ..kinematics.robot import Joint, Robot, shift
+from ..kinematics.robot import DHRow, Joint, Robot, dh_chain, shift
 from .confinement import BUILT_IN, require_within
-from .header import UrdfRef
-from .reading import did_you_mean, read_yaml, require_schema, shown
-from .stated_conventions import (
+from .conventions import (
     FileLimits,
     StatedEncoder,
     StatedMounting,
@@ -29,8 +26,10 @@ from .stated_conventions import (
     conventions,
     require_fitting,
 )
+from .header import UrdfRef
+from .reading import did_you_mean, read_yaml, require_schema, shown
 from .urdf import read_urdf
-from .validation import FileModel, Name, Point, Positive, bad_input, refusal, validate
+from .validation import FileModel, Name, Positive, Vector, bad_input, refusal, validate
 
 MOST_JOINTS = 100  # more are a mistake, and would be computed for hours
 
@@ -60,8 +59,8 @@ Vendor = Literal[
 class StatedTransform(FileModel):
     """A fixed transform: a shift, then turns about the fixed axes x, y, z (roll, pitch, yaw)."""
 
-    xyz_mm: Point = Field(default=(0.0, 0.0, 0.0), description="shift, millimetres")
-    rpy_deg: Point = Field(
+    xyz_mm: Vector = Field(default=(0.0, 0.0, 0.0), description="shift, millimetres")
+    rpy_deg: Vector = Field(
         default=(0.0, 0.0, 0.0), description="turns about fixed x, then y, then z, degrees"
     )
 
@@ -105,26 +104,26 @@ class StatedJoint(FileModel):
 
     @model_validator(mode="after")
     def _agree(self) -> Self:
-        own, other = ("deg", "mm") if self.kind == "revolute" else ("mm", "deg")
+        unit, other = ("deg", "mm") if self.kind == "revolute" else ("mm", "deg")
         for key in (f"lower_{other}", f"upper_{other}", f"speed_{other}_s"):
             if getattr(self, key) is not None:
                 raise refusal(
                     f"{key} is stated for a {self.kind} joint",
                     key=(key,),
                     found=f"{key}: {shown(getattr(self, key))}",
-                    allowed=f"lower_{own}, upper_{own}, speed_{own}_s",
-                    remedy=f"state it in {own}",
+                    allowed=f"lower_{unit}, upper_{unit}, speed_{unit}_s",
+                    remedy=f"state it in {unit}",
                 )
-        lower, upper = getattr(self, f"lower_{own}"), getattr(self, f"upper_{own}")
-        for key, value in ((f"lower_{own}", lower), (f"upper_{own}", upper)):
+        lower, upper = getattr(self, f"lower_{unit}"), getattr(self, f"upper_{unit}")
+        for key, value in ((f"lower_{unit}", lower), (f"upper_{unit}", upper)):
             if value is None:
                 raise refusal(
                     f"the {self.kind} joint has no {key}", remedy=f"add {key}, the limit of the joint"
                 )
         if not lower < upper:
             raise refusal(
-                f"lower_{own} is not below upper_{own}",
-                key=(f"lower_{own}",),
+                f"lower_{unit} is not below upper_{unit}",
+                key=(f"lower_{unit}",),
                 found=f"{lower:g} and {upper:g}",
             )
         return self
@@ -204,8 +203,8 @@ class RobotFile(FileModel):
         second, third = self.joints[1:3]
         lower = (second.lower_deg or 0.0) + (third.lower_deg or 0.0)
         upper = (second.upper_deg or 0.0) + (third.upper_deg or 0.0)
-        stated = self.limits.joint3_to_link2_deg
-        return (lower, upper) if stated is None else (max(lower, stated[0]), min(upper, stated[1]))
+        limits = self.limits.joint3_to_link2_deg
+        return (lower, upper) if limits is None else (max(lower, limits[0]), min(upper, limits[1]))
 
     @model_validator(mode="after")
     def _agree(self) -> Self:
@@ -219,8 +218,8 @@ class RobotFile(FileModel):
         fixed, last = dh_chain([joint.row for joint in self.joints], self.convention)
         fixed[0] = self.base.matrix() @ fixed[0]
         joints = [
-            stated.joint(number, transform)
-            for number, (stated, transform) in enumerate(zip(self.joints, fixed, strict=True), start=1)
+            row.joint(number, transform)
+            for number, (row, transform) in enumerate(zip(self.joints, fixed, strict=True), start=1)
         ]
         range3 = None
         if self.pendant.joint3 == "ground":
@@ -326,14 +325,14 @@ def _named_file(path: Path, file: Path | None, line: int | None) -> Path:
 
 def read_robot(path: Path) -> Robot:
     """Robot of a robot file (`zerobeam/robot/1`); a DoubtfulRobot warning of each number that looks wrong."""
-    stated = read_rows(path)
-    warn_of(stated.name, doubts(stated))
-    return stated.robot()
+    rows = read_rows(path)
+    warn_of(rows.name, doubts(rows))
+    return rows.robot()
 
 
-def doubts(stated: RobotFile) -> tuple[str, ...]:
+def doubts(rows: RobotFile) -> tuple[str, ...]:
     """What looks wrong in a robot file, in sentences: metres, radians, twists, reach."""
-    joints = stated.joints
+    joints = rows.joints
     turning = [joint for joint in joints if joint.kind == "revolute"]
 
     def called(key: str) -> dict[str, float]:

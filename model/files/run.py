@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import Matrix
 from ..errors import BadInput
 from ..kinematics.robot import Robot
-from .arrays import (
+from .arguments import (
     Laser,
     Noise,
     Probe,
@@ -33,8 +33,15 @@ from .arrays import (
     target_of_each,
 )
 from .header import RUN_SCHEMA, Header, check_header, header_content
-from .json_lines import json_line, json_rows
-from .reading import LARGEST_RECORDING, Place, did_you_mean, read_bytes, require_schema
+from .reading import (
+    LARGEST_RECORDING,
+    KeyPath,
+    did_you_mean,
+    json_line,
+    json_rows,
+    read_bytes,
+    require_schema,
+)
 from .robot_file import load_robot
 from .shot import Shot, check_distances, check_shots
 from .validation import validate
@@ -140,16 +147,16 @@ class Run:
         >>> run.joints.shape, run.target_names
         ((2, 6), ('psd',))
         """
-        stated, arm = stated_header(robot, tool, noise, target_priors, {"schema": RUN_SCHEMA, **header})
+        parsed, arm = stated_header(robot, tool, noise, target_priors, {"schema": RUN_SCHEMA, **header})
         positions = joint_positions(joints, "joints", arm, unit)
         count, spots = len(positions), None
         if spots_mm is not None:
-            if stated.tool.kind == "probe":
+            if parsed.tool.kind == "probe":
                 raise BadInput("a probe has no spots", allowed="None", argument="spots_mm")
             spots = array(spots_mm, "spots_mm", columns=2, meaning="dx, dy of each measurement")
             require_count("spots_mm", len(spots), count, "joints")
         shots = []
-        for i, target in enumerate(target_of_each(targets, stated, count, "joints")):
+        for i, target in enumerate(target_of_each(targets, parsed, count, "joints")):
             content = {"shot": i, "target": target, "joints_deg": positions[i].tolist()}
             if spots is not None:
                 content["spot_mm"] = spots[i].tolist()
@@ -158,7 +165,7 @@ class Run:
             except BadInput as error:
                 raise error.of_argument("targets") from None  # all else is checked already
         try:
-            return cls.of_shots(stated, arm, shots, name)
+            return cls.of_shots(parsed, arm, shots, name)
         except BadInput as error:
             raise error.of_argument("joints") from None
 
@@ -263,8 +270,8 @@ def read_run(path: Path | str) -> Run:
     path = Path(path)
     run, torn = recorded(read_bytes(path, LARGEST_RECORDING), path)
     if not run.shots:
-        found = "a header only" if torn is None else "a header and a torn line"
-        raise BadInput("the run has no measurements", found=found, file=path, remedy="record some")
+        actual = "a header only" if torn is None else "a header and a torn line"
+        raise BadInput("the run has no measurements", found=actual, file=path, remedy="record some")
     return run
 
 
@@ -306,7 +313,7 @@ def recorded(content: bytes, path: Path) -> tuple[Run, int | None]:
     return Run(header, robot, tuple(shots), tuple(lines), header_line, path, sha256, warnings), torn
 
 
-def _always(line: int | None) -> Callable[[Place], int | None]:
+def _always(line: int | None) -> Callable[[KeyPath], int | None]:
     """All places of one line of JSON are on that line."""
     return lambda _: line
 
@@ -329,9 +336,9 @@ def shot_text(shot: Shot) -> str:
     """The line of a shot in a run file, which may have a million of them: what `json_line` would write."""
     spot = "" if shot.spot_mm is None else f',"spot_mm":{_numbers(shot.spot_mm)}'
     time = "" if shot.time_s is None else f',"time_s":{float.__repr__(shot.time_s)}'
-    said = "" if shot.comment is None else f',"comment":{_json_text(shot.comment)}'
+    comment = "" if shot.comment is None else f',"comment":{_json_text(shot.comment)}'
     target, joints = _json_text(shot.target), _numbers(shot.joints_deg)
-    return f'{{"shot":{shot.shot},"target":{target},"joints_deg":{joints}{spot}{time}{said}}}\n'
+    return f'{{"shot":{shot.shot},"target":{target},"joints_deg":{joints}{spot}{time}{comment}}}\n'
 
 
 def _numbers(values: Sequence[float]) -> str:

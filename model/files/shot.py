@@ -42,8 +42,8 @@ def _spot_values(value: object) -> object:
     if value is None:
         return None
     if not isinstance(value, list | tuple) or len(value) != 2:
-        found = f"{len(value)} values" if isinstance(value, list | tuple) else shown(value)
-        raise refusal("spot_mm is not a pair", found=found, allowed="[dx, dy], millimetres across the beam")
+        actual = f"{len(value)} values" if isinstance(value, list | tuple) else shown(value)
+        raise refusal("spot_mm is not a pair", found=actual, allowed="[dx, dy], millimetres across the beam")
     return tuple(value)
 
 
@@ -69,8 +69,8 @@ class Shot(FileModel):
 
 def check_distances(header: Header, targets: Sequence[str], *, file: Path | None, line: int | None) -> None:
     """BadInput for a distance to a target that no measurement has."""
-    for stated in header.distances:
-        for name in stated.between:
+    for distance in header.distances:
+        for name in distance.between:
             if name not in targets:
                 raise BadInput(
                     "a distance names a target that no measurement has",
@@ -86,17 +86,17 @@ def unknown_targets(header: Header, targets: Sequence[str]) -> tuple[str, ...]:
     """A sentence for each name that is only in the header, or only in the measurements."""
     if not header.targets:
         return ()
-    stated = tuple(header.targets)
+    names = tuple(header.targets)
     sentences = [
         f"the header states target {name!r}, but no measurement has it"
-        for name in stated
+        for name in names
         if name not in targets
     ]
     for name in targets:
-        if name not in stated:
-            near = did_you_mean(name, stated)
+        if name not in names:
+            near = did_you_mean(name, names)
             sentences.append(
-                f"target {name!r} is not among the header's targets ({', '.join(stated)})"
+                f"target {name!r} is not among the header's targets ({', '.join(names)})"
                 + (f"; {near}" if near else "")
             )
     return tuple(sentences)

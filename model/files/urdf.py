@@ -240,7 +240,7 @@ class _Reader:
 
     def visuals(self, base: str, tip: str) -> list[Visual]:
         elements = dict(zip(self.links, self.elements, strict=True))
-        found: list[Visual] = []
+        visuals: list[Visual] = []
         link, pose = 0, np.eye(4)
         for name, edge in ((base, None), *((edge.child, edge) for edge in self.chain(base, tip))):
             if edge is not None and edge.kind == "fixed":
@@ -249,9 +249,9 @@ class _Reader:
                 link, pose = link + 1, np.eye(4)
             for visual in elements[name].findall("visual"):
                 for shape in visual.iterfind("geometry/*"):
-                    if (stated := self._shape(shape)) is not None:
-                        found.append(Visual(*stated, pose @ self._origin(visual), link))
-        return found
+                    if (drawn := self._shape(shape)) is not None:
+                        visuals.append(Visual(*drawn, pose @ self._origin(visual), link))
+        return visuals
 
     def _shape(self, element: ElementTree.Element) -> tuple[VisualKind, str, Matrix] | None:
         """Kind, file and scale of what <geometry> holds; None for a shape that URDF does not have."""
@@ -271,8 +271,8 @@ class _Reader:
     def _extent(self, element: ElementTree.Element, name: str, count: int) -> Matrix:
         values = np.array(self._numbers(element, name, count))
         if not (values > 0).all():
-            found = element.get(name)
-            raise self._bad(f"{name!r} of <{element.tag}> is no extent", element, found=found, allowed="> 0")
+            actual = element.get(name)
+            raise self._bad(f"{name!r} of <{element.tag}> is no extent", element, found=actual, allowed="> 0")
         return values
 
     def _joint(self, edge: _Edge, fixed: Matrix) -> Joint:

@@ -23,7 +23,7 @@ from pydantic import (
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from ..errors import BadInput
-from .reading import Document, Place, Schema, did_you_mean, read_yaml, require_schema, shown
+from .reading import Document, KeyPath, Schema, did_you_mean, read_yaml, require_schema, shown
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -79,7 +79,7 @@ def _largest(name: str) -> tuple[float, str]:
 def refusal(
     what: str,
     *,
-    key: Place = (),
+    key: KeyPath = (),
     found: object = None,
     allowed: object = None,
     remedy: str | None = None,
@@ -106,8 +106,8 @@ def tuple_of(size: int, meaning: str | None = None) -> BeforeValidator:
 
     def check(value: object) -> object:
         if not isinstance(value, list | tuple) or len(value) != size:
-            found = f"{len(value)} values" if isinstance(value, list | tuple) else shown(value)
-            raise refusal(f"a list of {size} values is required", found=found, allowed=meaning)
+            actual = f"{len(value)} values" if isinstance(value, list | tuple) else shown(value)
+            raise refusal(f"a list of {size} values is required", found=actual, allowed=meaning)
         return tuple(value)
 
     return BeforeValidator(check)
@@ -131,10 +131,12 @@ def _target_name(value: object) -> object:
     return _name(value)
 
 
-def _not_vanishing(value: float, key: Place = ()) -> float:
+def _not_vanishing(value: float, key: KeyPath = ()) -> float:
     if 0 < value < SMALLEST:
-        found, least = f"{value:g}", f"at least {SMALLEST:g}"
-        raise refusal("a number is too small", key=key, found=found, allowed=least, remedy="correct its unit")
+        actual, least = f"{value:g}", f"at least {SMALLEST:g}"
+        raise refusal(
+            "a number is too small", key=key, found=actual, allowed=least, remedy="correct its unit"
+        )
     return value
 
 
@@ -158,7 +160,7 @@ def positive_or_list(what: str) -> BeforeValidator:
     return BeforeValidator(check)
 
 
-Point = Annotated[tuple[float, float, float], tuple_of(3, "[x, y, z]")]
+Vector = Annotated[tuple[float, float, float], tuple_of(3, "[x, y, z]")]
 
 
 def without_length(value: Any) -> bool:
@@ -174,9 +176,9 @@ Name = Annotated[str, BeforeValidator(_name)]
 TargetName = Annotated[str, BeforeValidator(_target_name)]
 PositiveOrList = Positive | tuple[Positive, ...]
 NotNegative = Annotated[float, Field(ge=0), AfterValidator(_not_vanishing)]
-Share = Annotated[float, Field(gt=0, le=1)]
+Fraction = Annotated[float, Field(gt=0, le=1)]
 Count = Annotated[int, Field(ge=1, le=MOST)]
-Pair = Annotated[tuple[float, float], tuple_of(2)]
+NumberPair = Annotated[tuple[float, float], tuple_of(2)]
 
 
 class SourcedModel(FileModel):
@@ -199,13 +201,13 @@ class SourcedModel(FileModel):
         """SHA-256 of the file's bytes; None for what was not read from a file."""
         return None if self._document is None else self._document.sha256
 
-    def line(self, place: Place) -> int | None:
+    def line(self, key: KeyPath) -> int | None:
         """The line of a key, None for what was not read from a file."""
-        return None if self._document is None else self._document.line(place)
+        return None if self._document is None else self._document.line(key)
 
     def refuse(
         self,
-        place: Place,
+        key: KeyPath,
         what: str,
         *,
         found: object = None,
@@ -214,7 +216,7 @@ class SourcedModel(FileModel):
     ) -> BadInput:
         """An error about the key at `place`, with file and line if this was read from a file."""
         return BadInput(
-            what, found=found, allowed=allowed, remedy=remedy, file=self.file, line=self.line(place)
+            what, found=found, allowed=allowed, remedy=remedy, file=self.file, line=self.line(key)
         )
 
 
@@ -230,7 +232,7 @@ def read_model(model: type[Model], path: Path | str, schema: Schema | None = Non
 
 
 def validate(
-    model: type[Model], data: object, *, file: Path | None, line: Callable[[Place], int | None]
+    model: type[Model], data: object, *, file: Path | None, line: Callable[[KeyPath], int | None]
 ) -> Model:
     """`data` as the model, or BadInput of the most telling of the model's complaints.
 
@@ -261,43 +263,43 @@ def _bad_input(
     data: object,
     complaint: ErrorDetails,
     file: Path | None,
-    line: Callable[[Place], int | None],
+    line: Callable[[KeyPath], int | None],
 ) -> BadInput:
     """A pydantic complaint in our own words."""
     kind, facts = complaint["type"], complaint.get("ctx", {})
-    place = _place(data, complaint["loc"], kind)
+    path = _place(data, complaint["loc"], kind)
     value = complaint["input"]
 
     if kind == "refused":
-        place = (*place, *facts["key"])
-        told = {name: facts[name] for name in ("found", "allowed", "remedy")}
-        return BadInput(facts["what"], **told, file=file, line=line(place))
+        path = (*path, *facts["key"])
+        details = {name: facts[name] for name in ("found", "allowed", "remedy")}
+        return BadInput(facts["what"], **details, file=file, line=line(path))
     if kind == "extra_forbidden":
-        key, allowed = str(place[-1]), _keys_at(model, place[:-1])
+        key, allowed = str(path[-1]), _keys_at(model, path[:-1])
         return BadInput(
-            f"unknown key {key!r}{_inside(place[:-1])}",
+            f"unknown key {key!r}{_inside(path[:-1])}",
             found=f"{key}: {shown(value)}",
             allowed=", ".join(allowed),
             remedy=did_you_mean(key, allowed) or "remove it",
             file=file,
-            line=line(place),
+            line=line(path),
         )
     if kind == "missing":
-        key = str(place[-1])
+        key = str(path[-1])
         present = ", ".join(value) if isinstance(value, dict) and value else "no keys at all"
         return BadInput(
-            f"the key {key!r} is missing{_inside(place[:-1])}",
+            f"the key {key!r} is missing{_inside(path[:-1])}",
             found=present,
             remedy=f"add {key!r}",
             file=file,
-            line=line(place),
+            line=line(path),
         )
     what, allowed_text = _in_words(kind, facts, str(complaint["msg"]))
     known = re.findall(r"'([^']*)'", str(facts["expected"])) if kind == "literal_error" else []
     near = did_you_mean(value, known) if isinstance(value, str) else None
-    at = line(place)
+    at = line(path)
     return BadInput(
-        f"{called(place)} {what}", found=shown(value), allowed=allowed_text, remedy=near, file=file, line=at
+        f"{called(path)} {what}", found=shown(value), allowed=allowed_text, remedy=near, file=file, line=at
     )
 
 
@@ -329,37 +331,37 @@ def _in_words(kind: str, facts: Mapping[str, Any], message: str) -> tuple[str, s
     return f"cannot be used: {message}", None
 
 
-def called(place: Place) -> str:
+def called(path: KeyPath) -> str:
     """A place in words: ('targets', 'psd', 'guess_mm', 1) is 'item 2 of targets.psd.guess_mm'."""
-    if not place:
+    if not path:
         return "the content"
-    if isinstance(place[-1], int):
-        return f"item {place[-1] + 1} of {called(place[:-1])}"
-    names = [str(part) if isinstance(part, str) else f"[{part + 1}]" for part in place]
+    if isinstance(path[-1], int):
+        return f"item {path[-1] + 1} of {called(path[:-1])}"
+    names = [str(part) if isinstance(part, str) else f"[{part + 1}]" for part in path]
     return ".".join(names).replace(".[", "[")
 
 
-def _inside(place: Place) -> str:
-    return f" in {called(place)}" if place else ""
+def _inside(path: KeyPath) -> str:
+    return f" in {called(path)}" if path else ""
 
 
-def _place(data: object, loc: tuple[int | str, ...], kind: str) -> Place:
+def _place(data: object, loc: tuple[int | str, ...], kind: str) -> KeyPath:
     """pydantic's location without the names of the alternatives that it tried on the way."""
-    place: list[str | int] = []
+    path: list[str | int] = []
     for i, part in enumerate(loc):
         keys = data if isinstance(data, dict) else range(len(data)) if isinstance(data, list | tuple) else ()
         if part in keys:
             data = data[part]  # type: ignore[index]
         elif i < len(loc) - 1 or kind != "missing":
             continue
-        place.append(part)
-    return tuple(place)
+        path.append(part)
+    return tuple(path)
 
 
-def _keys_at(model: type[BaseModel], place: Place) -> list[str]:
+def _keys_at(model: type[BaseModel], path: KeyPath) -> list[str]:
     """Names of the keys that the model allows at a place."""
     models: list[type[BaseModel]] = [model]
-    for part in place:
+    for part in path:
         inner: list[type[BaseModel]] = []
         for candidate in models:
             for name, field in candidate.model_fields.items():
@@ -378,5 +380,5 @@ def _models_in(annotation: Any) -> list[type[BaseModel]]:
     if isinstance(annotation, type) and not get_origin(annotation) and issubclass(annotation, BaseModel):
         return [annotation]
     if get_origin(annotation) in (Annotated, Union, types.UnionType, tuple, list, dict):
-        return [found for inner in get_args(annotation) for found in _models_in(inner)]
+        return [model for inner in get_args(annotation) for model in _models_in(inner)]
     return []

@@ -49,7 +49,7 @@ def refuse_existing(
     """
     require_within(path, hidden=True)
     if force and path.is_file():
-        if any(own is not None and own.exists() and path.samefile(own) for own in keep):
+        if any(kept is not None and kept.exists() and path.samefile(kept) for kept in keep):
             raise BadInput(
                 "the file is one of those that are read: it would be lost",
                 file=path,
@@ -80,7 +80,7 @@ def write_whole(path: Path, content: str | bytes | Iterable[str], *, force: bool
     remove_abandoned(path.parent, _PART, path.name)
     try:
         prefix = f".{path.name}.{writer()}-"
-        handle, aside = tempfile.mkstemp(prefix=prefix, suffix=".part", dir=path.parent)
+        handle, part = tempfile.mkstemp(prefix=prefix, suffix=".part", dir=path.parent)
         try:
             with os.fdopen(handle, "wb") as file:
                 if isinstance(content, str | bytes):
@@ -90,11 +90,11 @@ def write_whole(path: Path, content: str | bytes | Iterable[str], *, force: bool
                         file.writelines(piece.encode("utf-8") for piece in content)
                 file.flush()
                 os.fsync(file.fileno())
-            os.chmod(aside, 0o666 & ~_umask())
-            _name(Path(aside), path, force)
+            os.chmod(part, 0o666 & ~_umask())
+            _name(Path(part), path, force)
         finally:
             with contextlib.suppress(FileNotFoundError):
-                os.unlink(aside)
+                os.unlink(part)
         sync_folder(path.parent)
     except FileExistsError:
         refuse_existing(path)
@@ -148,20 +148,20 @@ def _has_ended(process: int) -> bool:
     return False
 
 
-def _name(aside: Path, path: Path, force: bool) -> None:
+def _name(part: Path, path: Path, force: bool) -> None:
     if force:
-        os.replace(aside, path)
+        os.replace(part, path)
         return
     if os.name == "nt":
-        os.rename(aside, path)  # refuses a name that is taken
+        os.rename(part, path)  # refuses a name that is taken
         return
     try:
-        os.link(aside, path)  # so does this; POSIX rename would overwrite
+        os.link(part, path)  # so does this; POSIX rename would overwrite
     except FileExistsError:
         raise
     except OSError:  # a file system without hard links
         refuse_existing(path)
-        os.rename(aside, path)
+        os.rename(part, path)
 
 
 def _umask() -> int:
@@ -189,12 +189,12 @@ def lock(file: FileIO) -> bool:
     """
     try:
         if sys.platform == "win32":
-            place = file.tell()
+            position = file.tell()
             file.seek(_BEHIND_THE_END)
             try:
                 msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
             finally:
-                file.seek(place)
+                file.seek(position)
         else:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except (BlockingIOError, PermissionError):

@@ -108,11 +108,11 @@ def abb_configuration(branch: Branch, joints: Matrix) -> tuple[int, int, int, in
     return cf1, cf4, cf6, 4 * branch.behind + 2 * branch.behind_arm + branch.negative
 
 
-def is_abb_configuration(stated: tuple[float, ...], branch: Branch, joints: Matrix) -> bool:
+def is_abb_configuration(confdata: tuple[float, ...], branch: Branch, joints: Matrix) -> bool:
     """Whether joints (6,), degrees, have the stated confdata."""
-    return stated[3] == abb_configuration(branch, joints)[3] and all(
+    return confdata[3] == abb_configuration(branch, joints)[3] and all(
         90 * quadrant - _SLACK <= joints[i] <= 90 * (quadrant + 1) + _SLACK
-        for quadrant, i in zip(stated[:3], (0, 3, 5), strict=True)
+        for quadrant, i in zip(confdata[:3], (0, 3, 5), strict=True)
     )
 
 
@@ -126,10 +126,10 @@ def kuka_turn(joints: Matrix) -> int:
     return sum(1 << i for i, value in enumerate(joints.tolist()) if round(value, 6) < 0)
 
 
-def is_kuka_turn(stated: int, joints: Matrix) -> bool:
+def is_kuka_turn(turns: int, joints: Matrix) -> bool:
     """Whether joints (6,), degrees, have the stated T."""
     return all(
-        value < _SLACK if stated >> i & 1 else value > -_SLACK for i, value in enumerate(joints.tolist())
+        value < _SLACK if turns >> i & 1 else value > -_SLACK for i, value in enumerate(joints.tolist())
     )
 
 

@@ -53,14 +53,18 @@ class Limit:
 def nearest_limit(robot: Robot, joints: Matrix, i: int) -> Limit:
     """Of joint `i` (from 0) at joints (n,), rad or mm: of its limits the one that is farthest overstepped."""
     display = float(robot.display[i])
-    own = Limit(float(joints[i]) * display, robot.joints[i].lower * display, robot.joints[i].upper * display)
+    between_links = Limit(
+        float(joints[i]) * display, robot.joints[i].lower * display, robot.joints[i].upper * display
+    )
     if i != 2 or robot.conventions.range3 is None:
-        return own
+        return between_links
     lower, upper = robot.conventions.range3
     shown = Limit(
         float(joints[2] - joints[1]) * display, lower * display, upper * display, "as the pendant counts it"
     )
-    return max(shown, replace(own, counting="between links 2 and 3"), key=lambda limit: limit.excess)
+    return max(
+        shown, replace(between_links, counting="between links 2 and 3"), key=lambda limit: limit.excess
+    )
 
 
 @dataclass(frozen=True)

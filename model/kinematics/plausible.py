@@ -37,7 +37,7 @@ def doubtful_rows(
     `lengths` (a, d), `twists` (alpha) and `angles` (theta, beta) by what a person calls them (`a_mm of joint
     2`); `limits` and `speeds` of the revolute joints alone.
     """
-    said = [
+    doubts = [
         *_lengths(lengths),
         *(
             f"{called}: {value:.10g} looks like radians: {math.degrees(value):.6g} degrees?"
@@ -46,17 +46,17 @@ def doubtful_rows(
         ),
     ]
     if limits and any(limits) and max(map(abs, limits)) <= ONE_TURN:
-        said.append(f"all limits are within ±{ONE_TURN} degrees, as limits in radians would be")
+        doubts.append(f"all limits are within ±{ONE_TURN} degrees, as limits in radians would be")
     if speeds and max(speeds) <= _SLOWEST:
-        said.append(
+        doubts.append(
             f"the fastest joint makes {max(speeds):.6g} degrees a second: are the speeds in radians a second?"
         )
-    said += [
+    doubts += [
         f"{called}: {value:.10g} is near {_quarter(value):g} and is not: correct, or mistyped?"
         for called, value in twists.items()
         if _nearly_quarter(value) and not _fraction_of_pi(value)
     ]
-    return tuple(said)
+    return tuple(doubts)
 
 
 def too_long(lengths: Sequence[float], unit: str) -> tuple[str, ...]:

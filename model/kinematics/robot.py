@@ -159,7 +159,7 @@ class Robot:
         BadInput
             `q` has another number of joints or is not finite, or the unit is unknown.
         """
-        return self.pose_and_jacobian(q, unit)[0]
+        return self.pose_and_jacobian(self._internal(q, unit))[0]
 
     def jacobian(self, q: ArrayLike, unit: Literal["deg", "rad"] = "deg") -> Matrix:
         """The flange's geometric Jacobian in the base frame, exact.
@@ -182,7 +182,7 @@ class Robot:
         BadInput
             As `fk`.
         """
-        return self.pose_and_jacobian(q, unit)[1]
+        return self.pose_and_jacobian(self._internal(q, unit))[1]
 
     def with_offsets(self, delta: Matrix) -> Robot:
         """The robot that is at recorded positions where this one is at those plus `delta` (n,), rad or mm.
@@ -195,25 +195,27 @@ class Robot:
         )
         return replace(self, joints=joints)
 
-    def pose_and_jacobian(self, q: ArrayLike, unit: str = "deg") -> tuple[Matrix, Matrix]:
-        """What `fk` and `jacobian` return, computed together."""
+    def _internal(self, q: ArrayLike, unit: str) -> Matrix:
+        """(..., n) joint positions of `fk` in rad and mm."""
         if unit not in ("deg", "rad"):
             raise BadInput(
                 "there is no such unit", found=repr(unit), allowed="'deg' or 'rad'", argument="unit"
             )
-        wanted = f"finite numbers of shape (..., {self.n}): {self.name} has {self.n} joints"
+        allowed = f"finite numbers of shape (..., {self.n}): {self.name} has {self.n} joints"
         try:
             joints = np.asarray(q, dtype=float)
         except (TypeError, ValueError):
             raise BadInput(
-                "this is not an array of numbers", found=type(q).__name__, allowed=wanted, argument="q"
+                "this is not an array of numbers", found=type(q).__name__, allowed=allowed, argument="q"
             ) from None
         if joints.ndim == 0 or joints.shape[-1] != self.n:
-            raise BadInput("the array has the wrong shape", found=joints.shape, allowed=wanted, argument="q")
+            raise BadInput("the array has the wrong shape", found=joints.shape, allowed=allowed, argument="q")
         if not np.isfinite(joints).all():
-            raise BadInput("a joint position is not finite", allowed=wanted, argument="q")
-        if unit == "deg":
-            joints = joints / self.display
+            raise BadInput("a joint position is not finite", allowed=allowed, argument="q")
+        return joints / self.display if unit == "deg" else joints
+
+    def pose_and_jacobian(self, joints: Matrix) -> tuple[Matrix, Matrix]:
+        """What `fk` and `jacobian` return, computed together, of joint positions (..., n), rad or mm."""
         batch, rows = joints.shape[:-1], joints.reshape(-1, self.n)
         pose, jacobian = np.zeros((len(rows), 4, 4)), np.zeros((len(rows), 6, self.n))
         if len(rows):
@@ -292,7 +294,7 @@ class Robot:
                 result.append((a + delta[i], ca.SX(0)))
         return result
 
-    def seen(self, turns: Sequence[Turn], point: ca.SX) -> tuple[ca.SX, list[ca.SX]]:
+    def in_flange(self, turns: Sequence[Turn], point: ca.SX) -> tuple[ca.SX, list[ca.SX]]:
         """A point (3, 1) of the base frame as seen from the flange, and from each joint before its motion."""
         stations: list[ca.SX] = []
         for joint, turn in zip(self.joints, turns, strict=True):
@@ -304,10 +306,10 @@ class Robot:
                 point = point - joint.axis * turn[0]
         return ca.sparsify(ca.SX(self.flange[:3, :3].T)) @ (point - self.flange[:3, 3]), stations
 
-    def seen_jacobian(
+    def in_flange_jacobian(
         self, turns: Sequence[Turn], stations: Sequence[ca.SX], vectors: ca.SX
     ) -> tuple[ca.SX, ca.SX]:
-        """Of the components of `seen` along `vectors` (3, d), fixed in the flange frame: their Jacobians by
+        """Of the components of `in_flange` along `vectors` (3, d), fixed in the flange frame: Jacobians by
         the joint positions (d, n) and by the point (d, 3).
 
         The vectors are carried back from joint to joint; there a turn moves the point by -axis x point.
@@ -398,3 +400,39 @@ def shift(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Matrix:
     result = np.eye(4)
     result[:3, 3] = x, y, z
     return result
+
+
+@dataclass(frozen=True)
+class DHRow:
+    """One Denavit-Hartenberg row: a, d in mm, alpha, theta in rad (theta is the joint's zero position).
+
+    `beta` is the further rotation about y, rad, of two axes that are nearly parallel (Hayati and Mirmirani).
+    """
+
+    a: float
+    alpha: float
+    d: float
+    theta: float
+    beta: float = 0.0
+
+
+def dh_chain(
+    rows: Sequence[DHRow], convention: Literal["standard", "modified"]
+) -> tuple[list[Matrix], Matrix]:
+    """Fixed transforms before each joint and the one after the last, all joints moving about or along z.
+
+    standard (eq. 1 of the paper): Rz(theta + q) Tz(d) Tx(a) Rx(alpha) Ry(beta).
+    modified (Craig):              Rx(alpha) Tx(a) Ry(beta) Rz(theta + q) Tz(d).
+    """
+    fixed: list[Matrix] = []
+    pending = np.eye(4)
+    for row in rows:
+        turn = rotation_about("z", row.theta) @ shift(z=row.d)
+        link = shift(x=row.a) @ rotation_about("x", row.alpha) @ rotation_about("y", row.beta)
+        if convention == "standard":
+            fixed.append(pending)
+            pending = turn @ link
+        else:
+            fixed.append(pending @ link)
+            pending = turn
+    return fixed, pending

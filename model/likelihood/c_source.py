@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from functools import lru_cache
+from pathlib import Path
 from typing import NamedTuple
 
 import casadi as ca
@@ -32,26 +33,7 @@ _UNARY = {
 }
 _TURNED = {ca.OP_SIN: "s", ca.OP_COS: "c"}  # mostly both are asked for, and one call gives both
 
-_HEAD = """
-#include <math.h>
-#if defined(__AVX512F__)
-#define LANES 8
-#elif defined(__AVX__)
-#define LANES 4
-#else
-#define LANES 2
-#endif
-typedef double V __attribute__((vector_size(LANES * sizeof(double))));
-#define LANEWISE(name) static inline V zb_##name(V a) { \\
-  V r; for (int l = 0; l < LANES; ++l) r[l] = name(a[l]); return r; }
-LANEWISE(sqrt) LANEWISE(tan) LANEWISE(exp) LANEWISE(log)
-static inline V zb_all(double a) { return a - (V){0.0}; }
-static inline void zb_sincos(V a, V *s, V *c) {
-  for (int l = 0; l < LANES; ++l) { (*s)[l] = sin(a[l]); (*c)[l] = cos(a[l]); } }
-static inline V zb_load(const double *const *from, long long step, long long at) {
-  if (step == 0) return zb_all(from[0][at]);
-  V r; for (int l = 0; l < LANES; ++l) r[l] = from[l][at]; return r; }
-"""
+_HEAD = (Path(__file__).parent / "lanes.h").read_text(encoding="utf-8")
 
 
 class NoSource(Exception):
@@ -97,8 +79,8 @@ def grid_source(function: ca.Function, hoisted: Collection[str], *, gram: bool =
                 )
             text = _TURNED[operation] + turns[angle]
         elif operation in _BINARY or operation in _UNARY:
-            names = [current[place][0] for place in places]
-            fixed = all(current[place][1] for place in places)
+            names = [current[slot][0] for slot in places]
+            fixed = all(current[slot][1] for slot in places)
             if operation in _BINARY:
                 text = f"{names[0]} {_BINARY[operation]} {names[1]}"
             else:
@@ -214,7 +196,7 @@ def per_both(values: Matrix, rows: NDArray[np.int64] | None = None) -> GridInput
 def columns(values: Matrix, *first: Offsets) -> list[GridInput]:
     """Inputs that stand in rows (outer, p), without a copy: each from the column first[i] on for shot i."""
     address, step = values.ctypes.data, values.shape[1]
-    return [GridInput(values, step, own, address, own.fixed) for own in first]
+    return [GridInput(values, step, offsets, address, offsets.fixed) for offsets in first]
 
 
 def constant(values: Matrix, inner: int) -> GridInput:

@@ -35,14 +35,14 @@ def ran(command: Sequence[str]) -> subprocess.CompletedProcess[str]:
         process_group=0,
     ) as process:
         try:
-            out, told = process.communicate(timeout=LONGEST_S)
+            out, errors = process.communicate(timeout=LONGEST_S)
         except BaseException as error:
             _kill(process)
             if isinstance(error, subprocess.TimeoutExpired):
                 _stuck.add(command[0])
                 raise subprocess.TimeoutExpired(command[0], LONGEST_S) from None
             raise
-    return subprocess.CompletedProcess(command, process.returncode, out, told)
+    return subprocess.CompletedProcess(command, process.returncode, out, errors)
 
 
 def _kill(process: subprocess.Popen[str]) -> None:
@@ -62,8 +62,8 @@ def private(path: Path) -> bool:
     """Whether a file or folder is this user's and nobody else may write to it. What is loaded is obeyed."""
     if os.name != "posix":
         return True  # the folders of a user are their own there
-    found = path.stat()
-    return found.st_uid == os.getuid() and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    status = path.stat()
+    return status.st_uid == os.getuid() and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
 def _make_private(folder: Path) -> None:

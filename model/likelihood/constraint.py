@@ -25,9 +25,56 @@ import numpy as np
 from ..kinematics.robot import Robot, Turn
 from .geometry import NOMINAL, Geometry
 from .kernel import Kernel
-from .midpoint import midpoint_function
-from .posture import Posture
 from .tool import Tool
+
+
+def midpoint_function(robot: Robot, tool: Tool, geometry: Geometry = NOMINAL) -> ca.Function:
+    """(q1, q2, arm, tool) -> midpoint (3,), jacobian (3, a + k) by arm, tool, and (3, n) by q1 and by q2.
+
+    The middle of the shortest segment between two beams (section 2.2 of the paper). It is not
+    defined for parallel beams: callers leave those pairs out.
+    """
+    one = Posture(robot, geometry)
+    other = Posture(robot, geometry, one.arm)
+    q1, q2, arm = one.q, other.q, one.arm
+    unknown = ca.SX.sym("tool", len(tool.free_axes))
+    point, direction, _ = tool.beam(unknown)
+    feet: list[tuple[ca.SX, ca.SX]] = []
+    for posture in (one, other):
+        rotation, translation = posture.pose
+        feet.append((translation + rotation @ point, rotation @ direction))
+    (o1, u1), (o2, u2) = feet
+    between, cosine = o2 - o1, ca.dot(u1, u2)
+    sine_squared = ca.sumsqr(ca.cross(u1, u2))
+    along1 = (ca.dot(between, u1) - cosine * ca.dot(between, u2)) / sine_squared
+    along2 = (cosine * ca.dot(between, u1) - ca.dot(between, u2)) / sine_squared
+    middle = (o1 + along1 * u1 + o2 + along2 * u2) / 2
+    return ca.Function(
+        "midpoint",
+        [q1, q2, arm, unknown],
+        ca.cse([middle, *(ca.densify(ca.jacobian(middle, by)) for by in (ca.vertcat(arm, unknown), q1, q2))]),
+        ["q1", "q2", "arm", "tool"],
+        ["midpoint", "jacobian", "by_q1", "by_q2"],
+    )
+
+
+class Posture:
+    """Recorded positions `q` (n,), `arm` (a,) joint offsets and geometry parameters, and what follows: the
+    `robot` with its links moved, and the true joint positions `theta` (n,)."""
+
+    def __init__(self, robot: Robot, geometry: Geometry, arm: ca.SX | None = None) -> None:
+        n = robot.n
+        self.q = ca.SX.sym("q", n)
+        self.arm = ca.SX.sym("arm", n + len(geometry.names)) if arm is None else arm
+        self.robot = geometry.moved(robot, self.arm[n:])
+        recorded = geometry.recorded_symbols(robot, self.q)
+        self.theta = self.q + geometry.bent(robot, self.arm, recorded)
+
+    @property
+    def pose(self) -> tuple[ca.SX, ca.SX]:
+        """The flange's rotation and translation in the base frame."""
+        return self.robot.flange_pose(self.theta)
+
 
 # What does not change from shot to shot of one walker.
 _HOISTED = ("arm", "tool", "variances", "stated")
@@ -139,18 +186,18 @@ class _Shot:
         self, functions: ShotFunctions, recorded: ca.SX, turned: Callable[[ca.SX], list[Turn]]
     ) -> None:
         tool, geometry, n = functions.tool, functions.geometry, functions.robot.n
-        self.spot, self.target = ca.SX.sym("spot", tool.miss_size), ca.SX.sym("target", 3)
+        self.spot, self.target = ca.SX.sym("spot", tool.residual_size), ca.SX.sym("target", 3)
         self.arm = ca.SX.sym("arm", n + len(geometry.names))
         self.unknown = ca.SX.sym("tool", len(tool.free_axes))
         robot = geometry.moved(functions.robot, self.arm[n:])
         turns = turned(geometry.bent(functions.robot, self.arm, recorded))
-        seen, stations = robot.seen(turns, self.target)
+        target_in_flange, stations = robot.in_flange(turns, self.target)
         if tool.kind == "laser":
             point, _, across = tool.beam(self.unknown)
         else:
             point, across = tool.tip(self.unknown), ca.SX.eye(3)
-        self.residual = across.T @ (seen - point) - self.spot
-        self.by_joints, by_target = robot.seen_jacobian(turns, stations, across)
+        self.residual = across.T @ (target_in_flange - point) - self.spot
+        self.by_joints, by_target = robot.in_flange_jacobian(turns, stations, across)
         by_geometry = ca.jacobian(self.residual, self.arm)[:, n:]
         by_tool = ca.jacobian(self.residual, self.unknown)
         self.jacobian = ca.horzcat(self.by_joints, by_geometry, by_target, by_tool)
@@ -183,7 +230,7 @@ class _Weighted(_Shot):
             functions, self.recorded, lambda delta: robot.turns_with_offsets(self.recorded, delta)
         )
         self.weight = ca.SX.sym("weight")
-        self.variances, self.stated = ca.SX.sym("variances", n + 1), ca.SX.sym("stated", n + 1)
+        self.variances, self.stated_variances = ca.SX.sym("variances", n + 1), ca.SX.sym("stated", n + 1)
         self.by_noise = self._covariances(self.variances)
         self.factor = _cholesky(sum(self.by_noise, ca.SX(0)))
         self.quad = self.weight * ca.sumsqr(_forward(self.factor, self.residual))
@@ -191,8 +238,8 @@ class _Weighted(_Shot):
         if functions.log_det != "none":
             self.logdet = self.weight * _log_det(self.factor)
         if functions.log_det == "relative":
-            stated = _cholesky(sum(self._covariances(self.stated), ca.SX(0)))
-            self.logdet -= self.weight * _log_det(stated)
+            stated_factor = _cholesky(sum(self._covariances(self.stated_variances), ca.SX(0)))
+            self.logdet -= self.weight * _log_det(stated_factor)
 
     def _covariances(self, variances: ca.SX) -> tuple[ca.SX, ca.SX]:
         """What the joints' noise and the spot's add to the covariance of the residual."""
@@ -204,7 +251,7 @@ class _Weighted(_Shot):
     def inputs(self) -> tuple[list[ca.SX], list[str]]:
         symbols = [self.recorded, self.spot, self.weight, self.arm, self.target, self.unknown]
         names = ["turns", "spot", "weight", "arm", "target", "tool", "variances", "stated"]
-        return [*symbols, self.variances, self.stated], names
+        return [*symbols, self.variances, self.stated_variances], names
 
 
 def _terms(functions: ShotFunctions) -> ca.Function:
@@ -224,8 +271,8 @@ def _slopes(functions: ShotFunctions) -> ca.Function:
         # By the logarithm of a factor f of the std: d/d ln f = 2 sum of variance d/d variance; the
         # information of a normal's covariance is tr(S^-1 dS S^-1 dS) / 2 (its share in x is left out).
         for k, value in enumerate((shot.quad, shot.logdet)):
-            own = 2 * shot.variances * ca.gradient(value, shot.variances)
-            gradients[k] = ca.vertcat(gradients[k], ca.sum1(own[:n]), own[n])
+            by_variances = 2 * shot.variances * ca.gradient(value, shot.variances)
+            gradients[k] = ca.vertcat(gradients[k], ca.sum1(by_variances[:n]), by_variances[n])
         halves = [_forward(shot.factor, _forward(shot.factor, 2 * part).T) for part in shot.by_noise]
         joint, spot = halves
         pairs = ((joint, joint), (spot, joint), (spot, spot))
@@ -243,8 +290,10 @@ def _slopes(functions: ShotFunctions) -> ca.Function:
 def _seen(functions: ShotFunctions) -> ca.Function:
     posture, target = _posture(functions), ca.SX.sym("target", 3)
     rotation, translation = posture.pose
-    seen = rotation.T @ (target - translation)
-    return ca.Function("seen", [posture.q, posture.arm, target], [seen], ["q", "arm", "target"], ["y"])
+    target_in_flange = rotation.T @ (target - translation)
+    return ca.Function(
+        "seen", [posture.q, posture.arm, target], [target_in_flange], ["q", "arm", "target"], ["y"]
+    )
 
 
 def _sighted(functions: ShotFunctions) -> ca.Function:

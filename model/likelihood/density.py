@@ -130,7 +130,7 @@ class Density:
 
     def numbers(self, of: Index | None = None) -> Matrix:
         """(W,) or (1,): how many residuals' components the data sets have, those left out not counted."""
-        count = self.weights.sum(axis=1) * self.problem.tool.miss_size
+        count = self.weights.sum(axis=1) * self.problem.tool.residual_size
         return np.asarray(count if of is None or len(count) == 1 else count[of])
 
     # Slopes
@@ -145,16 +145,16 @@ class Density:
         with_log_det = problem.functions.log_det != "none"
         for k, block in enumerate(self._blocks):
             shots = self._shots_of[k]
-            own = self._kernel("slopes").sums(self._grid(x, of, None, shots, k), rows, len(shots))
-            quad += own[0]
-            by_quad[:, block.free] += own[2][:, block.local]
+            sums = self._kernel("slopes").sums(self._grid(x, of, None, shots, k), rows, len(shots))
+            quad += sums[0]
+            by_quad[:, block.free] += sums[2][:, block.local]
             if with_log_det:
-                logdet += own[1]
-                gradient[:, block.free] += own[3][:, block.local]
+                logdet += sums[1]
+                gradient[:, block.free] += sums[3][:, block.local]
             if with_information:
-                flat[:, block.pairs] += own[5].take(block.lower, axis=1)
+                flat[:, block.pairs] += sums[5].take(block.lower, axis=1)
                 if problem.noise.separate:
-                    flat[:, block.noise_pairs] += own[4].take(block.noise_lower, axis=1)
+                    flat[:, block.noise_pairs] += sums[4].take(block.noise_lower, axis=1)
         information = flat.reshape(len(flat), size, size)
         if problem.noise.estimated:
             weight = self.numbers(of) / quad
@@ -176,8 +176,8 @@ class Density:
 
     def prior_information(self, x: Matrix) -> Matrix:
         """(W, f, f) the part of the information that does not come from the shots."""
-        _, _, own = self._distance_slopes(x)
-        return own[:, self._free[:, None], self._free] * self._scale_squared + np.eye(self.size)
+        _, _, information = self._distance_slopes(x)
+        return information[:, self._free[:, None], self._free] * self._scale_squared + np.eye(self.size)
 
     # How it is made up
 
@@ -238,21 +238,21 @@ class Density:
         if target not in self._columns:
             parameters, problem = self.problem.parameters, self.problem
             if target is None:
-                own = parameters.block("target").start + 3 * problem.target_index
+                targets = parameters.block("target").start + 3 * problem.target_index
             else:
-                own = np.full(count, parameters.block("target", target).start)
+                targets = np.full(count, parameters.block("target", target).start)
             arm, tool = (np.full(count, block.start) for block in (parameters.arm, parameters.block("tool")))
-            self._columns[target] = (Offsets.of(arm), Offsets.of(own), Offsets.of(tool))
+            self._columns[target] = (Offsets.of(arm), Offsets.of(targets), Offsets.of(tool))
         return self._columns[target]
 
     def _variances(self, x: Matrix, count: int) -> list[GridInput]:
         """Those of x, and as stated."""
         if count not in self._stated:
             self._stated[count] = constant(self.problem.noise.variances, count)
-        stated = self._stated[count]
+        as_stated = self._stated[count]
         if not self.problem.noise.separate:
-            return [stated, stated]
-        return [per_outer(self.problem.variances(x), count), stated]
+            return [as_stated, as_stated]
+        return [per_outer(self.problem.variances(x), count), as_stated]
 
     @cached_property
     def _free(self) -> Index:
@@ -291,14 +291,16 @@ class Density:
             columns = parameters.of_shot(k)
             local = np.flatnonzero(parameters.free[columns])
             size = len(parameters.of_shot(k, noise=False))
-            own, noise = local[local < size], local[local >= size] - size
+            of_residual, noise = local[local < size], local[local >= size] - size
             free = parameters.among_free[columns[local]]
             pairs, noise_pairs = (
                 together((part[:, None] * self.size + part).reshape(-1))
-                for part in (free[: len(own)], free[len(own) :])
+                for part in (free[: len(of_residual)], free[len(of_residual) :])
             )
             blocks.append(
-                _Block(together(free), together(local), pairs, _lower(own), noise_pairs, _lower(noise))
+                _Block(
+                    together(free), together(local), pairs, _lower(of_residual), noise_pairs, _lower(noise)
+                )
             )
         return blocks
 

@@ -32,8 +32,7 @@ from ..errors import BadInput
 from ..kinematics.robot import Robot
 
 if TYPE_CHECKING:
-    from ..files.header import Header
-    from ..files.stated_geometry import StatedGeometry
+    from ..files.header import Header, StatedGeometry
 
 LinkAxis = Literal["a", "alpha", "d", "beta", "theta"]
 ANGLES: frozenset[str] = frozenset({"alpha", "beta", "theta"})
@@ -57,11 +56,15 @@ class Link:
 
     def moved(self, values: Sequence[ca.SX]) -> ca.SX:
         """(4, 4) the transform with the parameters at `values`, in the order of `axes`; mm and rad."""
-        own = dict(zip(self.axes, values, strict=True))
+        by_axis = dict(zip(self.axes, values, strict=True))
         shift = ca.SX.eye(4)
-        shift[0, 3], shift[2, 3] = own.get("a", 0), own.get("d", 0)
+        shift[0, 3], shift[2, 3] = by_axis.get("a", 0), by_axis.get("d", 0)
         parts = [ca.SX(self.before), shift]
-        for axis, angle in (("z", own.get("theta")), ("x", own.get("alpha")), ("y", own.get("beta"))):
+        for axis, angle in (
+            ("z", by_axis.get("theta")),
+            ("x", by_axis.get("alpha")),
+            ("y", by_axis.get("beta")),
+        ):
             if angle is not None:
                 parts.append(_rotation(axis, angle))
         parts.append(ca.SX(self.after))
@@ -104,16 +107,16 @@ class Geometry:
         BadInput
             Tolerances or masses of a wrong number, or harmonics of an arm with a prismatic joint.
         """
-        stated = header.geometry
-        if stated is None:
+        geometry = header.geometry
+        if geometry is None:
             return NOMINAL
-        length, angle = stated.tolerance.of_links(robot)
+        length, angle = geometry.tolerance.of_links(robot)
         revolute = tuple(i for i, joint in enumerate(robot.joints) if joint.kind == "revolute")
-        stated.require_revolute(robot)
+        geometry.require_revolute(robot)
         return cls(
             links=tuple(_links(robot)),
-            gravity=_gravity(robot, stated) if stated.gravity else None,
-            harmonics=revolute if stated.harmonics else (),
+            gravity=_gravity(robot, geometry) if geometry.gravity else None,
+            harmonics=revolute if geometry.harmonics else (),
             length=length,
             angle=angle,
         )
@@ -154,21 +157,21 @@ class Geometry:
             return GRAVITY_STD
         if axis in ("cos", "sin"):
             return HARMONIC_STD
-        own = self.angle if axis in ANGLES else self.length
-        return float(own[int(of.removeprefix("link")) - 1])
+        tolerances = self.angle if axis in ANGLES else self.length
+        return float(tolerances[int(of.removeprefix("link")) - 1])
 
     def require_enough(self, header: Header, numbers: int, measurements: int, others: int) -> None:
         """BadInput where gravity or harmonics are stated as true, and the measured `numbers` are fewer than
         their parameters and the `others` (offsets, targets, tool) together."""
         for rung, axes in (("gravity", {"gravity"}), ("harmonics", {"cos", "sin"})):
-            own = sum(axis in axes for _, axis in self.names)
-            asked = header.geometry is not None and getattr(header.geometry, rung) is True
-            if asked and own and numbers < others + own:
+            count = sum(axis in axes for _, axis in self.names)
+            required = header.geometry is not None and getattr(header.geometry, rung) is True
+            if required and count and numbers < others + count:
                 raise BadInput(
                     f"geometry.{rung} is asked for, but fewer numbers are measured than there are unknowns",
                     found=f"{numbers} numbers of {measurements} measurements",
-                    allowed=f"at least {others + own}: as many as offsets, targets, tool ({others}) and "
-                    f"parameters of {rung} ({own}) together",
+                    allowed=f"at least {others + count}: as many as offsets, targets, tool ({others}) and "
+                    f"parameters of {rung} ({count}) together",
                     remedy=f"add measurements, or state {rung}: auto",
                 )
 
@@ -280,9 +283,9 @@ def _torque_function(robot: Robot, masses: tuple[float, ...], up: tuple[float, .
     return ca.Function("torques", [q], [ca.densify(torques(robot, q, np.array(masses), np.array(up)))])
 
 
-def _gravity(robot: Robot, stated: StatedGeometry) -> Gravity | None:
-    masses = stated.masses(robot)
-    up = np.array(stated.up, dtype=float)
+def _gravity(robot: Robot, geometry: StatedGeometry) -> Gravity | None:
+    masses = geometry.masses(robot)
+    up = np.array(geometry.up, dtype=float)
     up /= np.abs(up).max()  # first, that nothing underflows
     up /= np.linalg.norm(up)
     rows = np.random.default_rng(0).uniform(robot.lower, robot.upper, (_POSTURES, robot.n))
@@ -304,31 +307,31 @@ def _links(robot: Robot) -> Iterator[Link]:
     for i, (joint, transform) in enumerate(zip(robot.joints, transforms, strict=True)):
         before, parallel = _frame(joint.axis, transform, axes[i + 1])
         next_slides = i + 1 < robot.n and robot.joints[i + 1].kind == "prismatic"
-        own: list[LinkAxis] = [] if next_slides else ["a"]
+        link_axes: list[LinkAxis] = [] if next_slides else ["a"]
         if joint.kind == "prismatic":
-            own += ["theta", "alpha"] if not parallel else ["alpha", "beta"]
+            link_axes += ["theta", "alpha"] if not parallel else ["alpha", "beta"]
         else:
-            own.append("alpha")
-            own += ["beta"] if parallel else [] if next_slides else ["d"]
-        yield Link(i + 1, tuple(own), before, np.linalg.inv(before) @ transform)
+            link_axes.append("alpha")
+            link_axes += ["beta"] if parallel else [] if next_slides else ["d"]
+        yield Link(i + 1, tuple(link_axes), before, np.linalg.inv(before) @ transform)
 
 
 def _frame(axis: Matrix, transform: Matrix, next_axis: Matrix) -> tuple[Matrix, bool]:
     """(4, 4) the frame of a link's parameters, seen from the joint before it, and whether the axes are nearly
     parallel. `axis` is that of the joint, `next_axis` the next one's in its own frame behind `transform`."""
-    place, along = transform[:3, 3], transform[:3, :3] @ next_axis
+    origin, along = transform[:3, 3], transform[:3, :3] @ next_axis
     normal = np.cross(axis, along)
     parallel = bool(np.linalg.norm(normal) < _NEARLY_PARALLEL)
     own_x = transform[:3, 0] - (transform[:3, 0] @ axis) * axis
     if parallel:
-        normal = place - (place @ axis) * axis
+        normal = origin - (origin @ axis) * axis
         if np.linalg.norm(normal) < 1e-6:
             normal = own_x if np.linalg.norm(own_x) > 0.5 else np.cross(transform[:3, 1], axis)
-        foot = place
+        foot = origin
     else:
         # The point of the next axis that is nearest to this one.
-        rest, own = place - (place @ axis) * axis, along - (along @ axis) * axis
-        foot = place - (rest @ own) / (own @ own) * along
+        rest, slope = origin - (origin @ axis) * axis, along - (along @ axis) * axis
+        foot = origin - (rest @ slope) / (slope @ slope) * along
     x = normal / np.linalg.norm(normal)
     # As Denavit and Hartenberg have it: along the next joint's own x axis, not against it.
     x = -x if x @ transform[:3, 0] < -1e-9 else x

@@ -46,12 +46,12 @@ _FLAGS = (
 # that pays after 50,000 rows, or after fewer, since the next process finds it there. To look takes a while.
 _LOOK_AFTER, _COMPILE_AFTER = 1_000, 20_000  # rows
 _at_once = False
-_MOST_PLACES = 8  # numbers of rows for which the virtual machine's inputs and outputs are kept
+_MOST_BUFFERS = 8  # numbers of rows for which the virtual machine's inputs and outputs are kept
 _DIGEST = 32  # bytes of the sha256 that ends each cached library
 
 
 @dataclass(frozen=True, eq=False)
-class _Place:
+class _Buffers:
     """Where the virtual machine finds the inputs (rows, size) of a function and leaves its outputs."""
 
     inputs: list[Matrix]
@@ -60,7 +60,7 @@ class _Place:
     evaluate: Callable[[], None]
 
     @classmethod
-    def of(cls, function: ca.Function, rows: int) -> _Place:
+    def of(cls, function: ca.Function, rows: int) -> _Buffers:
         buffer, evaluate = function.map(rows).buffer()
         inputs = [np.zeros((rows, function.numel_in(k))) for k in range(function.n_in())]
         outputs = [np.zeros((rows, function.numel_out(k))) for k in range(function.n_out())]
@@ -104,7 +104,7 @@ class Kernel:
             self._out_shapes = [*self._out_shapes[:-2], (size * (size + 1) // 2, 1)]
         self._out = [rows * columns for rows, columns in self._out_shapes]
         self._packed = struct.Struct(f"{len(self._in)}q").pack
-        self._places: dict[int, _Place] = {}
+        self._buffers: dict[int, _Buffers] = {}
         self._alone = threading.Lock()  # the machine has one place for all threads
         packed, whole = ctypes.c_char_p, ctypes.c_longlong
         self._load = partial(
@@ -161,12 +161,12 @@ class Kernel:
             )
         for k, (array, size) in enumerate(zip(arrays, self._in, strict=True)):
             if array.ndim > 2 or array.shape[-1] != size:
-                found = (
+                complaint = (
                     f"has {array.ndim} axes, takes 1 or 2"
                     if array.ndim > 2
                     else (f"has {array.shape[-1]} values, takes {size}")
                 )
-                raise ValueError(f"{self.function.name()}: {self.function.name_in(k)} {found}")
+                raise ValueError(f"{self.function.name()}: {self.function.name_in(k)} {complaint}")
         raise AssertionError("nothing to refuse")
 
     def sums(self, inputs: Sequence[GridInput], outer: int, inner: int) -> tuple[Matrix, ...]:
@@ -175,14 +175,14 @@ class Kernel:
         Raises ValueError for a hoisted input that changes over the inner index, and for one that ends too
         soon: compiled code would read on behind it.
         """
-        for k, given in enumerate(inputs):
-            if given.rows is not None and len(given.rows) != outer:
-                raise ValueError(f"{self.function.name()}: {outer} rows, and a choice for {len(given.rows)}")
-            row = outer - 1 if given.rows is None else int(given.rows.max(initial=0))
-            end = row * given.step + given.offsets.last + self._in[k]
-            if outer * inner * self._in[k] and end > given.values.size:
+        for k, grid in enumerate(inputs):
+            if grid.rows is not None and len(grid.rows) != outer:
+                raise ValueError(f"{self.function.name()}: {outer} rows, and a choice for {len(grid.rows)}")
+            row = outer - 1 if grid.rows is None else int(grid.rows.max(initial=0))
+            end = row * grid.step + grid.offsets.last + self._in[k]
+            if outer * inner * self._in[k] and end > grid.values.size:
                 raise ValueError(
-                    f"{self.function.name()}: {self.function.name_in(k)} has {given.values.size} values, too"
+                    f"{self.function.name()}: {self.function.name_in(k)} has {grid.values.size} values, too"
                     f" few for {outer} x {inner}"
                 )
         for k in self._hoisted:
@@ -193,10 +193,10 @@ class Kernel:
         if self._library_for(outer * inner) is not None:
             return self._shape(self._compiled(inputs, outer, inner))
         gathered = []
-        for given, size in zip(inputs, self._in, strict=True):
-            rows = np.arange(outer) if given.rows is None else given.rows
-            start = (rows[:, None] * given.step + given.offsets.numbers).reshape(-1, 1)
-            gathered.append(given.values.reshape(-1)[start + np.arange(size)])
+        for grid, size in zip(inputs, self._in, strict=True):
+            rows = np.arange(outer) if grid.rows is None else grid.rows
+            start = (rows[:, None] * grid.step + grid.offsets.numbers).reshape(-1, 1)
+            gathered.append(grid.values.reshape(-1)[start + np.arange(size)])
         each = self._interpreted(gathered, outer * inner)
         return self._shape(each.reshape(outer, inner, each.shape[1]).sum(axis=1))
 
@@ -236,17 +236,17 @@ class Kernel:
             return self._by_machine(inputs, rows)
 
     def _by_machine(self, inputs: Sequence[Matrix], rows: int) -> Matrix:
-        if rows not in self._places:
-            if len(self._places) == _MOST_PLACES:
-                self._places.pop(next(iter(self._places)))
-            self._places[rows] = _Place.of(self.function, rows)
-        place = self._places[rows]
-        for own, given in zip(place.inputs, inputs, strict=True):
-            own[...] = given
-        place.evaluate()
-        if place.buffer.ret():
+        if rows not in self._buffers:
+            if len(self._buffers) == _MOST_BUFFERS:
+                self._buffers.pop(next(iter(self._buffers)))
+            self._buffers[rows] = _Buffers.of(self.function, rows)
+        buffers = self._buffers[rows]
+        for array, values in zip(buffers.inputs, inputs, strict=True):
+            array[...] = values
+        buffers.evaluate()
+        if buffers.buffer.ret():
             raise ArithmeticError(f"CasADi could not evaluate {self.function.name()}")
-        outputs = list(place.outputs)
+        outputs = list(buffers.outputs)
         if self._gram is not None:
             *outputs, weight, root = outputs
             outputs.append(_lower_gram(weight, root.reshape(rows, *self._gram[::-1])))
@@ -260,10 +260,10 @@ class Kernel:
         if self._library is None:
             raise ValueError(f"{self.function.name()} is not compiled")
         # Bytes are packed in a fraction of the time that arrays of ctypes take.
-        values = self._packed(*[given.address for given in inputs])
-        steps = self._packed(*[given.step for given in inputs])
-        rows = self._packed(*[0 if given.rows is None else given.rows.ctypes.data for given in inputs])
-        offsets = self._packed(*[given.offsets.address for given in inputs])
+        values = self._packed(*[grid.address for grid in inputs])
+        steps = self._packed(*[grid.step for grid in inputs])
+        rows = self._packed(*[0 if grid.rows is None else grid.rows.ctypes.data for grid in inputs])
+        offsets = self._packed(*[grid.offsets.address for grid in inputs])
         result = np.empty((outer, sum(self._out)))
         arguments = (values, steps, rows, offsets, outer, inner, result.ctypes.data)
         return partial(self._library.zb_sum, *arguments), result
@@ -306,9 +306,9 @@ def _compiler() -> tuple[str, tuple[str, ...], str] | None:
 
 def cache_folder() -> Path:
     """Where compiled kernels are kept: $ZEROBEAM_CACHE, or the user's cache folder."""
-    stated = os.environ.get("ZEROBEAM_CACHE")
-    if stated:
-        return Path(stated)
+    folder = os.environ.get("ZEROBEAM_CACHE")
+    if folder:
+        return Path(folder)
     import platformdirs
 
     return Path(platformdirs.user_cache_dir("zerobeam"))

@@ -33,13 +33,13 @@ class NoiseModel:
     @classmethod
     def from_header(cls, header: Header, robot: Robot) -> NoiseModel:
         """Of what the header states; BadInput if that does not suit the robot."""
-        stated = header.noise
+        noise = header.noise
         return cls(
-            stated.of_joints(robot),
-            stated.spot_mm,
-            stated.scale == "estimated",
-            stated.scale == "separate",
-            stated.plausible_factor,
+            noise.of_joints(robot),
+            noise.spot_mm,
+            noise.scale == "estimated",
+            noise.scale == "separate",
+            noise.plausible_factor,
         )
 
     @property

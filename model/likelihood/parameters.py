@@ -131,8 +131,8 @@ class Parameters:
     def with_geometry(self, geometry: Geometry, robot: Robot, tool: Tool) -> Parameters:
         """All, with the parameters of `geometry` in place of those that there are."""
         rest = self.without("geometry").items
-        own = _of_geometry(geometry, robot, tool, StatedTolerance())
-        return Parameters((*rest[: robot.n], *own, *rest[robot.n :]))
+        geometry_items = _of_geometry(geometry, robot, tool, StatedTolerance())
+        return Parameters((*rest[: robot.n], *geometry_items, *rest[robot.n :]))
 
     # Blocks
 
@@ -176,8 +176,8 @@ class Parameters:
     def _owners(self) -> dict[Group, list[slice]]:
         owners: dict[Group, list[slice]] = {group: [] for group in ORDER}
         start = 0
-        for (group, _), own in groupby(self.items, lambda item: (item.group, item.of)):
-            count = len(list(own))
+        for (group, _), items in groupby(self.items, lambda item: (item.group, item.of)):
+            count = len(list(items))
             owners[group].append(slice(start, start + count))
             start += count
         return owners
@@ -311,9 +311,9 @@ def _moving_all(robot: Robot) -> Iterator[tuple[str, str]]:
 
 
 def _coordinates(target: str, header: Header) -> Iterator[Parameter]:
-    stated = header.targets.get(target)
-    guess = (0.0, 0.0, 0.0) if stated is None or stated.guess_mm is None else stated.guess_mm
-    std = 10_000.0 if stated is None else stated.sigma_mm
+    known = header.targets.get(target)
+    guess = (0.0, 0.0, 0.0) if known is None or known.guess_mm is None else known.guess_mm
+    std = 10_000.0 if known is None else known.sigma_mm
     for axis, mean in zip("xyz", guess, strict=True):
         yield Parameter(
             f"{target}.{axis}", "target", target, axis, "mm", mean, std, header.tolerance.length_mm
@@ -339,16 +339,16 @@ def _noise_factors() -> Iterator[Parameter]:
 
 
 def _held(
-    stated: Sequence[str] | None, robot: Robot, tool: Tool, items: Sequence[Parameter]
+    listed: Sequence[str] | None, robot: Robot, tool: Tool, items: Sequence[Parameter]
 ) -> dict[str, HeldBy]:
     """What is held, and by what: the method's own choice unless the header states a list."""
     method: dict[str, HeldBy] = {"delta1": "base frame"}
     names = [item.name for item in items]
     if tool.kind == "laser" and not tool.calibrated:
         method[f"delta{robot.n}"] = "tool rotation"
-    if stated is None:
+    if listed is None:
         return method
-    for name in stated:
+    for name in listed:
         if name not in names:
             raise BadInput(
                 "held names a parameter that is not there",
@@ -356,10 +356,10 @@ def _held(
                 allowed=", ".join(names),
                 remedy="correct the name in `held`, or leave `held` out to hold what the method defines",
             )
-    if set(stated) == set(names):
+    if set(listed) == set(names):
         raise BadInput(
             "everything is held: there is nothing to estimate",
-            found=", ".join(stated),
+            found=", ".join(listed),
             remedy="leave out of `held` what is to be estimated",
         )
-    return {name: method.get(name, "header") for name in stated}
+    return {name: method.get(name, "header") for name in listed}

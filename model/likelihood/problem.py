@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from ..arrays import Index, Matrix
 from ..errors import BadInput
 from ..files.run import Run
+from ..files.shot import check_distances
 from ..kinematics.robot import Robot
 from .constraint import ShotFunctions, shot_functions
-from .distance import Distance, distances
 from .geometry import Geometry
 from .noise import NoiseModel
 from .parameters import Parameters
@@ -32,7 +32,31 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Parts:
+class Distance:
+    """A stated distance between two targets (by their index), mm."""
+
+    first: int
+    second: int
+    mm: float
+    sigma: float
+
+
+def distances(header: Header, targets: Sequence[str]) -> tuple[Distance, ...]:
+    """Those of a header between the `targets` of some measurements; BadInput for one to another target."""
+    check_distances(header, targets, file=None, line=None)
+    return tuple(
+        Distance(
+            targets.index(distance.between[0]),
+            targets.index(distance.between[1]),
+            distance.mm,
+            distance.sigma_mm,
+        )
+        for distance in header.distances
+    )
+
+
+@dataclass(frozen=True)
+class ParameterParts:
     """Parameter vectors (..., p) taken apart: `arm` (..., a) what forward kinematics takes (offsets and
     geometry), `targets` (..., K, 3) mm, `tool` (..., k)."""
 
@@ -96,7 +120,7 @@ class Problem:
             parameters=Parameters.build(robot, tool, noise, geometry, header, names),
             functions=shot_functions(robot, tool, "relative" if noise.separate else "none", geometry),
             joints=np.asarray(joints, dtype=float),
-            spots=np.zeros((len(joints), tool.miss_size)) if spots is None else spots,
+            spots=np.zeros((len(joints), tool.residual_size)) if spots is None else spots,
             shot_numbers=tuple(range(len(joints)) if shot_numbers is None else shot_numbers),
             targets=names,
             target_index=np.array([names.index(t) for t in targets], dtype=np.int64),
@@ -153,7 +177,7 @@ class Problem:
     def without_targets(self, names: Collection[str]) -> Problem:
         """The same problem without some of its targets: their shots, coordinates and distances are gone."""
         kept = [k for k, name in enumerate(self.targets) if name not in names]
-        place = {k: i for i, k in enumerate(kept)}
+        new_index = {k: i for i, k in enumerate(kept)}
         rest = self.select(np.flatnonzero(np.isin(self.target_index, kept)))
         return replace(
             rest,
@@ -163,12 +187,12 @@ class Problem:
                 )
             ),
             targets=tuple(self.targets[k] for k in kept),
-            target_index=np.array([place[k] for k in rest.target_index.tolist()], dtype=np.int64),
+            target_index=np.array([new_index[k] for k in rest.target_index.tolist()], dtype=np.int64),
             guessed=self.guessed[kept],
             distances=tuple(
-                replace(d, first=place[d.first], second=place[d.second])
+                replace(d, first=new_index[d.first], second=new_index[d.second])
                 for d in self.distances
-                if d.first in place and d.second in place
+                if d.first in new_index and d.second in new_index
             ),
         )
 
@@ -206,7 +230,7 @@ class Problem:
     @property
     def measured_size(self) -> int:
         """Number of residuals: d for each shot (as often as it counts), one for each distance."""
-        return round(float(self.weights.sum()) * self.tool.miss_size) + len(self.distances)
+        return round(float(self.weights.sum()) * self.tool.residual_size) + len(self.distances)
 
     @property
     def data_size(self) -> int:
@@ -234,14 +258,14 @@ class Problem:
     @cached_property
     def columns(self) -> Index:
         """(N, c): the places of the c columns of each shot's own Jacobian among the parameters."""
-        own = [self.parameters.of_shot(k, noise=False) for k in range(len(self.targets))]
-        return np.asarray(np.stack(own)[self.target_index])
+        by_target = [self.parameters.of_shot(k, noise=False) for k in range(len(self.targets))]
+        return np.asarray(np.stack(by_target)[self.target_index])
 
-    def split(self, x: Matrix) -> Parts:
+    def split(self, x: Matrix) -> ParameterParts:
         """The parts of parameter vectors (..., p)."""
         parameters = self.parameters
         targets = x[..., parameters.block("target")].reshape(*x.shape[:-1], len(self.targets), 3)
-        return Parts(x[..., parameters.arm], targets, x[..., parameters.block("tool")])
+        return ParameterParts(x[..., parameters.arm], targets, x[..., parameters.block("tool")])
 
     def variances(self, x: Matrix) -> Matrix:
         """(..., n + 1) of joints and spot at parameter vectors (..., p), or (n + 1,) as stated."""
@@ -262,7 +286,7 @@ class Problem:
         by_joints = self.by_joints(jacobian)
         halves = []
         joint = (by_joints * variances[:-1]) @ by_joints.transpose(0, 2, 1)
-        spot = np.broadcast_to(variances[-1] * np.eye(self.tool.miss_size), joint.shape)
+        spot = np.broadcast_to(variances[-1] * np.eye(self.tool.residual_size), joint.shape)
         for part in (joint, spot):
             half = np.linalg.solve(factor, 2 * part)
             halves.append(np.linalg.solve(factor, half.transpose(0, 2, 1)))
@@ -302,7 +326,7 @@ class Problem:
         by_joints = self.by_joints(jacobian)
         variances = self.variances(x)
         covariance = (by_joints * variances[:-1]) @ by_joints.transpose(0, 2, 1)
-        covariance += variances[-1] * np.eye(self.tool.miss_size)
+        covariance += variances[-1] * np.eye(self.tool.residual_size)
         try:
             return np.asarray(np.linalg.cholesky(covariance), dtype=float)
         except np.linalg.LinAlgError as error:
@@ -315,10 +339,10 @@ class Problem:
 
     def whiten(self, x: Matrix, factor: Matrix | None = None) -> Whitened:
         """Whitened residuals and their scaled Jacobian at x; `factor` keeps the weights of another x."""
-        residual, own = self.linearise(x)
-        factor = self.factors(x, own) if factor is None else factor
-        d, p = self.tool.miss_size, len(self.parameters)
-        scaled = own * self.parameters.prior_std[self.columns][:, None, :]
+        residual, shot_jacobians = self.linearise(x)
+        factor = self.factors(x, shot_jacobians) if factor is None else factor
+        d, p = self.tool.residual_size, len(self.parameters)
+        scaled = shot_jacobians * self.parameters.prior_std[self.columns][:, None, :]
         stacked = np.linalg.solve(factor, np.concatenate([residual[:, :, None], scaled], axis=2))
         stacked *= np.sqrt(self.weights)[:, None, None]
         rows = self.shots * d
@@ -334,18 +358,18 @@ class Problem:
         residual = np.zeros((len(x), len(self.distances)))
         jacobian = np.zeros((*residual.shape, len(self.parameters)))
         targets, block = self.split(x).targets, self.parameters.block
-        for row, stated in enumerate(self.distances):
-            between = targets[:, stated.second] - targets[:, stated.first]
+        for row, distance in enumerate(self.distances):
+            between = targets[:, distance.second] - targets[:, distance.first]
             length = np.maximum(np.linalg.norm(between, axis=1), 1e-9)
-            residual[:, row] = (length - stated.mm) / stated.sigma
-            along = between / length[:, None] / stated.sigma
-            jacobian[:, row, block("target", stated.second)] = along
-            jacobian[:, row, block("target", stated.first)] = -along
+            residual[:, row] = (length - distance.mm) / distance.sigma
+            along = between / length[:, None] / distance.sigma
+            jacobian[:, row, block("target", distance.second)] = along
+            jacobian[:, row, block("target", distance.first)] = -along
         return residual, jacobian
 
     def roots(self, whitened: Whitened) -> Matrix:
         """(N, d, f) each shot's whitened Jacobian by the free parameters: its information is their square."""
-        d = self.tool.miss_size
+        d = self.tool.residual_size
         jacobian = whitened.jacobian[: self.shots * d, self.parameters.free]
         return np.asarray(jacobian.reshape(self.shots, d, -1))
 

@@ -48,7 +48,7 @@ class Tool:
         )
 
     @property
-    def miss_size(self) -> int:
+    def residual_size(self) -> int:
         """Components of one residual: 2 across a beam, 3 for a probe."""
         return 2 if self.kind == "laser" else 3
 

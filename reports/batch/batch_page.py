@@ -9,7 +9,7 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from ...analysis.repeatability.odd_values import FEWEST
+from ...analysis.diagnostics.outliers import FEWEST_VALUES
 from ...experiments.batch import OUTCOMES, OUTLIER_ALARM, Batch, BatchOffset, BatchRow
 from ...words import numbers
 from ...words.verdict import VERDICT_WORDS
@@ -29,9 +29,8 @@ from ..style.blocks import (
     table_of,
 )
 from ..style.blocks import Verdict as Headline
-from ..style.canvas import Picture, new_figure, style, to_svg
+from ..style.canvas import Picture, new_figure, set_log_scale, style, to_svg
 from ..style.console import VERDICT_STYLE, note, print_block
-from ..style.log_axis import set_log_scale
 from ..style.palette import light
 
 _MOST_ROWS = 1000
@@ -149,8 +148,8 @@ def _outliers(done: Batch) -> list[Block]:
     explanation = (
         "An identified offset is odd if it is an outlier among those of the runs of the same robot model"
         " (generalised extreme Studentised deviate test, for normal offsets). The chance of any false alarm"
-        f" is {OUTLIER_ALARM:.0%} over all models and offsets; those with fewer than {FEWEST} values are not"
-        " tested."
+        f" is {OUTLIER_ALARM:.0%} over all models and offsets; those with fewer than {FEWEST_VALUES} values"
+        " are not tested."
     )
     if not done.outliers:
         return [Paragraph(f"None. {explanation}")]

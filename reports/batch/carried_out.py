@@ -14,8 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ...analysis.analyse import Analysis, analyse
-from ...analysis.estimation.fit import LikelihoodFit
-from ...analysis.estimation.many_fits import fits_of
+from ...analysis.estimation.fit import LikelihoodFit, fits_of
 from ...analysis.estimation.threads import one_blas_thread
 from ...analysis.result import Result
 from ...analysis.solution import require_noise_data
@@ -42,7 +41,7 @@ from ...words.result_json import dumps, to_json
 from ...words.wording import person
 from ..output.whole_folder import names_in, write_folder
 from ..run.inputs import when_and_serial
-from ..run.report_folder import REPORT, RESULT, write_report
+from ..run.report import REPORT, RESULT, write_report
 from .batch_folder import FILES, write_batch
 
 STORE = "finished.jsonl"

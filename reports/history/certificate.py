@@ -18,11 +18,9 @@ from ...experiments.history.documents import HistoryResult
 from ...experiments.history.signing import ALGORITHM, fingerprint, sign, signature_file
 from ...experiments.history.store import results, whole_answer
 from ...model.errors import BadInput
-from ...words.provenance import by_plain_key
-from ...words.rehearsal import SIMULATED
+from ...words.provenance import SIMULATED, by_plain_key
 from ...words.result_json import dumps
-from ..output.page_files import write_page
-from ..output.whole_folder import Kind, write_folder
+from ..output.whole_folder import Kind, write_folder, write_page
 from .certificate_page import SIGNED, certificate_page
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ...analysis.drift.band import Band, bands
 from ...analysis.drift.drift import Drift
+from ...analysis.drift.forecast import Band, bands
 from ...experiments.history.arm_drift import YEAR, ArmDrift
 from ...experiments.history.content import Event
 from ...model.arrays import NORMAL_95, Matrix

@@ -48,7 +48,10 @@ def write_posterior(path: Path | str, result: Result, draws: Draws) -> None:
     rng = np.random.default_rng(result.inputs.seed)
     labels = zip(draws.names, draws.units, strict=True)
     known = [(name, unit, "data", chains[:, :, i]) for i, (name, unit) in enumerate(labels)]
-    prior = [(own.name, own.unit, "prior", own.draws(rng, size)) for own in draws.prior_only]
+    prior = [
+        (parameter.name, parameter.unit, "prior", parameter.draws(rng, size))
+        for parameter in draws.prior_only
+    ]
     coordinates = {
         "chain": ("chain", np.arange(ensembles * walkers)),
         "draw": ("draw", np.arange(steps)),
@@ -83,7 +86,7 @@ def write_posterior(path: Path | str, result: Result, draws: Draws) -> None:
 def _about(result: Result, draws: Draws) -> dict[str, str | int | float]:
     """The attributes: what the draws are of, by what they were made, and whether they may be used."""
     inputs, summary = result.inputs, result.posterior
-    found: dict[str, str | int | float | None] = {
+    attributes: dict[str, str | int | float | None] = {
         "title": "Posterior draws of a zerobeam run",
         "converged": "yes" if draws.converged else "no: do not use these draws as a posterior",
         "verdict": result.verdict,
@@ -100,11 +103,11 @@ def _about(result: Result, draws: Draws) -> dict[str, str | int | float]:
         "creation_library": "zerobeam",
         "creation_library_version": version("zerobeam"),
         "creation_library_language": "Python",
-        "inference_library": "emcee",
-        "inference_library_version": shown(inputs.versions.get("emcee", "")),
+        "inference_library": "zerobeam",
+        "inference_library_version": version("zerobeam"),
         "sampling_time": summary.seconds,
     }
-    return {key: value for key, value in found.items() if value is not None}
+    return {key: value for key, value in attributes.items() if value is not None}
 
 
 def _variable(name: str, taken: set[str]) -> str:

@@ -12,8 +12,7 @@ from ...analysis.repeatability.compare import (
 from ...words.comparison_json import COMPARE_SCHEMA, ComparisonDocument
 from ...words.result_json import dumps
 from ..output import whole_folder
-from ..output.page_files import write_page
-from ..output.whole_folder import Kind, write_folder
+from ..output.whole_folder import Kind, write_folder, write_page
 from .comparison_page import comparison_page, runs_picture
 
 _JSON, _TABLE = "compare.json", "offsets.csv"

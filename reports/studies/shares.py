@@ -14,7 +14,7 @@ from ...experiments.studies.answer import ObservedParameter, Share
 from ...model.arrays import NORMAL_95
 from ...words import numbers
 from ...words.wording import clipped, label, sentence
-from ..style.blocks import Cell, LegendEntry, Reason
+from ..style.blocks import Cell, LegendEntry
 from .phrases import LONGEST_NAME, NOT_DETERMINED, NOT_GIVEN
 
 BY_CHANCE = (
@@ -71,13 +71,13 @@ def meanings(parts: Sequence[Judged], others: Sequence[Marked] = ()) -> list[Leg
     return entries
 
 
-def verdicts(parts: Sequence[Marked]) -> list[Reason]:
+def verdicts(parts: Sequence[Marked]) -> list[LegendEntry]:
     """Reasons of a legend: each part's name and standing, and what it says."""
     rows = []
     for part in parts:
         mark, words = standing(part)
         name = clipped(part.name, LONGEST_NAME)
-        rows.append(Reason(f"{name}: {words}.", mark, sentence(part.sentence)))
+        rows.append(LegendEntry(mark, f"{name}: {words}.", sentence(part.sentence)))
     return rows
 
 

@@ -15,8 +15,8 @@ from zerobeam.analysis.observability.check import check
 from zerobeam.analysis.observability.identifiability import identify
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.causes import reason
 from zerobeam.words.findings import headline, likelihood_message, notes
+from zerobeam.words.observability import reason
 from zerobeam.words.result_json import dumps, to_json
 
 
@@ -96,7 +96,7 @@ def test_what_it_was_made_from(good):
     assert (inputs.run, inputs.robot, inputs.shots, inputs.seed) == ("run.jsonl", "irb1600", 10, 0)
     assert inputs.targets == ("psd",)
     assert inputs.sha256 == run.sha256
-    assert {"zerobeam", "numpy", "casadi", "emcee", "python"} <= set(inputs.versions)
+    assert {"zerobeam", "numpy", "casadi", "python"} <= set(inputs.versions)
     assert inputs.header["noise"]["spot_mm"] == 0.05
 
 

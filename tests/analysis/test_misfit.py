@@ -25,9 +25,9 @@ from zerobeam.analysis.so_far import so_far
 from zerobeam.analysis.solution import Solution, judge, solve
 from zerobeam.analysis.status import UnsoundResult, verdict_of
 from zerobeam.model.arrays import Matrix
+from zerobeam.model.files.header import StatedGeometry
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import Run
-from zerobeam.model.files.stated_geometry import StatedGeometry
 from zerobeam.model.kinematics.robot import Robot
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.misfit import criterion_sentence

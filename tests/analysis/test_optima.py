@@ -15,9 +15,8 @@ from zerobeam.analysis.observability.causes import LocalOptima
 from zerobeam.analysis.optima import EQUALLY_GOOD, undecided_names
 from zerobeam.analysis.solution import judge
 from zerobeam.model.arrays import Matrix
-from zerobeam.words.causes import reason, remedy
 from zerobeam.words.findings import finding_sentence
-from zerobeam.words.observability import direction_kind
+from zerobeam.words.observability import direction_kind, reason, remedy
 
 
 @pytest.fixture(scope="module")

@@ -85,8 +85,7 @@ def drop(tab: Tab, *files: tuple[str, str]) -> None:
 
 def choose(tab: Tab, *files: Path) -> None:
     """What the dialog for files gives."""
-    found = tab.call("Runtime.evaluate", expression=by("choose"))["result"]["objectId"]
-    tab.call("DOM.setFileInputFiles", objectId=found, files=[str(file) for file in files])
+    tab.choose(by("choose"), files)
 
 
 def tap(tab: Tab, element: str) -> None:

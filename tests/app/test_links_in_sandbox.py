@@ -58,7 +58,7 @@ def test_in_a_tab_of_its_own(server: App) -> None:
         wait(tab, "document.querySelector('nav a[aria-current]')")
         tab.reload()
         wait(tab, "document.querySelector('nav a[aria-current]')")
-    with chromium().opened(f"{root(server.address)}report/history/fleet.html") as tab:
+        tab.visit(f"{root(server.address)}report/history/fleet.html")
         wait(tab, "document.title === 'All arms'")
         tab.value(FOLLOW.format(0))
         wait(tab, "document.title === 'Arm'")

@@ -64,10 +64,7 @@ def app(folder: Path, port: int = 0) -> Iterator[App]:
 
 
 def wait(tab: Tab, condition: str, seconds: float = 30) -> None:
-    end = time.monotonic() + seconds
-    while not tab.value(f"Boolean({condition})"):
-        assert time.monotonic() < end, f"never: {condition}\n{tab.text}"
-        time.sleep(0.02)
+    assert tab.wait(condition, seconds), f"never: {condition}\n{tab.text}"
 
 
 def give(tab: Tab, element: str, value: object) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from zerobeam.analysis.drift.series import Observation, Series, series_of
+from zerobeam.analysis.drift.smoother import Observation, Series, series_of
 
 NAMES = ("delta2", "delta3")
 COVARIANCE = np.array([[4.0, 3.4], [3.4, 4.0]]) * 1e-4  # deg^2: u of 0.02 degrees, correlated by 0.85

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from zerobeam.analysis.drift.series import Observation, Series, series_of
+from zerobeam.analysis.drift.smoother import Observation, Series, series_of
 from zerobeam.model.arrays import Matrix
 
 NAMES = ("delta2", "delta3")

@@ -21,12 +21,11 @@ from zerobeam.analysis.posterior.posterior import Draws
 from zerobeam.analysis.result import Result
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.plans.patterns import pattern
-from zerobeam.model.files.header import StatedDistance, StatedTarget
+from zerobeam.model.files.header import StatedDistance, StatedGeometry, StatedTarget
 from zerobeam.model.files.plan import Plan
 from zerobeam.model.files.run import Run, read_run
-from zerobeam.model.files.stated_geometry import StatedGeometry
 from zerobeam.model.kinematics.robot import Robot
-from zerobeam.reports.run.report_page import pictures
+from zerobeam.reports.run.report import pictures
 from zerobeam.reports.style.canvas import Picture
 
 HOSTILE_NAMES = (

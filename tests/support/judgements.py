@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from zerobeam.analysis.observability.causes import cause_for
 from zerobeam.analysis.observability.identifiability import Identified
-from zerobeam.analysis.observability.verdict import cause_for
 from zerobeam.analysis.status import Status, Verdict, verdict_of
 from zerobeam.model.likelihood.parameters import Parameter
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.causes import reason
+from zerobeam.words.observability import reason
 from zerobeam.words.verdict import verdict_sentence
 
 

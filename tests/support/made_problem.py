@@ -130,7 +130,7 @@ class Made:
             quad = quad + square(m, s)
             logdet = logdet + np.log(np.linalg.det(s) / np.linalg.det(stated))
         if problem.noise.estimated:
-            quad = problem.shots * problem.tool.miss_size * np.log(quad)
+            quad = problem.shots * problem.tool.residual_size * np.log(quad)
         z = ((x - parameters.prior_mean) / parameters.prior_std)[..., parameters.free]
         return -(quad + logdet + (self.distances(x) ** 2).sum(axis=-1) + (z**2).sum(axis=-1)) / 2
 

@@ -17,8 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.urdf import read_urdf
-from zerobeam.model.kinematics.denavit_hartenberg import DHRow, dh_chain
-from zerobeam.model.kinematics.robot import Joint, Robot
+from zerobeam.model.kinematics.robot import DHRow, Joint, Robot, dh_chain
 from zerobeam.model.likelihood.tool import Tool
 
 Pose = Callable[[np.ndarray], np.ndarray]

@@ -29,7 +29,6 @@ def repeat(value: Sequence[float], covariance: Any = COVARIANCE, **changes: Any)
         "sha256": None,
         "robot": "arm",
         "shots": 10,
-        "when": None,
         "names": NAMES[:size],
         "units": ("deg",) * size,
         "held": ("delta1",),
@@ -37,12 +36,7 @@ def repeat(value: Sequence[float], covariance: Any = COVARIANCE, **changes: Any)
         "value": np.array(value, dtype=float),
         "covariance": covariance,
         "by_geometry": np.zeros((size, 0)),
-        "geometry": (),
         "joint": covariance is not None,
-        "noise_scale": 1.0,
-        "noise_dof": None,
-        "findings": (),
-        "failure": None,
     }
     return Repeat(**{**stated, **changes})
 

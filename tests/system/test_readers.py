@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
-from zerobeam.analysis.repeatability.offset_table import read_table
+from zerobeam.analysis.repeatability.repeats import read_table
 from zerobeam.analysis.repeatability.result_files import read_result
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.experiments.importers import table

@@ -13,23 +13,21 @@ from typing import Literal
 
 import numpy as np
 import pytest
+from halves import HalfAgainstHalf, half_against_half, rms, splits
 from recordings import DINOVA_1, KUKA_14, PANDA_1, PANDA_2, recorded
 
-from zerobeam.analysis.diagnostics.halves import HalfAgainstHalf, half_against_half, rms, splits
-from zerobeam.analysis.diagnostics.hold_out import hold_out
-from zerobeam.analysis.diagnostics.leave_one_out import LeaveOneOut, fits_without, leave_one_out
+from zerobeam.analysis.diagnostics.hold_out import LeaveOneOut, fits_without, hold_out, leave_one_out
 from zerobeam.analysis.estimation.fit import fit_from, fit_likelihood
 from zerobeam.analysis.findings import moved_target
 from zerobeam.analysis.placements import placements
 from zerobeam.analysis.posterior.intervals import _profile_width
-from zerobeam.analysis.recordings.effective import effective
+from zerobeam.analysis.recordings.recordings import effective
 from zerobeam.analysis.recordings.steps import steps
 from zerobeam.analysis.solution import Solution, judge
 from zerobeam.analysis.solved import solved
 from zerobeam.model.errors import BadInput
-from zerobeam.model.files.header import StatedNoise
+from zerobeam.model.files.header import StatedGeometry, StatedNoise
 from zerobeam.model.files.run import Run, read_run
-from zerobeam.model.files.stated_geometry import StatedGeometry
 from zerobeam.model.likelihood.problem import Problem
 
 NOISE = StatedNoise(joint_deg=0.01, spot_mm=0.1, scale="estimated")

@@ -19,8 +19,7 @@ from recordings import DINOVA_1, KUKA_14, PANDA_1, PANDA_2, Arm, recorded
 from zerobeam.analysis import analyse as analysing
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.diagnostics.displacement import displacement
-from zerobeam.analysis.diagnostics.hold_out import hold_out
-from zerobeam.analysis.diagnostics.leave_one_out import fits_without, jackknife, leave_one_out
+from zerobeam.analysis.diagnostics.hold_out import fits_without, hold_out, jackknife, leave_one_out
 from zerobeam.analysis.estimation.fit import fit_likelihood
 from zerobeam.analysis.findings import moved_target, on_held_out
 from zerobeam.analysis.misfit import PlacementsDisagree
@@ -30,8 +29,7 @@ from zerobeam.analysis.result import Result
 from zerobeam.analysis.solution import solve
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.reports.run.diagnostics.fit_quality import fit_section
-from zerobeam.reports.run.diagnostics.second_opinions import hold_out_sentences
+from zerobeam.reports.run.fit import fit_section, hold_out_sentences
 from zerobeam.reports.style.blocks import Paragraph
 from zerobeam.words.result_json import to_json
 

@@ -49,8 +49,9 @@ def test_check_loads_no_statistics_no_sampler_and_no_figures(tmp_path: Path) -> 
 
 def test_analyse_loads_what_it_computes_with_and_no_figures() -> None:
     names = loaded("analyse", GOOD)
-    assert {"emcee", "scipy.special"} <= names
+    assert "scipy.special" in names
     unused = {
+        "emcee",
         "scipy.stats",
         "scipy.optimize",
         "scipy.sparse",

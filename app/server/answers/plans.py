@@ -13,8 +13,7 @@ import numpy as np
 from pydantic import BeforeValidator, ConfigDict, Field
 
 from ....analysis.observability.aim import AimedPlan, aim_plan
-from ....analysis.observability.check import Check, WithoutPosture, without_posture
-from ....analysis.observability.violations import Violation
+from ....analysis.observability.check import Check, Violation, WithoutPosture, without_posture
 from ....experiments.arm_shown import shown_arm
 from ....experiments.plans.constraints import check_plan, touched_boxes, violations
 from ....experiments.plans.obstacles import read_obstacles, write_obstacles
@@ -22,12 +21,13 @@ from ....model.errors import BadInput
 from ....model.files.header import PLAN_SCHEMA
 from ....model.files.json_document import JsonDocument, is_none
 from ....model.files.plan import Plan, plan_of, write_plan
-from ....model.files.reading import Document, Place, read_yaml, require_schema
-from ....model.files.stated_plan.obstacles import Obstacles
+from ....model.files.plan_file import Obstacles
+from ....model.files.reading import Document, KeyPath, read_yaml, require_schema
 from ....model.files.validation import FileModel, as_tuple
-from ....reports.plan.plan_scene import postures_of
-from ....reports.run.geometry import check_lines
-from ....reports.run.parameters import unit_of, worth_column
+from ....reports.plan.plan_page import postures_of
+from ....reports.run.parameters import worth_column
+from ....words.geometry import check_lines
+from ....words.numbers import unit_of
 from ....words.observability import advice_sentence, over_target_sentence
 from ....words.result_json import check_json
 from ....words.verdict import violation_words
@@ -300,7 +300,7 @@ def _plan_of(folder: Folder, content: Content, path: Path) -> Plan:
         return plan_of(Document(content, path, sha256, {}))
     except BadInput:
 
-        def again(line: Callable[[Place], int | None]) -> Plan:
+        def again(line: Callable[[KeyPath], int | None]) -> Plan:
             return plan_of(_Placed(content, path, sha256, {}, line))
 
         return keyed(content, again, ("plan",))
@@ -310,9 +310,9 @@ def _plan_of(folder: Folder, content: Content, path: Path) -> Plan:
 class _Placed(Document):
     """A document of which something else says the line of a place."""
 
-    finder: Callable[[Place], int | None]
+    finder: Callable[[KeyPath], int | None]
 
-    def line(self, keys: Place) -> int | None:
+    def line(self, keys: KeyPath) -> int | None:
         return self.finder(keys)
 
 

@@ -16,7 +16,7 @@ from ....analysis.result import RESULT_SCHEMA
 from ....model.errors import BadInput
 from ....model.files.reading import parse_json, read_text, shown
 from ....reports.run.inputs import origin_of
-from ....reports.run.report_folder import REPORT_NAMES
+from ....reports.run.report import REPORT_NAMES
 from ..folder import Folder
 from ..requests import EndPoint
 

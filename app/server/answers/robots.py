@@ -18,9 +18,9 @@ from ....model.files.json_document import JsonDocument, is_none
 from ....model.files.robot_file import built_in_robots, stated_rows
 from ....model.files.urdf import visuals_of
 from ....model.files.validation import FileModel, as_tuple
-from ....reports.scenes.meshes import read_mesh, simplified, solid
 from ..folder import Folder
 from ..requests import EndPoint, noted
+from .meshes import read_mesh, simplified, solid
 
 MOST_TRIANGLES = 3000  # of an arm: what a tablet draws while it is turned
 

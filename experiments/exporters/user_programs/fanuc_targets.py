@@ -11,9 +11,8 @@ from lark import Token, Tree
 
 from ....model.arrays import Matrix
 from ....model.kinematics.branches import Branch, fanuc_configuration, is_fanuc_configuration
-from ....model.kinematics.orientation import orientation
+from ....model.kinematics.orientation import from_rpy, orientation
 from ....model.kinematics.pendant import Pendant
-from ....model.kinematics.poses import from_rpy
 from .fanuc_statements import Frames, read_statements
 from .grammar import understood
 from .parts import NULL, Edit, JointTarget, Parsed, Place, PoseTarget, Source

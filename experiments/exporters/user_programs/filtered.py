@@ -19,14 +19,14 @@ from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.reading import read_bytes
 from ....model.files.robot_file import Vendor
-from ....model.kinematics.pendant import Pendant, pendant_of
-from ....model.kinematics.poses import (
+from ....model.kinematics.orientation import (
     from_abc,
     from_quaternion,
     from_rotation_vector,
     from_rpy,
     stated_numbers,
 )
+from ....model.kinematics.pendant import Pendant, pendant_of
 from ....model.kinematics.robot import J3, Robot
 from ....words.wording import listed
 from ...importers.robtargets import up_to_flange

@@ -12,8 +12,7 @@ from lark import Token, Tree
 
 from ....model.arrays import Matrix
 from ....model.kinematics.branches import Branch, abb_configuration, is_abb_configuration
-from ....model.kinematics.orientation import orientation
-from ....model.kinematics.poses import from_quaternion
+from ....model.kinematics.orientation import from_quaternion, orientation
 from .grammar import understood
 from .parts import NULL, Edit, JointTarget, Parsed, Place, PoseTarget, Source, number_edits
 from .rapid_statements import rapid_literals, tokens, trees

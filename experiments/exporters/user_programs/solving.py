@@ -18,8 +18,7 @@ from ....model.arrays import Matrix
 from ....model.files.limits import beyond_limits
 from ....model.kinematics.branches import Branch, Branches
 from ....model.kinematics.inverse import Solver, is_singular, reach
-from ....model.kinematics.orientation import orientation
-from ....model.kinematics.poses import from_rotation_vector
+from ....model.kinematics.orientation import from_rotation_vector, orientation
 from ....model.kinematics.robot import Robot
 from .parts import Edit, JointTarget, Motion, Parsed, PoseTarget, Target
 

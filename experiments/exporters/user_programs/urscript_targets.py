@@ -12,8 +12,7 @@ from lark import Token, Tree
 
 from ....model.arrays import Matrix
 from ....model.kinematics.branches import Branch
-from ....model.kinematics.orientation import orientation
-from ....model.kinematics.poses import from_rotation_vector
+from ....model.kinematics.orientation import from_rotation_vector, orientation
 from .grammar import understood
 from .parts import NULL, Edit, JointTarget, Motion, Parsed, Place, PoseTarget, Source, new_number
 from .urscript_text import Value, statements_of, value_at, without_comments, without_strings

@@ -46,7 +46,7 @@ class Aiming:
         (turn,) = self._turns(posture, planned, self._nominal[None], aiming)
         aimed = planned + np.nan_to_num(turn)
         needed = np.zeros(len(planned))
-        for used in (aiming, *combinations(aiming, self._problem.tool.miss_size)):
+        for used in (aiming, *combinations(aiming, self._problem.tool.residual_size)):
             turns = np.abs(self._turns(posture, aimed, self._off, used)).reshape(-1, 2, len(planned))
             needed = np.fmax(needed, np.sqrt(np.nansum(turns.max(axis=1) ** 2, axis=0)))
         allowed = SAME_POSTURE + _STDS * needed * display

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ....analysis.diagnostics.suspect import suspect
+from ....analysis.diagnostics.outliers import single_outlier
 from ....analysis.so_far import SoFar
 from ....interruption import obey
 from ....model.arrays import Matrix
@@ -98,7 +98,7 @@ class Manual:
             state = told_by(self._problem, self.journal.shots)
             assert state is not None
             self.told(recorded_event(shot, len(self.journal.shots), state))
-            odd = suspect(state.solution.fit, state.dof) if state.judged else None
+            odd = single_outlier(state.solution.fit, state.dof) if state.judged else None
             if odd is not None:
                 self.told(Suspected(odd.shot, odd.p_value, odd.residual_mm))
         return Carried(self.journal.shots, tuple(self._refused.values()), state, {})

@@ -11,7 +11,7 @@ from ....analysis.observability.aim import aim, servo_joints
 from ....model.arrays import Matrix
 from ....model.errors import BadInput
 from ....model.files.plan import Plan
-from ....model.files.reading import Place, did_you_mean
+from ....model.files.reading import KeyPath, did_you_mean
 from ....model.kinematics.orientation import roll_pitch_yaw
 from ....model.kinematics.robot import Robot, same_arm, shift
 from ....model.likelihood.constraint import ShotFunctions, shot_functions
@@ -126,7 +126,7 @@ def _require_fit(plan: Plan, cell: Cell) -> None:
                 allowed=", ".join(plan.target_names),
                 remedy=did_you_mean(name, plan.target_names) or "take it out, or correct the name",
             )
-    joints: list[tuple[Place, int]] = [
+    joints: list[tuple[KeyPath, int]] = [
         (("arm", "geometry", i), error.joint) for i, error in enumerate(cell.arm.geometry)
     ]
     joints += [

@@ -17,14 +17,14 @@ from ....model.files.robot_file import load_robot
 from ....model.files.validation import (
     Count,
     FileModel,
+    Fraction,
     Name,
     NotNegative,
-    Pair,
-    Point,
+    NumberPair,
     Positive,
-    Share,
     SourcedModel,
     TargetName,
+    Vector,
     as_tuple,
     read_model,
     refusal,
@@ -58,8 +58,8 @@ class GeometryError(FileModel):
     """How far one link of the true arm deviates from nominal geometry."""
 
     joint: Count = Field(description="the joint behind that link, from 1")
-    xyz_mm: Point = Field(default=(0.0, 0.0, 0.0), description="shift, millimetres")
-    rpy_deg: Point = Field(default=(0.0, 0.0, 0.0), description="rotation about fixed x, y, z, degrees")
+    xyz_mm: Vector = Field(default=(0.0, 0.0, 0.0), description="shift, millimetres")
+    rpy_deg: Vector = Field(default=(0.0, 0.0, 0.0), description="rotation about fixed x, y, z, degrees")
 
 
 class ArmInCell(FileModel):
@@ -83,7 +83,7 @@ class ArmInCell(FileModel):
     geometry: Annotated[tuple[GeometryError, ...], BeforeValidator(as_tuple)] = Field(
         default=(), description="links that deviate from nominal geometry"
     )
-    speed: Share = Field(default=0.25, description="share of the joints' top speeds")
+    speed: Fraction = Field(default=0.25, description="share of the joints' top speeds")
     acceleration_deg_s2: Positive = Field(default=300.0, description="of every joint, degrees (mm) / s^2")
     latency_s: NotNegative = Field(default=0.1, description="from a command to the motion, seconds")
 
@@ -104,13 +104,15 @@ class ArmInCell(FileModel):
 class LaserInCell(FileModel):
     """The true beam."""
 
-    tilt_deg: Pair | None = Field(
+    tilt_deg: NumberPair | None = Field(
         default=None,
         description="true tilt1, tilt2 from what the plan states, degrees; default: none for a calibrated "
         "tool, random with the stated sigma for another",
     )
-    shift_mm: Pair | None = Field(default=None, description="true shift1, shift2, millimetres; likewise")
-    drift_deg_min: Pair = Field(default=(0.0, 0.0), description="drift of both tilts, degrees a minute")
+    shift_mm: NumberPair | None = Field(
+        default=None, description="true shift1, shift2, millimetres; likewise"
+    )
+    drift_deg_min: NumberPair = Field(default=(0.0, 0.0), description="drift of both tilts, degrees a minute")
     wander_mm: NotNegative | None = Field(
         default=None,
         description="std across the beam of its centre of light, again for each measurement (speckle, air), "
@@ -123,17 +125,17 @@ class LaserInCell(FileModel):
 class PlacedPsd(FileModel):
     """Pose of a PSD."""
 
-    centre_mm: Point | None = Field(
+    centre_mm: Vector | None = Field(
         default=None,
         description="its true centre, base frame, millimetres; default: near the plan's guess, from the seed",
     )
-    normal: Annotated[Point | Literal["beam"] | None, BeforeValidator(face_normal)] = Field(
+    normal: Annotated[Vector | Literal["beam"] | None, BeforeValidator(face_normal)] = Field(
         default=None,
         description="outward normal of its face as it would be stated, base frame; beam: it is turned "
         "towards each beam about its centre; default: as suits the plan's beams",
     )
     turn_deg: float = Field(default=0.0, description="rotation about that normal, degrees")
-    misturned_deg: Point = Field(
+    misturned_deg: Vector = Field(
         default=(1.0, -1.0, 2.0),
         description="its true rotation from what is stated, about its x, y, z, degrees",
     )
@@ -173,11 +175,11 @@ class CameraInCell(FileModel):
     distortion: Annotated[tuple[float, float, float, float, float], tuple_of(5)] = Field(
         default=(-0.2, 0.05, 0.0005, -0.0005, 0.0), description="k1, k2, p1, p2, k3 (Brown-Conrady)"
     )
-    beside_mm: Pair = Field(
+    beside_mm: NumberPair = Field(
         default=(60.0, 0.0), description="where it sits beside the beam, along b1 and b2, millimetres"
     )
     behind_mm: float = Field(default=0.0, description="how far behind the TCP, millimetres")
-    misturned_deg: Point = Field(
+    misturned_deg: Vector = Field(
         default=(0.2, -0.2, 0.3), description="its true rotation from its mount, degrees"
     )
     exposure: Positive = Field(default=1.0, description="exposure, share of the usual")

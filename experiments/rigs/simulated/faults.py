@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Field
 
 from ....model.arrays import Matrix
 from ....model.files.reading import did_you_mean, shown
-from ....model.files.validation import Count, FileModel, NotNegative, Pair, Point, refusal
+from ....model.files.validation import Count, FileModel, NotNegative, NumberPair, Vector, refusal
 
 
 class _AtShot(FileModel):
@@ -56,7 +56,7 @@ class Reflection(_ForCalls):
     kind: Literal["reflection"] = Field(
         description="the beam, reflected, lights the PSD where it does not point, and shows in the images"
     )
-    at_mm: Pair = Field(default=(4.0, -3.0), description="where on the face, millimetres")
+    at_mm: NumberPair = Field(default=(4.0, -3.0), description="where on the face, millimetres")
     light: NotNegative = Field(default=0.8, description="its light, share of the laser's")
 
 
@@ -79,7 +79,7 @@ class PsdBump(_AtShot):
     elsewhere."""
 
     kind: Literal["psd-bump"] = Field(description="the PSDs are moved between two measurements")
-    shift_mm: Point = Field(description="by how much, base frame, millimetres")
+    shift_mm: Vector = Field(description="by how much, base frame, millimetres")
 
 
 class ProcessKilled(_AtShot):

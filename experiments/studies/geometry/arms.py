@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....analysis.estimation.fit import fit_each, single
-from ....analysis.observability.consider import considered
+from ....analysis.observability.geometry import considered
 from ....analysis.solution import Solution, judge
 from ....analysis.status import known
 from ....model.arrays import Matrix

@@ -12,6 +12,7 @@ from ....analysis.design.continuous_design import Criterion
 from ....model.files.header import (
     Header,
     RobotRef,
+    StatedGeometry,
     StatedNoise,
     StatedPrior,
     StatedTarget,
@@ -19,13 +20,12 @@ from ....model.files.header import (
     StatedTool,
 )
 from ....model.files.reading import shown
-from ....model.files.stated_geometry import StatedGeometry
 from ....model.files.validation import (
     FileModel,
     Name,
     NotNegative,
-    Point,
     Positive,
+    Vector,
     refusal,
     without_length,
 )
@@ -60,7 +60,7 @@ def _pair(value: object) -> object:
 class PlacedTarget(FileModel):
     """The target of all measurements."""
 
-    xyz_mm: Point = Field(description="nominal position, base frame, millimetres")
+    xyz_mm: Vector = Field(description="nominal position, base frame, millimetres")
     sigma_mm: Positive = Field(
         default=30.0,
         description="prior standard deviation in each direction, millimetres; true positions are random",
@@ -82,7 +82,7 @@ class PlanMaking(FileModel):
         default=1000, description="postures that an optimal plan is chosen from"
     )
     criterion: Criterion = Field(default="A", description="what an optimal plan minimises")
-    facing: Point | None = Field(
+    facing: Vector | None = Field(
         default=(0.0, 0.0, 1.0),
         description="outward normal of the target's face, base frame, any length; null: any side",
     )

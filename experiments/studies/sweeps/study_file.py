@@ -19,9 +19,9 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from ....model.errors import BadInput
 from ....model.files.header import Header, check_header
-from ....model.files.reading import Document, Place, did_you_mean, read_yaml, shown
+from ....model.files.reading import Document, KeyPath, did_you_mean, read_yaml, shown
 from ....model.files.robot_file import load_robot
-from ....model.files.validation import FileModel, Name, Point, refusal, validate
+from ....model.files.validation import FileModel, Name, Vector, refusal, validate
 from ....model.kinematics.robot import Robot
 from ....model.likelihood.geometry import Geometry
 from ....model.likelihood.noise import NoiseModel
@@ -60,7 +60,7 @@ class NamedChange(FileModel):
     )
 
 
-AxisValue = Annotated[Scalar | Point | NamedChange, BeforeValidator(_value)]
+AxisValue = Annotated[Scalar | Vector | NamedChange, BeforeValidator(_value)]
 
 
 class Axis(FileModel):
@@ -107,7 +107,7 @@ class Axis(FileModel):
         return f"{self.name} {text}"
 
 
-def _shown_value(value: Scalar | Point | NamedChange) -> int | float | str:
+def _shown_value(value: Scalar | Vector | NamedChange) -> int | float | str:
     if isinstance(value, NamedChange):
         return value.name
     if isinstance(value, bool):
@@ -263,15 +263,15 @@ def _stated(settings: Settings) -> dict[str, Any]:
 
 def _case(content: StudyFile, at: tuple[int, ...], document: Document, robots: dict[str, Robot]) -> Case:
     """The settings of one case; BadInput at the line of the value that does not suit."""
-    data, where = _stated(content.base), dict[str, Place]()
+    data, where = _stated(content.base), dict[str, KeyPath]()
     defaults = content.base.model_dump(mode="json", by_alias=True)
     for i, (axis, j) in enumerate(zip(content.axes, at, strict=True)):
-        place: Place = ("axes", i, "values", j)
+        place: KeyPath = ("axes", i, "values", j)
         for key, value in axis.changes(j).items():
             _put(data, defaults, key, value, document, place)
             where[key] = place
 
-    def line(place: Place) -> int | None:
+    def line(place: KeyPath) -> int | None:
         dotted = ".".join(str(part) for part in place)
         axis_place = next((own for key, own in where.items() if overlap(key, dotted)), None)
         return document.line(("base", *place) if axis_place is None else axis_place)
@@ -294,7 +294,7 @@ def _case(content: StudyFile, at: tuple[int, ...], document: Document, robots: d
 
 
 def _put(
-    data: dict[str, Any], defaults: dict[str, Any], key: str, value: Any, document: Document, place: Place
+    data: dict[str, Any], defaults: dict[str, Any], key: str, value: Any, document: Document, place: KeyPath
 ) -> None:
     """Set a dotted name; its last part may be the x, y or z of a triple."""
     *path, last = key.split(".")

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from ....analysis.estimation.fit import CONTRADICTED, MANY_STARTS, Fits, chance, fit_likelihood
+from ....analysis.estimation.fit import CONTRADICTED, MANY_STARTS, Fits, fit_likelihood, fit_p_value
 from ....analysis.observability.aim import aim, servo_joints
 from ....analysis.observability.identifiability import identify
 from ....analysis.observability.outlook import predicted_std
@@ -272,10 +272,12 @@ def refitted(data: DataSets, fits: Fits) -> Fits:
     converged = fits.converged.copy()
     for row, (joints, spots) in enumerate(zip(data.joints, data.spots, strict=True)):
         problem = data.problem.moved(joints, spots)
-        if chance(problem, problem.whiten(x[row]).residual, z[row]) < CONTRADICTED:
+        if fit_p_value(problem, problem.whiten(x[row]).residual, z[row]) < CONTRADICTED:
             fit = fit_likelihood(problem, starts=MANY_STARTS)
             x[row], z[row], covariance[row] = fit.x, fit.z, fit.covariance
-            converged[row] = fit.converged and chance(problem, fit.whitened.residual, fit.z) >= CONTRADICTED
+            converged[row] = (
+                fit.converged and fit_p_value(problem, fit.whitened.residual, fit.z) >= CONTRADICTED
+            )
     return replace(fits, x=x, z=z, covariance=covariance, converged=converged)
 
 

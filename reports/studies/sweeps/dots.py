@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 from ....experiments.studies.sweeps.grid_answer import CaseParameter, GridCase, GridStudy
 from ....words import numbers
 from ....words.wording import label
-from ...style.canvas import Picture, bare_y, new_figure, style, to_svg
-from ...style.log_axis import log_ticks, set_log_scale
+from ...style.canvas import Picture, bare_y, log_ticks, new_figure, set_log_scale, style, to_svg
 from ...style.palette import light
 from ...style.typeface import in_font
 from .grid_words import NO_PLAN, case_name, dot_pages, shown_unit, standing, unit_signs

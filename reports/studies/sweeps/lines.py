@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 from ....experiments.studies.sweeps.grid_answer import CaseParameter, GridAxis, GridCase, GridStudy
 from ....words import numbers
 from ....words.wording import clipped, label
-from ...style.canvas import Picture, new_figure, style, to_svg
-from ...style.log_axis import plain, set_log_scale
+from ...style.canvas import Picture, new_figure, plain, set_log_scale, style, to_svg
 from ...style.palette import light
 from ...style.typeface import in_font
 from .grid_words import Place, axis_title, by_place, place_name, shown_unit, unit_signs, value_text

@@ -8,8 +8,7 @@ from ....analysis.status import Status
 from ....experiments.studies.sweeps.grid_answer import Fit, GridStudy
 from ....model.arrays import Matrix
 from ....words import numbers
-from ...style.canvas import Picture, new_figure, style, to_svg
-from ...style.log_axis import set_log_scale
+from ...style.canvas import Picture, new_figure, set_log_scale, style, to_svg
 from ...style.palette import SHAPES, light
 from ...style.typeface import in_font
 from .grid_words import rmse_interval, unit_signs

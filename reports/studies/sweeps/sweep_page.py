@@ -27,7 +27,6 @@ from ...style.blocks import (
     LegendEntry,
     Page,
     Paragraph,
-    Reason,
     Row,
     Section,
     Table,
@@ -240,7 +239,7 @@ def _meanings(study: GridStudy) -> list[LegendEntry]:
     return [LegendEntry(*STANDING[key], text) for key, text in texts.items() if key in present]
 
 
-def _without_plan(study: GridStudy) -> list[Reason]:
+def _without_plan(study: GridStudy) -> list[LegendEntry]:
     """Each reason why there is no plan, with its cases."""
     by_reason: dict[str, list[str]] = {}
     for case in study.cases:
@@ -249,10 +248,12 @@ def _without_plan(study: GridStudy) -> list[Reason]:
     shown = []
     for reason, names in list(by_reason.items())[:_MOST_REASONS]:
         more = f"; and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
-        shown.append(Reason(f"No plan for {'; '.join(names[:_MOST_NAMED])}{more}:", "held", f"{reason}."))
+        shown.append(
+            LegendEntry("held", f"No plan for {'; '.join(names[:_MOST_NAMED])}{more}:", f"{reason}.")
+        )
     if len(by_reason) > len(shown):
         text = f"{len(shown)} of {len(by_reason)} shown, all in cases.csv."
-        shown.append(Reason("Reasons:", "held", text))
+        shown.append(LegendEntry("held", "Reasons:", text))
     return shown
 
 

@@ -6,8 +6,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from zerobeam.analysis.acceptance.acceptance_test import FALSE_ALARM, POWER, Prediction, accept
-from zerobeam.analysis.acceptance.postures import choose
+from zerobeam.analysis.acceptance.acceptance_test import (
+    FALSE_ALARM,
+    POWER,
+    AcceptancePrediction,
+    accept,
+    choose,
+)
 from zerobeam.analysis.solved import solved
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.run import read_run
@@ -37,7 +42,7 @@ def prediction(rows=None, error=None, seed=0, errors=1.0):
         left[problem.parameters.index(name)] += np.radians(value)
     block = problem.parameters.block("offset")
     # True positions are those of the fit; a corrected arm reads them less what is left of its offsets.
-    corrected = Prediction(
+    corrected = AcceptancePrediction(
         solution, run.header, problem.joints + solution.fit.x[block], run_targets(run), None, ENTERED
     )
     x = corrected.problem.nominal()
@@ -53,7 +58,7 @@ def prediction(rows=None, error=None, seed=0, errors=1.0):
     spots = spots_for(made, x, noise - shifted)
     joints = corrected.problem.joints[rows]
     targets = [run_targets(run)[row] for row in rows]
-    return Prediction(solution, run.header, joints, targets, spots[rows], ENTERED), solution
+    return AcceptancePrediction(solution, run.header, joints, targets, spots[rows], ENTERED), solution
 
 
 def run_targets(run):

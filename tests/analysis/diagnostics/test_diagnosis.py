@@ -20,16 +20,14 @@ from cells import (
 from corruptions import CORRUPTIONS, coupled, demo, leant_on, probe_run, robot_with, swapped, zero_off
 
 from zerobeam.analysis.diagnostics.diagnosis import Explanation, diagnose
-from zerobeam.analysis.diagnostics.hypotheses import changes, widened
-from zerobeam.analysis.diagnostics.link_rival import with_links_freed
-from zerobeam.analysis.diagnostics.trials import Left
-from zerobeam.analysis.observability.consider import with_links
+from zerobeam.analysis.diagnostics.hypotheses import HypothesisFit, changes, widened, with_links_freed
+from zerobeam.analysis.observability.geometry import with_links
 from zerobeam.analysis.solution import Solution, solve
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.likelihood.constraint import shot_functions
 from zerobeam.model.likelihood.geometry import Geometry
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.diagnosis import explanation_sentence
+from zerobeam.words.misfit import explanation_sentence
 
 FAST = {"starts": 0}
 
@@ -154,11 +152,11 @@ def test_a_rival_is_tried_with_the_rest(tmp_path) -> None:
     run = replace(demo("good"), robot=robot_with(tmp_path, 2, "a_mm", 712))
     solution = of(Problem.from_run(run))
 
-    def right_length(problem: Problem, x: Matrix) -> Left:
+    def right_length(problem: Problem, x: Matrix) -> HypothesisFit:
         robot = irb1600()
         own = replace(problem, robot=robot, functions=shot_functions(robot, problem.tool))
         chi2, dof, _ = of(own).against_noise
-        return Left("geometry", chi2, chi2, problem.data_size, dof, 0.5, freed=2)
+        return HypothesisFit("geometry", chi2, chi2, problem.data_size, dof, 0.5, freed=2)
 
     (found,) = diagnose(solution, rivals=[lambda problem, x: None, right_length])
     assert (found.cause, found.freed, found.agrees) == ("geometry", 2, True)

@@ -8,7 +8,7 @@ import pytest
 from cells import TABLE_2, good_plan, header, irb1600, plan_of, run_of, simulated, varied_postures
 from scipy import stats
 
-from zerobeam.analysis.diagnostics.displacement import Displacement, _displaced, _Left, displacement
+from zerobeam.analysis.diagnostics.displacement import Displacement, _displaced, _Residuals, displacement
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.files.plan import Plan
@@ -60,9 +60,9 @@ def test_p_values_of_runs_without_a_displacement(scale: str) -> None:
     single, whole = [], []
     for _ in range(runs):
         own = with_residual(fit, rng.normal(size=20))
-        left = _Left.of(own)
+        left = _Residuals.of(own)
         _, gram, slope, floor = _displaced(own, left)
-        single.append(left.chance(left.explained(gram, slope, floor), 4))
+        single.append(left.p_value(left.explained(gram, slope, floor), 4))
         found = displacement(own)
         assert found is not None
         whole.append(found.p_value)
@@ -94,7 +94,7 @@ def test_a_millimetre_is_noticed_as_often_as_the_data_can_tell() -> None:
     """The share is that of the noncentral chi-squared with Bonferroni's level, at 1 mm in any direction."""
     fit = linear(good_plan(12, joint_deg=0.005))
     rng, runs, after = np.random.default_rng(8), 150, 6
-    _, gram, _, _ = _displaced(fit, _Left.of(fit))
+    _, gram, _, _ = _displaced(fit, _Residuals.of(fit))
     n = fit.problem.robot.n
     by_place = fit.whitened.jacobian[:, n : n + 3] / fit.problem.parameters.prior_std[n : n + 3]
     by_place[: 2 * after] = 0.0

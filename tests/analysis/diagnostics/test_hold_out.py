@@ -5,8 +5,7 @@ from scipy import stats
 
 from zerobeam.analysis.diagnostics import hold_out as module
 from zerobeam.analysis.diagnostics.hold_out import hold_out
-from zerobeam.model.kinematics.denavit_hartenberg import DHRow, dh_chain
-from zerobeam.model.kinematics.robot import Robot
+from zerobeam.model.kinematics.robot import DHRow, Robot, dh_chain
 from zerobeam.model.likelihood.problem import Problem
 from zerobeam.words.findings import hold_out_message
 

@@ -18,7 +18,7 @@ def without(plan, problem, i):
 def by_formula(problem, fit):
     """A second method: from the hat matrix H_i = A_i C A_i' of each measurement of the linearised fit (Cook &
     Weisberg 1982, chapters 2 and 3)."""
-    d, root = problem.tool.miss_size, np.sqrt(fit.weight)
+    d, root = problem.tool.residual_size, np.sqrt(fit.weight)
     blocks = problem.roots(fit.whitened) * root
     residual = fit.whitened.residual[: problem.shots * d].reshape(problem.shots, d) * root
     open_part, decides = leverages(blocks, fit.covariance)

@@ -11,18 +11,20 @@ from cells import TABLE_2, good_plan, header, irb1600, plan_of, simulated_proble
 from scipy import stats
 
 from zerobeam.analysis.diagnostics.displacement import displacement
-from zerobeam.analysis.diagnostics.hold_out import HoldOut, chosen, hold_out
-from zerobeam.analysis.diagnostics.leave_one_out import (
+from zerobeam.analysis.diagnostics.hold_out import (
+    HoldOut,
+    chosen,
     delete_group_std,
     fits_without,
+    hold_out,
     jackknife,
     leave_one_out,
+    placement_result,
 )
-from zerobeam.analysis.diagnostics.placement_result import placement_result
 from zerobeam.analysis.estimation.fit import fit_likelihood
-from zerobeam.analysis.observability.consider import link_columns
+from zerobeam.analysis.observability.geometry import link_columns
 from zerobeam.analysis.placements import Placement, placements
-from zerobeam.analysis.recordings.effective import effective
+from zerobeam.analysis.recordings.recordings import effective
 from zerobeam.analysis.solution import Solution, solve
 from zerobeam.model.errors import BadInput
 from zerobeam.model.likelihood.problem import Problem

@@ -10,10 +10,8 @@ from drifting import NAMES, steady
 from scipy.stats import norm
 
 from zerobeam.analysis.drift.drift import MEDIAN, SPREAD, drift, mixture_interval
-from zerobeam.analysis.drift.due import HORIZON_YEARS, due_after
 from zerobeam.analysis.drift.importance import ENOUGH
-from zerobeam.analysis.drift.series import Observation, Series, series_of
-from zerobeam.analysis.drift.smoother import smooth
+from zerobeam.analysis.drift.smoother import Observation, Series, series_of, smooth
 from zerobeam.analysis.status import UnsoundResult
 from zerobeam.model.arrays import Matrix
 from zerobeam.model.errors import BadInput
@@ -132,6 +130,27 @@ def test_the_correlation_of_the_offsets_counts() -> None:
     assert (wide_high - wide_low) > 1.5 * (high - low)
 
 
+@pytest.mark.parametrize("shift", [0.0, 10.0])
+def test_the_uncertainty_of_a_state_is_that_of_the_mixture_over_the_rates(shift: float) -> None:
+    """Its variance is the mean of the squares less the square of the mean, wherever the states are; and its
+    interval holds what draws of the mixture say."""
+    own = steady(walk=0.1, results=4)
+    shifted = tuple(replace(one, values=one.values + shift) for one in own.observations)
+    found = drift(replace(own, observations=shifted))
+    along = np.array([1.0, -0.5])
+    mean = found.smoothed.mean[:, -1] @ along
+    variance = np.einsum("i,kij,j->k", along, found.smoothed.covariance[:, -1], along)
+    centre, std = found.value(3, along)
+    assert centre == pytest.approx(found.weights @ mean)
+    spread = found.weights @ (variance + mean**2) - centre**2
+    assert std == pytest.approx(np.sqrt(spread), rel=1e-6)
+    assert spread > 1.001 * (found.weights @ variance)  # the rates differ in what they say
+    random = np.random.default_rng(1)
+    k = random.choice(len(mean), size=400_000, p=found.weights)
+    draws = mean[k] + np.sqrt(variance[k]) * random.normal(size=len(k))
+    np.testing.assert_allclose(found.interval(3, along), np.quantile(draws, (0.025, 0.975)), atol=0.02 * std)
+
+
 def test_new_zeros_are_no_jump() -> None:
     jumped = steady(2.0)
     assert drift(replace(jumped, reset=(5,))).jumps == ()
@@ -172,26 +191,6 @@ def test_the_interval_of_a_mixture() -> None:
     low, high = mixture_interval(np.array([-3.0, 3.0]), np.ones(2), np.full(2, 0.5), 0.95)
     assert norm.cdf(low, -3) / 2 + norm.cdf(low, 3) / 2 == pytest.approx(0.025)
     assert high == pytest.approx(-low)
-
-
-def test_the_due_date_is_when_the_walk_has_used_up_the_tolerance() -> None:
-    found, s = drift(steady(walk=0.02)), np.diag([100.0, 100.0])  # 10 mm per degree
-    years = due_after(found, s, 1.0)
-    assert years is not None
-    assert 0 < years < HORIZON_YEARS
-    assert due_after(found, s, 1e3) is None
-    assert due_after(found, s, 1e-3) == 0
-    wider = due_after(found, s, 2.0)
-    assert wider is None or wider > years
-    # Against draws of the same law by another way.
-    random = np.random.default_rng(0)
-    k = random.choice(len(found.weights), size=20_000, p=found.weights)
-    now = np.einsum(
-        "kij,kj->ki", np.linalg.cholesky(found.smoothed.covariance[k, -1]), random.normal(size=(len(k), 2))
-    )
-    now += found.smoothed.mean[k, -1] - found.weights @ found.smoothed.mean[:, -1]
-    apart = now + np.sqrt(years) * found.rates[k] * random.normal(size=(len(k), 2))
-    assert np.mean(10 * np.linalg.norm(apart, axis=1) > 1.0) == pytest.approx(0.05, abs=0.008)
 
 
 def test_new_zeros_that_no_result_determines_leave_the_offset_unknown() -> None:

@@ -15,8 +15,7 @@ from zerobeam.analysis.drift import fleet
 from zerobeam.analysis.drift.drift import MEDIAN, SPREAD, Drift, drift
 from zerobeam.analysis.drift.fleet import ENOUGH, LEAST, ModelRates, model_rates
 from zerobeam.analysis.drift.importance import against_passes, normalised
-from zerobeam.analysis.drift.series import Series
-from zerobeam.analysis.drift.smoother import smooth
+from zerobeam.analysis.drift.smoother import Series, smooth
 from zerobeam.model.arrays import Matrix
 
 

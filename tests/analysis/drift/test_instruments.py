@@ -10,16 +10,18 @@ import pytest
 from drifting_arms import COVARIANCE, NAMES, seen_by, walked
 from scipy import stats
 
-from zerobeam.analysis.drift.comparable import change_at, comparable_groups, connected
 from zerobeam.analysis.drift.drift import ALARM, MEDIAN, SPREAD, drift
 from zerobeam.analysis.drift.instruments import (
     Bias,
     Instruments,
-    Measured,
+    MeasuredArm,
     bias_information,
+    change_at,
+    comparable_groups,
+    connected,
     instrument_biases,
 )
-from zerobeam.analysis.drift.series import Observation, Series, series_of
+from zerobeam.analysis.drift.smoother import Observation, Series, series_of
 from zerobeam.model.arrays import Matrix
 
 BIAS = {"B": (0.0, 0.06)}  # three standard uncertainties of a result
@@ -28,15 +30,15 @@ STEADY = (0.005, 0.005)
 
 def measured(
     series: Series, instruments: str, biases: dict[str, tuple[float, float]] | None = None
-) -> Measured:
+) -> MeasuredArm:
     """An arm by instruments of one letter each; a dot is a result that states none."""
     names = [name.replace(".", "") for name in instruments]
-    return Measured(drift(seen_by(series, names, biases or {})), tuple(names))
+    return MeasuredArm(drift(seen_by(series, names, biases or {})), tuple(names))
 
 
 def arms_of(
     orders: list[str], biases: dict[str, tuple[float, float]] | None = None, seed: int = 0
-) -> list[Measured]:
+) -> list[MeasuredArm]:
     random = np.random.default_rng(seed)
     return [measured(walked(random, STEADY, len(own)), own, biases) for own in orders]
 
@@ -197,7 +199,7 @@ def test_a_bias_that_raises_jumps_on_all_arms_is_found() -> None:
 
 def simulated(
     number: int, size_u: float, *, arms: int = 5, results: int = 8
-) -> tuple[list[Measured], Matrix]:
+) -> tuple[list[MeasuredArm], Matrix]:
     """A fleet of random walks by three instruments; C is biased along delta3 by so many u."""
     random = np.random.default_rng([31, number])
     bias = np.array([0.0, size_u * np.sqrt(COVARIANCE[1, 1])])
@@ -209,7 +211,7 @@ def simulated(
     return found, bias
 
 
-def as_if_none_walked(arms: list[Measured]) -> tuple[float, float]:
+def as_if_none_walked(arms: list[MeasuredArm]) -> tuple[float, float]:
     """The wrong model: results of C less those before them, as if arms did not walk."""
     apart = []
     for own in arms:

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from zerobeam.analysis.drift.series import Observation, Series, series_of
-from zerobeam.analysis.drift.smoother import smooth
+from zerobeam.analysis.drift.smoother import Observation, Series, series_of, smooth
 from zerobeam.analysis.status import UnsoundResult
 from zerobeam.model.arrays import Matrix
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from cells import OPEN_LASER, OPEN_PROBE, good_plan, header, irb1600, plan_of, random_robot
 
-from zerobeam.analysis.estimation.coordinates import SeenCoordinates
+from zerobeam.analysis.estimation.coordinates import FlangeCoordinates
 from zerobeam.model.likelihood.density import Density
 from zerobeam.model.likelihood.problem import Problem
 
@@ -53,7 +53,7 @@ def recordings(problem, count):
 @pytest.mark.parametrize("case", CASES)
 def test_there_and_back(case):
     problem = problems()[case]
-    coordinates = SeenCoordinates(Density(problem))
+    coordinates = FlangeCoordinates(Density(problem))
     x = many(problem)
     v = coordinates.from_parameters(x)
     assert v.shape == (5, problem.parameters.free.sum())
@@ -66,12 +66,12 @@ def test_each_row_is_seen_from_its_own_data_set(case):
     """Row by row what a problem with those recordings gives alone."""
     problem = problems()[case]
     density, of = recordings(problem, 3), np.array([2, 0, 1, 2, 0])
-    coordinates, x = SeenCoordinates(density), many(problem)
+    coordinates, x = FlangeCoordinates(density), many(problem)
     v, by_v = coordinates.from_parameters(x, of), coordinates.jacobian(x, of)
     back = coordinates.to_parameters(v, of)
     np.testing.assert_allclose(back, x, atol=1e-9)
     for row, which in enumerate(of):
-        alone = SeenCoordinates(Density(problem.moved(density.joints[which])))
+        alone = FlangeCoordinates(Density(problem.moved(density.joints[which])))
         own = x[row : row + 1]
         np.testing.assert_array_equal(v[row], alone.from_parameters(own)[0])
         np.testing.assert_array_equal(by_v[row], alone.jacobian(own)[0])
@@ -79,14 +79,14 @@ def test_each_row_is_seen_from_its_own_data_set(case):
     if case != "all targets held":  # control: seen from another data set's shot it stands elsewhere
         other = coordinates.from_parameters(x, (of + 1) % 3)
         assert (np.abs(other - v).max(axis=1) > 1e-5).any()
-    own = SeenCoordinates(recordings(problem, 5))
+    own = FlangeCoordinates(recordings(problem, 5))
     np.testing.assert_array_equal(own.from_parameters(x), own.from_parameters(x, np.arange(5)))
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_the_jacobian_against_central_differences(case):
     problem = problems()[case]
-    coordinates = SeenCoordinates(Density(problem))
+    coordinates = FlangeCoordinates(Density(problem))
     parameters = problem.parameters
     x = many(problem)
     v = coordinates.from_parameters(x)
@@ -107,7 +107,7 @@ def test_the_jacobian_against_central_differences(case):
 @pytest.mark.parametrize("case", CASES)
 def test_gradients_and_informations_are_carried_over_by_the_jacobian(case):
     problem = problems()[case]
-    coordinates = SeenCoordinates(Density(problem))
+    coordinates = FlangeCoordinates(Density(problem))
     x = many(problem)
     by_v, place = coordinates.jacobian(x), coordinates.at(coordinates.from_parameters(x))
     rng, f = np.random.default_rng(2), by_v.shape[1]
@@ -130,7 +130,7 @@ def test_the_gradient_by_v_against_differences_of_the_log_posterior():
     """The two together, as the fit uses them; steps of 1e-5 prior stds."""
     problem = problems()["two targets, open laser"]
     density = Density(problem)
-    coordinates, x = SeenCoordinates(density), many(problem, 2)
+    coordinates, x = FlangeCoordinates(density), many(problem, 2)
     v = coordinates.from_parameters(x)
     gradient = coordinates.at(v).gradient(density.slopes(x).gradient)
 
@@ -148,7 +148,7 @@ def test_the_gradient_by_v_against_differences_of_the_log_posterior():
 def test_no_volume_factor(case):
     """The change is a rigid motion for given offsets: the density needs no determinant."""
     problem = problems()[case]
-    sign, logdet = np.linalg.slogdet(SeenCoordinates(Density(problem)).jacobian(many(problem)))
+    sign, logdet = np.linalg.slogdet(FlangeCoordinates(Density(problem)).jacobian(many(problem)))
     np.testing.assert_array_equal(sign, 1)
     np.testing.assert_allclose(logdet, 0, atol=1e-10)
 
@@ -156,7 +156,7 @@ def test_no_volume_factor(case):
 def test_seen_from_its_first_shot_the_target_stays():
     """A turn of joint 6 and the target together leaves the coordinates of the target as they are."""
     problem = problems()["laser"]
-    coordinates = SeenCoordinates(Density(problem))
+    coordinates = FlangeCoordinates(Density(problem))
     x = somewhere(problem)[None]
     moved = coordinates.from_parameters(x)
     moved[0, 4] += 1.0  # delta6 by 5 degrees
@@ -172,7 +172,7 @@ def test_seen_from_its_first_shot_the_target_stays():
 
 def test_held_parameters_stay_at_their_prior_mean():
     problem = problems()["a held"]
-    coordinates = SeenCoordinates(Density(problem))
+    coordinates = FlangeCoordinates(Density(problem))
     x = coordinates.to_parameters(np.random.default_rng(1).normal(size=(20, problem.parameters.free.sum())))
     held = ~problem.parameters.free
     assert held.sum() == 2

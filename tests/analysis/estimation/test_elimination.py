@@ -13,8 +13,7 @@ from cells import (
 )
 from scipy import optimize
 
-from zerobeam.analysis.estimation.elimination import eliminated
-from zerobeam.analysis.estimation.fit import fit_likelihood, start_at
+from zerobeam.analysis.estimation.fit import eliminated, fit_likelihood, start_at
 from zerobeam.model.likelihood.density import Density
 
 

@@ -464,7 +464,7 @@ def test_a_fit_in_a_wrong_basin_contradicts_noise_and_priors_and_is_tried_again(
         lost += first.log_posterior < best
         wrong += found.log_posterior < best
         # Whoever is lost is told so.
-        assert first.log_posterior >= best or first.chance < CONTRADICTED
-        assert found.log_posterior >= best or found.chance < CONTRADICTED
+        assert first.log_posterior >= best or first.p_value < CONTRADICTED
+        assert found.log_posterior >= best or found.p_value < CONTRADICTED
     assert lost >= 2
     assert wrong <= 1

@@ -5,9 +5,8 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from zerobeam.analysis.estimation import many_fits
-from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
-from zerobeam.analysis.estimation.many_fits import fits_of
+from zerobeam.analysis.estimation import fit as fitting
+from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood, fits_of
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.files.run import read_run
 from zerobeam.model.likelihood.kernel import compiled_at_once
@@ -52,13 +51,13 @@ def test_fits_side_by_side_are_those_of_each_alone():
 
 def test_those_of_one_shape_go_together(monkeypatch: pytest.MonkeyPatch):
     sizes: list[int] = []
-    alike = many_fits.fit_alike
+    alike = fitting.fit_alike
 
     def counted(group, **how):
         sizes.append(len(group))
         return alike(group, **how)
 
-    monkeypatch.setattr(many_fits, "fit_alike", counted)
+    monkeypatch.setattr(fitting, "fit_alike", counted)
     with compiled_at_once():
         fits_of(problems())
     assert sorted(sizes) == [2, 2, 3]

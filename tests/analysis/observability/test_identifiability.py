@@ -15,21 +15,29 @@ from cells import (
     pattern_plan,
     plan_of,
     random_pose,
+    random_robot,
     simulated_problem,
 )
-from judgements import reason_for, verdict
+from judgements import reason_for, sentence_of, verdict
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
 from zerobeam.analysis.estimation.fit import fit_likelihood
+from zerobeam.analysis.observability.causes import NotResolvable, worst_direction
 from zerobeam.analysis.observability.check import check
-from zerobeam.analysis.observability.identifiability import identify, observability
+from zerobeam.analysis.observability.identifiability import (
+    identify,
+    mechanisms,
+    observability,
+    too_few_measurements,
+)
 from zerobeam.experiments.plans.candidates import candidates
 from zerobeam.experiments.plans.optimal import Planner
 from zerobeam.model.files.urdf import read_urdf
 from zerobeam.model.kinematics.robot import rotation_about
 from zerobeam.model.likelihood.problem import Problem
-from zerobeam.words.causes import reason, remedy
+from zerobeam.words.observability import reason, remedy
+from zerobeam.words.wording import listed
 
 
 def judged(plan):
@@ -355,13 +363,6 @@ def test_too_few_shots(shots):
     assert all("at least 4 measurements" in remedy(d.cause) for d in exact)
 
 
-def test_four_shots_are_enough_to_be_regular():
-    plan = good_plan()
-    _, identified = judged(plan_of(plan.header, plan.postures[:4]))
-    assert identified.facts.condition is not None
-    assert np.isfinite(identified.data_std[1:]).all()
-
-
 def test_too_few_shots_of_an_open_laser():
     plan = good_plan(12, 5, OPEN_LASER)
     _, identified = judged(plan_of(plan.header, plan.postures[:5]))
@@ -559,3 +560,152 @@ def test_observability_of_singular_values_by_hand():
 
 def test_observability_of_a_singular_matrix_is_zero():
     assert observability(np.array([3.0, 0.0]), 4) == dict.fromkeys(["O1", "O2", "O3", "O4", "O5"], 0.0)
+
+
+# --- verdicts and reasons -----------------------------------------------------------------------------------
+
+
+def test_pass_weak_degenerate():
+    plan = good_plan()
+    problem, identified = judged(plan)
+    assert verdict(problem, identified) == "pass"
+    assert sentence_of(problem, identified) == "delta2, delta3, delta4, delta5 and delta6 are identified."
+
+    problem, identified = judged(plan_of(header(tolerance={"offset_deg": 0.02}), plan.postures))
+    assert verdict(problem, identified) == "weak"
+    weak = [
+        name
+        for name, own in zip(problem.parameters.names, identified.status, strict=True)
+        if own == "weak" and name.startswith("delta")
+    ]
+    assert "delta2" in weak
+    assert "delta6" not in weak
+    sentence = sentence_of(problem, identified)
+    assert f"{listed(weak)} are only weakly observable in these measurements." in sentence
+    assert sentence.index("weakly") < sentence.index("identified")
+
+    problem, identified = judged(pattern_plan("x"))
+    assert verdict(problem, identified) == "degenerate"
+    sentence = sentence_of(problem, identified)
+    assert sentence.startswith("delta2 is unidentifiable from these measurements: joint 1 does not change")
+    assert "delta2 is identified" not in sentence
+
+
+def test_targets_and_held_ones_do_not_count():
+    plan = good_plan()
+    own = header(targets={"a": {}, "b": {}})
+    problem, identified = judged(plan_of(own, plan.postures, ["a"] * 9 + ["b"]))
+    assert "unidentifiable" in identified.status
+    assert verdict(problem, identified) == "pass"
+    every = [f"delta{i}" for i in range(1, 7)]
+    problem, identified = judged(plan_of(header(held=every), plan.postures))
+    assert verdict(problem, identified) == "pass"
+    assert sentence_of(problem, identified) == "No offset is estimated: all are held."
+
+
+def test_reasons_of_every_kind():
+    problem, identified = judged(pattern_plan("x"))
+    items = problem.parameters.items
+    assert "base frame" in reason_for(identified, items[0], "held")
+    assert "joint 1 does not change" in reason_for(identified, items[1], "unidentifiable")
+    assert reason_for(identified, items[3], "identified") is None
+    # The targets x takes part in delta2's gauge and in weaker things: the gauge is the reason.
+    x = items[problem.parameters.index("psd.x")]
+    assert "joint 1 does not change" in reason_for(identified, x, "unidentifiable")
+    assert worst_direction(identified.facts.null_space, "psd.x").kind == "exact"
+
+
+def test_without_a_direction_of_its_own_it_is_the_noise():
+    _, identified = judged(good_plan())
+    found = worst_direction(identified.facts.null_space, "delta2")
+    assert found.cause == NotResolvable()
+    assert found.combination == {"delta2": 1.0}
+    assert np.isfinite(identified.data_std[1])
+
+
+# --- mechanisms ---------------------------------------------------------------------------------------------
+
+
+def explained(plan):
+    """{names that move together: (reason, remedy)} of the mechanisms thought of for these measurements."""
+    problem = Problem.from_plan(plan)
+    names = np.array(problem.parameters.names)
+    return {tuple(names[m.support]): (reason(m.cause), remedy(m.cause)) for m in mechanisms(problem)}
+
+
+TARGET = ("psd.x", "psd.y", "psd.z")
+TOOL = ("tool.tilt1", "tool.tilt2", "tool.shift1", "tool.shift2")
+
+
+def test_what_is_thought_of_for_a_tool():
+    calibrated = explained(good_plan())
+    assert {TARGET, ("delta6",), *((f"delta{i}", *TARGET) for i in range(2, 7))} <= set(calibrated)
+    assert ("delta1", *TARGET) not in calibrated  # held: it can explain nothing
+    held = explained(good_plan(12, 5, OPEN_LASER))
+    assert ("delta6", *TOOL) not in held
+    assert (*TARGET, *TOOL) in held
+
+
+@pytest.mark.parametrize(
+    ("plan", "names", "why", "what"),
+    [
+        (lambda: good_plan(held=[]), ("delta1", *TARGET), "base frame", "hold delta1"),
+        (lambda: good_plan(12, 5, OPEN_LASER, held=["delta1"]), ("delta6", *TOOL), "uncalibrated laser", ""),
+        (
+            lambda: good_plan(12, 5, OPEN_PROBE),
+            ("delta6", "tool.x", "tool.y", "tool.z"),
+            "free probe tip",
+            "",
+        ),
+        (lambda: good_plan(12, 5, AXIS_LASER), ("delta6",), "the beam lies on or near", ""),
+        (lambda: good_plan(12, 5, OPEN_PROBE), ("delta6",), "the probe tip lies on or near", ""),
+        (
+            lambda: pattern_plan("x"),
+            ("delta2", *TARGET),
+            "joint 1 does not change over the measurements",
+            "vary joint 1 by 30° or more between measurements",
+        ),
+        (
+            lambda: pattern_plan("x"),  # joint 2 does change: the same thing about joint 3 has another reason
+            ("delta3", *TARGET),
+            "a rotation about the axis of joint 3 moves the target nearly",
+            "",
+        ),
+        (lambda: jittered(4.0), ("delta2", *TARGET), "joint 1 varies by no more than 4.0°", ""),
+        (lambda: jittered(34.0), ("delta2", *TARGET), "although joint 1 varies by up to 34°", ""),
+        (lambda: slide_plan(), ("delta2", *TARGET), "", "vary joint 1 by a third of the range or more"),
+        (lambda: two_targets(), ("b.x", "b.y", "b.z"), "the target b is measured", ""),
+        (lambda: two_targets(), ("delta2", "a.x", "a.y", "a.z", "b.x", "b.y", "b.z"), "", ""),
+    ],
+)
+def test_a_mechanism_has_a_reason_and_a_remedy(plan, names, why, what):
+    found = explained(plan())[names]
+    assert why in found[0]
+    assert what in found[1]
+
+
+def jittered(degrees):
+    plan = pattern_plan("x")
+    postures = plan.postures.copy()
+    postures[0, 0] += np.radians(degrees)
+    return plan_of(plan.header, postures)
+
+
+def slide_plan():
+    own = header({"kind": "probe", "point_mm": [0, 0, 100]}, noise={"joint_mm": 0.02})
+    return plan_of(own, np.zeros((4, 4)), robot=random_robot("prrr", 1))
+
+
+def two_targets():
+    return plan_of(header(targets={"a": {}, "b": {}}), good_plan().postures, ["a", "b"] * 5)
+
+
+def test_too_few_shots_counts():
+    plan = good_plan()
+    few = Problem.from_plan(plan_of(plan.header, plan.postures[:3]))
+    found = too_few_measurements(few, 8)
+    assert reason(found.cause) == "too few measurements: 3 give 6 numbers for 8 unknowns"
+    assert remedy(found.cause).startswith("record at least 4 measurements")
+    assert too_few_measurements(Problem.from_plan(plan_of(plan.header, plan.postures[:4])), 8) is None
+    probe = good_plan(3, 5, OPEN_PROBE)
+    assert "at least 4 measurements" in remedy(too_few_measurements(Problem.from_plan(probe), 11).cause)

@@ -13,8 +13,8 @@ from zerobeam.analysis import ladder
 from zerobeam.analysis.analyse import analyse
 from zerobeam.analysis.diagnostics import outliers
 from zerobeam.analysis.estimation.fit import fit_likelihood
-from zerobeam.analysis.estimation.profile import profile_intervals
 from zerobeam.analysis.posterior import intervals
+from zerobeam.analysis.posterior.intervals import profile_intervals
 from zerobeam.analysis.posterior.posterior import UNSAMPLED
 from zerobeam.experiments.plans.patterns import pattern
 from zerobeam.model.likelihood.problem import Problem

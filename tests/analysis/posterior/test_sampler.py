@@ -1,17 +1,19 @@
-import emcee
 import numpy as np
 import pytest
 from arviz_stats.base import array_stats
 from scipy import stats
 
 from zerobeam.analysis.posterior import sampler
-from zerobeam.analysis.posterior.moves import (
+from zerobeam.analysis.posterior.sampler import (
     DifferentialMove,
     IndependenceMove,
     IndependenceProposal,
+    Walkers,
     degrees_of_freedom,
+    diagnostics,
+    drift,
+    sample_density,
 )
-from zerobeam.analysis.posterior.sampler import diagnostics, drift, sample_density
 from zerobeam.analysis.posterior.triangular_map import TriangularMap
 
 
@@ -53,7 +55,7 @@ def test_a_walk_that_is_stopped_prints_nothing(capfd):
 
     moves = sampler.Moves(t_at_zero(2), np.random.default_rng(2), 0.5)
     with pytest.raises(KeyboardInterrupt):
-        moves.walk(stopped, points, 20)
+        moves.advance(stopped, points, 20)
     assert capfd.readouterr() == ("", "")
 
 
@@ -70,18 +72,25 @@ class NoFactors(IndependenceMove):
 class LopsidedDifference(DifferentialMove):
     """Not symmetric: every step goes to the right."""
 
-    def settle(self, state, chosen, points, log_density, factors):
-        there = state.coords[chosen]
+    def settle(self, walkers, chosen, points, log_density, factors):
+        there = walkers.points[chosen]
         right = there + np.abs(points - there)
-        return super().settle(state, chosen, right, normal(right), factors)
+        super().settle(walkers, chosen, right, normal(right), factors)
+
+
+def chain_of(move, log_density, start, steps):
+    """(steps, walkers, f) by one move alone."""
+    walkers, chain = Walkers(start, log_density(start)), []
+    for _ in range(steps):
+        move.step(log_density, walkers)
+        chain.append(walkers.points.copy())
+    return np.array(chain)
 
 
 def variance_by(move, steps=800, walkers=32):
     """Variance of a unit normal as sampled by one move alone, and its standard error."""
-    emcee_sampler = emcee.EnsembleSampler(walkers, 1, normal, moves=[move], vectorize=True)
-    start = emcee.State(np.random.default_rng(3).normal(size=(walkers, 1)))
-    emcee_sampler.run_mcmc(start, steps, skip_initial_state_check=True)
-    chains = emcee_sampler.get_chain(discard=50)[:, :, 0].T
+    start = np.random.default_rng(3).normal(size=(walkers, 1))
+    chains = chain_of(move, normal, start, steps)[50:, :, 0].T
     ess = float(array_stats.ess(chains**2, method="mean"))
     return float((chains**2).mean()), np.sqrt(2 / ess)
 
@@ -108,9 +117,8 @@ def test_differential_evolution_leaves_the_density_as_it_is():
 def test_a_pair_never_is_one_walker_twice():
     """Else a step of nothing would be accepted for certain: in a flat density every walker moves."""
     move = DifferentialMove(np.random.default_rng(1))
-    flat = emcee.EnsembleSampler(6, 1, lambda w: np.zeros(len(w)), moves=[move], vectorize=True)
-    flat.run_mcmc(emcee.State(np.arange(6.0)[:, None]), 200, skip_initial_state_check=True)
-    assert np.abs(np.diff(flat.get_chain()[:, :, 0], axis=0)).min() > 1e-6
+    chain = chain_of(move, lambda w: np.zeros(len(w)), np.arange(6.0)[:, None], 200)
+    assert np.abs(np.diff(chain[:, :, 0], axis=0)).min() > 1e-6
 
 
 def test_tails_are_lighter_in_many_dimensions():

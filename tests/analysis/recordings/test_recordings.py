@@ -11,21 +11,19 @@ from scipy import stats
 
 from zerobeam.analysis.estimation.fit import LikelihoodFit, fit_likelihood
 from zerobeam.analysis.misfit import LACK_OF_FIT
-from zerobeam.analysis.observability.consider import link_columns
-from zerobeam.analysis.recordings.effective import (
-    CHANCE,
+from zerobeam.analysis.observability.geometry import link_columns
+from zerobeam.analysis.recordings.recordings import (
+    SIGNIFICANCE,
     RecordingLag,
     _chance,
     correlation,
-    effective,
-    lags,
-    rho_of,
-)
-from zerobeam.analysis.recordings.recordings import (
     covariance,
     drawn,
+    effective,
+    lags,
     recording_rows,
     recordings,
+    rho_of,
     traces,
     white_times,
 )
@@ -116,7 +114,7 @@ def test_the_false_alarm_rate_is_as_stated(solution: Solution) -> None:
     pooled = np.array([correlation(own)[1] for own in found])
     assert stats.kstest(pooled, "uniform").pvalue > LEVEL
     assert stats.kstest([correlation(own[:1])[1] for own in found], "uniform").pvalue > LEVEL
-    assert (pooled < CHANCE).sum() <= stats.binom.ppf(1 - LEVEL, runs, CHANCE)
+    assert (pooled < SIGNIFICANCE).sum() <= stats.binom.ppf(1 - LEVEL, runs, SIGNIFICANCE)
 
 
 def test_the_number_is_smaller_only_where_there_is_a_correlation(solution: Solution) -> None:
@@ -204,7 +202,7 @@ def test_a_long_recording_says_the_same(solution: Solution, monkeypatch: pytest.
     e[26:33] -= recordings(solution.fit).every[1].by_target[6:13] @ np.array([0.7, -0.6, 0.4])
     own = of_errors(solution, e)
     plain, (step,) = effective(own.fit), steps(own).rows
-    monkeypatch.setattr("zerobeam.analysis.recordings.effective.LARGE", 10)
+    monkeypatch.setattr("zerobeam.analysis.recordings.recordings.LARGE", 10)
     monkeypatch.setattr("zerobeam.analysis.recordings.steps.LARGE", 10)
     monkeypatch.setattr("zerobeam.analysis.recordings.steps._NUMBERS", 60 * 70)
     long, (again,) = effective(own.fit), steps(own).rows
@@ -224,7 +222,7 @@ def test_steps_are_not_found_where_there_are_none(solution: Solution, rho: float
     rng, runs = np.random.default_rng(5), 40
     found = [all_steps(of_errors(solution, errors(rng, rho)).fit)[0] for _ in range(runs)]
     least = np.array([min(step.p_value for step in own) for own in found])
-    for level in (CHANCE, 0.05):
+    for level in (SIGNIFICANCE, 0.05):
         assert (least < level).sum() <= stats.binom.ppf(1 - LEVEL, runs, level)
 
 

@@ -19,10 +19,10 @@ from zerobeam.analysis.holm import holm
 from zerobeam.analysis.repeatability.compare import compare as compare_runs
 from zerobeam.analysis.repeatability.compare import compared as compared_runs
 from zerobeam.analysis.repeatability.compare import sample_of
-from zerobeam.analysis.repeatability.consistency import Sample, against_others, consistency, drift, mean_of
+from zerobeam.analysis.repeatability.consistency import RunSample, against_others, consistency, drift, mean_of
 from zerobeam.analysis.repeatability.prior_free import without_prior
 from zerobeam.analysis.repeatability.repeat import Kind, Repeat
-from zerobeam.analysis.repeatability.run_files import fitted, problem_of, unfitted
+from zerobeam.analysis.repeatability.repeats import fitted, problem_of, unfitted
 from zerobeam.analysis.solution import solve
 from zerobeam.experiments.simulate import Truth, simulated_readings
 from zerobeam.experiments.studies.table2 import EXPERIMENTS, OFFSETS, PRINTED_MEAN, PRINTED_STD
@@ -46,7 +46,7 @@ def compared(kind: Kind, repeats: Sequence[Repeat], seed: int) -> Json:
     return ComparisonDocument.of(compared_runs(kind, repeats, seed)).to_json()
 
 
-def sample(values: np.ndarray, covariances: np.ndarray | None = None, **changes: Any) -> Sample:
+def sample(values: np.ndarray, covariances: np.ndarray | None = None, **changes: Any) -> RunSample:
     """Of runs that all predict COVARIANCE, unless stated otherwise."""
     covariances = np.tile(COVARIANCE, (len(values), 1, 1)) if covariances is None else covariances
     stated = {
@@ -55,11 +55,11 @@ def sample(values: np.ndarray, covariances: np.ndarray | None = None, **changes:
         "at": np.arange(1.0, len(values) + 1),
         "by_geometry": np.zeros((*values.shape, 0)),
     }
-    return Sample(values, covariances, **{**stated, **changes})
+    return RunSample(values, covariances, **{**stated, **changes})
 
 
-def unpredicted(values: np.ndarray, at: np.ndarray) -> Sample:
-    return Sample(values, None, False, None, at, np.zeros((*values.shape, 0)))
+def unpredicted(values: np.ndarray, at: np.ndarray) -> RunSample:
+    return RunSample(values, None, False, None, at, np.zeros((*values.shape, 0)))
 
 
 # ── the paper's Table 2 ───────────────────────────────────────────────────────────────────────

@@ -9,8 +9,7 @@ import pytest
 
 from zerobeam.experiments.exporters.dh_rows import Table, beyond_rows, corrected_table
 from zerobeam.model.files.robot_file import RobotFile, stated_rows
-from zerobeam.model.kinematics.denavit_hartenberg import dh_chain
-from zerobeam.model.kinematics.robot import Robot
+from zerobeam.model.kinematics.robot import Robot, dh_chain
 from zerobeam.model.likelihood.geometry import Geometry
 
 HERE = Path(".")

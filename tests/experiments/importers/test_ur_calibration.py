@@ -9,9 +9,8 @@ from command_line import zerobeam
 from zerobeam.experiments.importers.ur_calibration import DELTAS, LINKS, read_ur_calibration
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.robot_file import load_robot, stated_rows
-from zerobeam.model.kinematics.denavit_hartenberg import DHRow, dh_chain
 from zerobeam.model.kinematics.orientation import angles_of
-from zerobeam.model.kinematics.robot import Robot
+from zerobeam.model.kinematics.robot import DHRow, Robot, dh_chain
 
 # Made up, in the size of real ones: axes 2 to 4 meet metres away.
 DELTA = {

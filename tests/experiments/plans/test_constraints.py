@@ -14,14 +14,13 @@ from command_line import zerobeam
 from ruamel.yaml import YAML
 
 from zerobeam.analysis.observability.aim import aim_plan
-from zerobeam.analysis.observability.violations import Violation
+from zerobeam.analysis.observability.check import Violation
 from zerobeam.experiments.plans.candidates import candidates
 from zerobeam.experiments.plans.constraints import View, check_plan, violations
 from zerobeam.experiments.plans.make import PlanRequest, make_plan
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.plan import Plan, read_plan, write_plan
-from zerobeam.model.files.stated_plan.constraints import UNCONSTRAINED, StatedConstraints
-from zerobeam.model.files.stated_plan.obstacles import Box, Obstacles
+from zerobeam.model.files.plan_file import UNCONSTRAINED, Box, Obstacles, StatedConstraints
 from zerobeam.words.verdict import check_headline
 
 TARGET = (900.0, 0.0, 0.0)

@@ -9,8 +9,8 @@ from zerobeam.model.files.validation import (
     LARGEST_OTHER,
     SMALLEST,
     FileModel,
-    Point,
     PositiveOrList,
+    Vector,
     positive_or_list,
     validate,
 )
@@ -66,7 +66,7 @@ class Numbers(FileModel):
     a_mm: float = 0.0
     turn_deg: float = 0.0
     ratio: float = 0.0
-    point_mm: Point = (0.0, 0.0, 0.0)
+    point_mm: Vector = (0.0, 0.0, 0.0)
     sigma_mm: Annotated[PositiveOrList, positive_or_list("a sigma")] = 1.0
     offsets_deg: dict[str, float] = Field(default={})
 

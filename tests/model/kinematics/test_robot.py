@@ -274,7 +274,7 @@ def test_a_point_as_seen_from_the_flange_and_the_joints(own):
     robot, n = own.robot, own.robot.n
     rng = np.random.default_rng(3)
     theta, point = ca.SX.sym("theta", n), ca.SX.sym("point", 3)
-    seen, stations = robot.seen(robot.turns(theta), point)
+    seen, stations = robot.in_flange(robot.turns(theta), point)
     for _ in range(3):
         q, p = own.random(rng), rng.uniform(-2000, 2000, 3)
         flange = own.pose(q).real
@@ -301,9 +301,9 @@ def test_the_geometric_jacobian_against_complex_steps(own, size):
     rng = np.random.default_rng(4)
     theta, point = ca.SX.sym("theta", n), ca.SX.sym("point", 3)
     turns = robot.turns(theta)
-    _, stations = robot.seen(turns, point)
+    _, stations = robot.in_flange(turns, point)
     vectors = rng.normal(size=(3, size))
-    by_joints, by_point = robot.seen_jacobian(turns, stations, ca.SX(vectors))
+    by_joints, by_point = robot.in_flange_jacobian(turns, stations, ca.SX(vectors))
     for _ in range(3):
         q, p = own.random(rng), rng.uniform(-2000, 2000, 3)
 

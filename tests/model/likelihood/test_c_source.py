@@ -190,7 +190,7 @@ def draws(functions, rng, *shape):
     unit = robot.display
     return (
         rng.uniform(-80, 80, (*shape, robot.n)) / unit,
-        rng.normal(size=(*shape, tool.miss_size)),
+        rng.normal(size=(*shape, tool.residual_size)),
         rng.normal(scale=3, size=(*shape, robot.n)) / unit,
         rng.uniform(-1500, 1500, (*shape, 3)),
         rng.normal(scale=0.05, size=(*shape, len(tool.free_axes))),

@@ -21,8 +21,7 @@ from plain_model import (
 
 from zerobeam.model.kinematics.robot import Joint, Robot
 from zerobeam.model.likelihood import kernel
-from zerobeam.model.likelihood.constraint import ShotFunctions
-from zerobeam.model.likelihood.midpoint import midpoint_function
+from zerobeam.model.likelihood.constraint import ShotFunctions, midpoint_function
 from zerobeam.model.likelihood.tool import Tool
 
 # Per arm a beam along an axis of the flange or askew to it, forwards or backwards.
@@ -410,7 +409,7 @@ def test_the_information_on_the_noise_factors(case):
         own = lower_of(case.weighted("slopes", q, spot, free, "relative")[4])
         np.testing.assert_allclose(own, noise_information(case, q, spot, free), rtol=1e-9)
         # One factor on both: the information is that of a scale, 2 for each component.
-        assert own.sum() == pytest.approx(2 * case.tool.miss_size, rel=1e-9)
+        assert own.sum() == pytest.approx(2 * case.tool.residual_size, rel=1e-9)
 
 
 @pytest.mark.parametrize("kind", ["laser", "probe"])
@@ -549,7 +548,7 @@ def test_the_last_joint_and_an_uncalibrated_tool_turn_together(cases, arm_name, 
     The miss itself is the same up to a turn in its own plane (a laser) or in space (a probe).
     """
     case = cases(arm_name, kind)
-    spot = np.zeros(case.tool.miss_size)  # a recorded spot would have to be turned too
+    spot = np.zeros(case.tool.residual_size)  # a recorded spot would have to be turned too
     step = 0.07 * np.eye(case.n)[-1]
     alone = 0.0
     for q, _, free in case.hits():
@@ -775,7 +774,7 @@ def test_every_input_and_output_is_named(case):
     size = len(case.steps())
     for log_det, free in (("none", size), ("relative", size + 2), ("whole", size)):
         sizes = [case.by_log_det[log_det].function("slopes").numel_out(k) for k in range(7)]
-        assert sizes == [1, 1, free, free, 3, 1, case.tool.miss_size * size]
+        assert sizes == [1, 1, free, free, 3, 1, case.tool.residual_size * size]
 
 
 def test_a_function_and_a_kernel_are_made_once(cases):

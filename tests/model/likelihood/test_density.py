@@ -79,7 +79,7 @@ def test_an_estimated_scale_against_the_student_form(estimated):
     freedom (1e-7 here: it differs by as much). Only differences count: the constant is infinite."""
     problem, walkers = estimated.problem, estimated.walkers(4)
     values = Density(problem).log_likelihood(walkers)
-    size = problem.shots * problem.tool.miss_size
+    size = problem.shots * problem.tool.residual_size
     expected = []
     for x in walkers:
         shape, m = np.zeros((size, size)), []
@@ -101,7 +101,7 @@ def test_an_estimated_scale_against_the_integral_itself(estimated):
     expected = []
     for x in walkers:
         quads = [m @ np.linalg.solve(covariance, m) for m, covariance in estimated.gaussians(x)]
-        size, quad = problem.shots * problem.tool.miss_size, sum(quads)
+        size, quad = problem.shots * problem.tool.residual_size, sum(quads)
         peak = np.log(quad / size) / 2
 
         def density(log_scale, size=size, quad=quad, peak=peak):
@@ -128,7 +128,7 @@ def test_one_factor_on_both_separate_ones_is_a_scale(arms):
     twice = Made(arms["irb1600"], header(noise=doubled, distances=DISTANCE)).problem
     twice = Density(twice, made.problem.joints[None], made.problem.spots[None])
     x[:, -2:] = np.log(2)
-    size = made.problem.shots * made.problem.tool.miss_size
+    size = made.problem.shots * made.problem.tool.residual_size
     np.testing.assert_allclose(
         Density(made.problem).log_likelihood(x),
         twice.log_likelihood(x[:, :-2]) - size * np.log(2),  # the log det relative to the stated noise
@@ -142,7 +142,7 @@ def test_the_weight_of_the_noise_is_the_mode_of_the_scale(estimated, made):
     weights = Density(estimated.problem).noise_weight(walkers)
     for x, weight in zip(walkers, weights, strict=True):
         quad = sum(m @ np.linalg.solve(covariance, m) for m, covariance in estimated.gaussians(x))
-        size = estimated.problem.shots * estimated.problem.tool.miss_size
+        size = estimated.problem.shots * estimated.problem.tool.residual_size
         assert weight == pytest.approx(size / quad, rel=1e-9)
         # The best weight w of w^(size/2) exp(-w quad / 2), by trial.
         trial = weight * np.array([0.99, 1.0, 1.01])
@@ -445,7 +445,7 @@ def test_a_shot_of_no_weight_is_a_shot_less(arms, scale, tool):
     whole = Density(problem)
     out, fewer = whole.weighted(weights), Density(problem.select(keep))
     np.testing.assert_array_equal(out.numbers(), fewer.numbers())
-    assert out.numbers()[0] == 5 * problem.tool.miss_size
+    assert out.numbers()[0] == 5 * problem.tool.residual_size
     for name in ("log_likelihood", "noise_weight", "log_posterior"):
         np.testing.assert_array_equal(getattr(out, name)(walkers), getattr(fewer, name)(walkers))
     for one, two in zip(out.slopes(walkers), fewer.slopes(walkers), strict=True):

@@ -8,10 +8,9 @@ from plain_model import URDF
 
 from zerobeam.model.files.robot_file import load_robot
 from zerobeam.model.files.urdf import read_urdf
-from zerobeam.model.kinematics.denavit_hartenberg import DHRow, dh_chain
-from zerobeam.model.kinematics.robot import Joint, Robot
+from zerobeam.model.kinematics.robot import DHRow, Joint, Robot, dh_chain
+from zerobeam.model.likelihood.constraint import Posture
 from zerobeam.model.likelihood.geometry import Geometry
-from zerobeam.model.likelihood.posture import Posture
 
 Z = np.array([0.0, 0.0, 1.0])
 # a, alpha, d, theta: crossing, skew, nearly parallel and parallel axes, negative lengths and twists.

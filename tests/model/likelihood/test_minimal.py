@@ -5,8 +5,7 @@ import pytest
 
 from zerobeam.analysis.observability.aim import aim
 from zerobeam.model.files.header import Header
-from zerobeam.model.kinematics.denavit_hartenberg import DHRow, dh_chain
-from zerobeam.model.kinematics.robot import Joint, Robot
+from zerobeam.model.kinematics.robot import DHRow, Joint, Robot, dh_chain
 from zerobeam.model.likelihood.geometry import Geometry
 from zerobeam.model.likelihood.problem import Problem
 

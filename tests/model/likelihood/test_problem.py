@@ -12,8 +12,7 @@ from zerobeam.model.files.shot import Shot
 from zerobeam.model.kinematics.robot import Robot
 from zerobeam.model.likelihood import kernel
 from zerobeam.model.likelihood.constraint import ShotFunctions
-from zerobeam.model.likelihood.distance import Distance
-from zerobeam.model.likelihood.problem import Problem
+from zerobeam.model.likelihood.problem import Distance, Problem
 
 
 def tool_of(problem):
@@ -37,7 +36,7 @@ def made(request, arms):
 
 def test_shapes_and_places(made):
     problem = made.problem
-    n, k, d = 6, len(problem.tool.free_axes), problem.tool.miss_size
+    n, k, d = 6, len(problem.tool.free_axes), problem.tool.residual_size
     assert problem.shots == 8
     assert problem.data_size == 8 * d + 1
     assert problem.targets == ("a", "b")
@@ -155,7 +154,7 @@ def test_whitened_misses_and_distances(made):
     white = problem.whiten(x)
     assert white.residual.shape == (problem.data_size,)
     assert white.jacobian.shape == (problem.data_size, len(problem.parameters))
-    d = problem.tool.miss_size
+    d = problem.tool.residual_size
     for i, (m, covariance) in enumerate(made.gaussians(x)):
         expected = np.linalg.solve(np.linalg.cholesky(covariance), m)
         np.testing.assert_allclose(white.residual[d * i : d * i + d], expected, rtol=1e-8, atol=1e-8)

@@ -34,7 +34,7 @@ def test_a_laser_from_a_header():
             kind="laser", point_mm=[1, 2, 65], direction=[0, 0, 5], calibrated=False, sigma={"tilt_deg": 2}
         )
     )
-    assert (tool.kind, tool.calibrated, tool.miss_size) == ("laser", False, 2)
+    assert (tool.kind, tool.calibrated, tool.residual_size) == ("laser", False, 2)
     np.testing.assert_array_equal(tool.point, [1, 2, 65])
     np.testing.assert_array_equal(tool.direction, [0, 0, 1])  # of unit length
     assert tool.tilt_std == pytest.approx(2 * np.pi / 180)  # rad inside
@@ -44,7 +44,7 @@ def test_a_laser_from_a_header():
 
 def test_a_probe_from_a_header():
     tool = Tool.from_header(header(kind="probe", point_mm=[0, 0, 100], calibrated=False))
-    assert (tool.direction, tool.miss_size, tool.shift_std) == (None, 3, 50.0)
+    assert (tool.direction, tool.residual_size, tool.shift_std) == (None, 3, 50.0)
     assert tool.free_axes == ("x", "y", "z")
     with pytest.raises(ValueError, match="no beam"):
         tool.beam(ca.SX.zeros(3))

@@ -9,13 +9,13 @@ import pytest
 from command_line import zerobeam
 
 from zerobeam.analysis.analyse import analyse
-from zerobeam.experiments.batch import BatchDocument, BatchOffset, BatchRow, BatchSettings
+from zerobeam.experiments.batch import Batch, BatchDocument, BatchOffset, BatchRow, BatchSettings
 from zerobeam.experiments.demos import demo_runs
 from zerobeam.model.errors import BadInput
 from zerobeam.model.files.run import read_run
 from zerobeam.reports.batch import carried_out
 from zerobeam.reports.batch import carried_out as solving
-from zerobeam.reports.batch.batch_page import Batch, batch_page, uncertainty_picture
+from zerobeam.reports.batch.batch_page import batch_page, uncertainty_picture
 from zerobeam.reports.batch.carried_out import batch
 from zerobeam.words.result_json import dumps, to_json
 

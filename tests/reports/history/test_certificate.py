@@ -38,7 +38,7 @@ from zerobeam.reports.history.certificate import (
     write_certificate,
 )
 from zerobeam.reports.history.certificate_page import certificate_page
-from zerobeam.reports.output import page_files
+from zerobeam.reports.output import whole_folder as page_files
 from zerobeam.reports.output.html import html
 from zerobeam.words.result_json import to_json
 

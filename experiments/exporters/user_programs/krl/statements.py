@@ -13,7 +13,7 @@ import numpy as np
 from lark import Token, Tree
 
 from .....model.arrays import Matrix
-from .....model.kinematics.poses import from_abc
+from .....model.kinematics.orientation import from_abc
 from ..grammar import understood
 from ..parts import Parsed, Place, Source
 

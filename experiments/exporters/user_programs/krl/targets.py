@@ -15,8 +15,7 @@ from lark import Token, Tree
 
 from .....model.arrays import Matrix
 from .....model.kinematics.branches import Branch, Branches, is_kuka_turn, kuka_status, kuka_turn
-from .....model.kinematics.orientation import orientation
-from .....model.kinematics.poses import from_abc
+from .....model.kinematics.orientation import from_abc, orientation
 from ..parts import NULL, Edit, JointTarget, Motion, Parsed, Place, PoseTarget, Source, number_edits
 from .flow import Flow, State, Value, Values, values
 from .frames import nothing_known

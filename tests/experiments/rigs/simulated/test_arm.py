@@ -12,8 +12,7 @@ from plain_model import MODIFIED, arm
 from scipy import stats
 
 from zerobeam.experiments.rigs.simulated.arm import SimulatedArm, geometry_errors
-from zerobeam.model.kinematics.denavit_hartenberg import DHRow, dh_chain
-from zerobeam.model.kinematics.robot import Robot, rotation_about, shift
+from zerobeam.model.kinematics.robot import DHRow, Robot, dh_chain, rotation_about, shift
 
 HOME = np.radians([10.0, -20.0, 30.0, 40.0, -50.0, 60.0])
 OFFSETS = np.radians([0.0, -1.2, -0.7, 0.1, 0.01, -0.04])

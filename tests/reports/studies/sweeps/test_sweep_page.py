@@ -48,8 +48,7 @@ from zerobeam.reports.studies.sweeps.grid_words import dot_pages, figure_names, 
 from zerobeam.reports.studies.sweeps.marks import gap
 from zerobeam.reports.style.blocks import FigureBlock, Row
 from zerobeam.reports.style.blocks import Page as BlockPage
-from zerobeam.reports.style.canvas import Picture
-from zerobeam.reports.style.log_axis import log_ticks
+from zerobeam.reports.style.canvas import Picture, log_ticks
 from zerobeam.words.wording import label
 
 Json = dict[str, Any]

@@ -1,0 +1,121 @@
+"""The interval of one offset at the results, between them and ahead; when the next calibration is due.
+
+Between two results a random walk is a Brownian bridge: with the states a and b at their ends, the share s of
+the time passed and the variance q of the walk over all of it, its mean is (1 - s) a + s b and its variance
+s (1 - s) q. So an interval is widest in the middle. After the last result the walk goes on alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+from scipy.stats import qmc
+
+from ...model.arrays import Matrix
+from .drift import LEVEL, Drift, mixture_quantile
+
+HORIZON_YEARS = 20.0
+_DRAWS = 4096  # a power of two
+_POINTS = 100  # of an offset, about
+_MOST_BETWEEN = 5  # points from one result to the next
+_STEPS = 22  # of the bisection: a hundred thousandth of a standard deviation
+_TAIL = 1e-6  # rates of this weight together are left out
+
+
+def due_after(drift: Drift, sensitivity_mm2: Matrix, tolerance_mm: float) -> float | None:
+    """Years after the last result until which the TCP error stays within the tolerance with 95 % probability,
+    if the offsets as estimated at the last result are applied; 0 where it does not even then, None beyond
+    the horizon of 20 years.
+
+    The error is root mean square over the workspace, by `sensitivity_mm2` (m, m) of the offsets of the series
+    (as `accuracy.sensitivity_mm2` of a result). Future jumps are not foreseen.
+    """
+    size = len(drift.series.names)
+    points = qmc.Sobol(2 * size + 1, seed=0).random(_DRAWS)
+    z = special.ndtri(np.clip(points[:, 1:], 1e-12, 1 - 1e-12))
+    chosen = np.minimum(np.searchsorted(np.cumsum(drift.weights), points[:, 0]), len(drift.weights) - 1)
+    mean = drift.smoothed.mean[:, -1]
+    root = np.linalg.cholesky(drift.smoothed.covariance[:, -1])
+    now = mean[chosen] - drift.weights @ mean + np.einsum("kij,kj->ki", root[chosen], z[:, :size])
+    drawn_rates = drift.rates[chosen] * z[:, size:]
+
+    def error_mm(years: float) -> float:
+        apart = now + np.sqrt(years) * drawn_rates
+        squared = np.einsum("ki,ij,kj->k", apart, sensitivity_mm2, apart)
+        return float(np.quantile(np.sqrt(np.maximum(squared, 0.0)), LEVEL))
+
+    if error_mm(0.0) > tolerance_mm:
+        return 0.0
+    low, high = 0.0, HORIZON_YEARS
+    if error_mm(high) <= tolerance_mm:
+        return None
+    for _ in range(40):
+        middle = (low + high) / 2
+        low, high = (middle, high) if error_mm(middle) <= tolerance_mm else (low, middle)
+    return low
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """Intervals `low` to `high` at the times `at` (years, as those of the series), without a jump or a reset
+    in between; `forecast` after the last result."""
+
+    at: Matrix
+    low: Matrix
+    high: Matrix
+    forecast: bool = False
+
+
+def bands(drift: Drift, offset: str, ahead_years: float = 0.0) -> Iterator[Band]:
+    """The 95 % bands of an offset from one jump or reset to the next, each from the first result in it that
+    determines the offset; none where no result does. Then the forecast for `ahead_years`."""
+    j = drift.series.names.index(offset)
+    times = np.array([observation.at for observation in drift.series.observations])
+    last = len(times) - 1
+    breaks = sorted({*drift.series.reset, *(jump.after for jump in drift.jumps if jump.offset == offset)})
+    each = int(np.clip(_POINTS // max(last, 1), 1, _MOST_BETWEEN))
+    for begin, end in zip([0, *(t + 1 for t in breaks)], [*breaks, last], strict=True):
+        determined = np.flatnonzero(drift.series.observed[begin : end + 1, j])
+        if not len(determined):
+            continue
+        first = begin + int(determined[0])
+        shares = np.arange(each) / each
+        points = [(t, share) for t in range(first, end) for share in shares] + [(end, 0.0)]
+        before = np.array([t for t, _ in points])
+        share = np.array([share_after for _, share_after in points])
+        after = np.minimum(before + 1, last)
+        at = times[before] + share * (times[after] - times[before])
+        yield Band(at, *_interval(drift, j, *_between(drift, j, before, share)))
+        if end == last and ahead_years > 0:
+            years = ahead_years * np.linspace(0, 1, 13) ** 2
+            mean = np.repeat(drift.smoothed.mean[:, -1, j][:, None], len(years), axis=1)
+            variance = drift.smoothed.covariance[:, -1, j, j][:, None] + drift.rates[:, j, None] ** 2 * years
+            yield Band(times[-1] + years, *_interval(drift, j, mean, variance), forecast=True)
+
+
+def _between(drift: Drift, j: int, before: Matrix, share: Matrix) -> tuple[Matrix, Matrix]:
+    """Mean and variance (K, P) of offset j at the `share` of the time after the results `before`."""
+    last = len(drift.series.observations) - 1
+    after = np.minimum(before + 1, last)
+    gap = np.minimum(before, last - 1)
+    state, spread = drift.smoothed.mean[:, :, j], drift.smoothed.covariance[:, :, j, j]
+    a, b = spread[:, before], spread[:, after]
+    common = (a + b - drift.smoothed.step_variance[:, gap, j]) / 2
+    step_variance = drift.rates[:, j, None] ** 2 * drift.series.gaps[gap]
+    rest = 1 - share
+    mean = rest * state[:, before] + share * state[:, after]
+    return mean, rest**2 * a + share**2 * b + share * rest * (2 * common + step_variance)
+
+
+def _interval(drift: Drift, j: int, mean: Matrix, variance: Matrix) -> tuple[Matrix, Matrix]:
+    order = np.argsort(drift.weights)
+    kept = order[np.cumsum(drift.weights[order]) > _TAIL]
+    along = np.eye(len(drift.series.names))[j]
+    std = np.sqrt(variance[kept] + drift.shared_variance(along))
+    weights = drift.weights[kept] / drift.weights[kept].sum()
+    low, high = (
+        mixture_quantile(mean[kept], std, weights, (1 + side * LEVEL) / 2, steps=_STEPS) for side in (-1, 1)
+    )
+    return low, high

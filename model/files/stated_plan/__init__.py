@@ -1,1 +1,0 @@
-"""What a plan file may state: postures, the constraints that they must keep, obstacles."""

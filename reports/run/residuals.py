@@ -1,0 +1,271 @@
+"""The residuals, measurement by measurement, and their figure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from itertools import groupby
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...analysis.diagnostics.influence import ShotResult
+from ...analysis.result import Result
+from ...words import numbers
+from ...words.wording import clipped, shown
+from ..style.blocks import Cell, FigureBlock, Head, Paragraph, Section, row_of, section_of, table_of
+from ..style.canvas import Picture, new_figure, style, to_svg
+from ..style.palette import light
+from ..style.typeface import in_font
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.lines import Line2D
+
+MOST_SHOTS = 60
+WORST_SHOTS = 20
+
+
+def residuals_section(result: Result) -> Section:
+    """The section of a report; of many measurements the table has the worst."""
+    columns: list[Head] = [
+        ("measurement", "right"),
+        ("target", "left"),
+        "residual",
+        "normalised",
+        "leave-one-out",
+        "Cook’s distance",
+    ]
+    shots, robust = result.shots, result.robust
+    weights = robust.weights if robust is not None and robust.converged else None
+    outliers = set(robust.outliers) if robust is not None and weights is not None else set()
+    chosen, caption = list(range(len(shots))), "Residual of every measurement"
+    text = (
+        "A residual is what the fit leaves between beam (or probe) and target; normalised, it is divided"
+        " by its standard deviation. The leave-one-out residual is that from the fit to the other"
+        " measurements; Cook’s distance is how far the estimates move without the measurement."
+    )
+    if weights is not None:
+        columns += [("weight", "right"), ("outlier", "left")] if outliers else [("weight", "right")]
+        text += " The weight is that of the robust fit."
+    influential = [(shot.cooks, i) for i, shot in enumerate(shots) if shot.cooks is not None]
+    heaviest = max(influential, key=lambda pair: pair[0])[1] if influential else None
+    if heaviest is not None:
+        cooks = numbers.or_words(shots[heaviest].cooks, "not defined")
+        text += f" Most influential measurement: {shots[heaviest].shot} (Cook’s distance {cooks})."
+    if len(shots) > MOST_SHOTS:
+        # An outlier of the robust fit may have pulled the likelihood fit to itself.
+        worst = sorted(chosen, key=lambda i: (shots[i].shot not in outliers, -shots[i].whitened))
+        chosen = worst[:WORST_SHOTS]
+        chosen += [] if heaviest is None or heaviest in chosen else [heaviest]
+        caption = f"The {WORST_SHOTS} largest residuals of {len(shots)}"
+        caption += ", and the most influential measurement" if len(chosen) > WORST_SHOTS else ""
+        text += f" Of {len(shots)} measurements the table shows the {WORST_SHOTS} worst; result.json has all."
+    rows = []
+    for i in chosen:
+        shot = shots[i]
+        cells: list[str | Cell] = [
+            str(shot.shot),
+            clipped(shot.target, 24),
+            numbers.significant(math.hypot(*shot.miss_mm), unit="mm"),
+            numbers.significant(shot.whitened, 2),
+            numbers.or_words(shot.leave_one_out, "not predictable", "mm"),
+            numbers.or_words(shot.cooks, "not defined"),
+        ]
+        if weights is not None:
+            cells.append(numbers.fixed(weights[i], 2))
+        if outliers:
+            cells.append(Cell("yes", mark="weak") if shot.shot in outliers else "no")
+        rows.append(row_of(*cells))
+    return section_of("Residuals", Paragraph(text), FigureBlock("misses"), table_of(caption, columns, rows))
+
+
+# ── the figure ────────────────────────────────────────────────────────────────────────────────
+
+FEW_SHOTS = 60
+MOST_DRAWN, LARGEST_DRAWN = 1000, 100
+_FEW_TARGETS = 8
+
+
+def residuals_picture(result: Result) -> Picture:
+    """Above the residuals in mm, dots with the leave-one-out residual as a ring; below in their own σ.
+
+    Measurements are in order of target, in the order of the run. For more than 60 the stems go and the
+    dots shrink; of more than 1000 some are drawn. The line in the lower panel is the 95 % limit that the
+    stated noise leads one to expect.
+    """
+    shots = result.shots
+    order = sorted(shots, key=_rank(shots))
+    few = len(order) <= FEW_SHOTS
+    drawn = drawn_of(order)
+    with style():
+        figure = new_figure(3.7)
+        above, below = figure.subplots(2, 1, sharex=True)
+        _millimetres(above, drawn, few)
+        _sigmas(below, drawn, few)
+        room = _targets(above, below, order)
+        if few:
+            below.set_xticks(range(len(order)), [str(shot.shot) for shot in order])
+            below.tick_params(axis="x", labelsize=9 if len(order) <= 25 else 5.5)
+        else:
+            below.tick_params(axis="x", labelbottom=False, length=0)
+        below.set_xlabel(
+            "measurement" if few else f"{len(order)} measurements, target by target", labelpad=room
+        )
+        below.set_xlim(-0.7, len(order) - 0.3)
+        for axes in (above, below):
+            axes.grid(visible=False, axis="x")
+            axes.set_ylim(bottom=0)
+        svg = to_svg(figure, "misses")
+    worst = max(order, key=lambda shot: float(shot.whitened))
+    over = sum(shot.whitened > limit for shot, limit in zip(order, _limits(order), strict=True))
+    title = "Residuals, measurement by measurement"
+    if len(drawn) < len(order):
+        title += (
+            f": {len(drawn)} of {len(order)} are drawn, the {LARGEST_DRAWN} largest and others evenly; all"
+            " are in result.json"
+        )
+    alt = (
+        f"Residuals of {len(order)} measurements at {_targets_of(order)}. {over} lie beyond "
+        f"the 95 % limit of the noise; the largest is measurement {worst.shot}."
+    )
+    return Picture("misses", title, alt, svg)
+
+
+def drawn_of(shots: Sequence[ShotResult]) -> dict[int, ShotResult]:
+    """Those of the figure, by their place: all, or of many the largest normalised ones and others evenly."""
+    if len(shots) <= MOST_DRAWN:
+        return dict(enumerate(shots))
+    largest = sorted(range(len(shots)), key=lambda i: -shots[i].whitened)[:LARGEST_DRAWN]
+    rest = sorted(set(range(len(shots))).difference(largest))
+    even = np.linspace(0, len(rest) - 1, MOST_DRAWN - LARGEST_DRAWN).round().astype(int)
+    return {i: shots[i] for i in sorted([*largest, *(rest[k] for k in even)])}
+
+
+def _limits(shots: Sequence[ShotResult]) -> list[float]:
+    """Of the normalised residuals, below which noise leaves 95 % of them."""
+    from scipy.special import chdtri
+
+    by_size = {size: math.sqrt(chdtri(size, 0.05)) for size in {len(shot.miss_mm) for shot in shots}}
+    return [by_size[len(shot.miss_mm)] for shot in shots]
+
+
+def _targets_of(shots: Sequence[ShotResult]) -> str:
+    count = len({shot.target for shot in shots})
+    return "one target" if count == 1 else f"{count} targets"
+
+
+def _rank(shots: Sequence[ShotResult]) -> Callable[[ShotResult], int]:
+    first: dict[str, int] = {}
+    for i, shot in enumerate(shots):
+        first.setdefault(shot.target, i)
+    return lambda shot: first[shot.target]
+
+
+def _millimetres(axes: Axes, drawn: dict[int, ShotResult], few: bool) -> None:
+    x = np.array(list(drawn))
+    length = np.array([math.hypot(*shot.miss_mm) for shot in drawn.values()])
+    left = {i: shot.leave_one_out for i, shot in drawn.items()}
+    predicted = np.array([i for i, value in left.items() if value is not None], dtype=int)
+    ring = np.array([value for value in left.values() if value is not None])
+    if few:
+        axes.vlines(x, 0, length, color=light("line"), linewidth=1)
+    size = 4.5 if few else 1.8
+    rim = 0.8 if few else 0.4
+    axes.plot(
+        predicted,
+        ring,
+        "o",
+        markersize=size,
+        markerfacecolor="none",
+        markeredgewidth=rim,
+        color=light("weak"),
+    )
+    axes.plot(x, length, "o", markersize=size, markeredgewidth=0, color=light("identified"))
+    axes.set_ylabel("residual, mm")
+    handles = [_dot("identified", filled=True, words="at the fit")]
+    if len(predicted):
+        handles.append(_dot("weak", filled=False, words="leave-one-out"))
+    _key(axes, handles)
+
+
+def _key(axes: Axes, handles: list[Line2D]) -> None:
+    """The key above a panel, flush right."""
+    axes.legend(
+        handles=handles,
+        loc="lower right",
+        bbox_to_anchor=(1, 1),
+        ncols=len(handles),
+        handletextpad=0.3,
+        handlelength=1.6,
+    )
+
+
+def _dot(role: str, *, filled: bool, words: str, shape: str = "o") -> Line2D:
+    from matplotlib.lines import Line2D
+
+    fill = light(role) if filled else "none"
+    return Line2D(
+        [],
+        [],
+        linestyle="",
+        marker=shape,
+        markersize=4.5,
+        markerfacecolor=fill,
+        color=light(role),
+        label=words,
+    )
+
+
+def _sigmas(axes: Axes, drawn: dict[int, ShotResult], few: bool) -> None:
+    """Draws the lower panel."""
+    from matplotlib.lines import Line2D
+
+    x = np.array(list(drawn))
+    whitened = np.array([shot.whitened for shot in drawn.values()])
+    limit = np.array(_limits(list(drawn.values())))
+    beyond = whitened > limit
+    if few:
+        axes.vlines(x, 0, whitened, color=light("line"), linewidth=1)
+    size = 4.5 if few else 1.8
+    axes.plot(
+        x[~beyond], whitened[~beyond], "o", markersize=size, markeredgewidth=0, color=light("identified")
+    )
+    axes.plot(x[beyond], whitened[beyond], "^", markersize=size + 0.7, markeredgewidth=0, color=light("weak"))
+    dashes: dict[str, Any] = {"color": light("muted"), "linewidth": 0.8, "linestyle": (0, (4, 3))}
+    axes.step(np.concatenate([[-0.5], x + 0.5]), np.concatenate([limit[:1], limit]), **dashes)
+    expected = Line2D([], [], **dashes, label="95 % limit of the noise")
+    outside = [_dot("weak", filled=True, words="beyond it", shape="^")] if beyond.any() else []
+    _key(axes, [expected, *outside])
+    axes.set_ylabel("normalised residual")
+
+
+def _targets(above: Axes, below: Axes, shots: Sequence[ShotResult]) -> float:
+    """Several targets: a line between them and their names below, steep where there are many.
+
+    Returns the room (points) that the axis label has to leave for the names.
+    """
+    runs = [(name, len(list(group))) for name, group in groupby(shots, key=lambda shot: shot.target)]
+    if len(runs) == 1:
+        return 3.0
+    few = len(runs) <= _FEW_TARGETS
+    start = 0
+    for i, (name, count) in enumerate(runs):
+        if i:
+            for axes in (above, below):
+                axes.axvline(start - 0.5, color=light("line"), linewidth=0.6)
+        below.annotate(
+            clipped(in_font(shown(name)), 14),
+            (start + (count - 1) / 2, 0),
+            xycoords=("data", "axes fraction"),
+            xytext=(0, -17 if len(shots) <= FEW_SHOTS else -4),
+            textcoords="offset points",
+            ha="center" if few else "right",
+            va="top",
+            rotation=0 if few else 60,
+            rotation_mode="anchor",
+            fontsize=8.5 if few else 6.5,
+            color=light("muted"),
+        )
+        start += count
+    return 15.0 if few else 52.0

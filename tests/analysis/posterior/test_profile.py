@@ -1,0 +1,141 @@
+import numpy as np
+import pytest
+from cells import TABLE_2, good_plan, header, irb1600, plan_of, simulated_problem
+from plain_posterior import PlainPosterior
+from scipy import optimize
+
+from zerobeam.analysis.estimation.fit import fit_likelihood
+from zerobeam.analysis.posterior import intervals
+from zerobeam.analysis.posterior.intervals import profile_intervals
+from zerobeam.experiments.plans.patterns import pattern
+
+HALF = 1.959963984540054
+
+
+def fitted(plan, seed):
+    _, problem = simulated_problem(plan, TABLE_2, seed)
+    fit = fit_likelihood(problem, starts=0)
+    assert fit.converged
+    which = np.flatnonzero(problem.parameters.free & problem.parameters.group("offset"))
+    return problem, fit, which
+
+
+def linear(problem, fit, which):
+    """(m, 2) ends by the curvature."""
+    std = problem.parameters.unscaled(fit.std)[which]
+    return fit.x[which][:, None] + HALF * np.array([-1, 1]) * std[:, None]
+
+
+@pytest.fixture(scope="module")
+def weak():
+    """Seven shots of the Y-Pattern over 0.4 of the reach: weak, and the misses are far from linear."""
+    place = np.array([900.0, 150.0, 0.0])
+    own = header(target=place)
+    return fitted(plan_of(own, pattern(own, irb1600(), place, "y", 7, span=0.4)), seed=3)
+
+
+class PlainProfile:
+    """Brute force: one z fixed, the rest by scipy's least squares on plain residuals, a root by brentq."""
+
+    def __init__(self, problem, fit, place):
+        parameters = problem.parameters
+        guess = tuple(parameters.prior_mean[parameters.group("target")])
+        self.plain = PlainPosterior(problem.joints, problem.spots, guess, 0.01, 0.05)
+        self.fit, self.place = fit, place
+        self.rest = np.arange(len(fit.z)) != place
+        self.best = self.plain.value(fit.z).real
+        self.scale = parameters.prior_std[parameters.free][place]
+        self.along = fit.covariance[:, place] / fit.covariance[place, place]
+
+    def root(self, z, refit=True):
+        """Square root of twice the drop, with the sign of the way."""
+        start = self.fit.z + (z - self.fit.z[self.place]) * (self.along if refit else np.eye(8)[self.place])
+        cost = self.plain.value(start).real
+        if refit:
+
+            def full(rest):
+                own = start.copy()
+                own[self.rest] = rest
+                return own
+
+            cost = optimize.least_squares(
+                lambda rest: self.plain.residuals(full(rest)).real,
+                start[self.rest],
+                jac=lambda rest: self.plain.residual_jacobian(full(rest))[:, self.rest],
+                x_scale=self.fit.std[self.rest],
+                xtol=1e-14,
+                ftol=1e-14,
+                gtol=1e-12,
+            ).cost
+        way = z - self.fit.z[self.place]
+        return np.sign(way) * np.sqrt(max(2 * (cost - self.best), 0.0))
+
+    def end(self, sign, refit=True):
+        centre, std = self.fit.z[self.place], self.fit.std[self.place]
+        near, far = centre + 0.05 * sign * (std if refit else 1e-3 * std), centre + 6 * sign * std
+        found = optimize.brentq(lambda z: self.root(z, refit) - sign * HALF, near, far, rtol=1e-6)
+        return found * self.scale
+
+
+@pytest.mark.parametrize("name", [pytest.param("delta2", marks=pytest.mark.long), "delta4"])
+def test_against_a_brute_force_profile(weak, name):
+    """The root of the drop is found to 1e-3 of 1.96: so are the ends, to some 1e-3 of the width."""
+    problem, fit, _ = weak
+    i = problem.parameters.index(name)
+    ends = profile_intervals(problem, fit, np.array([i]), HALF)[0]
+    plain = PlainProfile(problem, fit, i - 1)
+    brute = np.array([plain.end(-1), plain.end(1)])
+    width = brute[1] - brute[0]
+    np.testing.assert_allclose(ends / width, brute / width, atol=2e-3)
+    # Negative control: the others left where they are.
+    alone = plain.end(1, refit=False) - plain.end(-1, refit=False)
+    assert alone < width / 10
+
+
+def test_on_a_good_plan_it_is_the_linear_interval():
+    problem, fit, which = fitted(good_plan(), seed=2)
+    ends = profile_intervals(problem, fit, which, HALF)
+    straight = linear(problem, fit, which)
+    width = straight[:, 1] - straight[:, 0]
+    np.testing.assert_allclose((ends - straight) / width[:, None], 0, atol=0.01)
+    # And in the order that was asked for.
+    back = profile_intervals(problem, fit, which[::-1], HALF)
+    np.testing.assert_allclose((back[::-1] - ends) / width[:, None], 0, atol=1e-3)
+
+
+def test_the_half_width_is_that_of_the_level():
+    problem, fit, which = fitted(good_plan(), seed=2)
+    one, two = (profile_intervals(problem, fit, which, half) for half in (1.0, 2.0))
+    np.testing.assert_allclose(np.diff(two) / np.diff(one), 2.0, rtol=0.01)
+
+
+def test_it_is_asymmetric_where_the_ridge_is_bent(weak):
+    """More to one side of the mode than to the other; the linear one never is."""
+    problem, fit, which = weak
+    ends = profile_intervals(problem, fit, which, HALF)
+    assert np.isfinite(ends).all()
+    assert (ends[:, 0] < fit.x[which]).all()
+    assert (ends[:, 1] > fit.x[which]).all()
+    sides = np.abs(ends - fit.x[which][:, None])
+    assert (sides.max(axis=1) / sides.min(axis=1)).max() > 1.05
+    even = np.abs(linear(problem, fit, which) - fit.x[which][:, None])
+    np.testing.assert_allclose(even[:, 0], even[:, 1], rtol=1e-6)
+
+
+def test_an_end_that_is_not_found_is_nan(weak, monkeypatch):
+    problem, fit, which = weak
+    monkeypatch.setattr(intervals, "_ROUNDS", 1)
+    ends = profile_intervals(problem, fit, which, HALF)
+    assert np.isnan(ends).any()
+
+
+def test_held_parameters_and_targets_are_refused(weak):
+    problem, fit, which = weak
+    for name in ("psd.x", "delta1"):
+        with pytest.raises(ValueError, match="free offsets, tool and noise"):
+            profile_intervals(problem, fit, np.append(which, problem.parameters.index(name)), HALF)
+
+
+def test_nothing_asked_nothing_told(weak):
+    problem, fit, _ = weak
+    assert profile_intervals(problem, fit, np.array([], dtype=int), HALF).shape == (0, 2)
