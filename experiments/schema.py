@@ -16,8 +16,7 @@ from ..words.comparison_json import ComparisonDocument
 from .batch import BatchDocument
 from .history.documents import HistoryDocument
 from .rigs.simulated.cell_file import Cell
-from .sensors.counts import PsdCalibration
-from .sensors.sensors_file import SensorsFile
+from .sensors.sensors_file import PsdCalibration, SensorsFile
 from .studies.sweeps.study_file import StudyFile
 
 # What people write, or importers.

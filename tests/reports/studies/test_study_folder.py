@@ -28,7 +28,7 @@ from zerobeam.reports.output.html import html
 from zerobeam.reports.output.pdf import pdf
 from zerobeam.reports.studies.coverage_page import comparison
 from zerobeam.reports.studies.kinds import STUDIES, study_of, study_page
-from zerobeam.reports.studies.phrases import NOT_DETERMINED
+from zerobeam.reports.studies.study_blocks import NOT_DETERMINED
 from zerobeam.reports.studies.study_folder import check_target, write_study
 from zerobeam.reports.style.canvas import Picture
 from zerobeam.words.wording import label
