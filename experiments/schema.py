@@ -20,7 +20,7 @@ from .sensors.sensors_file import PsdCalibration, SensorsFile
 from .studies.sweeps.study_file import StudyFile
 
 # What people write, or importers.
-_FILES: dict[str, type[BaseModel]] = {
+FILE_SCHEMAS: dict[str, type[BaseModel]] = {
     "run-header": Header,
     "run-shot": Shot,
     "plan": PlanFile,
@@ -38,7 +38,7 @@ _ANSWERS: dict[str, type[BaseModel]] = {
     "batch": BatchDocument,
     "history": HistoryDocument,
 }
-SCHEMA_NAMES = (*_FILES, *_ANSWERS)
+SCHEMA_NAMES = (*FILE_SCHEMAS, *_ANSWERS)
 
 
 def json_schema(name: str) -> dict[str, Any]:
@@ -47,7 +47,7 @@ def json_schema(name: str) -> dict[str, Any]:
     It states what one value may be. What several mean together (limits of the robot, a laser's
     direction, unique measurement numbers) is checked on reading only.
     """
-    model = _FILES.get(name) or _ANSWERS.get(name)
+    model = FILE_SCHEMAS.get(name) or _ANSWERS.get(name)
     if model is None:
         raise BadInput(
             "there is no schema of this name",

@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from zerobeam.experiments.schema import SCHEMA_NAMES, json_schema
+from zerobeam.experiments.schema import FILE_SCHEMAS, SCHEMA_NAMES, json_schema
 
 UNITS = {
     "_mm": "millimetres",
@@ -19,7 +19,7 @@ def properties(schema):
         yield from part.get("properties", {}).items()
 
 
-@pytest.mark.parametrize("name", SCHEMA_NAMES)
+@pytest.mark.parametrize("name", FILE_SCHEMAS)
 def test_every_key_is_described_with_its_unit_and_no_other_is_allowed(name):
     schema = json_schema(name)
     json.dumps(schema, allow_nan=False)
@@ -35,12 +35,15 @@ def test_every_key_is_described_with_its_unit_and_no_other_is_allowed(name):
 def test_the_kinds_of_file_are_told_by_their_schema_key():
     assert (
         *("run-header", "run-shot", "plan", "header", "robot", "obstacles", "cell"),
-        *("sensors", "psd-calibration", "study-file"),
+        *("sensors", "psd-calibration", "study-file", "compare", "batch", "history"),
     ) == SCHEMA_NAMES
     for name, schema in (
         ("run-header", "zerobeam/run/1"),
         ("plan", "zerobeam/plan/1"),
         ("robot", "zerobeam/robot/1"),
+        ("compare", "zerobeam/compare/1"),
+        ("batch", "zerobeam/batch/1"),
+        ("history", "zerobeam/history/1"),
     ):
         content = json_schema(name)
         assert content["properties"]["schema"]["const"] == schema
